@@ -16,6 +16,8 @@ from rayfarm.commands import (
     gc,
     info,
     jobs,
+    project,
+    quota,
     render,
     shares,
     submit,
@@ -50,7 +52,27 @@ app = typer.Typer(
     """,
 )
 
-for command in (up, worker, render, submit, jobs, workers, shares, watch, user, token, info, compare, backup, doctor, gc, bench):
+COMMANDS = (
+    up,
+    worker,
+    render,
+    submit,
+    jobs,
+    workers,
+    shares,
+    watch,
+    user,
+    project,
+    quota,
+    token,
+    info,
+    compare,
+    backup,
+    doctor,
+    gc,
+    bench,
+)
+for command in COMMANDS:
     command.register(app)
 
 

@@ -116,10 +116,12 @@ class Client:
         main: str | None = None,
         environment: str | None = None,
         name: str | None = None,
+        project: str = "",
     ) -> Scene:
         """Upload a scene: files by their path inside it, or a list of files side by side.
 
         main: which file is the scene, where that is not plain. environment: the path of an environment image among them.
+        project: whose members alone see it.
 
             farm.upload({"spot.obj": here / "spot.obj", "textures/spot.png": here / "spot.png"}, main="spot.obj")
         """
@@ -131,9 +133,11 @@ class Client:
             except OSError as error:
                 raise ClientError(f"{error.filename} cannot be read: {error.strerror}.") from error
             timeout = httpx.Timeout(3600.0, connect=5.0)
-            return self._read(Scene, self._send("POST", "/api/scenes", data=fields, files=parts, timeout=timeout))
+            return self._read(
+                Scene, self._send("POST", "/api/scenes", params=_into(project), data=fields, files=parts, timeout=timeout)
+            )
 
-    def upload_environment(self, image: Path) -> Environment:
+    def upload_environment(self, image: Path, project: str = "") -> Environment:
         """Upload an equirectangular image that lights scenes.
 
         farm.submit(scene.id, environment={"image": farm.upload_environment(here / "studio.exr").id})
@@ -141,7 +145,11 @@ class Client:
         try:
             with image.open("rb") as file:
                 sent = self._send(
-                    "POST", "/api/environments", files=[("file", (image.name, file))], timeout=httpx.Timeout(3600.0)
+                    "POST",
+                    "/api/environments",
+                    params=_into(project),
+                    files=[("file", (image.name, file))],
+                    timeout=httpx.Timeout(3600.0),
                 )
         except OSError as error:
             raise ClientError(f"{error.filename} cannot be read: {error.strerror}.") from error
@@ -374,3 +382,7 @@ class Client:
         if status >= 500 or status in (408, 429):
             return ClientError(f"{said}. The farm is not well, or what stands before it; try again in a moment.", status)
         return NotAFarm(not_a_farm(self.url, f"it answers {status} to {response.request.url.path}"), status)
+
+
+def _into(project: str) -> dict[str, str]:
+    return {"project": project} if project else {}

@@ -118,7 +118,7 @@ def belonging(scene: Path) -> dict[str, Path]:
     neighbours = _neighbours(scene)
     unread = [scene]
     while unread:
-        text = unread.pop().read_bytes()
+        text = _text(unread.pop())
         for name, path in neighbours.items():
             if name not in taken and any(spelling.encode() in text for spelling in _spellings(path.name)):
                 taken[name] = path
@@ -127,13 +127,33 @@ def belonging(scene: Path) -> dict[str, Path]:
     return taken
 
 
+def _text(path: Path) -> bytes:
+    """What a file says; of binary USD, which is packed, the names that USD finds in it."""
+    data = path.read_bytes()
+    if not data.startswith(b"PXR-USDC"):
+        return data
+    try:
+        from pxr import Tf, UsdUtils
+    except ImportError:
+        return data
+    try:
+        return "\n".join(name for names in UsdUtils.ExtractExternalReferences(str(path)) for name in names).encode()
+    except Tf.ErrorException:  # damaged: who reads it says so
+        return data
+
+
 def _spellings(name: str) -> list[str]:
-    """How a file may be named: as it is, as a URI, and as one of a frame each."""
+    """How a file may be named: as it is, as a URI, as one of a frame each, and as one of many tiles."""
     digits = list(re.finditer(r"\d+", name))
     if not digits:
         return [name, quote(name)]
     start, end = digits[-1].span()
-    return [name, quote(name), *(name[:start] + "#" * width + name[end:] for width in range(1, end - start + 1))]
+    return [
+        name,
+        quote(name),
+        name[:start] + "<UDIM>" + name[end:],
+        *(name[:start] + "#" * width + name[end:] for width in range(1, end - start + 1)),
+    ]
 
 
 def _neighbours(scene: Path) -> dict[str, Path]:

@@ -11,6 +11,7 @@ __all__ = [
     "ARCHIVE_SUFFIXES",
     "FOREIGN",
     "FORMATS",
+    "LONG_TAIL",
     "MESH_FORMATS",
     "NAMING_SUFFIXES",
     "SCENE_SUFFIXES",
@@ -31,19 +32,28 @@ class Format(NamedTuple):
     moves: bool = False  # whether it may say how things move
 
 
+# What assimp opens by the bytes of one file, and whose importers are kept up.
+LONG_TAIL = (
+    *(".3ds", ".x3d", ".lwo", ".lxo", ".ac", ".ac3d", ".x", ".ase", ".b3d", ".cob", ".ms3d", ".dxf", ".amf", ".ogex", ".xgl"),
+    *(".zae", ".smd", ".md2", ".md5mesh", ".nff", ".ndo", ".q3o", ".irrmesh", ".iqm", ".pmx"),
+)
+
 # Best first: where an upload holds several kinds, the one that says most about the scene is taken.
 FORMATS = (
     Format(".yaml", "yaml", is_mesh_file=False, names_files=True, moves=True),
     Format(".yml", "yaml", is_mesh_file=False, names_files=True, moves=True),
     Format(".glb", "gltf", names_files=True, has_variants=True, moves=True),
     Format(".gltf", "gltf", names_files=True, has_variants=True, moves=True),
+    *(Format(suffix, "usd", names_files=True, has_variants=True, moves=True) for suffix in (".usdz", ".usd", ".usda", ".usdc")),
     Format(".fbx", "fbx", names_files=True, moves=True),
     Format(".xml", "mitsuba", is_mesh_file=False, names_files=True),
-    Format(".dae", "other", names_files=True),
+    Format(".dae", "collada", names_files=True, moves=True),
     Format(".obj", "obj", names_files=True),
+    Format(".3mf", "threemf"),
     Format(".ply", "other", names_files=True),
     Format(".stl", "other"),
     Format(".off", "other"),
+    *(Format(suffix, "assimp", names_files=True, moves=True) for suffix in LONG_TAIL),
 )
 MESH_FORMATS = tuple(format for format in FORMATS if format.is_mesh_file)
 SCENE_SUFFIXES = tuple(format.suffix for format in FORMATS)
@@ -55,18 +65,12 @@ _FROM_BLENDER = 'In Blender, open it and choose File > Export > glTF 2.0, with "
 _BY_BLENDER = "In Blender, choose File > Import for it, then File > Export > glTF 2.0"
 FOREIGN = {
     ".blend": _FROM_BLENDER,
-    **dict.fromkeys(
-        (".usd", ".usda", ".usdc", ".usdz"),
-        "Export glTF (.glb) from the program it comes from. " + _BY_BLENDER.replace("for it", "> Universal Scene Description"),
-    ),
     ".max": "In 3ds Max, choose File > Export > glTF (2023 and later)",
     ".c4d": "In Cinema 4D, choose File > Export > glTF",
     **dict.fromkeys((".ma", ".mb"), "In Maya, choose File > Export All, and FBX there"),
     ".skp": "In SketchUp, choose File > Export > 3D Model, and COLLADA (.dae) or glTF there",
     **dict.fromkeys((".step", ".stp", ".iges", ".igs"), "Export STL or glTF from the CAD program"),
-    ".3ds": _BY_BLENDER.replace("for it", "> 3D Studio"),
     ".abc": _BY_BLENDER.replace("for it", "> Alembic"),
-    ".3mf": "Export STL or OBJ from the program it comes from",
     ".pbrt": "Scenes of pbrt are not read yet: export glTF or OBJ from the program it was made in",
     **dict.fromkeys((".rar", ".7z", ".tar", ".gz"), "Unpack it, and give the folder or a .zip of it"),
 }
@@ -87,7 +91,9 @@ def pick_main(names: list[str]) -> tuple[str, list[str]]:
     The best suffix wins, then the shallowest path, then a name that does not say it is an auxiliary, then the shortest, then
     the alphabet. Raises SceneError where none is a scene.
     """
-    rank = {suffix: i for i, suffix in enumerate(SCENE_SUFFIXES)}
+    readers = [format.reader for format in FORMATS]
+    # A USD scene's layers may be of all of USD's kinds: the kind does not tell which is at the top.
+    rank = {format.suffix: readers.index("usd") if format.reader == "usd" else i for i, format in enumerate(FORMATS)}
     found = []
     for name in names:
         path = PurePosixPath(name)

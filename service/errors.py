@@ -6,13 +6,14 @@ FarmError           a sentence that a person can act on
 ├── Invalid         what is asked for makes no sense
 ├── TooLarge        it is beyond a limit of this farm
 ├── UnknownFormat   it comes in a format that this farm does not read
-├── NoRoom          the disk is full
+├── NoRoom          the disk is full, or what somebody may have of it
+├── OverQuota       somebody has or does as much as they may at a time
 ├── Unavailable     a part of the farm is away or busy; the same may work later
 ├── Failed          a worker could not do it
 ├── TooLate         a worker did not answer in time
 ├── CannotStart     the service, on this data folder or with these settings
-├── FilmWaits       a film cannot be written or read now, and will be later: a full disk, a lock
-└── FilmLost        a film cannot be written or read any more: read-only, of a newer release
+├── FilmWaits       a film cannot be written or read now, and will be later: a full disk, a lock, a read-only disk
+└── FilmLost        a film cannot be written or read any more: without the right to, of a newer release
     └── FilmDamaged     what it had is not there or not what was written: what is missing can be rendered again
 """
 
@@ -29,6 +30,7 @@ __all__ = [
     "Invalid",
     "NoRoom",
     "NotFound",
+    "OverQuota",
     "TooLarge",
     "TooLate",
     "Unavailable",
@@ -64,6 +66,14 @@ class NoRoom(FarmError):  # noqa: N818
     """The disk is full."""
 
 
+class OverQuota(FarmError):  # noqa: N818
+    """Somebody has or does as much as they may at a time. retry_after_s: when it may be otherwise by itself."""
+
+    def __init__(self, sentence: str, retry_after_s: float) -> None:
+        super().__init__(sentence)
+        self.retry_after_s = retry_after_s
+
+
 class Unavailable(FarmError):  # noqa: N818
     """A part of the farm is away or busy; the same may work later. retry_after_s: when, where that is known."""
 
@@ -85,11 +95,11 @@ class CannotStart(FarmError):  # noqa: N818
 
 
 class FilmWaits(FarmError):  # noqa: N818
-    """A film cannot be written or read now, and will be later: a full disk, a lock."""
+    """A film cannot be written or read now, and will be later: a full disk, a lock, a read-only disk."""
 
 
 class FilmLost(FarmError):  # noqa: N818
-    """A film cannot be written or read any more: read-only, of a newer release."""
+    """A film cannot be written or read any more: without the right to, of a newer release."""
 
 
 class FilmDamaged(FilmLost):

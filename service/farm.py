@@ -8,6 +8,7 @@ import logging
 import os
 import time
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from pathlib import Path
@@ -21,6 +22,7 @@ from starlette.requests import HTTPConnection
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.access.access import Access
+from service.access.quotas import Limits, Quotas
 from service.access.redis_users import RedisUsers
 from service.errors import CannotStart, Conflict, FarmError
 from service.hooks.outbox import Outbox
@@ -87,11 +89,15 @@ class Farm:
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         self.lighting = Lighting(self.sessions, self.garbage, self.changed, lambda id, kind: self.engine.prepare(id, kind))
         self.outbox = Outbox(settings, self.sessions)
+        usual = Limits(settings.quota_bytes, settings.quota_jobs, settings.quota_samples_day)
+        self.quotas = Quotas(self.sessions, usual, self.films.size)
         self._collector = ThreadPoolExecutor(1, "collector")
         self.engine = Engine(
             *(settings, self.records, self.films, self.snapshots, self.blobs),
             *(self.broadcast.tell, self.broadcast.tell_tiles, self._let_go),
+            suspect=lambda job: self.patrol.suspect(job),
         )
+        self.engine.trust.report = lambda worker, told: self._in_background(lambda: self.outbox.set_aside(worker, told))
         self.patrol = Patrol(self.sessions, self.films, self.lit_again, self.changed, settings.film_check_days)
         kept = settings.model_dump(include={f"keep_{each.name}" for each in fields(Rules)})
         self.rules = Rules(**{name.removeprefix("keep_"): value for name, value in kept.items()})
@@ -160,13 +166,16 @@ class Farm:
 
     def _let_go(self, hashes: Counter[str]) -> None:
         """Blobs are referred to no longer: remove those that nobody else refers to, without holding up who says so."""
-        self._collector.submit(self._collect, hashes)
+        self._in_background(lambda: self.garbage.let_go(hashes))
 
-    def _collect(self, hashes: Counter[str]) -> None:
+    def _in_background(self, action: Callable[[], object]) -> None:
+        self._collector.submit(self._guarded, action)
+
+    def _guarded(self, action: Callable[[], object]) -> None:
         try:
-            self.garbage.let_go(hashes)
+            action()
         except FarmError as error:
-            log.warning("what nobody needs stays for now: %s", error)
+            log.warning("what was to be written down is not: %s", error)
 
 
 def open_blobs(settings: Settings) -> BlobStore:

@@ -14,6 +14,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from service.hooks.signing import key_of, new_secret
 from service.places import default_data_folder, shipped
 from service.store.whole import PRIVATE_FOLDER, write_whole
+from worker.redis_tls import as_told, trusting
 
 __all__ = ["OWNER_TOKEN", "Settings"]
 
@@ -40,6 +41,16 @@ class Settings(BaseSettings):
     port: int = 8000
     login: Literal["auto", "always", "never"] = "auto"  # auto: where other machines reach it
     print_link: bool = False  # to standard output, at the start: the one that lets the owner in
+    oidc_discovery: str = ""  # https://.../.well-known/openid-configuration of a provider that lets people in; empty: none
+    oidc_client: str = ""  # its id for this farm, and
+    oidc_secret: str = ""  # what it knows it by, or
+    oidc_secret_file: Path | None = None  # a file with that
+    oidc_name: str = ""  # what people call the provider
+    oidc_scopes: str = "openid profile email"
+    oidc_name_claim: str = "preferred_username"
+    oidc_role_claim: str = "groups"
+    oidc_roles: dict[str, str] = Field(default_factory=dict)  # the claim's values, and the role that each gives
+    oidc_role: Literal["", "view", "submit", "admin"] = "view"  # of whom none of them gives one; empty: they are not let in
     allowed_hosts: list[str] = Field(default_factory=list)  # more names this service answers to, beside loopback's
     web: Path = shipped("web")
     examples: Path = shipped("scenes")
@@ -62,6 +73,10 @@ class Settings(BaseSettings):
 
     reuse_films: bool = True  # a job begins with what an earlier one of the same picture has rendered
 
+    quota_bytes: int | None = Field(default=None, ge=0)  # of disk, for the uploads and films of one user; empty: no limit
+    quota_jobs: int | None = Field(default=None, ge=0)  # of one user, unfinished at a time
+    quota_samples_day: int | None = Field(default=None, ge=0)  # of the jobs that one user asks for within a day
+
     keep_films_days: float | None = Field(default=None, ge=0)  # of jobs that are over and not pinned; empty: for ever
     keep_films_bytes: int | None = Field(default=None, ge=0)  # of disk, for all films together: the oldest go; empty: no limit
     keep_compiled_days: float | None = Field(default=None, ge=0)  # of scenes that nobody used since; they are made again
@@ -70,6 +85,7 @@ class Settings(BaseSettings):
         default=7.0, ge=0
     )  # films that rest are read so often, and what is missing is rendered; 0: never
 
+    verify: float = Field(default=0.0, ge=0, le=1)  # the share of batches that is rendered twice, by different workers
     batch_seconds: float = 0.5
     batch_seconds_most: float = 10.0  # where slots are so many that results come faster than they are taken in
     results_bytes: int = 256 * MIB  # of Redis, that results wait in: beyond it nothing more is handed out
@@ -85,6 +101,11 @@ class Settings(BaseSettings):
     @classmethod
     def _absolute(cls, value: Path) -> Path:
         return value.expanduser().resolve()
+
+    @field_validator("redis_url")
+    @classmethod
+    def _over_tls(cls, value: str) -> str:
+        return trusting(value)
 
     @field_validator("blobs")
     @classmethod
@@ -116,7 +137,7 @@ class Settings(BaseSettings):
     @property
     def worker_redis_url(self) -> str:
         """The Redis that workers are sent to."""
-        return self.public_redis_url or self.redis_url
+        return as_told(self.public_redis_url or self.redis_url)
 
     @property
     def is_loopback(self) -> bool:

@@ -1,6 +1,6 @@
 """`python -m worker --service URL --token T --slots N`: one worker, with a process for every slot.
 
-The kernels are compiled or loaded here, before Celery forks, so that all slots share them.
+The kernels are compiled or loaded here, before Celery forks, so that all slots taken them.
 """
 
 # ruff: noqa: E402 - the environment must be set before numpy is imported
@@ -32,6 +32,7 @@ from worker.joining import Joining
 from worker.keeping import Keeping
 from worker.link import Link, check_redis_url
 from worker.log_lines import FORMAT_VARIABLE, FORMATS, by_json
+from worker.pieces import Pieces
 from worker.ready import get_ready
 from worker.status import SlotBoard
 from worker.terms import TAG, Terms
@@ -91,11 +92,20 @@ def _work(options: argparse.Namespace) -> int:
         started=started,
         tail=tail,
         keeping=Keeping(options.slots, _tags(options, host, kind), _own_terms(options)),
+        pieces=_pieces(log),
     )
     if lines is not None:
         lines.always["worker"] = joined.name
     log.info("%s: %d slots for %s", joined.name, options.slots, options.service)
     return app.run(worker)
+
+
+def _pieces(log: logging.Logger) -> Pieces | None:
+    try:
+        return Pieces()
+    except OSError as error:
+        log.warning("slots send their sums one by one, as there is no folder in which they can be added up: %s", error)
+        return None
 
 
 def _options() -> argparse.Namespace:

@@ -14,8 +14,11 @@ from worker import context, tasks
 from worker.broker import celery_config
 from worker.frames import forget_frames
 from worker.heartbeat import Heartbeat, Reporter
+from worker.jointly import hand_in
 from worker.log_lines import by_json
 from worker.process import die_with_parent
+from worker.queue_reading import be_patient
+from worker.slot import slot
 from worker.turns import STRATEGY
 
 __all__ = ["make_app", "run"]
@@ -25,6 +28,7 @@ SHUTDOWN_S = 600  # a warm shutdown waits for the tasks in hand; past this the w
 
 def make_app(worker: context.WorkerContext) -> Celery:
     """The application that takes this worker's tasks."""
+    be_patient()
     app = Celery("rayfarm", set_as_current=False)
     app.conf.update(celery_config(worker.redis_url))
     app.conf.broker_transport_options = {**app.conf.broker_transport_options, "queue_order_strategy": STRATEGY}
@@ -67,7 +71,10 @@ def run(worker: context.WorkerContext) -> int:
         loglevel="WARNING",
     )
     celery.start()
+    hand_in(celery.app, worker)
     Reporter(worker.redis_url).leave(worker.name)
+    if worker.pieces is not None:
+        worker.pieces.close()
     return int(celery.exitcode or 0)
 
 
@@ -82,7 +89,7 @@ def _child_starts(**_: Any) -> None:
     worker = context.current()
     die_with_parent(worker.pid)
     worker.after_fork()
-    worker.board.write(tasks._slot(), {})
+    worker.board.write(slot(), {})
 
 
 def _child_ends(**_: Any) -> None:

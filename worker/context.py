@@ -12,9 +12,11 @@ from pathlib import Path
 from renderer import denoise
 from worker.cache import BlobCache
 from worker.contract import WorkerReport, denoise_queue, prepare_queue, render_queue
+from worker.joint import help_queue
 from worker.keeping import Keeping
 from worker.link import Link
 from worker.log_tail import LogTail
+from worker.pieces import Pieces
 from worker.results import ResultStream
 from worker.status import SlotBoard
 from worker.view_parts import view_queue
@@ -38,12 +40,13 @@ class WorkerContext:
     started: float = field(default_factory=time.time)
     tail: LogTail | None = None  # of the log
     keeping: Keeping | None = None  # what is asked of it at run time; the parent's
+    pieces: Pieces | None = None  # none where this machine has no folder for them
     _results: ResultStream | None = None
 
     @property
     def queues(self) -> list[str]:
         """What this worker takes tasks from."""
-        queues = [view_queue(self.kind), render_queue(self.kind), prepare_queue(self.kind)]
+        queues = [view_queue(self.kind), help_queue(self.name), render_queue(self.kind), prepare_queue(self.kind)]
         return [*queues, denoise_queue(self.kind)] if denoise.is_available() else queues
 
     @property
@@ -77,7 +80,15 @@ class WorkerContext:
             several=True,
             views=True,
             explains=True,
+            adds=self.pieces is not None,
+            in_hand=self._in_hand(),
         )
+
+    def _in_hand(self) -> list[str]:
+        try:
+            return self.pieces.messages() if self.pieces is not None else []
+        except OSError:
+            return []
 
     def after_fork(self) -> None:
         """Leave the parent's connections to the parent."""

@@ -20,6 +20,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, dataclass, field, fields, replace
+from functools import lru_cache
 from typing import Any, Literal
 
 from renderer.settings import RenderSettings, Tile
@@ -68,6 +69,7 @@ WORKER_KEYS = "rayfarm:worker:*"
 HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S = 1.0, 6
 VERSION_HEADER = "X-Film-Version"  # with a film's means: which content they are of, and how many samples that has
 SAMPLES_HEADER = "X-Samples"
+_settings_json = lru_cache(64)(RenderSettings.to_json)  # a third of what a message costs, and the same for a frame's batches
 
 
 def _fields(cls: type, data: Any) -> dict[str, Any]:
@@ -178,14 +180,9 @@ class SceneInfo:
             raise ValueError("SceneInfo has fields of other types")
         if not all(isinstance(camera, dict) and {"name", "view"} <= camera.keys() for camera in known["cameras"]):
             raise ValueError("SceneInfo has cameras without a name or a view")
-        thumbnail = known["thumbnail"]
-        return cls(
-            **{
-                **known,
-                "compiled": BlobRef.from_json(known["compiled"]),
-                "thumbnail": BlobRef.from_json(thumbnail) if thumbnail else None,
-            }
-        )
+        compiled, thumbnail = known["compiled"], known["thumbnail"]
+        stored = {"compiled": BlobRef.from_json(compiled), "thumbnail": BlobRef.from_json(thumbnail) if thumbnail else None}
+        return cls(**{**known, **stored})
 
 
 @dataclass(frozen=True)
@@ -246,7 +243,7 @@ class RenderBatch:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON-ready dict for the Celery message."""
-        return {**vars(self), "tile": list(self.tile), "settings": self.settings.to_json()}
+        return {**vars(self), "tile": list(self.tile), "settings": _settings_json(self.settings)}
 
     @classmethod
     def from_json(cls, data: Any) -> RenderBatch:
@@ -338,6 +335,8 @@ class WorkerReport:
     several: bool = False  # whether it takes several batches in one message
     views: bool = False  # whether it renders views that somebody looks at (worker.view_parts)
     explains: bool = False  # whether it explains pixels (worker.explained)
+    adds: bool = False  # whether its slots share a tile, and add up its sums (worker.joint)
+    in_hand: list[str] = field(default_factory=list)  # messages of which something waits on the machine, beside `current`
 
     def to_bytes(self) -> bytes:
         """JSON for the worker's key."""
@@ -369,6 +368,7 @@ class Result:
 
     type and the further keys of `event`:
         batch            batch, job, frame, tile, first, count, worker, seconds, bad: [[x, y, sample], ...], bad_count
+        batches          worker.joint says of what
         batch-failed     batch, job, frame, tile, first, count, worker, error (a sentence), reproduce (a command), trace
         batch-returned   the same but for reproduce: the worker's own trouble, to be handed out again without blaming the scene
         denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service told them)

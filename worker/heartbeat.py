@@ -29,6 +29,8 @@ from worker.contract import (
     render_queue,
     worker_key,
 )
+from worker.joint import help_queue
+from worker.jointly import ask_for_help
 from worker.log_tail import LogTail
 from worker.terms import OFFER_TTL_S, Offer, offer_key, terms_key
 from worker.vitals import LOG_TTL_S, VITALS_TTL_S, log_key, log_wanted_key, vitals_key
@@ -59,7 +61,7 @@ class Reporter:
     def leave(self, name: str) -> None:
         """Take the report away at once, so that the service need not wait for it to expire."""
         with contextlib.suppress(redis.RedisError):
-            self.redis.delete(worker_key(name))
+            self.redis.delete(worker_key(name), help_queue(name))
 
     def is_paused(self, name: str, before: bool) -> bool:
         """Whether the service wants this worker to take no more tasks; as before where Redis does not say."""
@@ -93,6 +95,13 @@ class Reporter:
         with contextlib.suppress(redis.RedisError):
             if self.redis.exists(log_wanted_key(name)):
                 self.redis.set(log_key(name), json.dumps(tail.lines()), ex=LOG_TTL_S)
+
+    def is_asked(self, name: str) -> bool:
+        """Whether a call for help waits for this worker's slots, or Redis does not say."""
+        try:
+            return bool(self.redis.exists(help_queue(name)))
+        except redis.RedisError:
+            return True
 
     def waiting(self, kind: str) -> int:
         """How many tasks wait for workers of this kind."""
@@ -148,12 +157,20 @@ class Heartbeat(bootsteps.StartStopStep):
             self.reporter.tell_vitals(self.worker.name)
         if self.worker.tail is not None:
             self.reporter.tell_log(self.worker.name, self.worker.tail)
+        self._see_to_pieces(report)
         if self.is_paused or any(report.current) or not self.reporter.waiting(self.worker.kind):
             self.idle_since = now
         elif now - self.idle_since > IDLE_LIMIT_S:
             log.error("tasks wait but none arrives for %.0f s; starting over", IDLE_LIMIT_S)
             self.idle_since = now
             os.kill(os.getpid(), signal.SIGTERM)
+
+    def _see_to_pieces(self, report: WorkerReport) -> None:
+        """Let free slots look after what waits here, where nobody asks them to: who was to come may have been killed."""
+        free = sum(not doing for doing in report.current)
+        if self.worker.pieces is not None and report.in_hand and free and not self.reporter.is_asked(self.worker.name):
+            with contextlib.suppress(OSError):
+                ask_for_help(self.consumer.app, self.worker, min(free, max(self.worker.pieces.waiting(), 1)))
 
     def _obey(self) -> None:
         """Stop or begin to take tasks, as the service wants; what is in hand is finished in any case."""
@@ -164,6 +181,8 @@ class Heartbeat(bootsteps.StartStopStep):
             return
         try:
             for queue in self.worker.queues:
+                if queue == help_queue(self.worker.name):
+                    continue  # what is begun is ended
                 if wanted:
                     self.consumer.cancel_task_queue(queue)
                 else:

@@ -16,6 +16,7 @@ from worker.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WorkerReport, wo
 from worker.errors import LinkError, NotAFarmError, RefusedError, TokenError, WorkerError
 from worker.heartbeat import Reporter
 from worker.link import FarmAnswer, Link
+from worker.redis_tls import trusting
 
 __all__ = ["Joined", "Joining", "check_redis", "free_name"]
 
@@ -109,7 +110,7 @@ class Joining:
 
     def _join(self) -> Joined:
         farm = self._link.join()
-        redis_url = self._redis_url or farm.redis_url
+        redis_url = trusting(self._redis_url or farm.redis_url)
         check_redis(redis_url)
         return Joined(farm, redis_url, free_name(self._name, redis_url, self._host))
 

@@ -8,8 +8,6 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
-import redis
-from billiard import current_process
 from celery import Celery
 
 from renderer.errors import RayfarmError
@@ -29,17 +27,21 @@ from worker.contract import (
     Result,
     ShowEnvironment,
 )
+from worker.deaths import DEATHS_ALLOWED, deaths_of, is_redelivered, survived
 from worker.denoise import denoise_failure, denoise_frame
 from worker.environments import show_environment, show_failure
 from worker.errors import RefusedError, Trouble, WorkError
 from worker.explain import explain_pixel, say
 from worker.explained import EXPLAIN, ExplainPixel
 from worker.frames import prepare_frames
-from worker.log_lines import about, ids
+from worker.joint import HELP, RENDER_JOINTLY, JointBatch
+from worker.jointly import help_out, laid_out, left_of
+from worker.log_lines import about
 from worker.patience import patiently
 from worker.prepare import prepare_scene
-from worker.render import failure, not_understood, render
+from worker.render import failure, not_understood
 from worker.scenes import discard_damaged
+from worker.slot import at_work, slot
 from worker.told import named, told_about
 from worker.vectors import frame_vectors, vectors_failure
 from worker.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
@@ -47,7 +49,6 @@ from worker.viewport import Answering, prepare_view_frame, render_view
 
 __all__ = ["register"]
 
-DEATHS_ALLOWED = 3
 LINK_PATIENCE_S = 60.0
 
 log = logging.getLogger(__name__)
@@ -60,6 +61,8 @@ def register(app: Celery) -> None:
         PREPARE_FRAMES: _prepare_frames,
         RENDER_BATCH: _render_batch,
         RENDER_BATCHES: _render_batches,
+        RENDER_JOINTLY: _render_jointly,
+        HELP: _help,
         DENOISE: _denoise,
         VECTORS: _vectors,
         RENDER_VIEW: _render_view,
@@ -89,10 +92,8 @@ def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> 
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
         worker.results.send(not_understood(worker, batch, error))
         return
-    doing = {key: batch[key] for key in ("batch", "job", "frame", "tile", "first", "count")} | {"message": task.request.id}
-    worker.board.write(_slot(), doing)
-    try:
-        deaths = _deaths(task, worker, work.batch)
+    with at_work(worker, work, task.request.id) as do:
+        deaths = deaths_of(task, worker, work.batch)
         if deaths >= DEATHS_ALLOWED:
             sentence = f"the worker process died {DEATHS_ALLOWED} times while it rendered this batch"
             worker.results.send(failure(worker, work, sentence))
@@ -100,23 +101,38 @@ def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> 
         if deaths:
             with contextlib.suppress(Trouble):  # what ends a slot may be a file that has suffered on this disk
                 discard_damaged(worker.cache, work.compiled)
-        result = render(worker, work, lambda is_so: worker.board.write(_slot(), doing | {"compiling": is_so}))
-        worker.results.send(result)
-        if log.isEnabledFor(logging.DEBUG):
-            about_it = ids(**{name: result.event.get(name) for name in ("first", "count", "seconds", "error")})
-            log.debug("%s", result.event["type"], extra=about_it)
-        _survived(task, worker, work.batch)
-        speed = work.tile.w * work.tile.h * work.count / max(result.event.get("seconds", 0.0), 1e-6)
-        worker.board.write(_slot(), {}, speed if result.sums is not None else 0.0)
-    finally:
-        worker.board.write(_slot(), {})
+        worker.results.send(do())
+        survived(task, worker, work.batch)
+
+
+def _render_jointly(task: Any, joint: dict[str, Any]) -> None:
+    """Render a piece of a joint batch (JointBatch.to_json), and let other slots of this worker render the others."""
+    worker = context.current()
+    try:
+        work = JointBatch.from_json(joint)
+    except (RayfarmError, KeyError, TypeError, ValueError) as error:
+        whole = joint.get("whole")
+        worker.results.send(not_understood(worker, whole if isinstance(whole, dict) else {}, error))
+        return
+    if not is_redelivered(task) and laid_out(task.app, worker, work, task.request.id):
+        help_out(worker)
+        return
+    for number in left_of(worker, work, task.request.id):  # one may have killed the slot that had it: which, is seen in turn
+        batch = work.batch(number).to_json()
+        with about(**named(batch)):
+            _render(task, worker, batch)
+
+
+def _help(task: Any, asked: dict[str, Any]) -> None:
+    """Render a piece that waits on this machine, and send what is ripe."""
+    help_out(context.current())
 
 
 def _prepare(task: Any, scene: str) -> None:
     """Prepare an uploaded scene, and say how it goes."""
     worker = context.current()
     about = {"scene": scene, "kind": worker.kind, "worker": worker.name}
-    worker.board.write(_slot(), {"scene": scene})
+    worker.board.write(slot(), {"scene": scene})
 
     def send(kind: str, **more: Any) -> None:
         worker.results.send(Result({"type": kind, **about, **more}))
@@ -125,7 +141,7 @@ def _prepare(task: Any, scene: str) -> None:
         worker.results.send(Result({"type": "prepare-progress", **about, "step": step, "fraction": fraction}), 0.0)
 
     try:
-        if _deaths(task, worker, scene) >= DEATHS_ALLOWED:
+        if deaths_of(task, worker, scene) >= DEATHS_ALLOWED:
             send("prepare-failed", error=f"The worker process died {DEATHS_ALLOWED} times while it prepared this scene.")
             return
         send("prepare-started")
@@ -142,7 +158,7 @@ def _prepare(task: Any, scene: str) -> None:
         log.exception("preparing %s failed", scene)
         send("prepare-failed", error=f"{worker.name} could not prepare the scene ({type(error).__name__}: {error}).")
     finally:
-        worker.board.write(_slot(), {})
+        worker.board.write(slot(), {})
 
 
 def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
@@ -158,9 +174,9 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
     except ValueError as error:
         send("frames-returned", error=f"{worker.name} does not understand which frames to prepare ({error}).")
         return
-    worker.board.write(_slot(), {"scene": work.scene, "work": work.work})
+    worker.board.write(slot(), {"scene": work.scene, "work": work.work})
     try:
-        if _deaths(task, worker, work.work) >= DEATHS_ALLOWED:
+        if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
             sentence = f"The worker process died {DEATHS_ALLOWED} times while it prepared this frame."
             send("frame-failed", frame=work.frames[0], error=sentence)
             send("frames-returned", error=sentence)
@@ -174,7 +190,7 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
         for frame in work.frames:
             send("frame-failed", frame=frame, error=f"{worker.name} could not prepare it ({type(error).__name__}: {error}).")
     finally:
-        worker.board.write(_slot(), {})
+        worker.board.write(slot(), {})
 
 
 def _denoise(task: Any, frame: dict[str, Any]) -> None:
@@ -187,15 +203,15 @@ def _denoise(task: Any, frame: dict[str, Any]) -> None:
             Result({"type": "denoise-failed", "work": frame.get("work"), "worker": worker.name, "error": str(error)})
         )
         return
-    worker.board.write(_slot(), {"denoise": work.job, "frame": work.frame})
+    worker.board.write(slot(), {"denoise": work.job, "frame": work.frame})
     try:
-        if _deaths(task, worker, work.work) >= DEATHS_ALLOWED:
+        if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
             event = denoise_failure(worker, work, f"the worker process died {DEATHS_ALLOWED} times while it denoised this frame")
         else:
             event = denoise_frame(worker, work)
         worker.results.send(Result(event))
     finally:
-        worker.board.write(_slot(), {})
+        worker.board.write(slot(), {})
 
 
 def _vectors(task: Any, vectors: dict[str, Any]) -> None:
@@ -206,9 +222,9 @@ def _vectors(task: Any, vectors: dict[str, Any]) -> None:
     except ValueError as error:
         worker.results.send(Result(vectors_failure(worker, str(vectors.get("work")), str(error))))
         return
-    worker.board.write(_slot(), {"vectors": work.job, "frame": work.frame})
+    worker.board.write(slot(), {"vectors": work.job, "frame": work.frame})
     try:
-        if _deaths(task, worker, work.work) >= DEATHS_ALLOWED:
+        if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
             sentence = f"the worker process died {DEATHS_ALLOWED} times while it made them"
             event = vectors_failure(worker, work.work, sentence)
         else:
@@ -222,7 +238,7 @@ def _vectors(task: Any, vectors: dict[str, Any]) -> None:
         log.exception("motion vectors of %s failed", work.scene)
         event = vectors_failure(worker, work.work, f"{worker.name} could not make them ({type(error).__name__}: {error})")
     finally:
-        worker.board.write(_slot(), {})
+        worker.board.write(slot(), {})
     worker.results.send(Result(event))
 
 
@@ -235,16 +251,16 @@ def _render_view(task: Any, parts: dict[str, Any]) -> None:
         log.warning("a view is left out, in words of another release: %s", error)
         return
     doing = {"view": work.watch, "message": work.message}
-    worker.board.write(_slot(), doing)
+    worker.board.write(slot(), doing)
     speed = 0.0
     try:
-        if _deaths(task, worker, work.message) >= DEATHS_ALLOWED:
+        if deaths_of(task, worker, work.message) >= DEATHS_ALLOWED:
             sentence = f"The worker process died {DEATHS_ALLOWED} times while it rendered this view."
             Answering(worker, work).send("failed", error=sentence)
         else:
-            speed = render_view(worker, work, lambda is_so: worker.board.write(_slot(), doing | {"compiling": is_so}))
+            speed = render_view(worker, work, lambda is_so: worker.board.write(slot(), doing | {"compiling": is_so}))
     finally:
-        worker.board.write(_slot(), {}, speed)
+        worker.board.write(slot(), {}, speed)
 
 
 def _view_frame(task: Any, frame: dict[str, Any]) -> None:
@@ -255,15 +271,15 @@ def _view_frame(task: Any, frame: dict[str, Any]) -> None:
     except (KeyError, TypeError, ValueError) as error:
         log.warning("a frame of a view is left out, in words of another release: %s", error)
         return
-    worker.board.write(_slot(), {"view": work.watch, "message": work.message})
+    worker.board.write(slot(), {"view": work.watch, "message": work.message})
     try:
-        if _deaths(task, worker, work.message) >= DEATHS_ALLOWED:
+        if deaths_of(task, worker, work.message) >= DEATHS_ALLOWED:
             sentence = f"The worker process died {DEATHS_ALLOWED} times while it prepared this frame."
             Answering(worker, work).send("failed", error=sentence)
         else:
             prepare_view_frame(worker, work)
     finally:
-        worker.board.write(_slot(), {})
+        worker.board.write(slot(), {})
 
 
 def _explain(task: Any, pixel: dict[str, Any]) -> None:
@@ -276,13 +292,13 @@ def _explain(task: Any, pixel: dict[str, Any]) -> None:
         say(worker, str(pixel.get("message")), "failed", error=sentence)
         return
     doing = {"explain": work.job, "message": work.message}
-    worker.board.write(_slot(), doing)
+    worker.board.write(slot(), doing)
     try:
-        if _deaths(task, worker, work.message):  # whoever asked has long been told
+        if deaths_of(task, worker, work.message):  # whoever asked has long been told
             return
-        explain_pixel(worker, work, lambda is_so: worker.board.write(_slot(), doing | {"compiling": is_so}))
+        explain_pixel(worker, work, lambda is_so: worker.board.write(slot(), doing | {"compiling": is_so}))
     finally:
-        worker.board.write(_slot(), {})
+        worker.board.write(slot(), {})
 
 
 def _environment(task: Any, environment: dict[str, Any]) -> None:
@@ -293,9 +309,9 @@ def _environment(task: Any, environment: dict[str, Any]) -> None:
     except ValueError as error:
         worker.results.send(Result(show_failure(worker, str(environment.get("work")), str(error))))
         return
-    worker.board.write(_slot(), {"environment": work.job, "frame": work.frame})
+    worker.board.write(slot(), {"environment": work.job, "frame": work.frame})
     try:
-        if _deaths(task, worker, work.work) >= DEATHS_ALLOWED:
+        if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
             event = show_failure(worker, work.work, f"the worker process died {DEATHS_ALLOWED} times while it read the image")
         else:
             event = show_environment(worker, work)
@@ -303,34 +319,5 @@ def _environment(task: Any, environment: dict[str, Any]) -> None:
         log.exception("showing the environment %s failed", work.job)
         event = show_failure(worker, work.work, f"{worker.name} could not read it ({type(error).__name__}: {error})")
     finally:
-        worker.board.write(_slot(), {})
+        worker.board.write(slot(), {})
     worker.results.send(Result(event))
-
-
-def _deaths(task: Any, worker: context.WorkerContext, work: str) -> int:
-    """How often the process that did this work was killed: the broker hands such work out again, for ever if nobody counts."""
-    if not (task.request.delivery_info or {}).get("redelivered"):
-        return 0
-    key = _deaths_key(work)
-    try:
-        deaths = int(worker.results.redis.incr(key))
-        worker.results.redis.expire(key, 3600)
-    except redis.RedisError:
-        return 0
-    return deaths
-
-
-def _survived(task: Any, worker: context.WorkerContext, work: str) -> None:
-    """The process did this work, and so did not die of it: of others in the same message one may be to blame."""
-    if (task.request.delivery_info or {}).get("redelivered"):
-        with contextlib.suppress(redis.RedisError):
-            worker.results.redis.delete(_deaths_key(work))
-
-
-def _deaths_key(work: str) -> str:
-    return f"rayfarm:deaths:{work}"
-
-
-def _slot() -> int:
-    """This process's slot: its place in the prefork pool, taken over by whoever replaces it."""
-    return int(getattr(current_process(), "index", 0) or 0)

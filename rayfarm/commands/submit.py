@@ -57,6 +57,9 @@ def submit(
     every: options.Every = None,
     aov: options.Aov = None,
     denoise: options.Denoise = False,
+    project: Annotated[
+        str, typer.Option(metavar="NAME", help="Whose members alone see it; everybody who is let in unless told.")
+    ] = "",
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.", rich_help_panel=QUEUE)] = 0,
     after: Annotated[
         list[str] | None,
@@ -78,6 +81,12 @@ def submit(
     ] = None,
     max_slots: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Slots that render it at a time, at most.", rich_help_panel=QUEUE)
+    ] = None,
+    verify: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, max=1.0, help="Share of its batches that two workers render, to be compared.", rich_help_panel=QUEUE
+        ),
     ] = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Render it from the first sample, whatever earlier jobs have of the same picture.")
@@ -131,13 +140,15 @@ def submit(
     wanted = _deadline(deadline)
     environment = picture.environment().image
     with farm_client(server) as farm:
-        uploaded = farm.upload(belonging(scene), main=scene.name if is_numbered(scene) else None, name=scene.name)
+        uploaded = farm.upload(
+            belonging(scene), main=scene.name if is_numbered(scene) else None, name=scene.name, project=project
+        )
         ready = _prepared(farm, uploaded)
         for warning in options.told(ready.warnings, picture.environment()):
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
         asked = picture.request([asdict(camera) for camera in ready.cameras])
         if environment is not None:
-            asked["environment"]["image"] = farm.upload_environment(environment).id
+            asked["environment"]["image"] = farm.upload_environment(environment, project).id
         if variant is not None:
             asked["variant"] = variant
         if shot is not None:
@@ -146,6 +157,8 @@ def submit(
         asked |= {name: value for name, value in queue.items() if value}
         if fresh:
             asked["fresh"] = True
+        if verify is not None:
+            asked["verify"] = verify
         job = farm.submit(ready.id, priority=priority, **asked)
         out.print(job.id, markup=False)
         if job.taken is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import tempfile
 import warnings
+from importlib import import_module
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -25,12 +26,14 @@ _PILLOW = {
     ".jpg": "JPEG",
     ".jpeg": "JPEG",
     ".webp": "WEBP",
+    ".avif": "AVIF",
     ".tga": "TGA",
     ".bmp": "BMP",
     ".gif": "GIF",
 }
 _OPENIMAGEIO = (".exr", ".hdr", ".pic", ".tif", ".tiff", ".pfm", ".ppm", ".pgm", ".dds", ".psd", ".jp2", ".sgi", ".rgb")
-IMAGE_SUFFIXES = (*_PILLOW, *_OPENIMAGEIO)
+_KTX2 = ".ktx2"
+IMAGE_SUFFIXES = (*_PILLOW, *_OPENIMAGEIO, _KTX2)
 
 _MAGIC = (
     (b"\x89PNG\r\n\x1a\n", ".png"),
@@ -43,6 +46,7 @@ _MAGIC = (
     (b"II*\x00", ".tif"),
     (b"MM\x00*", ".tif"),
     (b"DDS ", ".dds"),
+    (b"\xabKTX 20\xbb\r\n\x1a\n", _KTX2),
 )
 
 
@@ -58,6 +62,8 @@ def read(data: bytes, name: str) -> npt.NDArray[Any]:
     try:
         if suffix in _PILLOW:
             return _through_pillow(data, name, _PILLOW[suffix])
+        if suffix == _KTX2:
+            return _through_basisu(data, name)
         return _through_openimageio(data, name, suffix)
     except (SceneError, MemoryError):
         raise
@@ -71,6 +77,8 @@ def _suffix(data: bytes, name: str) -> str:
             return suffix
     if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
         return ".webp"
+    if data[4:12] in (b"ftypavif", b"ftypavis"):
+        return ".avif"
     return PurePosixPath(name).suffix.lower()
 
 
@@ -90,6 +98,19 @@ def _through_pillow(data: bytes, name: str, format: str) -> npt.NDArray[Any]:
             if image.mode == "CMYK":
                 return np.array(image.convert("RGB").convert("RGBA"))
             return np.array(image.convert("RGBA"))
+
+
+def _through_basisu(data: bytes, name: str) -> npt.NDArray[Any]:
+    """A KTX 2 file of Basis Universal (ETC1S or UASTC), as KHR_texture_basisu has them."""
+    try:
+        basisu = import_module("opengl_basisu")  # an extra
+    except ImportError as error:
+        raise SceneError(f"{name}: is a KTX2 image; install the package opengl_basisu, or give a PNG") from error
+    if len(data) < 80:
+        raise SceneError(f"{name}: the image is cut off; export it again")
+    _check_size(name, int.from_bytes(data[20:24], "little"), max(int.from_bytes(data[24:28], "little"), 1))
+    image = basisu.open(data).transcode("rgba8", level=0)
+    return np.array(image.data, np.uint8)
 
 
 def _through_openimageio(data: bytes, name: str, suffix: str) -> npt.NDArray[Any]:

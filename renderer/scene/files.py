@@ -72,8 +72,8 @@ class SceneFiles:
             self._used = set(self._made)
         return self._made.get(key)
 
-    def read(self, name: str) -> bytes:
-        """The bytes of a file. Raises SceneError where it is missing, too large, no plain file, or outside the folder."""
+    def path(self, name: str) -> Path:
+        """Where a file lies, for libraries that open it themselves. Raises SceneError as `read` does."""
         path = self._inside(name)
         if path is None:
             raise SceneError(f"{name[:200]}: leads out of the scene's folder; put the file beside the scene and name it so")
@@ -82,6 +82,11 @@ class SceneFiles:
         size = path.stat().st_size
         if size > MAX_FILE_BYTES:
             raise SceneError(f"{name}: is {size / 2**30:.1f} GiB; a file of a scene has at most {MAX_FILE_BYTES >> 30} GiB")
+        return path
+
+    def read(self, name: str) -> bytes:
+        """The bytes of a file. Raises SceneError where it is missing, too large, no plain file, or outside the folder."""
+        path = self.path(name)
         try:
             return path.read_bytes()
         except OSError as error:

@@ -52,10 +52,14 @@ class TextureShelf:
 
     def image_bytes(self, name: str, data: bytes, srgb: bool = True) -> int | None:
         """The image that a scene file holds inside itself; `name` tells it from the others."""
+        return self.image_made(name, lambda: data, srgb)
+
+    def image_made(self, name: str, data: Callable[[], bytes], srgb: bool = True) -> int | None:
+        """The same, where its bytes are had only when they are needed. data: may raise SceneError."""
         key = (f"\0{name}", srgb)
         if key not in self._images:
             try:
-                self._images[key] = self.add(Image(name, self._pixels(f"\0{name}", name, lambda: data), srgb))
+                self._images[key] = self.add(Image(name, self._pixels(f"\0{name}", name, data), srgb))
             except SceneError as error:
                 self._images[key] = None
                 self.warn_of_surface(f"{error}; rendered without it.")

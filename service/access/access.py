@@ -5,6 +5,8 @@ from __future__ import annotations
 from service.access.attempts import Attempts
 from service.access.audit import Audit
 from service.access.keys import Keys
+from service.access.oidc import oidc_of
+from service.access.projects import Projects
 from service.access.roles import OWNER, Caller, Role
 from service.access.secrets import fingerprint, is_same
 from service.access.users import Users
@@ -32,6 +34,8 @@ class Access:
         self.is_told = settings.login == "never" or bool(settings.published)  # and not only concluded from where it listens
         self.keys = Keys(sessions)
         self.users = Users(sessions, self.keys)
+        self.projects = Projects(sessions)
+        self.oidc = oidc_of(settings, sessions)
         self.attempts = Attempts()
         self.audit = Audit(settings.data)
         self._owner = settings.owner_token

@@ -48,6 +48,11 @@ class Caller:
         return self.kind == "worker"
 
     @property
+    def sees_everything(self) -> bool:
+        """Whether no project is closed to it: who keeps the farm can read its data folder too."""
+        return self.role >= Role.ADMIN
+
+    @property
     def is_known(self) -> bool:
         """Whether it showed who it is, and is not only let in because the service is open to this machine."""
         return self.kind != "open"

@@ -12,7 +12,7 @@ from service.access.passwords import check_strength, hashed, is_right
 from service.access.roles import OPEN, OWNER, Role
 from service.errors import Conflict, Invalid, NotFound
 from service.store.database import Sessions
-from service.store.models import Key, User
+from service.store.models import Key, Member, Quota, User
 
 __all__ = ["Users"]
 
@@ -84,6 +84,8 @@ class Users:
                 raise _no_user(name)
             session.delete(user)
             session.execute(delete(Key).where(Key.user == name, Key.kind != "worker"))
+            session.execute(delete(Member).where(Member.user == name))
+            session.execute(delete(Quota).where(Quota.whose == f"user:{name}"))
         self._keys.forget()
 
     def log_in(self, name: str, password: str) -> User | None:

@@ -59,7 +59,7 @@ def scene_out(scene: Scene, engine: Engine) -> SceneOut:
     except Exception as error:
         log.warning("scene %s cannot be described: %r", scene.id, error)
         plain = Scene(
-            **{name: getattr(scene, name) for name in ("id", "name", "created", "main", "bytes")},
+            **{name: getattr(scene, name) for name in ("id", "name", "created", "main", "bytes", "project")},
             status="failed",
             error=UNREADABLE.format(what="scene"),
             files=[],
@@ -105,7 +105,7 @@ def _one_out(job: Job, recorded: Recorded, engine: Engine, view: Snapshot, waits
         return out
     except Exception as error:
         log.warning("job %s cannot be described: %r", job.id, error)
-        known = ("id", "scene", "name", "priority", "created", "started", "finished", "active_s")
+        known = ("id", "scene", "name", "priority", "created", "started", "finished", "active_s", "project", "user")
         plain = Job(
             **{name: getattr(job, name) for name in known}, state="failed", error=UNREADABLE.format(what="job"), request={}
         )
@@ -141,6 +141,7 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
         warnings=[*scene.notes, *info.get("warnings", [])],
         defaults=info.get("defaults", {}),
         thumbnail=f"/api/scenes/{scene.id}/thumbnail.png" if info.get("thumbnail") else None,
+        project=scene.project or "",
     )
 
 
@@ -165,6 +166,7 @@ def _job_out(job: Job, recorded: Recorded, view: Snapshot, waits: list[WaitOut])
                 *("user", "max_slots", "deadline", "late"),
             )
         },
+        project=job.project or "",
         message=_message(job, view, waits) or _holes(job, about),
         after=job.request.get("after") or [],
         waits_for=waits,

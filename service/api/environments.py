@@ -17,9 +17,12 @@ from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
 from renderer.presets import PRESETS
-from service.api.one_file import UPLOAD_FORM, only_file, read_one
-from service.errors import Conflict, NotFound
+from service.api.lookup import no_environment
+from service.api.one_file import UPLOAD_FORM, check_room, only_file, read_one
+from service.api.visit import InProject, IntoProject, VisitDependency
+from service.errors import Conflict
 from service.farm import Farm, FarmDependency
+from service.intake.projects import id_in
 from service.store.models import ACTIVE, Environment, Job
 from service.store.room import full_disk
 from worker.contract import BlobRef, ShowEnvironment
@@ -45,11 +48,12 @@ class EnvironmentOut(BaseModel):
     created: float | None = Field(description="null: a preset")
     bytes: int | None
     thumbnail: str
+    project: str = Field(default="", description="whose members see it; empty: everybody who is let in")
 
 
 @router.get("", response_model=list[EnvironmentOut])
-def list_environments(farm: FarmDependency) -> list[EnvironmentOut]:
-    """The presets, then what was uploaded, the newest first."""
+def list_environments(farm: FarmDependency, visit: VisitDependency, project: InProject = None) -> list[EnvironmentOut]:
+    """The presets, then what was uploaded, the newest first. With a project: its own, and those of none."""
     presets = [
         EnvironmentOut(
             id=name,
@@ -66,23 +70,30 @@ def list_environments(farm: FarmDependency) -> list[EnvironmentOut]:
         for name, preset in PRESETS.items()
     ]
     with farm.sessions() as session:
-        rows = session.scalars(select(Environment).order_by(Environment.created.desc(), Environment.id))
+        seen = select(Environment).where(visit.sight.clause(Environment.project))
+        seen = seen if project is None else seen.where(Environment.project.in_(["", project]))
+        rows = session.scalars(seen.order_by(Environment.created.desc(), Environment.id))
         return [*presets, *map(_out, rows)]
 
 
 @router.post("", status_code=201, response_model=EnvironmentOut, openapi_extra=UPLOAD_FORM)
-async def add_environment(request: Request, farm: FarmDependency, response: Response) -> EnvironmentOut:
+async def add_environment(
+    request: Request, farm: FarmDependency, response: Response, visit: VisitDependency, project: IntoProject = ""
+) -> EnvironmentOut:
     """Upload one equirectangular image, best an .exr or .hdr. A worker looks at it; sent again, it is the same one."""
+    await run_in_threadpool(farm.access.projects.check, project, visit.sight)
+    await check_room(request, farm, visit)
     form = await read_one(request, farm, "image")
     try:
         name, file = only_file(form, SUFFIXES, "/api/environments", "no image that lights a scene")
         sha256, size = file.sha256, file.size
-        id = sha256[:20]
+        id = id_in(project, sha256[:20])
         if (known := await run_in_threadpool(_known, id, farm)) is None:
             with farm.garbage.pinned([sha256]):
                 with full_disk():
                     await run_in_threadpool(file.commit)
-                known = await _recorded(id, name, BlobRef(name, sha256, size), farm)
+                owner = {"project": project, "user": visit.user, "key": visit.token}
+                known = await _recorded(id, name, BlobRef(name, sha256, size), owner, farm)
     finally:
         form.discard()
     response.headers["Location"] = f"/api/environments/{id}"
@@ -98,7 +109,7 @@ def environment_thumbnail(id: _Id, farm: FarmDependency) -> Response:
     with farm.sessions() as session:
         found = session.get(Environment, id)
     if found is None:
-        raise _no_environment(id)
+        raise no_environment(id)
     blob = farm.blobs.serve(found.thumbnail)
     return StreamingResponse(blob.chunks, media_type="image/jpeg", headers={**headers, "Content-Length": str(blob.size)})
 
@@ -112,7 +123,7 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
     def forget(session: Session) -> set[str]:
         found = session.get(Environment, id, with_for_update=True)
         if found is None:
-            raise _no_environment(id)
+            raise no_environment(id)
         active = session.scalars(select(Job).where(Job.state.in_(ACTIVE), Job.light.is_not(None)))
         needed = sum((job.request.get("environment") or {}).get("image") == id for job in active)
         if needed:
@@ -123,12 +134,12 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
     farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
 
 
-async def _recorded(id: str, name: str, file: BlobRef, farm: Farm) -> EnvironmentOut:
+async def _recorded(id: str, name: str, file: BlobRef, owner: dict[str, Any], farm: Farm) -> EnvironmentOut:
     """Have a worker look at an image that is stored, and write it down."""
     wish = ShowEnvironment("", id, name, file.sha256, file.size, WIDTH)
     asked = await run_in_threadpool(farm.engine.show_environment, wish)
     made = await asyncio.shield(asyncio.wrap_future(asked))
-    row = {"id": id, "name": name, "created": time.time(), "thumbnail": made.sha256}
+    row = {"id": id, "name": name, "created": time.time(), "thumbnail": made.sha256, **owner}
     row["file"] = {"path": file.path, "sha256": file.sha256, "size": file.size, "parts": []}
 
     def write() -> EnvironmentOut:
@@ -166,12 +177,9 @@ def _out(row: Environment) -> EnvironmentOut:
         created=row.created,
         bytes=row.file.get("size"),
         thumbnail=_thumbnail_of(row.id),
+        project=row.project,
     )
 
 
 def _thumbnail_of(id: str) -> str:
     return f"/api/environments/{id}/thumbnail.jpg"
-
-
-def _no_environment(id: str) -> NotFound:
-    return NotFound(f"There is no environment {id[:60]!r}. GET /api/environments lists those that are there.")

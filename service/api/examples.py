@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from functools import partial
+from dataclasses import asdict, replace
 
 from fastapi import APIRouter, Response
 from pydantic import BaseModel
 
 from service.api.describe import scene_out
 from service.api.schemas import SceneOut
+from service.api.visit import IntoProject, VisitDependency
 from service.errors import NotFound
 from service.farm import FarmDependency
 from service.intake.examples import examples, form_of
+from service.intake.projects import Owner, id_in
 from service.intake.record import record
-from service.intake.uploads import keep
+from service.intake.uploads import Upload, keep
+from service.store.models import Scene
 from service.store.room import full_disk
 
 __all__ = ["router"]
@@ -39,8 +41,15 @@ def list_examples(farm: FarmDependency) -> list[ExampleOut]:
 
 
 @router.post("/{name}", status_code=201, response_model=SceneOut)
-def open_example(name: str, farm: FarmDependency, response: Response) -> SceneOut:
+def open_example(
+    name: str, farm: FarmDependency, response: Response, visit: VisitDependency, project: IntoProject = ""
+) -> SceneOut:
     """Make a scene of an example, as if its files had been uploaded. Opened again, it is the same scene."""
+    owner = Owner(farm.access.projects.check(project, visit.sight), visit.user, visit.token)
+
+    def write(stored: Upload) -> Scene:
+        return record(replace(stored, id=id_in(project, stored.id)), farm.sessions, farm.changed, owner=owner)
+
     found = next((each for each in examples(farm.settings.examples) if each[0].name == name), None)
     if found is None:
         raise NotFound(f"There is no example {name[:60]!r}. GET /api/examples lists those that are there.")
@@ -52,7 +61,7 @@ def open_example(name: str, farm: FarmDependency, response: Response) -> SceneOu
         farm.garbage,
         farm.settings,
         lambda size: None,
-        partial(record, sessions=farm.sessions, changed=farm.changed),
+        write,
     )
     response.headers["Location"] = f"/api/scenes/{scene.id}"
     return scene_out(scene, farm.engine)

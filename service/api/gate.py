@@ -15,9 +15,11 @@ from starlette.requests import HTTPConnection, cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.access.access import Access
+from service.access.projects import EVERYTHING, Kind, Sight
 from service.access.roles import OPEN, Caller
 from service.api.hosts import LOOPBACK_NAMES, name_of
-from service.api.needs import Need, need_of
+from service.api.lookup import no_thing
+from service.api.needs import Need, need_of, thing_of
 from service.api.problem import Problem
 from service.api.security import SAFE_METHODS, refuse
 from service.api.visit import VISIT, Visit, address_of, shown_secret
@@ -38,7 +40,9 @@ ROLE = "This needs the role {needed}; {name} has the role {has}. Ask who runs th
 FORWARDED = ("forwarded", "x-forwarded-for", "x-real-ip")  # whoever sends these is a proxy, and others are behind it
 STAYS_OPEN = ("/api/events", "/api/jobs/{id}/frames.zip")
 AGAIN_S = 5.0
-LOG_IN_AGAIN = 4401  # a WebSocket's close code
+LOG_IN_AGAIN = 4401  # a WebSocket's close codes
+NOT_THERE = 4404
+LONGEST_REASON = 120
 
 
 class Gate:
@@ -67,14 +71,23 @@ class Gate:
         if not needs_login and (caller is None or not need.is_met(caller)):
             caller = OPEN
         address = address_of(connection)
-        scope[VISIT] = Visit(caller, needs_login, address)
+        thing = thing_of(pattern, path)
+        try:
+            sight = await _sight(access, caller, needs_login)
+        except Unavailable as error:
+            await refuse(Problem(503, str(error)), scope, receive, send)
+            return
+        visit = scope[VISIT] = Visit(caller, needs_login, address, sight)
         if method != "OPTIONS" and (refusal := _judge(need, caller)) is not None:
             if caller is not None and caller.is_known and not caller.is_worker:
                 await _write_down(access, caller, address, f"{method} {pattern}", path, refusal.status)
             await refuse(refusal, scope, receive, send)
             return
+        if thing is not None and not await _sees(access, sight, thing):
+            await _not_there(thing, scope, receive, send)
+            return
         if method == "WS" or pattern in STAYS_OPEN:
-            lasting = _Lasting(access, shown, need, caller, receive, send)
+            lasting = _Lasting(access, shown, need, visit, thing, receive, send)
             await self._app(scope, lasting.receive, lasting.send)
         elif method in SAFE_METHODS or caller is None or not caller.is_known or caller.is_worker or not need.role:
             await self._app(scope, receive, _kept_private(send) if needs_login else send)
@@ -110,6 +123,38 @@ def _needs_login(access: Access, headers: Headers) -> bool:
 
 async def _known(access: Access, shown: str) -> Caller | None:
     return access.remembered(shown) or await run_in_threadpool(access.find, shown)
+
+
+async def _sight(access: Access, caller: Caller | None, needs_login: bool) -> Sight:
+    """What a caller sees; where nobody is asked for a login, nothing is closed to anybody."""
+    if not needs_login and caller is not None and not caller.is_worker:
+        return EVERYTHING
+    known = access.projects.remembered(caller)
+    return await run_in_threadpool(access.projects.sight, caller) if known is None else known
+
+
+async def _sees(access: Access, sight: Sight, thing: tuple[Kind, str]) -> bool:
+    """Whether somebody sees a thing; what is not there at all is not told from what is another project's."""
+    if sight.everything:
+        return True
+    project = access.projects.known(*thing)
+    if project is None:
+        try:
+            project = await run_in_threadpool(access.projects.of, *thing)
+        except FarmError:
+            return False  # the database is away, and nobody knows whose it is
+    return sight.sees(project) if project is not None else thing[0] == "environment"  # presets have no row
+
+
+async def _not_there(thing: tuple[Kind, str], scope: Scope, receive: Receive, send: Send) -> None:
+    """Answer as the route does where there is no such thing: that it is another project's is not told either."""
+    sentence = str(no_thing(*thing))
+    if scope["type"] == "http":
+        await refuse(Problem(404, sentence), scope, receive, send)
+        return
+    await receive()
+    await send({"type": "websocket.accept"})
+    await send({"type": "websocket.close", "code": NOT_THERE, "reason": sentence[:LONGEST_REASON]})
 
 
 def _judge(need: Need, caller: Caller | None) -> Problem | None:
@@ -159,10 +204,20 @@ def _kept_private(send: Send) -> Send:
 class _Lasting:
     """A WebSocket, or an answer that goes on: it ends when who opened it is not let in any more."""
 
-    def __init__(self, access: Access, shown: str, need: Need, caller: Caller | None, receive: Receive, send: Send) -> None:
-        self._access, self._shown, self._need = access, shown, need
+    def __init__(
+        self,
+        access: Access,
+        shown: str,
+        need: Need,
+        visit: Visit,
+        thing: tuple[Kind, str] | None,
+        receive: Receive,
+        send: Send,
+    ) -> None:
+        self._access, self._shown, self._need, self._thing = access, shown, need, thing
         self._receive, self._send = receive, send
-        self._looks = caller is not None and caller.is_known
+        self._needs_login, self._saw_everything = visit.needs_login, visit.sight.everything
+        self._looks = visit.caller is not None and visit.caller.is_known
         self._looked = time.monotonic()
         self._is_over = False
 
@@ -198,6 +253,12 @@ class _Lasting:
             return True
         self._looked = time.monotonic()
         try:
-            return self._need.is_met(await _known(self._access, self._shown))
+            caller = await _known(self._access, self._shown)
+            if not self._need.is_met(caller):
+                return False
+            sight = await _sight(self._access, caller, self._needs_login)
+            if self._saw_everything and not sight.everything:
+                return False
+            return self._thing is None or await _sees(self._access, sight, self._thing)
         except FarmError:
             return True  # the database is away for a moment: that withdraws nothing

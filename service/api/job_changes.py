@@ -8,14 +8,16 @@ from pydantic import BaseModel, Field, model_validator
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from service.access.quotas import spend
 from service.api.job_list import MOST_JOBS
 from service.api.lookup import find_job, no_job
 from service.api.schemas import JobState
 from service.api.strict import Strict
+from service.api.visit import Visit
 from service.errors import FarmError
 from service.farm import Farm
 from service.scheduling.wishes import begins_anew, set_state, wait_no_longer_in_vain
-from service.store.models import Frame, Job
+from service.store.models import FINAL, Frame, Job
 
 __all__ = ["ChangesIn", "ChangesOut", "change_many", "delete_many", "may_begin_anew"]
 
@@ -59,27 +61,28 @@ class ChangesOut(BaseModel):
     refused: list[RefusedOut]
 
 
-def change_many(changes: ChangesIn, farm: Farm) -> ChangesOut:
-    """Do it to those to which it can be done."""
+def change_many(changes: ChangesIn, farm: Farm, visit: Visit) -> ChangesOut:
+    """Do it to those to which it can be done. Those that the caller does not see are not there."""
     ids = list(dict.fromkeys(changes.jobs))
     answer = ChangesOut(changed=[], refused=[])
-    if changes.of is not None:
-        with farm.sessions() as session:
-            chosen = select(Job.id).where(Job.id.in_(ids), Job.state.in_(changes.of))
-            of = set(session.scalars(chosen))
-        ids = [id for id in ids if id in of]
+    with farm.sessions() as session:
+        chosen = select(Job.id).where(Job.id.in_(ids), visit.sight.clause(Job.project))
+        seen = set(session.scalars(chosen))
+        of = seen if changes.of is None else set(session.scalars(chosen.where(Job.state.in_(changes.of))))
+    unseen = [id for id in ids if id not in seen and changes.of is None]
+    ids = [id for id in ids if id in of]
     for at in range(0, len(ids), AT_A_TIME):
         some = ids[at : at + AT_A_TIME]
         if changes.state == "deleted":
             answer.changed += delete_many(some, farm)
         else:
-            _change(some, changes, farm, answer)
+            _change(some, changes, farm, visit, answer)
     known = {each.id for each in answer.changed} | {each.id for each in answer.refused}
-    answer.refused += [RefusedOut(id=id, why=str(no_job(id))) for id in ids if id not in known]
+    answer.refused += [RefusedOut(id=id, why=str(no_job(id))) for id in (*ids, *unseen) if id not in known]
     return answer
 
 
-def _change(ids: list[str], changes: ChangesIn, farm: Farm, answer: ChangesOut) -> None:
+def _change(ids: list[str], changes: ChangesIn, farm: Farm, visit: Visit, answer: ChangesOut) -> None:
     anew: dict[str, bool] = {}
     if changes.state == "running":
         for id in ids:
@@ -94,6 +97,9 @@ def _change(ids: list[str], changes: ChangesIn, farm: Farm, answer: ChangesOut) 
         for job in _rows([id for id in ids if id not in refused], session):
             was = WasOut(id=job.id, state=job.state, priority=job.priority)
             try:
+                if changes.state == "running" and job.state in FINAL:
+                    session.flush()
+                    farm.quotas.check_job(visit.caller, session)
                 if changes.state is not None and changes.state != "deleted":
                     set_state(job, changes.state, anew.get(job.id, False))
                 job.priority = job.priority if changes.priority is None else changes.priority
@@ -115,6 +121,7 @@ def delete_many(ids: list[str], farm: Farm) -> list[WasOut]:
     def forget(session: Session) -> set[str]:
         own: set[str] = set()
         deleted.clear()
+        spend(_rows(ids, session), session)
         for frame in session.scalars(select(Frame).where(Frame.job.in_(ids))):
             own |= frame.blobs
             session.delete(frame)

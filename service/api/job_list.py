@@ -9,7 +9,9 @@ from fastapi import Depends, Query
 from sqlalchemy import ColumnElement, Select, case, false, func, or_, select
 from sqlalchemy.orm import Session
 
+from service.access.projects import NOTHING, Sight
 from service.api.schemas import JobState
+from service.api.visit import InProject, VisitDependency
 from service.store.models import Job, Scene
 
 __all__ = ["MOST_JOBS", "Choice", "Chosen", "Order"]
@@ -23,13 +25,15 @@ _STATES = ("running", "queued", "paused", "failed", "cancelled", "finished")  # 
 
 @dataclass(frozen=True)
 class Chosen:
-    """Which jobs. words: each is in the name of the job or of its scene, or begins the id."""
+    """Which jobs, of those that the caller sees. words: each is in the name of the job or of its scene, or begins the id."""
 
     states: tuple[str, ...] = ()
     scene: str | None = None
     words: tuple[str, ...] = ()
     shots: bool | None = None
     ids: tuple[str, ...] = ()
+    sight: Sight = NOTHING
+    project: str | None = None
 
     def count(self, session: Session) -> int:
         """How many they are."""
@@ -54,6 +58,9 @@ class Chosen:
         return [found[id] for id in ids if id in found]
 
     def _of(self, query: Select[Any]) -> Select[Any]:
+        query = query.where(self.sight.clause(Job.project))
+        if self.project is not None:
+            query = query.where(Job.project == self.project)
         if self.ids:
             query = query.where(Job.id.in_(self.ids))
         if self.states:
@@ -94,6 +101,8 @@ def _ordered(order: Order) -> tuple[Any, ...]:
 
 
 def _chosen(
+    visit: VisitDependency,
+    project: InProject = None,
     state: Annotated[list[JobState] | None, Query(description="one of these, where any is given")] = None,
     scene: Annotated[str | None, Query(max_length=100)] = None,
     search: Annotated[
@@ -103,7 +112,7 @@ def _chosen(
     ids: Annotated[str, Query(max_length=4000, description="these alone, with commas between them")] = "",
 ) -> Chosen:
     words = tuple(search.lower().split()[:MOST_WORDS])
-    return Chosen(tuple(state or ()), scene, words, shot, tuple(id for id in ids.split(",") if id))
+    return Chosen(tuple(state or ()), scene, words, shot, tuple(id for id in ids.split(",") if id), visit.sight, project)
 
 
 Choice = Annotated[Chosen, Depends(_chosen)]

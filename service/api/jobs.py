@@ -17,6 +17,7 @@ from sqlalchemy.exc import IntegrityError
 
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
+from service.access.projects import Sight
 from service.api.describe import job_out, jobs_out
 from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_many, may_begin_anew
 from service.api.job_list import MOST_JOBS, Choice, Order
@@ -33,7 +34,7 @@ from service.scheduling.history import History
 from service.scheduling.shot_wishes import ShotWish, change_shot
 from service.scheduling.wishes import ask_for_samples, focus_on, set_state, wait_no_longer_in_vain
 from service.shot import IN_TURN, Shot
-from service.store.models import Frame, Job, Scene
+from service.store.models import FINAL, Frame, Job, Scene
 from service.store.room import need_room
 
 __all__ = ["router"]
@@ -74,12 +75,14 @@ Key = Annotated[
 
 @router.post("", status_code=201, response_model=JobOut)
 def create_job(
-    request: JobIn, farm: FarmDependency, visit: VisitDependency, response: Response, idempotency_key: Key = None
+    request: JobIn, farm: FarmDependency, response: Response, visit: VisitDependency, idempotency_key: Key = None
 ) -> JobOut:
     """Ask for a picture of a scene. A scene that is still being prepared is waited for; with a full disk none is taken."""
-    asked = request.model_dump(mode="json", exclude=None if request.fresh else {"fresh"})
+    asked = request.model_dump(mode="json", exclude=_left_out(request))
     if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
-        return _repeat(earlier, asked, farm, response)
+        return _repeat(earlier, asked, farm, response, visit.sight)
+    if not visit.sight.sees(farm.access.projects.of("scene", request.scene)):
+        raise _no_scene(request.scene)
     need_room(farm.settings.data, farm.settings.min_free_bytes)
     rendered = _rendered(request, asked, farm)
     job = Job(
@@ -99,15 +102,21 @@ def create_job(
         seconds=request.seconds,
         shot=_shot(request).to_json() if request.is_shot else None,
         idempotency_key=idempotency_key or None,
-        user=visit.caller.name if visit.caller is not None and visit.caller.is_known else None,
+        user=visit.user,
+        key=visit.token,
         max_slots=request.max_slots,
         needs=needs_of(request.needs),
         deadline=None if request.deadline is None else deadline_of(request.deadline),
     )
     try:
-        with farm.lighting.held(rendered), _begun(job, request.fresh, farm) as samples, farm.sessions.begin() as session:
+        with (
+            farm.lighting.held(rendered),
+            _begun(job, request.fresh or bool(request.verify), farm) as samples,
+            farm.sessions.begin() as session,
+        ):
             scene = session.get(Scene, request.scene, with_for_update=True)
             _check(job, scene, farm)
+            farm.quotas.check_job(visit.caller, session, _samples_of(job, len(_keys(request))))
             session.add(job)
             session.flush()
             wait_for(job, request.after, session)
@@ -118,7 +127,7 @@ def create_job(
         earlier = _earlier(idempotency_key, farm) if idempotency_key else None
         if earlier is None:
             raise
-        return _repeat(earlier, asked, farm, response)
+        return _repeat(earlier, asked, farm, response, visit.sight)
     farm.changed("job", job.id)
     response.headers["Location"] = f"/api/jobs/{job.id}"
     return answer
@@ -159,12 +168,12 @@ def tally_jobs(chosen: Choice, farm: FarmDependency) -> dict[JobState, int]:
 
 
 @router.post("/changes", response_model=ChangesOut)
-def change_jobs(changes: ChangesIn, farm: FarmDependency) -> ChangesOut:
+def change_jobs(changes: ChangesIn, farm: FarmDependency, visit: VisitDependency) -> ChangesOut:
     """Pause, go on, cancel, change the priority of many jobs, or delete them. What cannot be done to one is done to the others.
 
     The answer has how those that changed were before, so that it can be taken back.
     """
-    return change_many(changes, farm)
+    return change_many(changes, farm, visit)
 
 
 @router.get("/{id}", response_model=JobOut)
@@ -204,7 +213,7 @@ def job_history(id: str, farm: FarmDependency) -> HistoryOut:
 
 
 @router.patch("/{id}", response_model=JobOut)
-def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
+def change_job(id: str, change: JobPatch, farm: FarmDependency, visit: VisitDependency) -> JobOut:
     """Pause, go on, cancel, change the priority, or ask for more samples. Cancelling keeps the picture so far.
 
     A job that is over and set to running renders what its picture lacks, frames that failed among it; a film that is damaged is
@@ -217,6 +226,7 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
         job = session.get(Job, id, with_for_update=True)
         if job is None:
             raise no_job(id)
+        state, samples = job.state, _samples_of(job, 1)
         if change.priority is not None:
             job.priority = change.priority
         if change.pinned is not None:
@@ -243,6 +253,11 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency) -> JobOut:
             wait_for_fewer(id, change.after, session)
         if change.state is not None:
             set_state(job, change.state, is_anew)
+        is_more = change.spp is not None or change.more is not None or change.extend is not None or change.again is not None
+        if is_more or (state in FINAL and job.state not in FINAL):
+            more = max(0, _samples_of(job, 1) - samples)
+            with session.no_autoflush:  # as it was before: it does not count itself
+                farm.quotas.check_job(visit.caller, session, more, is_new=state in FINAL)
         if change.state == "running":
             wait_no_longer_in_vain([id], session)
         session.flush()
@@ -257,6 +272,11 @@ def delete_job(id: str, farm: FarmDependency) -> None:
 
     if not delete_many([id], farm):
         raise no_job(id)
+
+
+def _left_out(request: JobIn) -> set[str]:
+    """What says nothing where it is not asked for: a request of before these were there is the same one."""
+    return {name for name in ("fresh", "verify") if not getattr(request, name)} - ({"verify"} if request.verify == 0 else set())
 
 
 @contextmanager
@@ -274,6 +294,12 @@ def _begun(job: Job, is_fresh: bool, farm: Farm) -> Iterator[int]:
         if samples:
             farm.films.delete(job.id)
         raise
+
+
+def _samples_of(job: Job, frames: int) -> int:
+    """As many as a job asks for, as far as that is known: one that ends by noise or time may have fewer."""
+    size = job.settings or job.request
+    return int(size.get("width") or 0) * int(size.get("height") or 0) * (job.spp or 0) * frames
 
 
 def _keys(request: JobIn) -> list[int]:
@@ -304,7 +330,7 @@ def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
         raise _no_scene(job.scene)
     if scene.status == "failed":
         raise Conflict(f"The scene cannot be rendered: {scene.error}")
-    job.name = job.name or scene.name
+    job.name, job.project = job.name or scene.name, scene.project
     width, height = job.request["width"], job.request["height"]
     if width and height and width * height > farm.settings.max_pixels:
         raise _invalid(f"width x height is {width * height} pixels; at most {farm.settings.max_pixels} are rendered", "width")
@@ -324,8 +350,8 @@ def _earlier(key: str, farm: Farm) -> Job | None:
         return session.scalar(select(Job).where(Job.idempotency_key == key))
 
 
-def _repeat(earlier: Job, asked: dict[str, object], farm: Farm, response: Response) -> JobOut:
-    if earlier.request != asked:
+def _repeat(earlier: Job, asked: dict[str, object], farm: Farm, response: Response, sight: Sight) -> JobOut:
+    if earlier.request != asked or not sight.sees(earlier.project):
         raise Conflict("This Idempotency-Key was used for another request. Take a new key for a new job.")
     response.headers["Idempotent-Replayed"] = "true"
     response.headers["Location"] = f"/api/jobs/{earlier.id}"

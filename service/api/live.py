@@ -26,6 +26,7 @@ from starlette.concurrency import run_in_threadpool
 
 from renderer.frames import MAX_FRAME, frame_key
 from service.api.describe import frames_out, snapshot
+from service.api.lookup import no_job
 from service.api.schemas import FrameOut
 from service.errors import FarmError
 from service.farm import Farm, FarmDependency
@@ -57,7 +58,7 @@ async def live(
     await socket.accept()
     first = await run_in_threadpool(_first_frame, farm, id)
     if first is None:
-        await socket.close(NOT_FOUND, "There is no such job.")
+        await socket.close(NOT_FOUND, str(no_job(id))[:120])
         return
     with farm.broadcast.listen(id, first if frame is None else frame_key(frame)) as listener:
         watcher = _Watcher(socket, id, farm, listener, snapshot)

@@ -16,6 +16,7 @@ from starlette.requests import cookie_parser
 from service.access.access import SESSION_S
 from service.access.passwords import LONGEST
 from service.access.roles import OWNER, Caller, Role
+from service.api.cookies import set_cookie
 from service.api.gate import cookie_name
 from service.api.problem import Problem
 from service.api.visit import VisitDependency
@@ -55,12 +56,13 @@ class SessionOut(BaseModel):
     name: str | None
     role: str | None
     kind: str | None = Field(description="session, token, owner; open: this machine is let in without a login")
+    provider: str | None = Field(description="what the OpenID provider is called by which one may log in; null: there is none")
 
 
 @router.get("/api/session", response_model=SessionOut)
-def get_session(visit: VisitDependency) -> SessionOut:
+def get_session(visit: VisitDependency, farm: FarmDependency) -> SessionOut:
     """Who you are here, and whether a login is needed."""
-    return _session_out(visit.caller, visit.needs_login)
+    return _session_out(visit.caller, visit.needs_login, farm)
 
 
 @router.post("/api/login", response_model=SessionOut)
@@ -82,7 +84,7 @@ def log_in(asked: LoginIn, request: Request, response: Response, visit: VisitDep
     secret, row = access.keys.make("session", name, Role.ADMIN, name=_browser(request), lasts_s=SESSION_S)
     _set_cookie(request, response, farm, secret, SESSION_S)
     access.audit.add(name, "login", kind=kind, address=visit.address, status=200)
-    return _session_out(Caller(name, role, "session", row.id), visit.needs_login)
+    return _session_out(Caller(name, role, "session", row.id), visit.needs_login, farm)
 
 
 @router.post("/api/logout", status_code=204)
@@ -139,22 +141,15 @@ def _end(request: Request, farm: Farm) -> bool:
 
 
 def _set_cookie(request: Request, response: Response, farm: Farm, secret: str, lasts_s: float) -> None:
-    response.set_cookie(
-        cookie_name(farm.access, request.scope),
-        secret,
-        max_age=int(lasts_s),
-        path="/",
-        secure=request.scope["scheme"] == "https",
-        httponly=True,
-        samesite="strict",  # the page's files need no cookie: a link from elsewhere opens the page, which asks by itself
-    )
+    set_cookie(request, response, cookie_name(farm.access, request.scope), secret, lasts_s)
 
 
 def _browser(request: Request) -> str:
     return request.headers.get("user-agent", "")[:255]
 
 
-def _session_out(caller: Caller | None, needs_login: bool) -> SessionOut:
+def _session_out(caller: Caller | None, needs_login: bool, farm: Farm) -> SessionOut:
+    provider = farm.access.oidc.name if farm.access.oidc is not None else None
     if caller is None or caller.is_worker:
-        return SessionOut(login=needs_login, name=None, role=None, kind=None)
-    return SessionOut(login=needs_login, name=caller.name, role=caller.role.word, kind=caller.kind)
+        return SessionOut(login=needs_login, name=None, role=None, kind=None, provider=provider)
+    return SessionOut(login=needs_login, name=caller.name, role=caller.role.word, kind=caller.kind, provider=provider)

@@ -8,12 +8,25 @@ from fastapi import Path
 from sqlalchemy.orm import Session
 
 from renderer.frames import MAX_FRAME, frame_key, frame_text
+from service.access.projects import Kind
 from service.errors import Conflict, NotFound
 from service.farm import Farm
 from service.store.films import Film
 from service.store.models import Job, Scene
 
-__all__ = ["Number", "find_film", "find_job", "find_scene", "is_lit", "no_frame", "no_job", "no_scene"]
+__all__ = [
+    "Number",
+    "find_film",
+    "find_job",
+    "find_scene",
+    "is_lit",
+    "no_environment",
+    "no_frame",
+    "no_job",
+    "no_reference",
+    "no_scene",
+    "no_thing",
+]
 
 Number = Annotated[float, Path(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False, description="the frame; a still is 0")]
 
@@ -66,3 +79,18 @@ def no_frame(frame: float) -> NotFound:
 def no_scene(id: str) -> NotFound:
     """There is no such scene."""
     return NotFound(f"There is no scene {id[:60]!r}. GET /api/scenes lists those that are there.")
+
+
+def no_environment(id: str) -> NotFound:
+    """There is no such light."""
+    return NotFound(f"There is no environment {id[:60]!r}. GET /api/environments lists those that are there.")
+
+
+def no_reference(id: str) -> NotFound:
+    """There is no such picture."""
+    return NotFound(f"There is no reference picture {id[:60]!r}. GET /api/references lists those that are there.")
+
+
+def no_thing(kind: Kind, id: str) -> NotFound:
+    """There is none, or the caller does not see it: the same words."""
+    return {"job": no_job, "scene": no_scene, "environment": no_environment, "reference": no_reference}[kind](id)

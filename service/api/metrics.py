@@ -55,8 +55,14 @@ class _Collector:
             ("dropped", "Batches that came twice or too late"),
             ("failed", "Batches that failed"),
             ("lost", "Batches handed out again"),
+            ("verified", "Batches that were rendered twice or more, and compared"),
+            ("differed", "Batches that workers rendered differently"),
         ):
             yield CounterMetricFamily(f"rayfarm_batches_{name}", text, view.counts.get(name, 0))
+        text = "Workers that were set aside as they rendered something else than others"
+        yield CounterMetricFamily("rayfarm_workers_distrusted", text, view.counts.get("distrusted", 0))
+        text = "Results of workers, each of a batch or of some whose sums they added up"
+        yield CounterMetricFamily("rayfarm_results", text, view.counts.get("results", 0))
         yield GaugeMetricFamily("rayfarm_engine_up", "1 while the engine works", 0.0 if view.fault else 1.0)
 
 

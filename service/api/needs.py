@@ -11,9 +11,10 @@ from functools import cache
 
 from starlette.routing import compile_path
 
+from service.access.projects import Kind
 from service.access.roles import Caller, Role
 
-__all__ = ["NEEDS", "Need", "need_of"]
+__all__ = ["NEEDS", "Need", "need_of", "thing_of"]
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,8 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/"): ANYONE,
     ("GET", "/api/session"): ANYONE,
     ("POST", "/api/login"): ANYONE,
+    ("GET", "/api/login/openid"): ANYONE,
+    ("GET", "/api/login/openid/answer"): ANYONE,
     ("POST", "/api/logout"): ANYONE,
     ("PUT", "/api/session/password"): SELF,
     ("GET", "/api/tokens"): SELF,
@@ -69,6 +72,15 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("DELETE", "/api/users/{name}"): KEEPER,
     ("POST", "/api/links"): KEEPER,
     ("GET", "/api/audit"): KEEPER,
+    ("GET", "/api/quota"): SELF,
+    ("GET", "/api/quotas"): KEEPER,
+    ("PUT", "/api/quotas/{of}/{name}"): KEEPER,
+    ("DELETE", "/api/quotas/{of}/{name}"): KEEPER,
+    ("GET", "/api/projects"): VIEW,
+    ("POST", "/api/projects"): KEEPER,
+    ("DELETE", "/api/projects/{name}"): KEEPER,
+    ("PUT", "/api/projects/{name}/members/{user}"): KEEPER,
+    ("DELETE", "/api/projects/{name}/members/{user}"): KEEPER,
     ("GET", "/api/scenes"): VIEW,
     ("POST", "/api/scenes"): SUBMIT,
     ("GET", "/api/scenes/{id}"): VIEW,
@@ -131,6 +143,18 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/farm/kernels/{name}"): WORKER,
     ("PUT", "/api/farm/kernels/{name}"): WORKER,
 }
+
+
+# Below these a path names a thing, which may be in a project that the caller does not see.
+THINGS: dict[str, Kind] = {"scenes": "scene", "jobs": "job", "environments": "environment", "references": "reference"}
+
+
+def thing_of(pattern: str, path: str) -> tuple[Kind, str] | None:
+    """What a path names by its id, where that is a thing that projects have. pattern: as `need_of` found it."""
+    _, _, collection, name, *_ = [*pattern.split("/"), "", "", ""]
+    if collection not in THINGS or name != "{id}":
+        return None
+    return THINGS[collection], path.split("/")[3]
 
 
 def need_of(method: str, path: str) -> tuple[str, Need]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import PurePosixPath
 
 from fastapi import Request
+from starlette.concurrency import run_in_threadpool
 
 from service.api.problem import Problem
 from service.api.security import is_beyond
+from service.api.visit import Visit
 from service.errors import Invalid
 from service.farm import Farm
 from service.intake.multipart import Form, read_form
@@ -16,7 +18,7 @@ from service.intake.uploads import gathered
 from service.store.room import disk_checker, full_disk
 from service.store.staging import BlobWriter
 
-__all__ = ["UPLOAD_FORM", "check_length", "only_file", "read_one"]
+__all__ = ["UPLOAD_FORM", "check_length", "check_room", "only_file", "read_one"]
 
 LONGEST = 200  # characters of a name
 UPLOAD_FORM = {
@@ -41,6 +43,13 @@ def check_length(request: Request, farm: Farm, what: str, way_out: str = "Make i
     if is_beyond(request.headers.get("content-length", ""), limit):
         sentence = f"The {what} is larger than the {limit} bytes that are taken. {way_out}, or ask who runs the farm."
         raise Problem(413, sentence, headers={"Connection": "close"})
+
+
+async def check_room(request: Request, farm: Farm, visit: Visit) -> None:
+    """Refuse, before anything of it is read, what would be more than its sender may keep. Raises NoRoom."""
+    length = request.headers.get("content-length", "")
+    size = int(length) if length.isascii() and length.isdigit() and len(length) < 19 else 0
+    await run_in_threadpool(farm.quotas.check_bytes, visit.caller, size)
 
 
 async def read_one(request: Request, farm: Farm, what: str) -> Form:

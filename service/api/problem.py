@@ -25,6 +25,7 @@ from service.errors import (
     Invalid,
     NoRoom,
     NotFound,
+    OverQuota,
     TooLarge,
     TooLate,
     Unavailable,
@@ -42,6 +43,7 @@ STATUS: dict[type[FarmError], int] = {
     TooLarge: 413,
     UnknownFormat: 415,
     NoRoom: 507,
+    OverQuota: 429,
     Unavailable: 503,
     Failed: 502,
     TooLate: 504,
@@ -121,7 +123,7 @@ def install(app: FastAPI) -> None:
     async def _farm(request: Request, error: FarmError) -> ProblemResponse:
         if isinstance(error, FilmDamaged) and "id" in request.path_params:
             request.app.state.farm.patrol.suspect(request.path_params["id"])
-        seconds = error.retry_after_s if isinstance(error, Unavailable) else None
+        seconds = error.retry_after_s if isinstance(error, Unavailable | OverQuota) else None
         headers = {} if seconds is None else {"Retry-After": str(math.ceil(seconds))}
         return response(next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), str(error), headers)
 

@@ -127,10 +127,13 @@ def warning_of(job: Job, expected: float | None, now: float) -> str | None:
 
 
 def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
-    """Let a new job wait for these; those that are finished it need not wait for. Raises NotFound and Conflict."""
+    """Let a new job wait for these; those that are finished it need not wait for. Raises NotFound and Conflict.
+
+    Whoever sees a job may see what it waits for: that is of its own project, or of none.
+    """
     for id in dict.fromkeys(after):
         other = session.get(Job, id)
-        if other is None:
+        if other is None or other.project not in ("", job.project):
             raise NotFound(f"after: there is no job {id[:60]!r}. A job can come after those that are there.")
         if other.state in ACTIVE:
             session.add(Wait(job=job.id, other=id))

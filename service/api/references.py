@@ -16,9 +16,12 @@ from starlette.concurrency import run_in_threadpool
 
 from renderer.image import tonemap
 from service.api.file_names import named
-from service.api.one_file import UPLOAD_FORM, only_file, read_one
-from service.errors import Invalid, NotFound
+from service.api.lookup import no_reference
+from service.api.one_file import UPLOAD_FORM, check_room, only_file, read_one
+from service.api.visit import InProject, IntoProject, VisitDependency
+from service.errors import Invalid
 from service.farm import Farm, FarmDependency
+from service.intake.projects import Owner
 from service.intake.references import SUFFIXES, keep_reference
 from service.store.models import Reference
 from service.watching import film_picture
@@ -46,23 +49,31 @@ class ReferenceOut(BaseModel):
     height: int
     display_referred: bool = Field(description="8 bits a channel, decoded by sRGB: tone mapping, if any, is still in it")
     clipped: int = Field(description="pixels with a value below 0, which became 0, or above 65408, which became that")
+    project: str = Field(default="", description="whose members see it; empty: everybody who is let in")
 
 
 @router.get("", response_model=list[ReferenceOut])
-def list_references(farm: FarmDependency) -> list[ReferenceOut]:
-    """All of them, the newest first."""
+def list_references(farm: FarmDependency, visit: VisitDependency, project: InProject = None) -> list[ReferenceOut]:
+    """All of them, the newest first. With a project: its own, and those of none."""
+    seen = select(Reference).where(visit.sight.clause(Reference.project))
+    seen = seen if project is None else seen.where(Reference.project.in_(["", project]))
     with farm.sessions() as session:
-        return [_out(row) for row in session.scalars(select(Reference).order_by(Reference.created.desc(), Reference.id))]
+        return [_out(row) for row in session.scalars(seen.order_by(Reference.created.desc(), Reference.id))]
 
 
 @router.post("", status_code=201, response_model=ReferenceOut, openapi_extra=UPLOAD_FORM)
-async def add_reference(request: Request, farm: FarmDependency, response: Response) -> ReferenceOut:
+async def add_reference(
+    request: Request, farm: FarmDependency, response: Response, visit: VisitDependency, project: IntoProject = ""
+) -> ReferenceOut:
     """Upload one image, best an .exr or .hdr; its first name stays. Sent again, it is the same one."""
+    await run_in_threadpool(farm.access.projects.check, project, visit.sight)
+    await check_room(request, farm, visit)
     form = await read_one(request, farm, "picture")
     try:
         name, file = only_file(form, SUFFIXES, "/api/references", "no image that can be compared with")
         temporary = farm.settings.data / "tmp"
-        kept = partial(keep_reference, name, file, farm.sessions, farm.blobs, farm.garbage, temporary)
+        owner = Owner(project, visit.user, visit.token)
+        kept = partial(keep_reference, name, file, farm.sessions, farm.blobs, farm.garbage, temporary, owner)
         row = await anyio.to_thread.run_sync(kept, limiter=farm.reading)
     finally:
         form.discard()
@@ -129,7 +140,7 @@ def delete_reference(id: Id, farm: FarmDependency) -> None:
     def forget(session: Session) -> set[str]:
         found = session.get(Reference, id, with_for_update=True)
         if found is None:
-            raise _no_reference(id)
+            raise no_reference(id)
         session.delete(found)
         return found.blobs
 
@@ -140,14 +151,10 @@ def _find(id: str, farm: Farm) -> Reference:
     with farm.sessions() as session:
         found = session.get(Reference, id)
     if found is None:
-        raise _no_reference(id)
+        raise no_reference(id)
     return found
 
 
 def _out(row: Reference) -> ReferenceOut:
-    facts = {name: getattr(row, name) for name in ("id", "name", "created", "width", "height", "clipped")}
+    facts = {name: getattr(row, name) for name in ("id", "name", "created", "width", "height", "clipped", "project")}
     return ReferenceOut(**facts, bytes=row.file["size"], display_referred=row.is_display)
-
-
-def _no_reference(id: str) -> NotFound:
-    return NotFound(f"There is no reference picture {id[:60]!r}. GET /api/references lists those that are there.")

@@ -16,7 +16,10 @@ from service.api import (
     kernels,
     live,
     login,
+    openid,
     people,
+    projects,
+    quotas,
     references,
     retention,
     scenes,
@@ -53,7 +56,10 @@ for module in (
     retention,
     health,
     login,
+    openid,
     people,
+    projects,
+    quotas,
     tokens,
 ):
     router.include_router(module.router)

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from functools import partial
+from dataclasses import replace
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
 
 from service.api.describe import scene_out
 from service.api.lookup import find_scene, no_scene
-from service.api.one_file import check_length
+from service.api.one_file import check_length, check_room
 from service.api.schemas import SceneOut
+from service.api.visit import InProject, IntoProject, VisitDependency
 from service.errors import Conflict, NotFound
 from service.farm import FarmDependency
+from service.intake.projects import Owner, id_in
 from service.intake.record import record
-from service.intake.uploads import receive
+from service.intake.uploads import Upload, receive
 from service.store.models import ACTIVE, Job, Scene
 
 __all__ = ["router"]
@@ -52,8 +55,30 @@ UPLOAD_FORM = {
 
 
 @router.post("", status_code=201, response_model=SceneOut, openapi_extra=UPLOAD_FORM)
-async def upload(request: Request, farm: FarmDependency, response: Response) -> SceneOut:
-    """Upload a scene: one file, many with their folders in the names, or a zip. The same files again are the same scene."""
+async def upload(
+    request: Request, farm: FarmDependency, response: Response, visit: VisitDependency, project: IntoProject = ""
+) -> SceneOut:
+    """Upload a scene: one file, many with their folders in the names, or a zip. The same files again are the same scene.
+
+    With `base`, in that scene's project unless told.
+    """
+    await check_room(request, farm, visit)
+    owner = Owner(await run_in_threadpool(farm.access.projects.check, project, visit.sight), visit.user, visit.token)
+    bases: list[Scene] = []
+
+    def find_base(id: str) -> Scene:
+        found = find_scene(id, farm)
+        if not visit.sight.sees(found.project):
+            raise no_scene(id)
+        bases[:] = [found]
+        return found
+
+    def write(stored: Upload) -> Scene:
+        its = replace(owner, project=bases[0].project) if bases and not project else owner
+        stored = replace(stored, id=id_in(its.project, stored.id))
+        farm.quotas.check_bytes(visit.caller, stored.size)
+        return record(stored, farm.sessions, farm.changed, owner=its)
+
     check_length(request, farm, "upload", "Leave files out")
     content_type = request.headers.get("content-type", "")
     scene = await receive(
@@ -62,8 +87,8 @@ async def upload(request: Request, farm: FarmDependency, response: Response) -> 
         farm.blobs,
         farm.garbage,
         farm.settings,
-        partial(record, sessions=farm.sessions, changed=farm.changed),
-        partial(find_scene, farm=farm),
+        write,
+        find_base,
     )
     response.headers["Location"] = f"/api/scenes/{scene.id}"
     return scene_out(scene, farm.engine)
@@ -71,12 +96,19 @@ async def upload(request: Request, farm: FarmDependency, response: Response) -> 
 
 @router.get("", response_model=list[SceneOut])
 def list_scenes(
-    farm: FarmDependency, response: Response, limit: int = Query(100, ge=1, le=1000), offset: int = Query(0, ge=0, le=1 << 31)
+    farm: FarmDependency,
+    response: Response,
+    visit: VisitDependency,
+    project: InProject = None,
+    limit: int = Query(100, ge=1, le=1000),
+    offset: int = Query(0, ge=0, le=1 << 31),
 ) -> list[SceneOut]:
     """All scenes, the newest first. The header X-Total-Count has their number."""
+    wanted = [Scene.of.is_(None), visit.sight.clause(Scene.project)]
+    wanted += [] if project is None else [Scene.project == project]
     with farm.sessions() as session:
-        response.headers["X-Total-Count"] = str(session.scalar(select(func.count()).select_from(Scene).where(Scene.of.is_(None))))
-        uploads = select(Scene).where(Scene.of.is_(None))
+        response.headers["X-Total-Count"] = str(session.scalar(select(func.count()).select_from(Scene).where(*wanted)))
+        uploads = select(Scene).where(*wanted)
         rows = session.scalars(uploads.order_by(Scene.created.desc(), Scene.id).limit(limit).offset(offset))
         return [scene_out(row, farm.engine) for row in rows]
 

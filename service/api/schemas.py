@@ -132,6 +132,9 @@ class JobIn(QueueIn):
         max_length=200,
         description="of the scene's materials, by name or number; empty: the file's own",
     )
+    verify: float | None = Field(
+        None, ge=0, le=1, description="the share of its batches that is rendered twice and compared; empty: as the farm does"
+    )
     fresh: bool = Field(False, description="rendered from the first sample, whatever earlier jobs have of the same picture")
 
     @field_validator("camera", mode="before")
@@ -265,6 +268,7 @@ class SceneOut(BaseModel):
     warnings: list[str]
     defaults: dict[str, Any]
     thumbnail: str | None
+    project: str = Field(default="", description="whose members see it; empty: everybody who is let in")
 
 
 class BadSampleOut(BaseModel):
@@ -319,6 +323,7 @@ class JobOut(QueueOut):
 
     id: str
     scene: str
+    project: str = Field(default="", description="its scene's: whose members see it; empty: everybody who is let in")
     name: str
     state: JobState
     message: str | None = Field(description="why it does not go on at the moment")

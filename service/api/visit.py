@@ -5,24 +5,42 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from fastapi import Depends
+from fastapi import Depends, Query
 from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
 
+from service.access.projects import NOTHING, Sight
 from service.access.roles import Caller
 
-__all__ = ["VISIT", "Visit", "VisitDependency", "address_of", "shown_secret"]
+__all__ = ["VISIT", "InProject", "IntoProject", "Visit", "VisitDependency", "address_of", "shown_secret"]
+
+InProject = Annotated[str | None, Query(max_length=64, description="those of this project alone; empty: those of none")]
+IntoProject = Annotated[str, Query(max_length=64, description="whose members alone see it; empty: everybody who is let in")]
 
 VISIT = "rayfarm.visit"  # in the scope
 
 
 @dataclass(frozen=True)
 class Visit:
-    """caller: None where nobody is let in by what was shown. needs_login: whether this request needed one."""
+    """caller: None where nobody is let in by what was shown. needs_login: whether this request needed one.
+
+    sight: what of the farm the caller sees.
+    """
 
     caller: Caller | None
     needs_login: bool
     address: str
+    sight: Sight = NOTHING
+
+    @property
+    def user(self) -> str | None:
+        """Whose work this is; None: of a farm that asks nobody who they are."""
+        return self.caller.name if self.caller is not None and self.caller.is_known else None
+
+    @property
+    def token(self) -> str | None:
+        """The id of the token that was shown; None where it was something else."""
+        return self.caller.key if self.caller is not None and self.caller.kind == "token" else None
 
 
 def address_of(connection: HTTPConnection) -> str:

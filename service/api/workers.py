@@ -7,9 +7,12 @@ from typing import Any
 import redis
 from fastapi import APIRouter
 
+from service.api.closed import seen_slots
+from service.api.visit import VisitDependency
 from service.api.worker_fields import WorkerOut, WorkerPatch, worker_out
 from service.errors import Conflict, NotFound, Unavailable
 from service.farm import Farm, FarmDependency
+from service.scheduling.workers import BY_A_PERSON
 from service.store.models import WorkerTerms
 
 __all__ = ["router"]
@@ -18,11 +21,17 @@ router = APIRouter(prefix="/api/workers", tags=["workers"])
 
 
 @router.get("", response_model=list[WorkerOut])
-def list_workers(farm: FarmDependency) -> list[WorkerOut]:
-    """The workers that are connected, by name: slots, processor, speed, and what each slot does now."""
+def list_workers(farm: FarmDependency, visit: VisitDependency) -> list[WorkerOut]:
+    """The workers that are connected, by name: slots, processor, speed, and what each slot does now.
+
+    Of a slot that works for a project that you do not see: {"hidden": true}.
+    """
     view = farm.engine.snapshot
     roster = view.roster
-    return [worker_out(roster.reports[name], roster.orders.get(name), view) for name in sorted(roster.reports)]
+    found = [worker_out(roster.reports[name], roster.orders.get(name), view) for name in sorted(roster.reports)]
+    for worker in found:
+        worker.current = seen_slots(worker.current, visit.sight, farm.access.projects)
+    return found
 
 
 @router.patch("/{name}", response_model=WorkerOut)
@@ -42,7 +51,7 @@ def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> Worke
         _ask(name, change.terms, farm)
     why = roster.orders.get(name)
     if change.state is not None:
-        why = None if change.state == "running" else "Paused by a person."
+        why = None if change.state == "running" else BY_A_PERSON
         try:
             farm.engine.order(name, why)
         except redis.RedisError as error:

@@ -7,7 +7,7 @@ from typing import Any
 
 from service.store.models import FINAL, Job
 
-__all__ = ["about", "trial"]
+__all__ = ["about", "set_aside", "trial"]
 
 
 def about(job: Job, public_url: str) -> dict[str, Any]:
@@ -30,6 +30,12 @@ def about(job: Job, public_url: str) -> dict[str, Any]:
         told["deadline"] = datetime.fromtimestamp(job.deadline, UTC).isoformat()
     is_over = job.state in FINAL
     return _event(f"job.{job.state}" if is_over else "job.late", (job.finished if is_over else job.late) or 0.0, told)
+
+
+def set_aside(at: float, told: dict[str, Any]) -> dict[str, Any]:
+    """The message about a worker that rendered something else than others. told: who, why, in which job it was found out, and
+    which jobs are rendered again in part."""
+    return _event("worker.set-aside", at, told)
 
 
 def trial(now: float) -> dict[str, Any]:

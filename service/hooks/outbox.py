@@ -15,7 +15,7 @@ from sqlalchemy import delete, exists, func, select
 
 from service.errors import FarmError
 from service.hooks.deliver import RefusedError, UndeliveredError, post, run, shown
-from service.hooks.message import about
+from service.hooks.message import about, set_aside
 from service.settings import Settings
 from service.store.database import Sessions
 from service.store.models import ACTIVE, FINAL, Delivery, Job
@@ -60,6 +60,18 @@ class Outbox:
             run(hook, id, message)
         else:
             post(hook, self._settings.webhook_secret, id, message)
+
+    def set_aside(self, worker: str, told: dict[str, object]) -> None:
+        """Tell webhooks of a worker that is not believed any more, as of jobs; a program is run for jobs alone."""
+        now = time.time()
+        rows = [
+            Delivery(id=f"msg_{uuid.uuid4().hex}", hook=hook, job=f"worker:{worker}"[:40], ended=now, message=message, due=now)
+            for hook in self._settings.webhooks
+            for message in [set_aside(now, told)]
+        ]
+        if rows:
+            with self._sessions.begin() as session:
+                session.add_all(rows)
 
     def _run(self) -> None:
         while not self._stop.wait(LOOK_EVERY_S):

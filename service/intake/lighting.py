@@ -18,6 +18,7 @@ from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
 from service.errors import Invalid, NotFound
+from service.intake.projects import Owner
 from service.intake.record import record
 from service.intake.uploads import Upload, changed, light_text, sky_text
 from service.store.database import Sessions
@@ -92,7 +93,7 @@ class Lighting:
         with self._garbage.pinned(ref.sha256 for ref in stored.files), self.held(stored.id):
             self._upload(scene)  # where it is deleted by now, its files may be
             self._wanted(base, environment, variant)  # and so may the image
-            made = record(stored, self._sessions, self._tell, of=base.of or base.id)
+            made = record(stored, self._sessions, self._tell, of=base.of or base.id, owner=Owner(base.project))
             self.clear()
         return made
 
@@ -170,7 +171,7 @@ class Lighting:
         elif (preset := asked.get("preset")) is not None:
             light = light_text(preset)
         elif (image := asked.get("image")) is not None:
-            light = self._image(image)
+            light = self._image(image, base.project)
         if light is None and variant is None:
             return None
         return changed(base, light, variant)
@@ -184,10 +185,10 @@ class Lighting:
             found = session.get(Environment, id)
         return None if found is None else found.name
 
-    def _image(self, id: str) -> BlobRef:
+    def _image(self, id: str, project: str) -> BlobRef:
         with self._sessions() as session:
             found = session.get(Environment, id)
-        if found is None:
+        if found is None or found.project not in ("", project):
             raise Invalid(f"environment: there is no image {id[:60]!r}. GET /api/environments lists those that are there.")
         ref = BlobRef.from_json(found.file)
         suffix = PurePosixPath(found.name).suffix.lower()

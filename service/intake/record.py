@@ -8,6 +8,7 @@ from dataclasses import asdict
 
 from sqlalchemy.exc import IntegrityError
 
+from service.intake.projects import NOBODY, Owner
 from service.intake.uploads import Upload
 from service.store.database import Sessions
 from service.store.models import Scene
@@ -15,20 +16,22 @@ from service.store.models import Scene
 __all__ = ["record"]
 
 
-def record(stored: Upload, sessions: Sessions, changed: Callable[[str, str], None], of: str | None = None) -> Scene:
+def record(
+    stored: Upload, sessions: Sessions, changed: Callable[[str, str], None], of: str | None = None, owner: Owner = NOBODY
+) -> Scene:
     """Write an upload whose blobs are pinned down as a scene, and have it prepared. One that is there already stays as it is.
 
-    changed: is told of "scene" and its id. of: the upload that it is made of, where it is none itself.
+    changed: is told of "scene" and its id. of: the upload that it is made of, where it is none itself. owner: whose it is.
     """
     try:
-        scene = _write(stored, sessions, of)
+        scene = _write(stored, sessions, of, owner)
     except IntegrityError:  # another wrote the same scene down in the same moment
-        scene = _write(stored, sessions, of)
+        scene = _write(stored, sessions, of, owner)
     changed("scene", scene.id)
     return scene
 
 
-def _write(stored: Upload, sessions: Sessions, of: str | None) -> Scene:
+def _write(stored: Upload, sessions: Sessions, of: str | None, owner: Owner) -> Scene:
     with sessions.begin() as session:
         scene = session.get(Scene, stored.id)
         if scene is None:
@@ -45,10 +48,12 @@ def _write(stored: Upload, sessions: Sessions, of: str | None) -> Scene:
                 bytes=stored.size,
                 notes=stored.notes,
                 compiled={},
+                **asdict(owner),
             )
             session.add(scene)
         elif scene.status == "failed":
             scene.status, scene.error = "preparing", None  # another try: the fault may have been the worker's
-        if of is None:
-            scene.of, scene.name = None, stored.name if scene.of else scene.name  # uploaded by itself, it is a scene of its own
+        if of is None and scene.of is not None:
+            scene.of, scene.name = None, stored.name  # uploaded by itself, it is a scene of its own
+            scene.user, scene.key = owner.user, owner.key
         return scene

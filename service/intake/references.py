@@ -8,12 +8,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import asdict
 from pathlib import Path
 
 from sqlalchemy.exc import IntegrityError
 
 from service.errors import Failed, Invalid
 from service.intake import read_reference
+from service.intake.projects import NOBODY, Owner, id_in
 from service.store.blobs import BlobStore
 from service.store.database import Sessions
 from service.store.garbage import Garbage
@@ -29,10 +31,10 @@ PIECE = 1 << 20
 
 
 def keep_reference(
-    name: str, file: BlobWriter, sessions: Sessions, blobs: BlobStore, garbage: Garbage, temporary: Path
+    name: str, file: BlobWriter, sessions: Sessions, blobs: BlobStore, garbage: Garbage, temporary: Path, owner: Owner = NOBODY
 ) -> Reference:
     """The row of an image, made where its content is new. Raises Invalid where it is none, and what the stores raise."""
-    id = file.sha256[:20]
+    id = id_in(owner.project, file.sha256[:20])
     if (known := _known(id, sessions)) is not None:
         return known
     with tempfile.TemporaryDirectory(prefix="reference-", dir=temporary) as folder:
@@ -50,6 +52,7 @@ def keep_reference(
                 created=time.time(),
                 file={"path": name, "sha256": file.sha256, "size": file.size, "parts": []},
                 film={"path": "", "sha256": film.sha256, "size": film.size, "parts": []},
+                **asdict(owner),
                 **found,
             )
             with garbage.pinned([file.sha256, film.sha256]):

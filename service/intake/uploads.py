@@ -20,6 +20,7 @@ from service.errors import Invalid, TooLarge
 from service.intake.archives import expand
 from service.intake.multipart import Form, read_form
 from service.intake.names import plain_title, safe_name
+from service.intake.projects import id_in
 from service.settings import Settings
 from service.store.blobs import BlobStore
 from service.store.garbage import Garbage
@@ -171,7 +172,7 @@ def changed(scene: Scene, light: str | BlobRef | None = None, variant: str | Non
     if isinstance(light, BlobRef):
         files = sorted([*(file for file in files if file.path != light.path), light], key=lambda file: file.path)
     variant = scene.variant if variant is None else _variant_of(scene, variant)
-    id = _id(files, scene.main, environment, variant)
+    id = id_in(scene.project, _id(files, scene.main, environment, variant))
     return Upload(id, scene.name, scene.main, environment, files, scene.notes, variant)
 
 

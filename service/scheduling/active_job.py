@@ -19,6 +19,7 @@ from service.scheduling.totals import Totals
 from service.shot import IN_TURN, Shot
 from service.store.films import Film
 from service.store.models import Frame, Job, blobs_of
+from worker.contract import render_queue
 
 __all__ = ["FAILURES_ALLOWED", "LOSSES_ALLOWED", "ActiveJob", "Trouble"]
 
@@ -83,6 +84,8 @@ class ActiveJob:
         self.trouble: dict[Range, Trouble] = {}
         self.handed_back: str | None = None  # why a worker gave a batch back, where none was rendered since
         self.rests_until = 0.0
+        self.verify = 0.0  # the share of its batches that is rendered twice
+        self.checks: Mapping[str, int] = {}  # of a job: decisions about its batches that are not made yet; it does not end before
         self._unsettled: list[Range] = []  # batches that came back, and that the plan has not looked at yet
         self.samples_per_s = 0.0  # of the whole farm on this job, over the wall clock
         self.rendered, self.rendered_s = 0, 0.0  # samples in this life of the service, and seconds that slots took for them
@@ -112,6 +115,8 @@ class ActiveJob:
     @property
     def done(self) -> bool:
         """Whether the job has all that was asked for; frames that failed are left out."""
+        if self.checks.get(self.id):
+            return False
         if self.shot is None:
             (frame,) = self.frames.values()
             if frame.plan.done:
@@ -171,6 +176,10 @@ class ActiveJob:
             return by_time
         by_samples = max(self.target_samples - self.samples, 0) / self.samples_per_s
         return by_samples if by_time is None else min(by_time, by_samples)
+
+    def queue(self, kind: str) -> str:
+        """Where its batches for workers of a kind wait."""
+        return render_queue(kind) if self.needs is None else self.needs.queue(kind)
 
     @property
     def is_late(self) -> bool:
@@ -241,6 +250,11 @@ class ActiveJob:
         frame = self.frames.get(batch.frame)
         return frame is not None and (self.shot is None or not frame.is_over) and frame.plan.wants(batch)
 
+    @property
+    def knows_cost(self) -> bool:
+        """Whether a batch has come back, and so told how long others take."""
+        return self._pixel_cost > 0.0
+
     def expected_s(self, batch: Range) -> float:
         """How long a batch is expected to take on one slot; 0 where nothing is known."""
         rect = self.film.tiles[batch.tile]
@@ -250,7 +264,11 @@ class ActiveJob:
         """The film has a batch, or dropped it; `settle` tells the plan."""
         self.handed_back = None
         self._learn(batch, seconds)
-        self._unsettled.append(batch)
+        last = self._unsettled[-1] if self._unsettled else None
+        if last is not None and (last.frame, last.tile, last.first + last.count) == (batch.frame, batch.tile, batch.first):
+            self._unsettled[-1] = last._replace(count=last.count + batch.count)  # the plan looks once at what came together
+        else:
+            self._unsettled.append(batch)
 
     def settle(self) -> None:
         """Let the plans look at the film for what came back. Raises FilmWaits or FilmLost; then it is to be called again."""

@@ -48,6 +48,7 @@ from service.scheduling.preparing import Preparing, Progress
 from service.scheduling.results import Entry, Results
 from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Tell
+from service.scheduling.trust import Trust
 from service.scheduling.vectors import Vectors
 from worker.log_lines import ids
 
@@ -85,6 +86,7 @@ class Answers:
         tell: Tell,
         tell_tiles: TellTiles,
         pace: Pace,
+        trust: Trust,
         settled: Callable[[ActiveJob], None],
     ) -> None:
         """settled: told of a job whose plan knows of all that the film has."""
@@ -100,20 +102,26 @@ class Answers:
         self._tell = tell
         self._tell_tiles = tell_tiles
         self._pace = pace
+        self._trust = trust
         self._settled = settled
         self._kept: dict[str, list[_Answer]] = {}  # by job or scene: read, and not stored yet
         self._stored: list[Entry] = []  # to be deleted from the stream
         self._overlooked = False
         self._took_in = 0.0
-        self.counts: Counter[str] = Counter()  # batches merged, dropped, failed
+        self._batches = 0  # whose sums were read with the latest results
+        self.counts: Counter[str] = Counter()  # batches merged, dropped, failed; results of them
 
     def take_in(self, block_ms: int) -> None:
         """Read what is new, waiting at most `block_ms` for it, and store what can be stored. Raises redis.RedisError."""
         self._gather()
         with self._pace.busy():
             entries = self._results.read(block_ms)
+            begun = time.monotonic()
             self._take_in(entries)
-        self._pace.took_in(sum(entry.result is not None and entry.result.sums is not None for entry in entries))
+        results = sum(entry.result is not None and entry.result.sums is not None for entry in entries)
+        self.counts["results"] += results
+        self._pace.took_in(results, self._batches, time.monotonic() - begun)
+        self._batches = 0
 
     def look_for_unread(self) -> None:
         """See how many results nobody has read yet. Raises redis.RedisError."""
@@ -158,7 +166,9 @@ class Answers:
             self._stored.append(entry)
             return
         if isinstance(message, BatchDone):
-            self._scheduler.arrived(message.job, message.batch)
+            self._batches += len(message.pieces)
+            for piece in message.pieces:
+                self._scheduler.arrived(message.job, piece.batch)
         elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned):
             self._preparing.arrived(message.scene, message.kind)
         self._kept.setdefault(message.owner, []).append(_Answer(entry, message))
@@ -185,14 +195,20 @@ class Answers:
 
     def _merge(self, id: str, rendered: list[tuple[BatchDone, bytes]]) -> None:
         job = self._scheduler.jobs[id]
+        rendered = self._trust.sort_out(job, rendered)
         arrived = merge(job, rendered)
         answers = self._kept[id]
         self._stored += [answer.entry for answer in answers if isinstance(answer.message, BatchDone)]
         answers[:] = [answer for answer in answers if not isinstance(answer.message, BatchDone)]
         tiles: dict[int, set[int]] = {}
-        for each in arrived:
-            self.counts["merged" if each.taken else "dropped"] += 1
-            self._scheduler.came_back(job, each.message.batch, each.batch, each.message.seconds, each.message.worker)
+        for each, (_, sums) in zip(arrived, rendered, strict=True):
+            if each.taken and each.batch is not None:
+                self._trust.taken(job, each.message, each.batch, sums)
+            pieces = each.message.pieces
+            self.counts["merged" if each.taken else "dropped"] += len(pieces)
+            for piece in pieces:
+                batch = each.batch and each.batch._replace(first=piece.first, count=piece.count)
+                self._scheduler.came_back(job, piece.batch, batch, piece.seconds, each.message.worker)
             if each.taken and each.batch is not None:
                 job.frames[each.batch.frame].bad_samples += each.message.bad_count
                 tiles.setdefault(each.batch.frame, set()).add(each.batch.tile)

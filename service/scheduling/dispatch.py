@@ -31,6 +31,7 @@ from worker.contract import (
     render_queue,
 )
 from worker.explained import EXPLAIN, ExplainPixel
+from worker.joint import HELP_QUEUES, RENDER_JOINTLY, JointBatch
 from worker.view_parts import RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewFrame, ViewParts, view_queue
 
 __all__ = ["Dispatcher", "QueueError"]
@@ -78,6 +79,10 @@ class Dispatcher:
     def send_batches(self, batches: Sequence[RenderBatch], queue: str, message: str) -> None:
         """Hand out batches to be rendered in turn, under the name of the message. Raises QueueError."""
         self._send(RENDER_BATCHES, {"batches": [batch.to_json() for batch in batches]}, queue, message)
+
+    def send_joint(self, joint: JointBatch, queue: str) -> None:
+        """Hand out batches of a tile for the slots of one machine. Raises QueueError."""
+        self._send(RENDER_JOINTLY, {"joint": joint.to_json()}, queue, joint.whole.batch)
 
     def send_prepare(self, scene: str, kind: str, lease: str) -> None:
         """Ask for a scene to be prepared. Raises QueueError."""
@@ -129,7 +134,7 @@ class Dispatcher:
 
     def purge(self) -> None:
         """Remove all that waits, of an earlier life whose leases are forgotten. Raises redis.RedisError."""
-        for pattern in (render_queue("*"), prepare_queue("*"), denoise_queue("*"), view_queue("*")):
+        for pattern in (render_queue("*"), prepare_queue("*"), denoise_queue("*"), view_queue("*"), f"{HELP_QUEUES}*"):
             for name in self._redis.scan_iter(pattern, count=1000):
                 self._redis.delete(name)
         self._redis.delete(VIEW_ANSWERS)

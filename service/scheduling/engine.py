@@ -36,6 +36,7 @@ from service.scheduling.records import Records
 from service.scheduling.results import Results
 from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Board, JobNumbers, Snapshot, Tell
+from service.scheduling.trust import Trust
 from service.scheduling.vectors import Vectors
 from service.scheduling.waiting import Waiting
 from service.scheduling.workers import Workers
@@ -71,6 +72,7 @@ class Engine:
         tell: Tell,
         tell_tiles: TellTiles,
         let_go: LetGo,
+        suspect: Callable[[str], None],
     ) -> None:
         self.films = films
         self._records = records
@@ -96,6 +98,7 @@ class Engine:
         self.logs = JobLogs(settings.data / "logs-of-jobs")
         self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads, self._pace)
+        self.trust = Trust(self._scheduler, self._workers, self._dispatcher, settings.batch_deadline)
         self._waiting = Waiting(records, self._bulkheads, self._changes)
         self._lifecycle = Lifecycle(
             *(records, films, self._scheduler, self._preparing, self._moments, self._denoising),
@@ -103,12 +106,14 @@ class Engine:
             waiting=self._waiting,
             tell=change,
             let_go=let_go,
+            suspect=suspect,
         )
         self._deadlines = Deadlines(records, self._with_database, change)
         self._keeper = SnapshotKeeper(snapshots, settings.data / "tmp", self._scheduler.jobs.__contains__)
         self._answers = Answers(
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
             *(self._denoising, self._vectors, self._environments, change, tell_tiles, self._pace),
+            trust=self.trust,
             settled=self._keeper.look,
         )
         self._asked: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # scenes, each for a kind of workers
@@ -218,6 +223,7 @@ class Engine:
             with self._pace.busy():
                 self._each_second()
         self._bulkheads.carry_out(self._lifecycle.end)
+        self.trust.carry_out(self._lifecycle.again)
         while not self._asked.empty():
             self._preparing.want(*self._asked.get())
         self._preparing.fill()
@@ -234,6 +240,7 @@ class Engine:
     def _begin(self) -> None:
         """Clean up after an earlier life, and take up what it left."""
         self._dispatcher.purge()
+        self.trust.begin()
         self.films.sweep(jobs := self._records.all_jobs())
         self.logs.sweep(jobs)
         self._changes.note("terms", "")
@@ -249,6 +256,7 @@ class Engine:
                 self._workers.look(now=True)
                 if id not in self._workers.roster.orders:
                     self._scheduler.suspicion.forgive(id)
+                    self._scheduler.distrusted.discard(id)
             elif what == "terms":
                 if not self._bulkheads.run(what, Step.CHANGE, self._renew_terms, needs_database=True):
                     continue
@@ -276,6 +284,7 @@ class Engine:
         self._vectors.review()
         self._environments.review()
         self._scheduler.review(self._results)
+        self.trust.review()
         self._waiting.review()
         for scene, kind in self._preparing.review(self._results):
             self._lifecycle.lost_while_preparing(scene, kind)
@@ -311,9 +320,9 @@ class Engine:
             roster=self._workers.roster,
             jobs=numbers,
             ahead=self._scheduler.line_up.ahead(),
-            waits=self._bulkheads.sentences(),
+            waits={**self.trust.sentences(), **self._bulkheads.sentences()},
             preparing=dict(self._preparing.progress),
-            counts={**self._answers.counts, "lost": self._scheduler.lost},
+            counts={**self._answers.counts, **self.trust.counts, "lost": self._scheduler.lost},
             batches_out=sum(1 for _ in self._scheduler.leases),
             failures=dict(self._scheduler.suspicion.failures),
         )

@@ -18,6 +18,7 @@ class Held:
         self._by_message: dict[Any, str] = {}
         self._by_range: dict[str, str] = {}  # of workers of an older release, which do not tell the lease
         for report in roster.reports.values():
+            self._by_message.update(dict.fromkeys(report.in_hand, report.name))
             for doing in report.current:
                 message = doing.get("message", doing.get("batch"))
                 if isinstance(message, str):

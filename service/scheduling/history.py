@@ -22,6 +22,7 @@ SENTENCES = {
     "paused": "paused",
     "resumed": "goes on",
     "lost": "a batch did not come back from {}, and is handed out again",
+    "distrusted": "{} is not believed any more: what it has sent is rendered again",
     "failed": "a batch failed, and is handed out again: {}",
 }
 

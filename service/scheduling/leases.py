@@ -37,10 +37,16 @@ class Lease:
     queue: str = ""  # in which its message waits, or waited
     charged_s: float = 0.0  # to its share, for what it takes of a slot
     message: str = ""  # with which it was sent: its own, unless it went with others
+    is_joint: bool = False  # those in its message are rendered at a time, by slots of one machine, and not in turn by one slot
 
     def __post_init__(self) -> None:
         """Alone, unless told."""
         self.message = self.message or self.id
+
+    @property
+    def turn(self) -> str:
+        """What takes a slot: a message, or of a joint one each batch."""
+        return self.id if self.is_joint else self.message
 
     @property
     def is_overdue(self) -> bool:
@@ -88,17 +94,17 @@ class Leases:
         return [lease for lease in self._all.values() if lease.owner == owner]
 
     def held(self) -> Counter[str]:
-        """How many messages with batches of each job are out, those whose results were not read yet included."""
-        out = {(lease.owner, lease.message) for lease in self._all.values() if lease.batch is not None and not lease.has_arrived}
+        """How many slots what is out of each job takes, that whose results were not read yet included."""
+        out = {(lease.owner, lease.turn) for lease in self._all.values() if lease.batch is not None and not lease.has_arrived}
         return Counter(owner for owner, _ in out)
 
     def waiting_in(self, queue: str) -> int:
-        """How many of those messages went into a queue."""
+        """How many slots what went into a queue takes, as `turns`."""
         out = (lease for lease in self._all.values() if lease.queue == queue and not lease.has_arrived)
-        return len({lease.message for lease in out})
+        return len({lease.turn for lease in out})
 
-    def messages(self, kind: str) -> int:
-        """How many messages with batches are out with workers of a kind, those whose results were not read yet included: where
-        they pile up, workers get less."""
+    def turns(self, kind: str) -> int:
+        """How many slots of workers of a kind all that is out takes, that whose results were not read yet included: where it
+        piles up, workers get less."""
         out = (lease for lease in self._all.values() if lease.batch is not None and not lease.has_arrived)
-        return len({lease.message for lease in out if lease.kind == kind})
+        return len({lease.turn for lease in out if lease.kind == kind})

@@ -36,6 +36,7 @@ from service.scheduling.snapshot import Tell
 from service.scheduling.vectors import Vectors
 from service.scheduling.waiting import Waiting
 from service.shot import Shot
+from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
 from service.store.models import ACTIVE, Job, Scene, blobs_of
 from worker.contract import SceneInfo
@@ -63,7 +64,9 @@ class Lifecycle:
         waiting: Waiting,
         tell: Tell,
         let_go: LetGo,
+        suspect: Callable[[str], None],
     ) -> None:
+        """suspect: told of a job that its film has ended; what can be mended of that is mended beside."""
         self._records = records
         self._films = films
         self._scheduler = scheduler
@@ -77,6 +80,7 @@ class Lifecycle:
         self._waiting = waiting
         self._tell = tell
         self._let_go = let_go
+        self._suspect = suspect
         self._autos: dict[str, dict[str, Any]] = {}  # of a job with a shot: the view that frames its scene at the beginning
 
     def apply(self, what: str, id: str) -> bool:
@@ -156,9 +160,15 @@ class Lifecycle:
             for key in shot.anew:
                 film.forget(key)
             self._records.forgot(row.id, shot.anew)
+        verify = row.request.get("verify")
+        film.keeps_apart = (self._scheduler.verify if verify is None else verify) > 0
+        for worker in self._scheduler.distrusted:
+            film.take_back(worker)
         frames = self._records.frames(row.id)
         compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
         job = ActiveJob(resolved, frames, film, compiled, scene.blobs)
+        job.verify = self._scheduler.verify if verify is None else verify
+        job.checks = self._scheduler.checks
         asked = {"env": row.light or scene.environment, "variant": scene.variant}
         job.scene_words = [f"--{name}={value}" for name, value in asked.items() if value]
         upload = self._records.scene(row.scene) if row.lit else scene
@@ -170,6 +180,12 @@ class Lifecycle:
         if job.shot is not None:
             self._autos[row.id] = (scene.info or {})["cameras"][-1]["view"]
         self.record(job)
+
+    def again(self, job: ActiveJob) -> None:
+        """Take a job up anew: what some worker has sent of it is not believed any more, and is rendered again."""
+        self._bulkheads.run(job.id, Step.RECORD, lambda: self._records.progress(job), needs_database=True)
+        self._drop(job)
+        self._changes.note("job", job.id)
 
     def start(self, job: ActiveJob, kind: str) -> bool:
         """Whether the job can be rendered by workers of this kind now; if so its kind is fixed."""
@@ -266,6 +282,8 @@ class Lifecycle:
                 self._records.progress(job)
                 self._give_back(job)
             self._tell("job", id)
+            if FILM in verdict.error:
+                self._suspect(id)
         else:
             self.prepare_failed(id, None, verdict.error)
 

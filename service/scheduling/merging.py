@@ -9,7 +9,7 @@ from renderer.settings import Tile
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.messages import BatchDone, BatchFailed, BatchReturned
 from service.scheduling.plan import Range
-from service.store.films import Part
+from service.store.parts import Part
 
 __all__ = ["Arrived", "batch_of", "merge"]
 
@@ -35,6 +35,7 @@ def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrive
             sums,
             [BadSample(*sample) for sample in message.bad],
             message.bad_count,
+            (message.worker,),
         )
         for (message, sums), batch in zip(answers, wanted, strict=True)
         if batch is not None

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import logging
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
-from pydantic import BaseModel, Field, TypeAdapter, ValidationError, field_validator
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError, field_validator, model_validator
 
 from service.scheduling.results import Entry
 from service.store.blobs import is_sha256
@@ -40,6 +40,8 @@ LARGE = 1 << 31  # bounds what a faulty worker may make us store
 Id = Annotated[str, Field(max_length=200)]
 Sentence = Annotated[str, Field(max_length=20000)]
 Number = Annotated[int, Field(ge=0, le=LARGE)]
+Seconds = Annotated[float, Field(ge=0.0, le=DAY_S)]
+MOST_PIECES = 4096
 
 log = logging.getLogger(__name__)
 
@@ -59,13 +61,40 @@ class _Batch(BaseModel):
         return self.job
 
 
-class BatchDone(_Batch):
-    """A batch is rendered; its sums come beside it."""
+class Piece(NamedTuple):
+    """A batch among those whose sums came added up."""
 
-    type: Literal["batch"]
-    seconds: float = Field(ge=0.0, le=DAY_S)
+    batch: Id
+    first: Number
+    count: Annotated[int, Field(ge=1, le=LARGE)]  # type: ignore[assignment]  # hides tuple.count, which nobody needs
+    seconds: Seconds
+
+
+class BatchDone(_Batch):
+    """A batch is rendered, or some of a tile that follow each other; the sums come beside it."""
+
+    type: Literal["batch", "batches"]
+    batch: Id = ""
+    seconds: Seconds = 0.0
+    parts: Annotated[list[Piece], Field(max_length=MOST_PIECES)] = []
     bad: list[tuple[Number, Number, Number]] = []
     bad_count: Number = 0
+
+    @property
+    def pieces(self) -> list[Piece]:
+        """What was handed out, each by itself."""
+        return self.parts or [Piece(self.batch, self.first, self.count, self.seconds)]
+
+    @model_validator(mode="after")
+    def _all_of_it(self) -> BatchDone:
+        end = self.first
+        for piece in self.pieces:
+            if piece.first != end:
+                raise ValueError("its batches do not follow each other")
+            end += piece.count
+        if end != self.first + self.count or not all(piece.batch for piece in self.pieces):
+            raise ValueError("its batches are not all of its samples")
+        return self
 
 
 class BatchFailed(_Batch):

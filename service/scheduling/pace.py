@@ -20,10 +20,12 @@ SMOOTHING = 0.3
 RENEWED_EVERY_S = 1.0
 BEHIND_S = 0.75  # a backlog of so long a time is none that comes with a burst
 MOST_STRETCH = 20.0
-FEW = 8  # results: less say nothing
+FEW = 8  # batches or results: less say nothing
 AHEAD_S = 1.0
 SLOTS_ALONE = 32  # so many take batches of as many tiles
 MOST_OF_A_TILE = 8
+MOST_JOINT = 16
+SHORTEST_HOLD_S = 1.0
 GATHERED_FROM = 40.0  # results a second: fewer are taken in one by one, as they come
 GATHER_S = 0.15
 
@@ -36,13 +38,14 @@ class Pace:
         self._shortest_s = shortest_s
         self._longest_s = max(shortest_s, longest_s)
         self._unread_bytes = unread_bytes
-        self.result_s = 0.0  # of the engine's processor time, that a result takes
+        self.batch_cost_s = 0.0  # of the engine's processor time, that a batch takes, also where sums of some came as one result
         self.results_per_s = 0.0
         self._unread = 0
         self._size = 0.0
         self._stretch = 1.0  # of batches, where results wait for other things than this thread's work: a disk, other programs
         self._busy_s = 0.0
-        self._results = 0
+        self._storing_s = 0.0  # by the wall's clock
+        self._results = self._batches = 0
         self._since = time.monotonic()
 
     @contextmanager
@@ -54,32 +57,45 @@ class Pace:
         finally:
             self._busy_s += time.thread_time() - begun
 
-    def took_in(self, results: int) -> None:
-        """So many results of batches are dealt with."""
+    def took_in(self, results: int, batches: int = 0, seconds: float = 0.0) -> None:
+        """So many results are dealt with, which took so long. batches: of how many, where some came added up."""
         self._results += results
+        self._batches += batches
+        self._storing_s += seconds
         now = time.monotonic()
         if now - self._since < RENEWED_EVERY_S:
             return
         self.results_per_s = self._results / (now - self._since)
-        if self._results >= FEW:
-            cost = self._busy_s / self._results
-            self.result_s += (cost - self.result_s) * (SMOOTHING if self.result_s else 1.0)
-        behind = self._unread > max(FEW, BEHIND_S * self.results_per_s)
+        if (batches := max(self._batches, self._results)) >= FEW:
+            cost = self._busy_s / batches
+            self.batch_cost_s += (cost - self.batch_cost_s) * (SMOOTHING if self.batch_cost_s else 1.0)
+        able = max(self.results_per_s, self._results / self._storing_s if self._storing_s else 0.0)  # of so many a second
+        behind = self._unread > max(FEW, BEHIND_S * able)
         self._stretch = min(self._stretch * 1.2, MOST_STRETCH) if behind else max(self._stretch * 0.95, 1.0)
-        self._busy_s, self._results, self._since = 0.0, 0, now
+        self._busy_s, self._storing_s, self._results, self._batches, self._since = 0.0, 0.0, 0, 0, now
 
     def batch_s(self, slots: int) -> float:
         """How long a batch is to take where so many slots work."""
-        return min(max(self._shortest_s, slots * self.result_s / SHARE) * self._stretch, self._longest_s)
+        return min(max(self._shortest_s, slots * self.batch_cost_s / SHARE) * self._stretch, self._longest_s)
 
     def window(self, slots: int, per_slot: int) -> int:
         """How many messages may be out for so many slots: what waits behind those in hand is what they take within a second, so
         that longer batches do not make who comes later wait longer."""
         return slots + math.ceil(slots * (per_slot - 1) * min(1.0, AHEAD_S / self.batch_s(slots)))
 
-    def of_a_tile(self, slots: int) -> int:
-        """How many batches of a tile are handed out one after the other: they come back together, and are added up to one row."""
+    def of_a_tile(self, slots: int, joint: bool = False) -> int:
+        """How many batches of a tile are handed out one after the other: they come back together, and are added up to one row.
+
+        joint: by the workers, before they come back."""
+        if joint:
+            return min(2 * slots // SLOTS_ALONE, MOST_JOINT) if slots > SLOTS_ALONE else 1
         return min(max(1, math.ceil(slots / SLOTS_ALONE)), MOST_OF_A_TILE)
+
+    @staticmethod
+    def hold_s(batch_s: float) -> float:
+        """How long a batch's sums may wait on a machine for those of the batches with which they are added up, where each is
+        expected to take so long."""
+        return max(SHORTEST_HOLD_S, batch_s)
 
     def room(self, room: int) -> int:
         """Of that much room, what is left while results wait unread: less and less, and none at the limit."""

@@ -27,16 +27,16 @@ from service.scheduling.reproduce import reproduce
 from service.scheduling.results import Results
 from service.scheduling.shares import Line, Shares
 from service.scheduling.suspicion import Suspicion
-from service.scheduling.together import together, work_of
+from service.scheduling.together import Handful, Hands, joint_work_of, together, work_of
 from service.scheduling.workers import Workers
 from service.settings import Settings
-from worker.contract import render_queue
 from worker.log_lines import ids
 
 __all__ = ["Scheduler"]
 
 STRAGGLER_S = 3.0
 PATIENCE_WITH_FEW_S = 5.0
+UNMEASURED = 32  # batches, before anybody knows how long one takes; a first sample of every tile in any case
 REST_S = 1.0  # before the only worker is given again what it has handed back
 
 log = logging.getLogger(__name__)
@@ -58,6 +58,7 @@ class Scheduler:
     def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, bulkheads: Bulkheads, pace: Pace) -> None:
         self._settings = settings
         self._pace = pace
+        self.verify = settings.verify  # the share of batches that is rendered twice, unless a job says otherwise
         self._dispatcher = dispatcher
         self._workers = workers
         self._bulkheads = bulkheads
@@ -66,6 +67,8 @@ class Scheduler:
         self.line_up = LineUp(workers, self.jobs)
         self.shares = Shares()
         self.suspicion = Suspicion()
+        self.distrusted: set[str] = set()  # workers of which nothing goes into a film: service/scheduling/trust.py
+        self.checks: Counter[str] = Counter()  # of a job: decisions about its batches that are not made yet
         self._sent: list[Lease] = []  # of this filling
         self._turn = count(1)
         self.lost = 0  # batches that were handed out again
@@ -77,7 +80,7 @@ class Scheduler:
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
-            room = self._pace.room(self._pace.window(slots, self._settings.window_per_slot) - self.leases.messages(kind))
+            room = self._pace.room(self._pace.window(slots, self._settings.window_per_slot) - self.leases.turns(kind))
             turns = self.line_up.by_priority(kind) if room > 0 else {}
             if not turns:
                 continue
@@ -105,7 +108,7 @@ class Scheduler:
                 job.lose(lease.batch)
 
     def _serve(self, line: Line[ActiveJob], kind: str, slots: int, room: int, start: Start, pools: dict[str, Pool]) -> int:
-        """Hand out up to `room` messages to jobs of one priority; returns how many. pools: of queues of needs."""
+        """Hand out work for up to `room` slots to jobs of one priority; returns for how many. pools: of queues of needs."""
         handed_out = 0
         while handed_out < room and (job := line.next()) is not None:
             if not self._bulkheads.may_render(job.id) or time.monotonic() < job.rests_until or job.done:
@@ -113,14 +116,16 @@ class Scheduler:
             pool = Pool(slots, room) if job.needs is None else self._pool(job.needs.queue(kind), kind, pools)
             if pool.room <= 0:
                 continue
+            if not job.knows_cost and line.held >= max(UNMEASURED, len(job.film.tiles)):
+                continue  # of many slots, one sample each: they would cost more than they are worth
             sent = len(self._sent)
             hand_out = partial(self._hand_out, job, kind, pool.slots, start, min(line.left, pool.room))
             self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
             if new := self._sent[sent:]:
-                messages = len({lease.message for lease in new})
-                handed_out += messages
-                pool.room -= messages
-                line.gave(job, messages, sum(lease.charged_s for lease in new))
+                taken = len({lease.turn for lease in new})
+                handed_out += taken
+                pool.room -= taken
+                line.gave(job, taken, sum(lease.charged_s for lease in new))
         return handed_out
 
     def _pool(self, queue: str, kind: str, known: dict[str, Pool]) -> Pool:
@@ -132,38 +137,42 @@ class Scheduler:
         return known[queue]
 
     def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: Start, most: int) -> None:
-        """Hand out the next batch of a job, or some of them, in at most so many messages, if it has any for workers of this kind.
+        """Hand out the next batch of a job, or some of them, for at most so many slots, if it has any for workers of this kind.
         Raises QueueError."""
         if not start(job, kind):
             return
-        batch_s, in_turn = self._pace.batch_s(slots), self._pace.of_a_tile(slots)
-        groups = together(job, batch_s, slots, kind, self._workers.roster.takes_several(kind), in_turn, most)
+        roster, batch_s = self._workers.roster, self._pace.batch_s(slots)
+        several, joint = roster.takes_several(kind), roster.takes_joint(kind)
+        handfuls = together(job, Hands(kind, slots, batch_s, several, joint, self._pace.of_a_tile(slots, joint), most))
         try:
-            while groups:
-                self._send(job, kind, groups[0])
-                groups.pop(0)
+            while handfuls:
+                self._send(job, kind, handfuls[0])
+                handfuls.pop(0)
         except BaseException:
-            for batch in (batch for group in groups for batch in group):
+            for batch in (batch for handful in handfuls for batch in handful.batches):
                 job.lose(batch)
             raise
 
-    def _send(self, job: ActiveJob, kind: str, batches: list[Range]) -> None:
+    def _send(self, job: ActiveJob, kind: str, handful: Handful) -> None:
         """Hand out batches in one message. Raises QueueError; then none of them is."""
-        leases: list[Lease] = []
+        batches, leases = handful.batches, list[Lease]()
         expected = 0.0
         for batch in batches:
             expected += job.expected_s(batch)
             trouble = job.trouble.get(batch)
             patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
-            leases.append(Lease(job.id, kind, batch, patience, expected))
-            leases[-1].queue = render_queue(kind) if job.needs is None else job.needs.queue(kind)
+            leases.append(Lease(job.id, kind, batch, patience, expected, is_joint=handful.is_joint))
+            leases[-1].queue = job.queue(kind)
             leases[-1].charged_s = job.expected_s(batch) or self._settings.batch_seconds
-        works = [work_of(job, kind, lease.id, batch) for lease, batch in zip(leases, batches, strict=True)]
-        if len(works) == 1:
-            self._dispatcher.send_batch(works[0], leases[0].queue)
+            leases[-1].message = leases[0].id
+        if handful.is_joint:
+            self._dispatcher.send_joint(
+                joint_work_of(job, leases, batches, self._pace.hold_s(expected / len(batches))), leases[0].queue
+            )
+        elif len(leases) == 1:
+            self._dispatcher.send_batch(work_of(job, leases[0], batches[0]), leases[0].queue)
         else:
-            for lease in leases:
-                lease.message = leases[0].id
+            works = [work_of(job, lease, batch) for lease, batch in zip(leases, batches, strict=True)]
             self._dispatcher.send_batches(works, leases[0].queue, leases[0].id)
         self._sent += leases
         for lease in leases:
@@ -325,7 +334,7 @@ class Scheduler:
         return not lease.doubled and time.monotonic() - lease.issued > max(STRAGGLER_S, 6 * lease.expected_s)
 
     def _has_idle_slots(self, kind: str) -> bool:
-        return self._workers.roster.slots(kind) > self.leases.messages(kind)
+        return self._workers.roster.slots(kind) > self.leases.turns(kind)
 
     def connected(self) -> set[str]:
         """The names of the workers that report themselves."""

@@ -146,7 +146,8 @@ class Line(Generic[Job]):
         heapify(self._turns)
         self._is_heap: set[str] = set()
         self._place: _Place | None = None  # of whose turn it is
-        self.left = 0  # how many messages that one may have at the most
+        self.left = 0  # how many slots that one may have more at the most
+        self.held = 0  # how many it has
 
     def next(self) -> Job | None:
         """Whose turn it is; None where nobody may have more. Who does not get anything then is not asked again."""
@@ -162,6 +163,7 @@ class Line(Generic[Job]):
                 self._is_heap.add(share)
                 heapify(queue)
             self._place, job = heappop(queue)
+            self.held = self._place[1]
             self.left = min(room, self._room(job.max_slots, self._place[1]))
             if self.left > 0:
                 return job

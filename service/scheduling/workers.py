@@ -19,7 +19,9 @@ from worker.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, Wor
 from worker.terms import Offer, Terms, offer_key, terms_key
 from worker.vitals import LOG_TTL_S, Vitals, log_key, log_wanted_key, vitals_key
 
-__all__ = ["Roster", "Workers"]
+__all__ = ["BY_A_PERSON", "Roster", "Workers"]
+
+BY_A_PERSON = "Paused by a person."
 
 LOOK_EVERY_S = 1.0
 LATE_S = 2.5 * HEARTBEAT_EVERY_S
@@ -97,6 +99,10 @@ class Roster:
         """Whether all workers of a kind take several batches in one message: whoever is free takes what waits for it."""
         return all(report.several for report in self.reports.values() if report.kind == kind)
 
+    def takes_joint(self, kind: str) -> bool:
+        """Whether all workers of a kind add up what their slots render of a tile."""
+        return all(report.adds for report in self.reports.values() if report.kind == kind)
+
     def denoising_kind(self) -> str | None:
         """The kind of the workers that can denoise, with most slots; None where none is ready."""
         return self._kind_of([report for report in self.ready() if report.denoises])
@@ -171,6 +177,14 @@ class Workers:
     def pause(self, name: str, why: str) -> None:
         """Let a worker take no more tasks, until `resume`; from any thread. Raises redis.RedisError."""
         self._redis.set(order_key(name), why, ex=ORDER_TTL_S)
+
+    def all_orders(self) -> dict[str, str]:
+        """Why workers are paused, by name, connected or not. Raises redis.RedisError."""
+        keys = list(self._redis.scan_iter(order_key("*"), count=1000))
+        values: Any = self._redis.mget(keys) if keys else []
+        prefix = len(order_key(""))
+        found = ((key.decode(errors="replace")[prefix:], why) for key, why in zip(keys, values, strict=True))
+        return {name: why.decode(errors="replace") for name, why in found if why is not None}
 
     def resume(self, name: str) -> None:
         """Let a worker take tasks again; from any thread. Raises redis.RedisError."""

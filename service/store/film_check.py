@@ -11,8 +11,7 @@ from pathlib import Path
 from renderer.settings import tiles_of
 from service.errors import FarmError
 from service.store.film_faults import damaged, film_faults
-from service.store.film_file import ROWS
-from service.store.film_version import FilmShape, Row, is_up_to_date, is_whole
+from service.store.film_version import FilmShape, Row, is_up_to_date, is_whole, select_rows
 
 __all__ = ["film_samples", "opened", "rows_left"]
 
@@ -27,8 +26,8 @@ def film_samples(path: Path, shape: FilmShape) -> Counter[int]:
     tiles = tiles_of(shape.width, shape.height, shape.tile_size)
     found: Counter[int] = Counter()
     with film_faults(), closing(opened(path)) as database:
-        rows = ROWS if is_up_to_date(database, shape) else ROWS.replace("checksum", "NULL")
-        for *row, known in database.execute(rows):
+        is_up_to_date(database, shape)
+        for *row, known in database.execute(select_rows(_version(database))):
             frame, tile, first, count = row[:4]
             if not isinstance(tile, int) or not 0 <= tile < len(tiles) or not is_whole(tuple(row), known):
                 raise damaged(f"samples from {first} on of tile {tile} are not what was written")
@@ -40,16 +39,16 @@ def rows_left(path: Path, shape: FilmShape) -> Iterator[Row]:
     """The rows of a damaged film that can still be read and are what was written; none where that cannot be made out."""
     try:
         with closing(opened(path)) as database:
-            if not is_up_to_date(database, shape):
-                return
+            is_up_to_date(database, shape)
+            rows = select_rows(_version(database))
             (last,) = database.execute("SELECT coalesce(max(rowid), 0) FROM part").fetchone()
             for rowid in range(1, last + 1):
                 try:
-                    found = database.execute(f"{ROWS} WHERE rowid = ?", (rowid,)).fetchone()
+                    found = database.execute(f"{rows} WHERE rowid = ?", (rowid,)).fetchone()
                 except sqlite3.DatabaseError:
                     continue
-                if found is not None and found[6] is not None and is_whole(found[:6], found[6]):
-                    yield found[:6]
+                if found is not None and found[8] is not None and is_whole(found[:8], found[8]):
+                    yield found[:8]
     except (sqlite3.DatabaseError, FarmError):
         return
 
@@ -57,3 +56,8 @@ def rows_left(path: Path, shape: FilmShape) -> Iterator[Row]:
 def opened(path: Path) -> sqlite3.Connection:
     """A connection of one's own to a film that is there."""
     return sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True, timeout=PATIENCE_S)
+
+
+def _version(database: sqlite3.Connection) -> int:
+    (version,) = database.execute("PRAGMA user_version").fetchone()
+    return int(version)

@@ -11,7 +11,7 @@ from service.errors import FilmLost, FilmWaits
 from service.store.film_check import opened
 from service.store.film_faults import FILM, damaged
 from service.store.film_file import ROWS, FilmFile
-from service.store.film_version import FilmShape, is_whole
+from service.store.film_version import FilmShape, is_whole, spans
 from service.store.whole import move_whole
 
 __all__ = ["copy_film"]
@@ -33,7 +33,7 @@ def copy_film(source: Path, target: Path, shape: FilmShape, most: int) -> int:
     try:
         with closing(opened(source)) as database:
             database.execute("BEGIN")
-            (end,) = database.execute("SELECT coalesce(max(first + count), 0) FROM part WHERE frame = 0").fetchone()
+            end = _end(database.execute("SELECT first, count, ranges FROM part WHERE frame = 0").fetchall())
             if not 0 < end <= most:
                 raise FilmLost(f"{FILM} has {end} samples of a pixel, and {most} are wanted.")
             file = FilmFile(made, shape)
@@ -41,7 +41,7 @@ def copy_film(source: Path, target: Path, shape: FilmShape, most: int) -> int:
                 rows = database.execute(f"{ROWS} WHERE frame = 0")
                 while found := rows.fetchmany(AT_ONCE):
                     samples += sum(_samples(row, tiles) for row in found)
-                    file.add([row[:6] for row in found], [])
+                    file.add([row[:8] for row in found], [])
                 file.add([], database.execute("SELECT frame, x, y, sample FROM bad_sample WHERE frame = 0").fetchall())
                 file.settle()
             finally:
@@ -56,8 +56,15 @@ def copy_film(source: Path, target: Path, shape: FilmShape, most: int) -> int:
     return samples
 
 
+def _end(parts: list[tuple[int, int, str | None]]) -> int:
+    try:
+        return max((first + count for part in parts for first, count in spans(*part)), default=0)
+    except (ValueError, TypeError) as error:
+        raise damaged(str(error)) from error
+
+
 def _samples(row: tuple[Any, ...], tiles: list[Tile]) -> int:
     _, tile, first, count, *_ = row
-    if not isinstance(tile, int) or not 0 <= tile < len(tiles) or not is_whole(row[:6], row[6]):
+    if not isinstance(tile, int) or not 0 <= tile < len(tiles) or not is_whole(row[:8], row[8]):
         raise damaged(f"samples from {first} on of tile {tile} are not what was written")
     return int(count) * tiles[tile].w * tiles[tile].h

@@ -24,9 +24,11 @@ PASSES = {
     sqlite3.SQLITE_INTERRUPT: "was interrupted",
     sqlite3.SQLITE_IOERR: "cannot be written or read now",
     sqlite3.SQLITE_CANTOPEN: "cannot be opened now",
+    sqlite3.SQLITE_READONLY: "cannot be written: it or its disk is read-only. Make it writable",
     sqlite3.SQLITE_FULL: "cannot be written: the disk is full. Delete scenes or jobs that are no longer needed",
 }
-STAYS = {sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH}
+STAYS = {sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH}
+MOVED = sqlite3.SQLITE_READONLY_DBMOVED  # the file is another's by now, or nobody's: what is written to it is lost
 # Of these the primary code says that it passes, and it does not: the disk gives back other bytes than were written.
 DAMAGED = {sqlite3.SQLITE_IOERR_CORRUPTFS, sqlite3.SQLITE_IOERR_SHORT_READ, sqlite3.SQLITE_CANTOPEN_ISDIR}
 OS_PASSES = {
@@ -55,6 +57,8 @@ def film_faults() -> Iterator[None]:
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise _told(sqlite3.SQLITE_FULL, "") from error
+        if error.errno == errno.EROFS:
+            raise _told(sqlite3.SQLITE_READONLY, "") from error
         raise _told(sqlite3.SQLITE_IOERR if error.errno in OS_PASSES else sqlite3.SQLITE_PERM, str(error)) from error
 
 
@@ -72,9 +76,9 @@ def incomplete(has: int, recorded: int) -> FilmDamaged:
 
 def _told(code: int, message: str) -> FilmWaits | FilmLost:
     primary = code & 0xFF
-    why = f" ({message})" if message and primary != sqlite3.SQLITE_FULL else ""
-    if primary in PASSES and code not in DAMAGED:
+    why = f" ({message})" if message and primary not in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY) else ""
+    if primary in PASSES and code not in DAMAGED and code != MOVED:
         return FilmWaits(f"{FILM} {PASSES[primary]}{why}. The job goes on when this has passed.")
-    if primary in STAYS:
+    if primary in STAYS or code == MOVED:
         return FilmLost(f"{FILM} cannot be written{why}. Mend this, then set the job to running.")
     return damaged(message)

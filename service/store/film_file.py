@@ -7,24 +7,38 @@ import logging
 import os
 import sqlite3
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from service.errors import FarmError
 from service.store.film_faults import damaged, film_faults
-from service.store.film_version import FilmShape, Row, bring_up_to_date, checksum, is_up_to_date, is_whole
+from service.store.film_version import FilmShape, Row, bring_up_to_date, checksum, is_up_to_date, is_whole, select_rows
 
-__all__ = ["FilmFile"]
+__all__ = ["FilmFile", "Head"]
 
 LOCK_PATIENCE_S = 0.1  # the engine's thread waits no longer for one film
 MAX_BAD_KEPT = 1000
 BAD_SHOWN = 64
 
-ROWS = "SELECT frame, tile, first, count, bad, sums, checksum FROM part"
-PART = "INSERT INTO part (frame, tile, first, count, bad, sums, checksum) VALUES (?, ?, ?, ?, ?, ?, ?)"
+ROWS = select_rows()
+COLUMNS = "frame, tile, first, count, bad, sums, workers, ranges, checksum"
+PART = f"INSERT INTO part ({COLUMNS}) VALUES ({', '.join('?' * 9)})"
 
 log = logging.getLogger(__name__)
+
+
+class Head(NamedTuple):
+    """All that a row says but its sums; service/store/film_version.py has what each means."""
+
+    frame: int
+    tile: int
+    first: int
+    count: int  # type: ignore[assignment]  # hides tuple.count, which nobody needs
+    bad: int
+    workers: str | None
+    ranges: str | None
 
 
 class FilmFile:
@@ -32,6 +46,7 @@ class FilmFile:
 
     def __init__(self, path: Path, shape: FilmShape) -> None:
         """Open the file, and make it where it is not there."""
+        self._is_held = False  # by another program, at the last try
         with film_faults():
             os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))  # SQLite makes its -wal and -shm alike
             self._database = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=LOCK_PATIENCE_S)
@@ -61,18 +76,27 @@ class FilmFile:
         except FarmError as error:
             log.info("a film keeps its log beside it: %s", error)
 
-    def ranges(self) -> list[tuple[int, int, int, int]]:
-        """(frame, tile, first, count) of every row."""
+    def heads(self) -> list[Head]:
+        """Of every row all but its sums."""
         with film_faults():
-            return self._database.execute("SELECT frame, tile, first, count FROM part").fetchall()
+            found = self._database.execute("SELECT frame, tile, first, count, bad, workers, ranges FROM part").fetchall()
+        return [Head(*head) for head in found]
 
     def sums(self, frame: int, tile: int) -> Iterator[bytes]:
         """The packed sums of a tile's rows. Raises FilmLost where one is not what was written."""
         with film_faults():
-            for *row, known in self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ?", (frame, tile)):
-                if not is_whole(tuple(row), known):
-                    raise damaged(f"samples from {row[2]} on of tile {tile} are not what was written")
-                yield row[5]
+            for row in self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ?", (frame, tile)):
+                yield _sums(row)
+
+    def sums_of(self, heads: list[Head]) -> Iterator[bytes]:
+        """The packed sums of these rows, of one tile. Raises FilmLost where one is not what was written, or gone."""
+        with film_faults():
+            for head in heads:
+                where = head[:3]
+                row = self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ? AND first = ?", where).fetchone()
+                if row is None:
+                    raise damaged(f"samples from {head.first} on of tile {head.tile} are gone")
+                yield _sums(row)
 
     def bad_samples(self, frame: int) -> tuple[int, list[tuple[int, int, int]]]:
         """How many samples were left out, and (x, y, sample) of the first of them."""
@@ -91,17 +115,16 @@ class FilmFile:
                 (kept,) = self._database.execute("SELECT count(*) FROM bad_sample").fetchone()
                 self._database.executemany("INSERT INTO bad_sample VALUES (?, ?, ?, ?)", bad[: max(0, MAX_BAD_KEPT - kept)])
 
-    def fold(self, frame: int, tile: int, first: int, count: int, sums: bytes) -> bool:
-        """Make one row of a tile's rows, where they are these very samples; else say so and change nothing."""
-        where = (frame, tile)
+    def fold(self, heads: list[Head], row: Row, are_all: bool) -> bool:
+        """Put one row in these rows' place, where they are what they were; else say so and change nothing.
+
+        are_all: they are to be all of the tile's."""
         with film_faults(), self._transaction():
-            found = self._database.execute(
-                "SELECT min(first), max(first + count), sum(count), sum(bad) FROM part WHERE frame = ? AND tile = ?", where
-            ).fetchone()
-            if found[:3] != (first, first + count, count):
+            there = self._database.execute("SELECT first, count FROM part WHERE frame = ? AND tile = ?", row[:2]).fetchall()
+            folded = {head[2:4] for head in heads}
+            if not folded <= set(there) or (are_all and len(there) != len(heads)):
                 return False
-            self._database.execute("DELETE FROM part WHERE frame = ? AND tile = ?", where)
-            row = (frame, tile, first, count, found[3], sums)
+            self._remove(heads)
             self._database.execute(PART, (*row, checksum(row)))
         return True
 
@@ -116,12 +139,16 @@ class FilmFile:
         with film_faults():
             where = (frame, tile, first)
             found = self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ? AND first = ?", where).fetchone()
-        return found[:6] if found is not None and is_whole(found[:6], found[6]) else None
+        return found[:8] if found is not None and is_whole(found[:8], found[8]) else None
 
-    def remove(self, frame: int, tile: int, first: int) -> None:
-        """Remove one row."""
+    def remove(self, heads: Iterable[Head]) -> None:
+        """Remove rows."""
         with film_faults(), self._transaction():
-            self._database.execute("DELETE FROM part WHERE frame = ? AND tile = ? AND first = ?", (frame, tile, first))
+            self._remove(heads)
+
+    def _remove(self, heads: Iterable[Head]) -> None:
+        where = [head[:3] for head in heads]
+        self._database.executemany("DELETE FROM part WHERE frame = ? AND tile = ? AND first = ?", where)
 
     def forget_bad(self, frame: int, area: tuple[int, int, int, int], first: int, count: int) -> None:
         """Forget the bad samples first ... first + count - 1 of the pixels x, y, w, h."""
@@ -135,7 +162,7 @@ class FilmFile:
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        self._database.execute("BEGIN IMMEDIATE")
+        self._begin()
         try:
             yield
             self._database.execute("COMMIT")
@@ -143,3 +170,25 @@ class FilmFile:
             with contextlib.suppress(sqlite3.Error):  # after some faults SQLite has rolled back by itself
                 self._database.rollback()
             raise
+
+    def _begin(self) -> None:
+        """Begin to write. A film that was held is not waited for again: many would leave the engine no time for other jobs."""
+        try:
+            self._database.execute("BEGIN IMMEDIATE")
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY and not self._is_held:
+                self._wait_for_locks(0.0)
+            raise
+        if self._is_held:
+            self._wait_for_locks(LOCK_PATIENCE_S)
+
+    def _wait_for_locks(self, seconds: float) -> None:
+        self._is_held = not seconds
+        self._database.execute(f"PRAGMA busy_timeout={round(seconds * 1000)}").close()
+
+
+def _sums(row: tuple[Any, ...]) -> bytes:
+    if not is_whole(row[:8], row[8]):
+        raise damaged(f"samples from {row[2]} on of tile {row[1]} are not what was written")
+    sums: bytes = row[5]
+    return sums

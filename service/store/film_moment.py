@@ -17,6 +17,7 @@ from renderer.settings import Tile
 from service.store.added import added_up
 from service.store.coverage import Coverage
 from service.store.film_faults import damaged, film_faults
+from service.store.film_version import spans
 
 __all__ = ["FilmMoment", "Readable"]
 
@@ -70,9 +71,10 @@ class FilmMoment:
             self._coverage = {}
             try:
                 with film_faults():
-                    rows = self._database.execute("SELECT frame, tile, first, count FROM part").fetchall()
-                for of_frame, of_tile, first, count in rows:
-                    self._coverage.setdefault((of_frame, of_tile), Coverage()).add(first, count)
+                    rows = self._database.execute("SELECT frame, tile, first, count, ranges FROM part").fetchall()
+                for of_frame, of_tile, *samples in rows:
+                    for span in spans(*samples):
+                        self._coverage.setdefault((of_frame, of_tile), Coverage()).add(*span)
             except (ValueError, TypeError) as error:
                 raise damaged(str(error)) from error
         return self._coverage.get((frame, tile)) or Coverage()

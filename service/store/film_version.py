@@ -3,10 +3,12 @@
 0   release 0.1.0: parts and bad samples, and no word about which picture they are of
 1   the film says its picture's size, its tiles' and its fixed point, so that another job's film is not taken for this one
 2   every part has a checksum; parts of before have none until they are folded
+3   every part names the workers whose sums are in it, and may have several ranges of samples
 """
 
 from __future__ import annotations
 
+import json
 import sqlite3
 import zlib
 from dataclasses import astuple, dataclass
@@ -14,20 +16,21 @@ from dataclasses import astuple, dataclass
 from service.errors import FilmLost
 from service.store.film_faults import damaged
 
-__all__ = ["VERSION", "FilmShape", "Row", "bring_up_to_date", "checksum", "is_up_to_date", "is_whole"]
+__all__ = ["VERSION", "FilmShape", "Row", "bring_up_to_date", "checksum", "is_up_to_date", "is_whole", "select_rows", "spans"]
 
-VERSION = 2
+VERSION = 3
 
-Row = tuple[int, int, int, int, int, bytes]  # frame, tile, first, count, bad, sums
+Row = tuple[int, int, int, int, int, bytes, str | None, str | None]  # frame, tile, first, count, bad, sums, workers, ranges
 
-# `part`: a merged batch. Its samples first ... first + count - 1, and their packed sums. Columns are only ever added at the end.
+# `part`: a merged batch, or some of them: its packed sums, how many samples of a pixel they have, and their first. They are
+# first ... first + count - 1, unless `ranges` has them: [[first, count], ...]. `workers`: a list of names; none: nobody knows.
 SCHEMA = (
     """CREATE TABLE IF NOT EXISTS part (
         frame INTEGER, tile INTEGER, first INTEGER, count INTEGER, bad INTEGER, sums BLOB,
         PRIMARY KEY (frame, tile, first))""",
-    "ALTER TABLE part ADD COLUMN checksum INTEGER",
     "CREATE TABLE IF NOT EXISTS bad_sample (frame INTEGER, x INTEGER, y INTEGER, sample INTEGER)",
 )
+ADDED = {"checksum": 2, "workers": 3, "ranges": 3}  # columns of `part`, and the version that brought each
 SHAPE = "CREATE TABLE IF NOT EXISTS shape (width INTEGER, height INTEGER, tile_size INTEGER, film_exponent INTEGER)"
 
 
@@ -61,15 +64,34 @@ def bring_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> None:
     (version,) = database.execute("PRAGMA user_version").fetchone()
     for statement in (*SCHEMA, SHAPE):
         database.execute(statement)
+    for column, since in ADDED.items():
+        if version < since:
+            database.execute(f"ALTER TABLE part ADD COLUMN {column} {'INTEGER' if column == 'checksum' else 'TEXT'}")
     if version == 0:
         database.execute("INSERT INTO shape VALUES (?, ?, ?, ?)", astuple(shape))
     database.execute(f"PRAGMA user_version = {VERSION}")
 
 
+def select_rows(version: int = VERSION) -> str:
+    """SQL for the parts of a film of some version: a Row each, and its checksum."""
+    later = [name if ADDED[name] <= version else "NULL" for name in ("workers", "ranges", "checksum")]
+    return f"SELECT frame, tile, first, count, bad, sums, {', '.join(later)} FROM part"
+
+
+def spans(first: int, count: int, ranges: str | None) -> list[tuple[int, int]]:
+    """The samples of a part, as (first, count). Raises ValueError or TypeError where they make no sense."""
+    if ranges is None:
+        return [(first, count)]
+    found = [(int(a), int(n)) for a, n in json.loads(ranges)]
+    if not found or found[0][0] != first or sum(n for _, n in found) != count:
+        raise ValueError(f"a part of {count} samples from {first} on is said to have {ranges[:100]}")
+    return found
+
+
 def checksum(row: Row) -> int:
     """Of all that a part says: a disk that gives back other bytes than were written is found out."""
-    *numbers, sums = row
-    return zlib.crc32(sums, zlib.crc32(repr(numbers).encode()))
+    told = [*row[:5], *(each for each in row[6:] if each is not None)]
+    return zlib.crc32(row[5], zlib.crc32(repr(told).encode()))
 
 
 def is_whole(row: Row, known: int | None) -> bool:

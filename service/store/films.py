@@ -2,16 +2,17 @@
 
 A job's film is one file. A merged batch is one row: its tile, its range of sample numbers, and its packed sums as they
 came. The row is the sums and the record that they are in, in one write, so nothing can be half merged; and the order of
-rows does not matter, since integers add exactly. Tiles with many rows are folded into one.
+rows does not matter, since integers add exactly. Tiles with many rows are folded into one. A row names the workers whose sums
+are in it, so that what one of them sent can be taken back; where that is likely, rows of several workers stay apart.
 """
 
 from __future__ import annotations
 
 import hashlib
+import json
 import logging
 import threading
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from renderer.film import BadSample, Sums
@@ -20,30 +21,20 @@ from service.errors import FilmLost, FilmWaits
 from service.store.added import added_up
 from service.store.coverage import Coverage
 from service.store.film_faults import FilmClosed, damaged, film_faults, incomplete
-from service.store.film_file import FilmFile
+from service.store.film_file import FilmFile, Head
 from service.store.film_moment import FilmMoment
-from service.store.film_version import FilmShape, Row
+from service.store.film_version import FilmShape, Row, spans
+from service.store.parts import Part, joined_parts
+from service.store.senders import senders_of, senders_text
 from service.store.tile_cache import TileCache
-from worker.sums import add_sums, check_sums, pack_sums, unpack_sums
+from worker.sums import check_sums, pack_sums, unpack_sums
 
 __all__ = ["Film", "Part"]
 
-FOLD_AT = 8  # rows of a tile
+FOLD_AT = 8  # rows of a tile, or where they are kept apart of a worker
+MOST_APART = 64  # rows of a tile: with more workers than that they are folded all the same
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class Part:
-    """A batch's contribution: samples first ... first + count - 1 of a tile (by its index), packed by worker.contract."""
-
-    frame: int
-    tile: int
-    first: int
-    count: int
-    sums: bytes
-    bad: list[BadSample] = field(default_factory=list)
-    bad_count: int = 0
 
 
 class Film:
@@ -68,7 +59,8 @@ class Film:
         self._is_closed = False
         self._in_doubt = False  # a write failed: whether its rows are in, the file knows
         self._coverage: dict[tuple[int, int], Coverage] = {}
-        self._rows: dict[tuple[int, int], int] = {}
+        self._rows: dict[tuple[int, int], list[Head]] = {}
+        self.keeps_apart = False  # what each worker has sent
 
     def close(self) -> None:
         """Close the film for good."""
@@ -157,8 +149,9 @@ class Film:
             new = [s for s in staged if s is not None]
             if not new:
                 return [False] * len(staged)
-            joined = self._joined(new)
-            rows = [(j.frame, j.tile, j.first, j.count, j.bad_count, j.sums) for j, _ in joined]
+            joined = joined_parts(new, self.tiles, self.keeps_apart)
+            heads = [self._head(j) for j, _ in joined]
+            rows: list[Row] = [(*h[:5], j.sums, *h[5:]) for h, (j, _) in zip(heads, joined, strict=True)]
             bad = [(p.frame, *sample) for p in new for sample in p.bad]
             try:
                 self._file.add(rows, bad)
@@ -166,8 +159,8 @@ class Film:
                 self._in_doubt = True
                 raise
             self._coverage.update(claimed)
-            for part, sums in joined:
-                self._remember(part, sums)
+            for head, (part, sums) in zip(heads, joined, strict=True):
+                self._remember(head, part, sums)
             for key in claimed:
                 self._fold(*key)
             return [s is not None for s in staged]
@@ -189,26 +182,61 @@ class Film:
             if self._file is None:
                 return 0
             self._in_doubt = True
-            lost = 0
-            for frame, tile, first, count in self._file.ranges():
-                if not self._is_readable(self._file.row(frame, tile, first), tile):
-                    area = self.tiles[tile]
-                    self._file.remove(frame, tile, first)
-                    self._file.forget_bad(frame, area, first, count)
-                    lost += count * area.w * area.h
-            self._take_in(self._file)
-        return lost
+            broken = [head for head in self._file.heads() if not self._is_readable(self._file.row(*head[:3]), head.tile)]
+            return self._remove(broken)
+
+    def has_sent(self, worker: str) -> bool:
+        """Whether sums of a worker are in it."""
+        with self._lock:
+            self._known()
+            return any(worker in senders_of(head.workers) for rows in self._rows.values() for head in rows)
+
+    def take_back(self, worker: str) -> int:
+        """Remove all that a worker has sent, and what was added to it: it counts as missing. Returns how many samples."""
+        with self._lock:
+            self.load()
+            if self._file is None:
+                return 0
+            found = [head for head in self._file.heads() if worker in senders_of(head.workers)]
+            if not found:
+                return 0
+            self._in_doubt = True
+            return self._remove(found)
+
+    def _remove(self, heads: list[Head]) -> int:
+        """Remove rows; returns their samples, all pixels together."""
+        assert self._file is not None
+        self._file.remove(heads)
+        for head in heads:
+            for first, count in _spans(head):
+                self._file.forget_bad(head.frame, self.tiles[head.tile], first, count)
+        self._take_in(self._file)
+        return sum(head.count * self.tiles[head.tile].w * self.tiles[head.tile].h for head in heads)
 
     def take_over(self, rows: Iterable[Row]) -> None:
         """Add rows that are left of a film which cannot be read as a whole. Which of their samples were bad is not told."""
-        for frame, tile, first, count, bad, sums in rows:
-            self.merge([Part(frame, tile, first, count, sums, bad_count=bad)])
+        with self._lock:
+            self.load(make=True)
+            assert self._file is not None
+            taken = {where: Coverage((a, b - a) for a, b in covered.ranges) for where, covered in self._coverage.items()}
+            self._in_doubt = True
+            for row in rows:
+                if 0 <= row[1] < len(self.tiles) and self._is_readable(row, row[1]):
+                    covered = taken.setdefault((row[0], row[1]), Coverage())
+                    try:
+                        for span in spans(*row[2:4], row[7]):
+                            covered.add(*span)
+                    except (ValueError, TypeError):
+                        continue
+                    self._file.add([row], [])
+            self._take_in(self._file)
 
     def _is_readable(self, row: Row | None, tile: int) -> bool:
         if row is None:
             return False
         try:
             unpack_sums(row[5], self.tiles[tile], stored=True)
+            spans(*row[2:4], row[7])
         except (ValueError, TypeError):
             return False
         return True
@@ -263,12 +291,14 @@ class Film:
     def _take_in(self, file: FilmFile) -> None:
         """Read which samples are in the file."""
         coverage: dict[tuple[int, int], Coverage] = {}
-        rows: dict[tuple[int, int], int] = {}
+        rows: dict[tuple[int, int], list[Head]] = {}
         try:
-            for frame, tile, first, count in file.ranges():
-                self.tiles[tile]
-                coverage.setdefault((frame, tile), Coverage()).add(first, count)
-                rows[frame, tile] = rows.get((frame, tile), 0) + 1
+            for head in file.heads():
+                self.tiles[head.tile]
+                covered = coverage.setdefault(head[:2], Coverage())
+                for span in spans(head.first, head.count, head.ranges):
+                    covered.add(*span)
+                rows.setdefault(head[:2], []).append(head)
         except (ValueError, TypeError, IndexError) as error:
             raise damaged(str(error)) from error
         self._coverage, self._rows = coverage, rows
@@ -291,30 +321,14 @@ class Film:
         claimed[where] = coverage
         return part
 
-    def _joined(self, parts: list[Part]) -> list[tuple[Part, Sums | None]]:
-        """Parts whose samples follow each other, as one: a row costs more than what is added to it. With the sums that it has."""
-        runs: list[list[Part]] = []
-        for part in sorted(parts, key=lambda p: (p.frame, p.tile, p.first)):
-            last = runs[-1][-1] if runs else None
-            if last and (last.frame, last.tile, last.first + last.count) == (part.frame, part.tile, part.first):
-                runs[-1].append(part)
-            else:
-                runs.append([part])
-        return [self._one(run) if len(run) > 1 else (run[0], None) for run in runs]
+    def _head(self, part: Part) -> Head:
+        return Head(part.frame, part.tile, part.first, part.count, part.bad_count, senders_text(part.workers), None)
 
-    def _one(self, run: list[Part]) -> tuple[Part, Sums]:
-        tile = self.tiles[run[0].tile]
-        sums = unpack_sums(run[0].sums, tile)
-        for part in run[1:]:
-            add_sums(sums, part.sums, tile)
-        count, bad_count = sum(p.count for p in run), sum(p.bad_count for p in run)
-        return replace(run[0], count=count, sums=pack_sums(sums), bad_count=bad_count), sums
-
-    def _remember(self, part: Part, sums: Sums | None) -> None:
+    def _remember(self, head: Head, part: Part, sums: Sums | None) -> None:
         """Note what was added. Sums that somebody looks at are kept up to date; others are added up when they are asked for."""
         where = (part.frame, part.tile)
         key = (self._path.stem, *where)
-        self._rows[where] = self._rows.get(where, 0) + 1
+        self._rows.setdefault(where, []).append(head)
         old = self._cache.get(key)
         if old is not None:
             self._cache.put(key, old + (unpack_sums(part.sums, self.tiles[part.tile]) if sums is None else sums))
@@ -323,19 +337,42 @@ class Film:
         return added_up(rows, self.tiles[tile], planes)
 
     def _fold(self, frame: int, tile: int) -> None:
-        """Make one row of a tile's rows where they are many and one run: a row is one range. What was merged is in the film
-        whether this succeeds or not."""
-        ranges = self._cover(frame, tile).ranges
-        if self._rows[frame, tile] < FOLD_AT or len(ranges) != 1:
+        """Make one row of a tile's rows where they are many: of all of them once they are one run, or of those of one worker.
+        What was merged is in the film whether this succeeds or not."""
+        rows = self._rows[frame, tile]
+        if len(rows) < FOLD_AT:
             return
-        start, end = ranges[0]
         try:
-            sums = self.tile_sums(frame, tile)
-            assert sums is not None and self._file is not None
-            if self._file.fold(frame, tile, start, end - start, pack_sums(sums)):
-                self._rows[frame, tile] = 1
-            else:
-                self._in_doubt = True
+            if self.keeps_apart and len(rows) < MOST_APART:
+                for worker in {head.workers for head in rows}:
+                    own = [head for head in rows if head.workers == worker]
+                    if len(own) >= FOLD_AT:
+                        self._fold_to_one(own)
+            elif self.keeps_apart or len(self._cover(frame, tile).ranges) == 1:
+                self._fold_to_one(rows)
         except (FilmWaits, FilmLost) as error:
             self._in_doubt = True
             log.warning("a tile's rows stay apart: %s", error)
+
+    def _fold_to_one(self, heads: list[Head]) -> None:
+        assert self._file is not None
+        where = frame, tile = heads[0][:2]
+        is_whole_tile = len(heads) == len(self._rows[where])
+        sums = self.tile_sums(frame, tile) if is_whole_tile else self._total(self._file.sums_of(heads), tile)
+        assert sums is not None
+        runs = Coverage(span for head in heads for span in _spans(head)).ranges
+        ranges = json.dumps([[start, end - start] for start, end in runs]) if len(runs) > 1 else None
+        workers = senders_text({worker for head in heads for worker in senders_of(head.workers)})
+        total, bad = sum(head.count for head in heads), sum(head.bad for head in heads)
+        made = Head(frame, tile, runs[0][0], total, bad, workers, ranges)
+        if self._file.fold(heads, (*made[:5], pack_sums(sums), *made[5:]), is_whole_tile):
+            self._rows[where] = [*(head for head in self._rows[where] if head not in heads), made]
+        else:
+            self._in_doubt = True
+
+
+def _spans(head: Head) -> list[tuple[int, int]]:
+    try:
+        return spans(head.first, head.count, head.ranges)
+    except (ValueError, TypeError) as error:
+        raise damaged(str(error)) from error

@@ -17,9 +17,13 @@ __all__ = [
     "Frame",
     "Job",
     "Key",
+    "Member",
+    "Project",
+    "Quota",
     "Reference",
     "Scene",
     "ShareTerms",
+    "Spent",
     "User",
     "Wait",
     "WorkerTerms",
@@ -60,6 +64,9 @@ class Scene(Base):
     main: Mapped[str] = mapped_column(Text)
     environment: Mapped[str | None] = mapped_column(Text)
     variant: Mapped[str | None] = mapped_column(Text)
+    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # whose members see it; empty: everybody
+    user: Mapped[str | None] = mapped_column(String(64))  # who uploaded it; None: a farm that asks nobody who they are
+    key: Mapped[str | None] = mapped_column(String(20))  # by which token
     of: Mapped[str | None] = mapped_column(String(40), index=True)  # the upload that it is made of; None: it is one
     files: Mapped[list[dict[str, Any]]] = mapped_column(JSON)  # worker.contract.BlobRef each
     bytes: Mapped[int] = mapped_column(BigInteger)
@@ -87,10 +94,11 @@ class Job(Base):
     __tablename__ = "jobs"
     # Lists and tallies are made of these alone: a row is thousands of bytes long, mostly its settings.
     __table_args__ = (
-        Index("jobs_listed", "created", "id", "state", "scene", "name"),
-        Index("jobs_by_state", "state", "created", "id", "scene", "name"),
+        Index("jobs_listed", "created", "id", "state", "scene", "name", "project"),
+        Index("jobs_by_state", "state", "created", "id", "scene", "name", "project"),
         Index("jobs_ended", "finished", "id"),
         Index("jobs_by_picture", "picture", "created"),
+        Index("jobs_of_user", "user", "state", "created"),
     )
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
@@ -130,6 +138,8 @@ class Job(Base):
         String(64)
     )  # equal for jobs of which one's samples are the other's: intake/picture.py
     taken: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # what it began with: keeping/reuse.py
+    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # its scene's
+    key: Mapped[str | None] = mapped_column(String(20))  # by which token it was asked for
 
     @property
     def stage(self) -> str:
@@ -172,6 +182,9 @@ class Environment(Base):
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
     name: Mapped[str] = mapped_column(String(255))
+    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # whose members see it; empty: everybody
+    user: Mapped[str | None] = mapped_column(String(64))
+    key: Mapped[str | None] = mapped_column(String(20))
     created: Mapped[float] = mapped_column(Float, index=True)
     file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.contract.BlobRef
     thumbnail: Mapped[str] = mapped_column(String(64))  # the SHA-256 of a small picture, a JPEG
@@ -189,6 +202,9 @@ class Reference(Base):
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
     name: Mapped[str] = mapped_column(String(255))
+    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # whose members see it; empty: everybody
+    user: Mapped[str | None] = mapped_column(String(64))
+    key: Mapped[str | None] = mapped_column(String(20))
     created: Mapped[float] = mapped_column(Float, index=True)
     file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.contract.BlobRef: as it was uploaded
     film: Mapped[dict[str, Any]] = mapped_column(JSON)  # likewise: as the page reads it (watching/film_packet.py), by gzip
@@ -239,7 +255,49 @@ class User(Base):
     name: Mapped[str] = mapped_column(String(64), primary_key=True)
     role: Mapped[str] = mapped_column(String(16))  # view | submit | admin
     password: Mapped[str | None] = mapped_column(Text)  # Argon2id; None: by a link alone
+    subject: Mapped[str | None] = mapped_column(String(512), index=True)  # issuer and subject, of whom an OpenID provider lets in
     created: Mapped[float] = mapped_column(Float)
+
+
+class Project(Base):
+    """What some users alone see: service/access/projects.py."""
+
+    __tablename__ = "projects"
+
+    name: Mapped[str] = mapped_column(String(64), primary_key=True)
+    created: Mapped[float] = mapped_column(Float)
+
+
+class Member(Base):
+    """A user who sees a project."""
+
+    __tablename__ = "members"
+
+    project: Mapped[str] = mapped_column(ForeignKey("projects.name", ondelete="CASCADE"), primary_key=True)
+    user: Mapped[str] = mapped_column(String(64), primary_key=True, index=True)
+
+
+class Quota(Base):
+    """How much somebody may have, where an administrator has said so: service/access/quotas.py. None: no limit."""
+
+    __tablename__ = "quotas"
+
+    whose: Mapped[str] = mapped_column(String(80), primary_key=True)  # user:NAME or token:ID
+    bytes: Mapped[int | None] = mapped_column(BigInteger)
+    jobs: Mapped[int | None] = mapped_column(Integer)
+    samples_day: Mapped[int | None] = mapped_column(BigInteger)
+
+
+class Spent(Base):
+    """What a job of the last day has rendered that was deleted."""
+
+    __tablename__ = "spent"
+
+    job: Mapped[str] = mapped_column(String(40), primary_key=True)
+    user: Mapped[str | None] = mapped_column(String(64))
+    key: Mapped[str | None] = mapped_column(String(20))
+    created: Mapped[float] = mapped_column(Float, index=True)  # of the job
+    samples: Mapped[int] = mapped_column(BigInteger)
 
 
 class Key(Base):

@@ -26,14 +26,10 @@ import psutil
 import redis
 
 from rayfarm.client import ClientError
-from renderer.film import digest
-from renderer.render import render_frame
-from renderer.scene.compile import compile_scene
-from renderer.scene.load import read as read_scene
-from renderer.settings import RenderSettings, View
 from tests.benchmarks.faults import clocks, disks, hosts, processes, queues  # noqa: F401 - each adds its kinds
 from tests.benchmarks.faults.attack import KINDS, Attack, Kind
-from tests.benchmarks.faults.ground import Ground, UnrecoveredError
+from tests.benchmarks.faults.frame import SCENE, digest_alone, request
+from tests.benchmarks.faults.ground import OVER, Ground, UnrecoveredError
 from tests.benchmarks.faults.stream import Stream
 from tests.benchmarks.faults.tally import Fault, into_page, read, table, write
 from tests.helpers import ROOT
@@ -41,10 +37,8 @@ from tests.helpers import ROOT
 GROUNDS = {"one machine": Ground, "another clock": clocks.ClockGround, "three hosts": hosts.HostsGround}
 FAULTS_A_GROUND = 20
 SEEDS = 4  # of jobs: a ground renders each once, so that no result can be had from an earlier one
-VIEW = View((0, 0, 3.9), (0, 0, 0), (0, 1, 0), 39.3077)
-FRAME = {"width": 96, "height": 80, "max_depth": 5}
 NEARLY_DONE = 0.9
-AGAIN_AT_MOST = 5
+MENDS_ITSELF_S = 45.0
 
 
 class Campaign:
@@ -54,7 +48,8 @@ class Campaign:
         self.options = options
         self.draw = random.Random(options.seed)
         self.faults: list[Fault] = []
-        self._expected: dict[int, str] = {}
+        self._failed: dict[str, float] = {}  # jobs, and since when
+        self._asked: set[str] = set()  # jobs that were set to running, since the last fault
 
     def run(self) -> None:
         while len(self.faults) < self.options.count:
@@ -83,7 +78,7 @@ class Campaign:
 
     def _on(self, ground: Ground) -> None:
         with ground.client() as client:
-            scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"]).id).id
+            scene = client.wait_for_scene(client.upload([SCENE]).id).id
         done = 0
         with Stream(ground.store) as stream:
             for seed in range(SEEDS):
@@ -97,9 +92,8 @@ class Campaign:
                     done += len(faults)
 
     def _job(self, ground: Ground, stream: Stream, scene: str, seed: int, faults: list[Fault]) -> None:
-        view = {"eye": VIEW.eye, "target": VIEW.target, "up": VIEW.up, "fov": VIEW.fov}
         with ground.client() as client:
-            job = client.submit(scene, view=view, spp=self.options.spp, seed=seed, **FRAME).id
+            job = client.submit(scene, **request(self.options.spp, seed)).id
         left = self.options.count - len(self.faults)
         while len(faults) < left and ground.wait(lambda: ground.samples(job) > 0, "the job renders"):
             time.sleep(self.draw.uniform(0.0, 1.0))
@@ -135,25 +129,32 @@ class Campaign:
             now = ground.samples(job)
             if now >= 0 and (known < 0 or now < known):
                 known = now
-            if now == 1 << 62 and self._go_on(ground, job):
-                fault.asked, known = True, -1
+            if now == OVER and self._has_failed(ground, job):
+                known = -1
                 return False
-            return 0 <= known < now or now == 1 << 62
+            return 0 <= known < now or now == OVER
 
         with contextlib.suppress(UnrecoveredError):
             fault.recovered_s = round(ground.wait(grows, "samples come") - since, 2)
+        fault.asked = job in self._asked
+        self._asked.discard(job)
         if fault.recovered_s is None:
             print(ground.logs()[-6000:])
 
-    def _go_on(self, ground: Ground, job: str) -> bool:
-        """Do what the sentence asks with which the job has ended; False where it is finished."""
+    def _has_failed(self, ground: Ground, job: str) -> bool:
+        """Whether a job has failed. Where it does not go on by itself, what its sentence asks for is done."""
         try:
             with ground.client() as client:
                 found = client.job(job)
                 if found.state != "failed":
+                    self._failed.pop(job, None)
                     return False
-                print(f"      {found.error}", flush=True)
-                client.change(job, state="running")
+                since = self._failed.setdefault(job, time.monotonic())
+                if time.monotonic() - since > MENDS_ITSELF_S:
+                    print(f"      {found.error}", flush=True)
+                    client.change(job, state="running")
+                    self._asked.add(job)
+                    del self._failed[job]
         except (ClientError, OSError) as error:
             print(f"      {error}")
         return True
@@ -166,23 +167,12 @@ class Campaign:
 
     def _end(self, ground: Ground, job: str, seed: int, faults: list[Fault]) -> None:
         """Wait for the job's end, and look at its picture."""
-        again = 0
         began = time.monotonic()
-
-        def is_over() -> bool:
-            nonlocal again
-            if ground.samples(job) != 1 << 62:
-                return False
-            if again < AGAIN_AT_MOST and self._go_on(ground, job):
-                again += 1
-                for fault in faults:
-                    fault.asked |= KINDS[fault.kind].harms_films
-                return False
-            return True
-
         with contextlib.suppress(UnrecoveredError):
-            ground.wait(is_over, "the job ends")
-            is_right = self._read_digest(ground, job) == self._alone(seed)
+            ground.wait(lambda: ground.samples(job) == OVER and not self._has_failed(ground, job), "the job ends")
+            for fault in faults:
+                fault.asked |= job in self._asked and KINDS[fault.kind].harms_films
+            is_right = self._read_digest(ground, job) == digest_alone(self.options.spp, seed)
             for fault in faults:
                 fault.digest_is_right = is_right
             say = "the digest is the undisturbed one" if is_right else "THE DIGEST IS ANOTHER"
@@ -205,14 +195,6 @@ class Campaign:
 
         ground.wait(is_told, "the digest is told")
         return found
-
-    def _alone(self, seed: int) -> str:
-        """The digest of the same frame, rendered in this process without a farm."""
-        if seed not in self._expected:
-            scene = compile_scene(read_scene(ROOT / "scenes", "cornell-box.yaml"))
-            settings = RenderSettings(FRAME["width"], FRAME["height"], VIEW, max_depth=FRAME["max_depth"], seed=seed)
-            self._expected[seed] = digest(render_frame(scene, settings, self.options.spp, threads=2))
-        return self._expected[seed]
 
 
 def main() -> int:

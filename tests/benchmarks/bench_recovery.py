@@ -48,7 +48,7 @@ def measure(farm: Farm, client: Client, draw: random.Random, options: argparse.N
     asked = {"width": 160, "height": 120, "max_depth": 5}
     trial = client.wait(client.submit(scene.id, **asked, spp=256).id)
     spp = round(256 * options.kills * A_KILL_S / max(trial.active_s, 0.1))
-    job = client.submit(scene.id, **asked, spp=spp).id
+    job = client.submit(scene.id, **asked, spp=spp, fresh=True).id
     found: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for i in range(options.kills):
         name, number = options.parts[i % len(options.parts)], draw.choice(SIGNALS)
@@ -65,7 +65,7 @@ def measure(farm: Farm, client: Client, draw: random.Random, options: argparse.N
         found[name].append((serves, renders))
         print(f"{i + 1:3} {name:8} {number.name:8} serves {serves:5.2f} s   renders {renders:5.2f} s", flush=True)
     disturbed = client.wait(job)
-    alone = client.wait(client.submit(scene.id, **asked, spp=spp).id)
+    alone = client.wait(client.submit(scene.id, **asked, spp=spp, fresh=True).id)
     print(f"\n{'part':10}{'kills':>6}{'serves: median':>16}{'worst':>8}{'renders: median':>17}{'worst':>8}")
     for name, times in found.items():
         a, b = zip(*times, strict=True)

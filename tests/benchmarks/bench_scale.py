@@ -31,7 +31,7 @@ from worker.sums import pack_sums
 SCENE = ROOT / "scenes" / "cornell-box.yaml"
 MIB = 1 << 20
 HEAD = (
-    "slots  tile       frame   kB/msg  merged/s  ms/msg  service  Redis  samples/s  stream  lost  repeated"
+    "slots  tile       frame   kB/msg  batches/s  results/s  ms/batch  service  Redis  samples/s  stream  lost  repeated"
     "  Redis MB  service MB  health ms  exact  watchers  round p95  packets/s"
 )
 
@@ -46,6 +46,7 @@ def main() -> None:
     parser.add_argument("--pictures", type=int, default=0, help="asked for at the same time")
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--warm", type=float, default=10.0, help="seconds before anything is measured")
+    parser.add_argument("--alone", action="store_true", help="each slot sends its own sums, and no machine adds them up")
     parser.add_argument("--json", type=Path, help="write all that was measured there too")
     options = parser.parse_args()
     numbers = [[int(n) for n in text.split(",")] for text in (options.slots, options.tile, options.watchers)]
@@ -57,7 +58,12 @@ def main() -> None:
         if width % tile or height % tile:
             parser.error(f"{width}x{height} is no multiple of {tile}: all tiles have the same sums")
         load = Load(
-            slots, tile, width, height, seconds=options.seconds, warm_s=options.warm, watchers=watchers, pictures=options.pictures
+            *(slots, tile, width, height),
+            seconds=options.seconds,
+            warm_s=options.warm,
+            watchers=watchers,
+            pictures=options.pictures,
+            alone=options.alone,
         )
         with tempfile.TemporaryDirectory(prefix="rayfarm-scale-") as name:
             taken = run(load, sums, Path(name))
@@ -84,8 +90,9 @@ def line(load: Load, taken: Taken, size: int) -> str:
     wait = 1e3 * statistics.quantiles(taken.rounds_s, n=20)[-1] if taken.rounds_s else 0.0
     rate = taken.sample_rate
     columns = (
-        f"{load.slots:5}  {load.tile:4}  {load.width}x{load.height:<4}  {size / 1e3:7.0f}  {taken.merged / taken.seconds:8.1f}",
-        f"{each:6.2f}  {taken.service_s / taken.seconds:7.2f}  {taken.redis_s / taken.seconds:5.2f}",
+        f"{load.slots:5}  {load.tile:4}  {load.width}x{load.height:<4}  {size / 1e3:7.0f}",
+        f"{taken.merged / taken.seconds:9.1f}  {taken.results / taken.seconds:9.1f}  {each:8.2f}",
+        f"{taken.service_s / taken.seconds:7.2f}  {taken.redis_s / taken.seconds:5.2f}",
         f"{rate:9.0f}  {max(taken.stream):6}  {taken.lost:4}  {taken.repeated:8}",
         f"{max(taken.redis_bytes) / MIB:8.0f}  {max(taken.service_bytes) / MIB:10.0f}  {health:9.1f}",
         f"{'yes' if taken.is_exact else 'NO':>5}  {load.watchers:8}  {wait:9.0f}  {taken.packets / taken.seconds:9.0f}",

@@ -17,10 +17,11 @@ def test_the_kind_that_says_most_wins_then_the_shallowest():
     assert pick_main(["a.obj", "deep/b.glb", "a.mtl", "t.png"])[0] == "deep/b.glb"
     assert pick_main(["deep/a.glb", "b.glb"])[0] == "b.glb"
     assert pick_main(["mesh.ply", "scene.yaml", "model.glb"])[0] == "scene.yaml"
+    assert pick_main(["parts/a.usd", "parts/b.usdz", "main.usdc"])[0] == "main.usdc"
 
 
 def test_another_programs_file_is_answered_by_the_export_that_helps():
-    for name, says in (("a.blend", "File > Export > glTF 2.0"), ("deep/A.MAX", "glTF"), ("a.usdz", "glTF"), ("a.7z", "Unpack")):
+    for name, says in (("a.blend", "File > Export > glTF 2.0"), ("deep/A.MAX", "glTF"), ("a.7z", "Unpack")):
         with pytest.raises(SceneError, match=f"{name} cannot be read here.*{says}"):
             pick_main(["readme.txt", name])
     assert pick_main(["a.blend", "a.glb"])[0] == "a.glb"

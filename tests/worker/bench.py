@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from http.server import BaseHTTPRequestHandler
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from typing import Any
 
+import psutil
 import redis
 from celery import Celery
 
-from tests.helpers import wait_until
+from tests.helpers import ROOT, wait_until
+from worker.broker import celery_config
 from worker.contract import (
     PREPARE,
     PREPARE_FRAMES,
@@ -32,7 +40,7 @@ from worker.contract import (
     render_queue,
 )
 
-__all__ = ["Bench", "FakeService"]
+__all__ = ["Bench", "FakeService", "a_worker", "busiest"]
 
 
 class FakeService(BaseHTTPRequestHandler):
@@ -142,3 +150,47 @@ class Bench:
 
         wait_until(arrived, 60, f"one of {types} arrives; so far {[r.event for r in self.seen]}")
         return found[0]
+
+
+@contextmanager
+def a_worker(redis_url: str, folder: Path, slots: int) -> Iterator[Bench]:
+    """A worker that is ready; it ends by itself or is told to."""
+    handler = type("Handler", (FakeService,), {"blobs": {}, "manifests": {}, "films": {}, "sent": [], "redis_url": redis_url})
+    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    url = f"http://127.0.0.1:{server.server_port}"
+    command = [sys.executable, "-m", "worker", f"--service={url}", f"--slots={slots}", f"--cache={folder / 'blobs'}"]
+    told = {"RAYFARM_TOKEN": "token", "RAYFARM_PREPARE_MEMORY_MB": "2000", "TMPDIR": str(folder)}
+    with (folder / "log").open("wb") as log:
+        process = subprocess.Popen(command, cwd=ROOT, stdout=log, stderr=log, env=os.environ | told)
+    celery = Celery("test", set_as_current=False)
+    celery.conf.update(celery_config(redis_url))
+    with redis.Redis.from_url(redis_url) as store:
+        made = Bench(url, handler, store, celery, process)
+
+        def ready() -> bool:
+            assert process.poll() is None, (folder / "log").read_text()
+            report = made.report()
+            return report is not None and report.state == "ready"
+
+        try:
+            wait_until(ready, 240, "the worker is ready")  # compiles its kernels, where nobody did before
+            yield made
+            process.terminate()
+            assert process.wait(20) == 0, (folder / "log").read_text()
+            assert made.report() is None
+            assert not [*folder.glob("rayfarm-sums-*")]
+        finally:
+            process.kill()
+            process.wait()
+    celery.close()
+    server.shutdown()
+    server.server_close()
+
+
+def busiest(parent: int) -> psutil.Process:
+    """The slot that works."""
+    slots = psutil.Process(parent).children()
+    before = {slot.pid: sum(slot.cpu_times()[:2]) for slot in slots}
+    wait_until(lambda: any(sum(s.cpu_times()[:2]) - before[s.pid] > 0.05 for s in slots), 30, "a slot uses its core")
+    return max(slots, key=lambda s: sum(s.cpu_times()[:2]) - before[s.pid])

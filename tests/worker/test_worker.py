@@ -7,19 +7,15 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from dataclasses import asdict
-from http.server import ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import psutil
 import pytest
-import redis
-from celery import Celery
 
 from renderer.denoise import denoise, is_available
 from renderer.film import COLOR, DEPTH, SAMPLES
@@ -32,8 +28,7 @@ from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import ROOT, wait_until
 from tests.rayfarm.test_stage import everything
 from tests.renderer.builders import emitter, scene, square
-from tests.worker.bench import Bench, FakeService
-from worker.broker import celery_config
+from tests.worker.bench import Bench, a_worker, busiest
 from worker.contract import (
     DENOISE,
     RENDER_BATCHES,
@@ -62,42 +57,8 @@ environment: {color: 1}
 
 @pytest.fixture(scope="module")
 def bench(redis_url: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    handler = type("Handler", (FakeService,), {"blobs": {}, "manifests": {}, "films": {}, "sent": [], "redis_url": redis_url})
-    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    url = f"http://127.0.0.1:{server.server_port}"
-    folder = tmp_path_factory.mktemp("worker")
-    command = [sys.executable, "-m", "worker", f"--service={url}", "--slots=2", f"--cache={folder / 'blobs'}"]
-    with (folder / "log").open("wb") as log:
-        process = subprocess.Popen(
-            command,
-            cwd=ROOT,
-            stdout=log,
-            stderr=log,
-            env={**os.environ, "RAYFARM_TOKEN": "token", "RAYFARM_PREPARE_MEMORY_MB": "2000"},
-        )
-    celery = Celery("test", set_as_current=False)
-    celery.conf.update(celery_config(redis_url))
-    with redis.Redis.from_url(redis_url) as store:
-        made = Bench(url, handler, store, celery, process)
-
-        def ready() -> bool:
-            assert process.poll() is None, (folder / "log").read_text()
-            report = made.report()
-            return report is not None and report.state == "ready"
-
-        wait_until(ready, 240, "the worker is ready")  # compiles its kernels, where nobody did before
+    with a_worker(redis_url, tmp_path_factory.mktemp("worker"), slots=2) as made:
         yield made
-        process.terminate()
-        try:
-            assert process.wait(20) == 0, (folder / "log").read_text()
-            assert made.report() is None
-        finally:
-            process.kill()
-            process.wait()
-    celery.close()
-    server.shutdown()
-    server.server_close()
 
 
 @pytest.fixture(scope="module")
@@ -358,14 +319,6 @@ def test_of_several_batches_the_one_that_kills_is_given_up_alone(bench: Bench, i
     kinds = {name: event["type"] for name, event in answered.items()}
     assert kinds == {"before": "batch", "killer": "batch-failed", "after": "batch"}
     assert "died 3 times" in answered["killer"]["error"]
-
-
-def busiest(parent: int) -> psutil.Process:
-    """The slot that works."""
-    slots = psutil.Process(parent).children()
-    before = {slot.pid: sum(slot.cpu_times()[:2]) for slot in slots}
-    wait_until(lambda: any(sum(s.cpu_times()[:2]) - before[s.pid] > 0.05 for s in slots), 30, "a slot uses its core")
-    return max(slots, key=lambda s: sum(s.cpu_times()[:2]) - before[s.pid])
 
 
 def test_a_wrong_token_ends_the_worker_with_a_sentence(bench: Bench) -> None:

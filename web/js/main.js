@@ -1,8 +1,10 @@
 /** Starts the page: the shell, the farm's news, drops, and the view that the URL names. */
 
 import { fill, h } from "./base/dom.js";
+import { chooseProject } from "./base/project.js";
 import { followFarm, lost } from "./news/farm.js";
-import { mustLogIn } from "./news/session.js";
+import { lookAtProjects } from "./news/projects.js";
+import { may, mustLogIn, session } from "./news/session.js";
 import { followTallies } from "./news/job-list.js";
 import { showHelp } from "./shell/help-dialog.js";
 import { emptyPage } from "./shell/hints.js";
@@ -49,6 +51,7 @@ function viewFor([section, id, other]) {
 const main = /** @type {HTMLElement} */ (document.getElementById("main"));
 
 function start() {
+  document.documentElement.dataset.may = may("submit") ? "submit" : "view";
   const markSection = buildShell();
   /** @type {View | null} */
   let shown = null;
@@ -81,7 +84,12 @@ addEventListener("error", (event) => event.error && fault(event.error));
 addEventListener("unhandledrejection", (event) => fault(event.reason));
 
 const code = takeCode();
-if (code !== null || (await mustLogIn())) {
+const must = await mustLogIn();
+if (code !== null || must) {
   /** @type {HTMLElement} */ (document.getElementById("topbar")).hidden = true;
   fill(main, loginView(code).element);
-} else start();
+} else {
+  if (session.value.login) await lookAtProjects();
+  else chooseProject(null); // where nobody is asked who they are, all is everybody's
+  start();
+}

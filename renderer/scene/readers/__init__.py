@@ -3,7 +3,9 @@
 by_format.py which of them reads a file, by the table in renderer/formats.py
 gltf/       glTF 2.0, .gltf and .glb
 fbx/        FBX, by ufbx
+assimp/     the long tail, by assimp; collada.py Collada, of which trimesh reads what assimp refuses
 obj.py      Wavefront OBJ: obj_lines.py has its statements, mtl.py and mtl_maps.py its materials
 yaml/       our own scene files (docs/scene-format.md), with shapes.py for what they name and no file holds, and metals.py
-other.py    what trimesh reads: Collada, PLY, STL, OFF
+threemf.py  3MF
+other.py    what trimesh reads: PLY, STL, OFF
 """

@@ -35,9 +35,9 @@ def read_file(
         known = ", ".join(f.suffix for f in formats)
         raise SceneError(f"{name[:120]}: is no scene file that is read here; give one of {known}")
     if variant is not None and not format.has_variants:
-        raise SceneError(f"{name}: has no variants, as only glTF files have; leave the variant out")
+        raise SceneError(f"{name}: has no variants, as only glTF and USD files have; leave the variant out")
     if moment.clip is not None and not format.moves:
-        raise SceneError(f"{name}: has no clips, as glTF and FBX files have; leave the clip out")
+        raise SceneError(f"{name}: has no clips, as glTF, USD and FBX files have; leave the clip out")
     # Readers bring heavy libraries with them: each is imported when first needed.
     reader = import_module(f"renderer.scene.readers.{format.reader}")
     options: dict[str, Any] = {} if variant is None else {"variant": variant}

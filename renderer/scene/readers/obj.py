@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+import re
 from pathlib import PurePosixPath
 
 import numpy as np
@@ -32,7 +34,18 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         raise SceneError(
             f"{main}: has {len(data) >> 20} MiB; an OBJ has at most {MAX_BYTES >> 20}. Export it as .glb or binary .ply"
         )
-    said = parse(data, main)
+    text = _as_utf8(data)
+    try:
+        said = parse(text, main)
+    except SceneError as error:
+        mended = _mended(text)
+        if mended == text:
+            raise
+        try:
+            said = parse(mended, main)
+        except SceneError:
+            raise error from None
+        description.warnings.append(f"{main}: numbers with decimal commas, or that are none, are read as what they seem to mean.")
     said.uvs[:, 1] = 1 - said.uvs[:, 1]  # OBJ counts v from the image's lower edge
     _check_corners(said, main)
     shelf = TextureShelf(description, files)
@@ -45,6 +58,26 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
             description.instances.append(Instance(len(description.meshes) - 1, name=mesh.name))
     if said.others:
         shelf.warn(f"{main}: {said.others} lines, points or curves have no surface and are left out.")
+
+
+def _as_utf8(data: bytes) -> bytes:
+    """The text in UTF-8: some tools of Windows write UTF-16, or mark UTF-8."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", "replace").encode()
+    return data.removeprefix(codecs.BOM_UTF8)
+
+
+def _mended(text: bytes) -> bytes:
+    """With points in numbers, and 0 for normals and texture coordinates that are none; positions that are none stay."""
+
+    def line(found: re.Match[bytes]) -> bytes:
+        numbers = re.sub(rb"(?<=\d),(?=\d)", b".", found[2])
+        numbers = re.sub(rb"(?<=[\d.])[dD](?=[-+]?\d)", b"e", numbers)
+        if found[1] != b"v":
+            numbers = re.sub(rb"(?i)(?<![\w.])[-+]?(?:\d\.?#\w+|nan(?:\(\w*\))?|inf(?:inity)?)(?![\w.])", b"0", numbers)
+        return found[1] + numbers
+
+    return re.sub(rb"(?m)^(v[nt]?)([ \t][^\r\n]*)", line, text)
 
 
 def _check_corners(said: Statements, file: str) -> None:

@@ -19,6 +19,7 @@ from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescr
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
+from renderer.scene.readers.points import MOST_POINTS, balls
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read"]
@@ -61,6 +62,10 @@ def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: Texture
     for node in scene.graph.nodes_geometry:
         transform, name = scene.graph[node]
         geometry = scene.geometry[name]
+        loose = _points(geometry)
+        if loose is not None:
+            _add_points(loose, main, upright @ np.asarray(transform, np.float64), geometry, shelf, description)
+            continue
         if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
             shelf.warn(f"{main}: {str(name)[:80]} has no triangles and is left out.")
             continue
@@ -75,6 +80,36 @@ def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: Texture
             description.meshes.append(smoothed(mesh))
             numbers[name] = len(description.meshes) - 1
         description.instances.append(Instance(numbers[name], upright @ np.asarray(transform, np.float64)))
+
+
+def _points(geometry: Any) -> F32 | None:
+    """The points of what has no faces; None of a surface."""
+    if isinstance(geometry, trimesh.PointCloud) or (isinstance(geometry, trimesh.Trimesh) and len(geometry.faces) == 0):
+        points = np.asarray(geometry.vertices, np.float32)
+        return points if points.ndim == 2 and points.shape[1] == 3 and len(points) else None
+    return None
+
+
+def _add_points(
+    points: F32, main: str, place: npt.NDArray[np.float64], geometry: Any, shelf: TextureShelf, description: SceneDescription
+) -> None:
+    colors = getattr(geometry, "colors", None)
+    if colors is None and getattr(geometry.visual, "kind", None) == "vertex":
+        colors = geometry.visual.vertex_colors
+    chosen = np.isfinite(points).all(axis=1)
+    count = int(chosen.sum())
+    if count == 0:
+        raise SceneError(f"{main}: holds positions that are not finite numbers; export the file again")
+    step = -(-count // MOST_POINTS)
+    rows = np.flatnonzero(chosen)[::step]
+    shown = np.asarray(colors, np.uint8)[rows] if colors is not None and len(colors) == len(points) else None
+    mesh, radius = balls(PurePosixPath(main).stem, points[rows], shown)
+    description.materials.append(Material("points", base_color=(1.0, 1.0, 1.0) if mesh.colors is not None else (0.8, 0.8, 0.8)))
+    mesh.material = len(description.materials) - 1
+    description.meshes.append(mesh)
+    description.instances.append(Instance(len(description.meshes) - 1, place, name=mesh.name))
+    some = f"{len(rows)} of {count}" if step > 1 else f"{count}"
+    shelf.warn(f"{main}: has points and no faces; {some} points are shown as balls of radius {radius:.3g}.")
 
 
 def _mesh(name: str, geometry: Any, main: str) -> Mesh:

@@ -47,7 +47,7 @@ class Stream:
         store.xadd(RESULTS, fields)  # type: ignore[arg-type]
 
     def _run(self) -> None:
-        last: bytes | str = "$"
+        last: bytes | str = "0"
         store: redis.Redis | None = None
         while not self._stop.is_set():
             try:

@@ -52,6 +52,7 @@ class Load:
     warm_s: float = 8.0
     watchers: int = 0
     pictures: int = 0  # asked for at the same time, again and again
+    alone: bool = False  # each slot sends its own sums
 
 
 @dataclass
@@ -60,6 +61,7 @@ class Taken:
 
     seconds: float = 0.0
     merged: int = 0
+    results: int = 0  # of one batch or more
     lost: int = 0
     dropped: int = 0
     samples: int = 0  # of tiles, in the film at the end
@@ -139,7 +141,7 @@ class Served:
     def counts(self) -> dict[str, int]:
         """The service's own counts of batches."""
         text = self.http.get("/metrics").raise_for_status().text
-        found = re.findall(r"^rayfarm_batches_(\w+?)(?:_total)? ([\d.e+]+)$", text, re.M)
+        found = re.findall(r"^rayfarm_(?:batches_)?(\w+?)(?:_total)? ([\d.e+]+)$", text, re.M)
         return {name: int(float(value)) for name, value in found}
 
     def samples(self, job: str) -> int:
@@ -164,7 +166,7 @@ def slots_of(served: Served, load: Load, sums: Path) -> Iterator[subprocess.Pope
     sample_s = load.sample_s * (load.tile / 128) ** 2
     command = ["nice", sys.executable, "-m", "tests.benchmarks.scale.slots", f"--redis={served.redis.url}"]
     command += [f"--service={served.url}", f"--token={served.token}", f"--sums={sums}", f"--slots={load.slots}"]
-    command += [f"--tile-sample-s={sample_s}"]
+    command += [f"--tile-sample-s={sample_s}", *["--alone"] * load.alone]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, preexec_fn=spawn_guard())
     try:
         yield process
@@ -194,7 +196,7 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
         taken.seconds = time.monotonic() - begun
         taken.service_s, taken.redis_s = ended[0] - service_s, ended[1] - redis_s
         of_job = served.samples(job)
-        for name in ("merged", "lost", "dropped"):
+        for name in ("merged", "results", "lost", "dropped"):
             setattr(taken, name, after[name] - before[name])
         if watching is not None:
             seen = json.loads(watching.communicate(timeout=60)[0].splitlines()[-1])

@@ -14,6 +14,7 @@ import heapq
 import json
 import signal
 import time
+from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ import redis
 from renderer.film import Sums
 from tests.service.peer_worker import PeerWorker
 from worker.contract import HEARTBEAT_TTL_S, RESULTS, RenderBatch, Result, WorkerReport, prepare_queue, render_queue, worker_key
+from worker.joint import JointBatch
 from worker.results import MAX_ENTRIES
 from worker.sums import pack_sums
 
@@ -38,28 +40,60 @@ PACKED_KEPT = 64
 
 
 @dataclass
+class _Joint:
+    """Batches of a tile that the slots of one machine render, and what is there of their sums."""
+
+    message: str
+    hold_s: float
+    left: int
+    done: list[tuple[RenderBatch, float]] = field(default_factory=list)
+    since: float = 0.0
+
+
+@dataclass
+class _Machine:
+    """A worker: its free slots, and batches that wait for them."""
+
+    name: str
+    free: list[int]
+    waiting: deque[tuple[str, list[RenderBatch], _Joint | None]] = field(default_factory=deque)  # with their messages
+    joints: dict[str, _Joint] = field(default_factory=dict)
+
+
+@dataclass
 class _Batches:
     """What a slot has in hand: the batches of one message, in turn."""
 
     message: str
+    machine: _Machine
     slot: int
     batches: list[RenderBatch]
     seconds: list[float] = field(default_factory=list)
+    joint: _Joint | None = None
 
 
 class Slots(PeerWorker):
     """Many slots in one thread. A sample of a pixel takes each of them the same time."""
 
-    def __init__(self, redis_url: str, service: str, token: str, slots: int, sums: Sums, tile_sample_s: float) -> None:
-        """sums: (CHANNELS, side, side) of one sample of a tile. tile_sample_s: how long a slot takes for that."""
+    def __init__(
+        self, redis_url: str, service: str, token: str, slots: int, sums: Sums, tile_sample_s: float, adds: bool = True
+    ) -> None:
+        """sums: (CHANNELS, side, side) of one sample of a tile. tile_sample_s: how long a slot takes for that. adds: whether the
+        slots of a machine add up what they render of a tile."""
         super().__init__(redis_url, service, token, slots=slots)
         self.tile_sample_s = tile_sample_s
+        self.adds = adds
+        self._turn = 0
         self.rendered = 0  # batches
         self.samples = 0  # samples of tiles, those that were rendered again included
         self.waited = 0  # answers that found the stream full
         self._sums = sums
         self._packed: dict[int, bytes] = {}
-        self._free = list(range(slots))
+        firsts = range(0, slots, PER_WORKER)
+        self._machines = [
+            _Machine(f"{self.name}-{first // PER_WORKER}", list(range(first, min(first + PER_WORKER, slots)))) for first in firsts
+        ]
+        self._next = 0  # machine to take something
         self._hands: list[tuple[float, int, _Batches]] = []  # by when the next of its batches is rendered
         self._doing: dict[int, dict[str, Any]] = {}
         self._full_until = 0.0
@@ -84,38 +118,66 @@ class Slots(PeerWorker):
 
     def stop(self) -> None:
         """Vanish, once `run` has returned."""
-        self.redis.delete(*(worker_key(f"{self.name}-{first // PER_WORKER}") for first in range(0, self.slots, PER_WORKER)))
+        self.redis.delete(*(worker_key(machine.name) for machine in self._machines))
         self.redis.close()
         self.http.close()
 
     def report(self) -> None:
         """Every worker's report."""
         with self.redis.pipeline(transaction=False) as all_at_once:
-            for first in range(0, self.slots, PER_WORKER):
-                name, many = f"{self.name}-{first // PER_WORKER}", min(PER_WORKER, self.slots - first)
+            for number, machine in enumerate(self._machines):
+                first = number * PER_WORKER
+                many = min(PER_WORKER, self.slots - first)
                 doing = [self._doing.get(slot, {}) for slot in range(first, first + many)]
-                about = (name, "host", 1, many, "simulated", self.kind, "ready", 0.0, 1e6, doing)
-                report = WorkerReport(*about, frames=True, blurs=True, vectors=True, several=True)
-                all_at_once.set(worker_key(name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
+                about = (machine.name, "host", 1, many, "simulated", self.kind, "ready", 0.0, 1e6, doing)
+                knows = {"frames": True, "blurs": True, "vectors": True, "several": True, "adds": self.adds}
+                in_hand = [*machine.joints, *(message for message, _, joint in machine.waiting if joint is None)]
+                report = WorkerReport(*about, **knows, in_hand=in_hand)
+                all_at_once.set(worker_key(machine.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
             all_at_once.execute()
 
     def _take(self) -> bool:
-        """Let free slots take what waits."""
-        many = min(len(self._free), AT_ONCE)
-        found: Any = self.redis.rpop(render_queue(self.kind), many) if many else None
+        """Let free slots take what waits: on their machine first."""
+        now = time.monotonic()
+        many = 0
+        for machine in self._machines:
+            while machine.free and machine.waiting:
+                self._help(now, machine)
+            many += len(machine.free)
+        found: Any = self.redis.rpop(render_queue(self.kind), min(many, AT_ONCE)) if many else None
         for message in found or []:
-            arguments = _arguments(message)
-            works = [RenderBatch.from_json(each) for each in arguments.get("batches") or [arguments["batch"]]]
-            hand = _Batches(json.loads(message)["headers"]["id"], self._free.pop(), works)
-            self._begin(time.monotonic(), hand)
+            machine = self._with_a_free_slot()
+            id, arguments = json.loads(message)["headers"]["id"], _arguments(message)
+            if "joint" in arguments:
+                work = JointBatch.from_json(arguments["joint"])
+                joint = machine.joints[id] = _Joint(id, work.hold_s, len(work.pieces))
+                machine.waiting.extend((id, [work.batch(number)], joint) for number in range(joint.left))
+            else:
+                works = [RenderBatch.from_json(each) for each in arguments.get("batches") or [arguments["batch"]]]
+                machine.waiting.append((id, works, None))
+            while machine.free and machine.waiting:
+                self._help(now, machine)
         return bool(found)
+
+    def _with_a_free_slot(self) -> _Machine:
+        while True:  # in turn, as machines that ask the same queue do
+            self._next = (self._next + 1) % len(self._machines)
+            if self._machines[self._next].free:
+                return self._machines[self._next]
+            if not any(machine.free for machine in self._machines):
+                return self._machines[self._next]
+
+    def _help(self, now: float, machine: _Machine) -> None:
+        message, works, joint = machine.waiting.popleft()
+        self._begin(now, _Batches(message, machine, machine.free.pop(), works, joint=joint))
 
     def _begin(self, now: float, hand: _Batches) -> None:
         work = hand.batches[0]
         seconds = self.tile_sample_s * work.count
         hand.seconds.append(seconds)
         self._doing[hand.slot] = {**self._words(work), "message": hand.message}
-        heapq.heappush(self._hands, (now + seconds, hand.slot, hand))
+        self._turn += 1
+        heapq.heappush(self._hands, (now + seconds, self._turn, hand))
 
     def _answer(self, now: float) -> bool:
         """Send what is rendered by now, as workers do: while the stream is full, they wait."""
@@ -127,22 +189,50 @@ class Slots(PeerWorker):
         if now < self._full_until or int(self.redis.xlen(RESULTS)) >= MAX_ENTRIES:
             self.waited += len(due)
             self._full_until = max(self._full_until, now + 0.05)
-            for _, slot, hand in due:
-                heapq.heappush(self._hands, (self._full_until, slot, hand))
+            for _, turn, hand in due:
+                heapq.heappush(self._hands, (self._full_until, turn, hand))
             return False
         for at, _, hand in due:
             work, seconds = hand.batches.pop(0), hand.seconds.pop()
-            event = {"type": "batch", **self._words(work), "worker": f"{self.name}-{hand.slot // PER_WORKER}"}
-            event |= {"seconds": seconds, "bad": [], "bad_count": 0}
-            self._send_one(Result(event, self._pack(work.count)))
-            self.rendered += 1
-            self.samples += work.count
+            if hand.joint is None:
+                self._send_sums(hand.machine, [(work, seconds)])
+            else:
+                self._add(now, hand.machine, hand.joint, work, seconds)
             if hand.batches:
                 self._begin(max(at, now - 1.0), hand)
             else:
                 del self._doing[hand.slot]
-                self._free.append(hand.slot)
+                hand.machine.free.append(hand.slot)
         return True
+
+    def _add(self, now: float, machine: _Machine, joint: _Joint, work: RenderBatch, seconds: float) -> None:
+        """Keep sums until those of all batches are there, or they have waited long enough."""
+        joint.since = joint.since if joint.done else now
+        joint.done.append((work, seconds))
+        joint.left -= 1
+        if joint.left and now - joint.since < joint.hold_s:
+            return
+        run: list[tuple[RenderBatch, float]] = []
+        for each in sorted(joint.done, key=lambda each: each[0].first):
+            if run and run[-1][0].first + run[-1][0].count != each[0].first:
+                self._send_sums(machine, run)
+                run = []
+            run.append(each)
+        self._send_sums(machine, run)
+        joint.done.clear()
+        if not joint.left:
+            machine.joints.pop(joint.message, None)
+
+    def _send_sums(self, machine: _Machine, run: list[tuple[RenderBatch, float]]) -> None:
+        work, seconds = run[0]
+        event = {"type": "batch", **self._words(work), "worker": machine.name, "seconds": seconds, "bad": [], "bad_count": 0}
+        if len(run) > 1:
+            parts = [(work.batch, work.first, work.count, seconds) for work, seconds in run]
+            event |= {"type": "batches", "count": sum(work.count for work, _ in run), "parts": parts}
+            del event["batch"]
+        self._send_one(Result(event, self._pack(event["count"])))
+        self.rendered += len(run)
+        self.samples += event["count"]
 
     def _send_one(self, result: Result) -> None:
         while not self._stop.is_set():
@@ -178,8 +268,9 @@ def main() -> None:
     parser.add_argument("--slots", type=int, required=True)
     parser.add_argument("--tile-sample-s", type=float, required=True)
     parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--alone", action="store_true", help="each slot sends its own sums")
     o = parser.parse_args()
-    slots = Slots(o.redis, o.service, o.token, o.slots, np.load(Path(o.sums)), o.tile_sample_s)
+    slots = Slots(o.redis, o.service, o.token, o.slots, np.load(Path(o.sums)), o.tile_sample_s, not o.alone)
     signal.signal(signal.SIGTERM, lambda *_: slots.stop_running())
     print("ready", flush=True)
     slots.run(o.seconds)

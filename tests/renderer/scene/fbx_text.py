@@ -83,6 +83,10 @@ def light(number, **values):
     return f'\tNodeAttribute: {number}, "NodeAttribute::", "Light" {{\n{properties(values)}\t}}\n'
 
 
+def camera(number, **values):
+    return f'\tNodeAttribute: {number}, "NodeAttribute::", "Camera" {{\n{properties(values)}\t}}\n'
+
+
 def arnold(number, names):
     """Which says that a material is Arnold's: an implementation, and with the next number the table of its properties' names."""
     entries = "".join(f'\t\tEntry: "{n}", "FbxPropertyEntry", "{n[5:]}", "FbxSemanticEntry"\n' for n in names)

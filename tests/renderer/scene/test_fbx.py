@@ -10,7 +10,7 @@ import pytest
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.load import Shot
-from tests.renderer.scene.fbx_text import arnold, fbx, light, material, node, texture
+from tests.renderer.scene.fbx_text import arnold, camera, fbx, light, material, node, texture
 
 KIT = Path(__file__).parents[2] / "data" / "fbx"
 Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from Blender's world
@@ -61,12 +61,12 @@ def test_normals_stand_on_the_side_that_polygons_face(kit):
 
 def test_cameras_and_lights_are_blenders(kit):
     for objects, description in kit.values():
-        for camera in description.cameras:
-            matrix = np.array(objects[camera.name]["matrix"])
-            sight = np.array(camera.view.target) - camera.view.eye
-            np.testing.assert_allclose(camera.view.eye, Y_UP @ matrix[:3, 3], atol=1e-5)
+        for seen in description.cameras:
+            matrix = np.array(objects[seen.name]["matrix"])
+            sight = np.array(seen.view.target) - seen.view.eye
+            np.testing.assert_allclose(seen.view.eye, Y_UP @ matrix[:3, 3], atol=1e-5)
             np.testing.assert_allclose(sight / np.linalg.norm(sight), -Y_UP @ matrix[:3, 2], atol=1e-5)
-            np.testing.assert_allclose(camera.view.up, Y_UP @ matrix[:3, 1], atol=1e-5)
+            np.testing.assert_allclose(seen.view.up, Y_UP @ matrix[:3, 1], atol=1e-5)
         for found in description.lights:
             matrix = np.array(objects[found.name]["matrix"])
             if found.kind != "directional":
@@ -205,6 +205,12 @@ def test_a_light_of_other_programs(scene):
     middle = np.array([0.5, 0.5, 0])
     assert even.intensity[0] == pytest.approx(math.pi * np.sum((np.array([0, 3, 0]) - middle) ** 2))
     assert any("1 lights that do not fade as real ones do" in w for w in description.warnings)
+
+
+def test_a_camera_that_sees_in_perspective_comes_first(scene):
+    objects = node(50, "a plan", "Camera") + node(51, "view", "Camera") + camera(60, CameraProjectionType=1) + camera(61, Far=9.0)
+    description = scene("a.fbx", fbx(objects, [(60, 50), (50, 0), (61, 51), (51, 0)]))
+    assert [(c.name, c.view.projection) for c in description.cameras] == [("view", "perspective"), ("a plan", "orthographic")]
 
 
 def test_hidden_nodes_are_left_out_and_counted(scene):

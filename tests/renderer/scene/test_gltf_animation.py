@@ -171,7 +171,7 @@ def test_an_unknown_clip_is_told_which_there_are(scene):
     g.mesh()
     with pytest.raises(SceneError, match=r"a\.glb: has no clips; leave the clip out"):
         scene("a.glb", g.glb(), moment=at(0, "walk"))
-    with pytest.raises(SceneError, match=r"a\.obj: has no clips, as glTF and FBX files have"):
+    with pytest.raises(SceneError, match=r"a\.obj: has no clips, as glTF, USD and FBX files have"):
         scene("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", moment=at(0, "walk"))
 
 

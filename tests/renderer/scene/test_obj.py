@@ -171,3 +171,27 @@ def test_colours_after_positions_are_vertex_colours(scene):
     expected = [(1, 0, 0, 1), (0, ((0.5 + 0.055) / 1.055) ** 2.4, 0, 1), (0, 0, 1, 1)]
     np.testing.assert_allclose(mesh.colors[mesh.triangles[0]], expected, atol=1e-6)
     assert scene("b.obj", text.replace(" 0 0.5 0", " 1")).meshes[0].colors is None  # a weight, and not all are coloured
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be", "utf-8-sig"])
+def test_other_encodings_of_windows(scene, encoding):
+    mark = "\ufeff" if encoding == "utf-16-be" else ""
+    description = scene("a.obj", f"{mark}# ö\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".encode(encoding))
+    assert len(description.meshes[0].triangles) == 1
+
+
+@pytest.mark.parametrize("normal", ["nan nan nan", "-1.#IND -1.#IND -1.#IND", "-nan(ind) 0 0", "inf 0 0"])
+def test_normals_that_are_no_numbers_are_none(scene, normal):
+    description = scene("a.obj", f"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn {normal}\nf 1//1 2//1 3//1\n")
+    assert description.meshes[0].normals.tolist() == [[0, 0, 0]] * 3
+    assert any("decimal commas, or that are none" in w for w in description.warnings)
+
+
+def test_decimal_commas_and_fortrans_exponents(scene):
+    mesh = scene("a.obj", "v 0,5 0 0\nv 1.5D+00 0 0\nv 0 1,25 0\nf 1 2 3\n").meshes[0]
+    assert mesh.positions.tolist() == [[0.5, 0, 0], [1.5, 0, 0], [0, 1.25, 0]]
+
+
+def test_positions_that_are_no_numbers_stay_errors(scene):
+    with pytest.raises(SceneError, match="line 2"):
+        scene("a.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n")

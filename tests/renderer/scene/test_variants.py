@@ -35,7 +35,7 @@ def test_files_without_variants_say_so(scene):
     g.mesh()
     with pytest.raises(SceneError, match=r"a\.glb: has no variants; leave the variant out"):
         scene("a.glb", g.glb(), variant="beach")
-    with pytest.raises(SceneError, match=r"a\.obj: has no variants, as only glTF files have"):
+    with pytest.raises(SceneError, match=r"a\.obj: has no variants, as only glTF and USD files have"):
         scene("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", variant="beach")
     with pytest.raises(SceneError, match=r"s\.yaml: has no variants"):
         scene("s.yaml", "shapes: [{type: quad}]", variant="0")

@@ -104,7 +104,7 @@ def test_without_a_login_there_is_nothing_but_the_page(service: Service) -> None
                 assert ask(worker, method, pattern) == 403, (method, pattern)
         assert ask(nobody, "GET", "/api/nowhere") == 401
         assert nobody.get("/").status_code == 200
-        assert nobody.get("/api/session").json() == {"login": True, "name": None, "role": None, "kind": None}
+        assert nobody.get("/api/session").json() == {"login": True, "name": None, "role": None, "kind": None, "provider": None}
         assert worker.get("/api/farm/join").json()["instance"]
         assert worker.get("/api/nowhere").status_code == 404
         answer = nobody.get("/api/jobs")
@@ -130,7 +130,13 @@ def test_a_link_lets_its_user_in_once(service: Service, owner: httpx.Client) -> 
     with caller(service) as browser, caller(service) as thief:
         assert browser.get("/api/jobs", headers={"Authorization": f"Bearer {link['code']}"}).status_code == 401
         answer = browser.post("/api/login", json={"link": link["code"]})
-        assert answer.json() | {"login": True} == {"login": True, "name": "lena", "role": "submit", "kind": "session"}
+        assert answer.json() | {"login": True} == {
+            "login": True,
+            "name": "lena",
+            "role": "submit",
+            "kind": "session",
+            "provider": None,
+        }
         cookie = answer.headers["set-cookie"]
         assert all(part in cookie for part in ("HttpOnly", "SameSite=strict", "Path=/", "Max-Age=2592000"))
         assert "Secure" not in cookie
@@ -354,7 +360,13 @@ def test_on_loopback_all_is_open_but_who_else_is_let_in(tmp_path: Path, redis_se
     service = Service(tmp_path / "data", redis_server)
     try:
         http = service.http
-        assert http.get("/api/session").json() == {"login": False, "name": "this machine", "role": "admin", "kind": "open"}
+        assert http.get("/api/session").json() == {
+            "login": False,
+            "name": "this machine",
+            "role": "admin",
+            "kind": "open",
+            "provider": None,
+        }
         assert http.get("/api/jobs").status_code == 200
         assert http.get("/api/jobs", headers={"Authorization": "Bearer of-another-service"}).status_code == 200
         assert http.get("/api/jobs", headers={"Authorization": f"Bearer {TOKEN}"}).status_code == 200

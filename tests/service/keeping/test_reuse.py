@@ -11,6 +11,8 @@ import pytest
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
 
+LONG_S = 120.0
+
 
 @pytest.fixture
 def service(service: Service) -> Iterator[Service]:
@@ -30,13 +32,13 @@ def test_a_picture_that_is_asked_for_again_is_there_at_once_and_outlasts_the_fir
     with service.worker() as worker:
         scene = service.ready_scene()
         first = service.submit(scene)
-        service.wait_for(first, "finished")
+        service.wait_for(first, "finished", LONG_S)
     again = service.submit(scene)  # nobody is there who could render it
-    found = service.wait_for(again, "finished")
+    found = service.wait_for(again, "finished", LONG_S)
     assert found["taken"] == {"job": first, "spp": 8.0}
     assert (found["samples"], found["kind"]) == (64 * 48 * 8, "test-kind")
     assert service.http.delete(f"/api/jobs/{first}").status_code == 204
-    until(lambda: not service.farm.films.size(first), "the first film is gone")
+    until(lambda: not service.farm.films.size(first), "the first film is gone", LONG_S)
     assert service.digest(again) == expected_digest()
     assert service.http.get(f"/api/jobs/{again}/frames/0/image.png").status_code == 200
     assert not samples_of(worker, again)
@@ -47,20 +49,20 @@ def test_a_picture_that_is_asked_for_again_is_there_at_once_and_outlasts_the_fir
 def test_more_samples_go_on_from_what_is_there_to_the_bits_of_all_at_once(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     few = service.submit(scene, spp=64)
-    service.wait_for(few, "finished")
+    service.wait_for(few, "finished", LONG_S)
     many = service.submit(scene, spp=256)
-    found = service.wait_for(many, "finished", 60)
+    found = service.wait_for(many, "finished", LONG_S)
     assert found["taken"] == {"job": few, "spp": 64.0}
     assert samples_of(worker, many) == 64 * 48 * 192
     fresh = service.submit(scene, spp=256, fresh=True)
-    assert service.wait_for(fresh, "finished", 60)["taken"] is None
+    assert service.wait_for(fresh, "finished", LONG_S)["taken"] is None
     assert samples_of(worker, fresh) == 64 * 48 * 256
     assert service.digest(many) == service.digest(fresh) == expected_digest(spp=256)
 
 
 def test_what_would_show_in_the_bits_is_not_taken(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
-    service.wait_for(service.submit(scene, spp=16), "finished")
+    service.wait_for(service.submit(scene, spp=16), "finished", LONG_S)
 
     def taken(**request: object) -> bool:
         job = service.submit(scene, **request)
@@ -73,24 +75,26 @@ def test_what_would_show_in_the_bits_is_not_taken(service: Service, worker: Peer
     assert not taken(spp=16, tile_size=32)
     assert not taken(spp=16, camera="overview")
     assert not taken(spp=16, seconds=30), "who asks for a time asks for work"
+    assert not taken(spp=16, verify=0.5), "what is to be looked at is rendered for it"
     assert taken(spp=32)
     other = service.upload(b"v 0 0 1\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    until(lambda: service.scene(other)["status"] == "ready", "another scene is prepared")
-    service.wait_for(service.submit(other, spp=16), "finished")
+    until(lambda: service.scene(other)["status"] == "ready", "another scene is prepared", LONG_S)
+    assert service.job(service.submit(other, spp=16))["taken"] is None
 
 
 def test_samples_of_another_kind_of_workers_are_not_mixed_in(service: Service) -> None:
     with service.worker(name="old", kind="old-kernels"):
         scene = service.ready_scene()
         first = service.submit(scene)
-        service.wait_for(first, "finished")
+        service.wait_for(first, "finished", LONG_S)
     with service.worker(name="new", kind="new-kernels"):
         until(
             lambda: [w["name"] for w in service.http.get("/api/workers").json()] == ["new"],
             "the other worker is there alone",
+            LONG_S,
         )
         again = service.submit(scene, spp=16)
-        found = service.wait_for(again, "finished")
+        found = service.wait_for(again, "finished", LONG_S)
     assert (found["taken"], found["kind"]) == (None, "new-kernels")
 
 
@@ -99,7 +103,7 @@ def test_a_finer_end_by_noise_takes_from_a_coarser_one_and_ends_as_alone(service
     digests = {}
     for noise, fresh in ((0.09, True), (0.05, False), (0.05, True)):
         job = service.submit(scene, spp=None, noise=noise, fresh=fresh)
-        found = service.wait_for(job, "finished", 60)
+        found = service.wait_for(job, "finished", LONG_S)
         digests[noise, fresh] = job, service.digest(job), found["taken"]
     assert digests[0.05, False][2]["job"] == digests[0.09, True][0]
     assert digests[0.05, True][1] == digests[0.05, False][1] != digests[0.09, True][1]
@@ -110,7 +114,7 @@ def test_a_finer_end_by_noise_takes_from_a_coarser_one_and_ends_as_alone(service
 def test_a_damaged_film_is_not_taken(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     first = service.submit(scene)
-    service.wait_for(first, "finished")
+    service.wait_for(first, "finished", LONG_S)
     service.options["film_check_days"] = 0
     service.restart()
     path: Path = service.options["data"] / "films" / f"{first}.sqlite"
@@ -118,6 +122,6 @@ def test_a_damaged_film_is_not_taken(service: Service, worker: PeerWorker) -> No
         database.execute("UPDATE part SET sums = zeroblob(length(sums)) WHERE tile = 3")
     database.close()
     again = service.submit(scene)
-    assert service.wait_for(again, "finished")["taken"] is None
+    assert service.wait_for(again, "finished", LONG_S)["taken"] is None
     assert service.digest(again) == expected_digest()
     assert not [path for path in path.parent.iterdir() if ".new" in path.name]

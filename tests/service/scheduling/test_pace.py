@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from service.scheduling import pace
-from service.scheduling.pace import MOST_OF_A_TILE, SHARE, Pace
+from service.scheduling.pace import MOST_JOINT, MOST_OF_A_TILE, SHARE, Pace
 
 
 class Clock:
@@ -72,3 +72,26 @@ def test_few_slots_get_results_shown_one_by_one(clock: Clock) -> None:
     take_in(of, clock, 400, 0.001)
     assert 0.0 < of.gather_s < 0.5
     assert of.of_a_tile(100_000) == MOST_OF_A_TILE
+    assert [of.of_a_tile(slots, joint=True) for slots in (2, 32, 33, 100, 100_000)] == [1, 1, 2, 6, MOST_JOINT]
+    assert (of.hold_s(0.1), of.hold_s(4.0)) == (1.0, 4.0)
+
+
+def test_a_batch_costs_less_where_its_sums_come_with_those_of_others(clock: Clock) -> None:
+    alone, together = Pace(0.5, 10.0, 1 << 20), Pace(0.5, 10.0, 1 << 20)
+    for _ in range(5):
+        take_in(alone, clock, 100, 0.004)
+        with together.busy():
+            clock.now += 0.016
+        clock.now += 1.0
+        together.took_in(2, 32, 0.016)
+    assert alone.batch_s(1000) == pytest.approx(1000 * 0.004 / SHARE)
+    assert together.batch_s(1000) == pytest.approx(1000 * 0.0005 / SHARE), "also where few results a second come"
+
+
+def test_a_burst_is_no_backlog_where_it_is_taken_in_at_once(clock: Clock) -> None:
+    of = Pace(0.5, 10.0, 1 << 20)
+    for seconds, longer in ((0.05, False), (5.0, True)):
+        of.unread(60, 1024.0)
+        clock.now += 1.0
+        of.took_in(10, 160, seconds)
+        assert (of.batch_s(1) > 0.5) == longer

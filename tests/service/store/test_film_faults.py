@@ -121,7 +121,10 @@ def sql(*statements: str) -> Callable[[Path], None]:
         (sql("UPDATE part SET sums = NULL"), "damaged"),
         (sql("UPDATE part SET count = NULL"), "damaged"),
         (sql("UPDATE part SET tile = 99"), "damaged"),
-        (sql("INSERT INTO part SELECT frame, tile, first + 1, count, bad, sums, checksum FROM part"), "covered already"),
+        (
+            sql("INSERT INTO part SELECT frame, tile, first + 1, count, bad, sums, checksum, workers, ranges FROM part"),
+            "covered already",
+        ),
         (sql("UPDATE shape SET width = 7"), "another picture"),
         (sql(f"PRAGMA user_version = {VERSION + 1}"), f"version {VERSION + 1}.*up to version {VERSION}"),
         (lambda path: (path.unlink(), path.mkdir()), "cannot be written|damaged"),
@@ -144,11 +147,30 @@ def test_what_stays_is_lost_with_a_sentence(film: Film, tmp_path: Path, break_it
     again.close()
 
 
-def test_a_film_that_became_read_only_is_lost(film: Film) -> None:
+def test_a_film_that_became_read_only_waits(film: Film) -> None:
     rows_of(film).execute("PRAGMA query_only=ON")
-    with pytest.raises(FilmLost, match="cannot be written"):
+    with pytest.raises(FilmWaits, match=r"is read-only\. Make it writable\. The job goes on"):
         film.merge([part(film, 1, 0, 1)])
     assert film.coverage(0, 1).total == 0
+    rows_of(film).execute("PRAGMA query_only=OFF")
+    assert film.merge([part(film, 1, 0, 1)]) == [True]
+
+
+def test_a_lock_is_waited_for_once_and_not_at_each_try(film: Film, tmp_path: Path) -> None:
+    def patience_ms() -> int:
+        return int(rows_of(film).execute("PRAGMA busy_timeout").fetchone()[0])
+
+    known = patience_ms()
+    other = sqlite3.connect(tmp_path / "job.sqlite", isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    assert known > 0
+    for _ in range(2):
+        with pytest.raises(FilmWaits):
+            film.merge([part(film, 1, 0, 1)])
+        assert patience_ms() == 0, "the engine, which all jobs need, waits no second time"
+    other.close()
+    assert film.merge([part(film, 1, 0, 1)]) == [True]
+    assert patience_ms() == known
 
 
 def test_what_was_merged_is_reported_though_folding_fails(film: Film) -> None:
@@ -182,7 +204,7 @@ def test_rows_that_somebody_else_wrote_are_not_folded_away(film: Film, tmp_path:
     """Folding writes sums that were remembered. Where the file has others, they stay."""
     sneaked = part(film, 0, 2 + FOLD_AT, 1)
     sql_rows = sqlite3.connect(tmp_path / "job.sqlite")
-    sql_rows.execute("INSERT INTO part VALUES (0, 0, ?, 1, 0, ?, NULL)", (sneaked.first, sneaked.sums))
+    sql_rows.execute("INSERT INTO part VALUES (0, 0, ?, 1, 0, ?, NULL, NULL, NULL)", (sneaked.first, sneaked.sums))
     sql_rows.commit()
     sql_rows.close()
     for first in range(2, 2 + FOLD_AT):
@@ -199,7 +221,7 @@ def test_rows_that_somebody_else_wrote_are_not_folded_away(film: Film, tmp_path:
         (errno.EIO, FilmWaits),
         (errno.EMFILE, FilmWaits),
         (errno.EACCES, FilmLost),
-        (errno.EROFS, FilmLost),
+        (errno.EROFS, FilmWaits),
     ],
 )
 def test_the_systems_errors_are_told_apart_too(number: int, kind: type[Exception]) -> None:

@@ -27,6 +27,7 @@ const WORDS = {
   late: () => t("Expected after its deadline"),
   "in-time": () => t("Expected by its deadline again"),
   healed: () => t("Its film was damaged; what is missing is rendered again"),
+  distrusted: (name) => t("{name} rendered something else than others; what it sent is rendered again", { name }),
   failed: (words) => t("A batch failed, and is tried again. {words}", { words }),
 };
 

@@ -97,7 +97,7 @@ export function progressPanel() {
       setText(samples, isShot(job) ? count(job.shot?.states.finished ?? 0) : count(Math.floor(job.samples / pixels)));
       setText(of, goal(job));
       bar.update(job.progress, job.state);
-      const rate = job.samples_per_s || (job.state !== "queued" && job.active_s > 0.5 ? job.samples / job.active_s : 0);
+      const rate = job.samples_per_s || (job.state !== "queued" && job.active_s > 0.5 ? (job.samples - (job.taken?.spp ?? 0) * pixels) / job.active_s : 0);
       setText(speed, rate >= 1 ? compact(rate) : "–");
       message.hidden = !job.message;
       setText(message, job.message ?? "");

@@ -34,5 +34,10 @@ export const makeToken = (name, role, days) => call("POST", "/tokens", { json: {
 /** @param {string} id @returns {Promise<void>} */
 export const withdrawToken = (id) => call("DELETE", `/tokens/${id}`);
 
+/** Of uploads and films in bytes; unfinished at a time; within 24 hours. @typedef {{bytes: number | null, jobs: number | null, samples_day: number | null}} Amounts */
+
+/** @returns {Promise<{whose: string, limits: Amounts, used: Amounts}[]>} what one may; empty: whatever one likes */
+export const getQuota = () => call("GET", "/quota");
+
 /** @param {number} limit @returns {Promise<Deed[]>} newest first */
 export const getAudit = (limit) => call("GET", `/audit?limit=${limit}`);

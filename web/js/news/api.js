@@ -1,6 +1,7 @@
 /** The REST API, a function a call. What goes wrong is an `ApiError` whose message is the service's own sentence. */
 
 import { decodeFilm } from "./tile-packet.js";
+import { inProject } from "../base/project.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
@@ -92,7 +93,7 @@ export async function call(method, path, { json, headers = {}, signal, keepalive
 export const UPLOAD_URL = "api/scenes";
 
 /** @returns {Promise<Scene[]>} newest first */
-export const getScenes = () => call("GET", "/scenes");
+export const getScenes = () => call("GET", inProject("/scenes"));
 
 /** @param {string} id @returns {Promise<Scene>} */
 export const getScene = (id) => call("GET", `/scenes/${id}`);
@@ -101,16 +102,16 @@ export const getScene = (id) => call("GET", `/scenes/${id}`);
 export const deleteScene = (id) => call("DELETE", `/scenes/${id}`);
 
 /** @returns {Promise<Job[]>} newest first */
-export const getJobs = () => call("GET", "/jobs");
+export const getJobs = () => call("GET", inProject("/jobs"));
 
 /** @param {import("./job-list.js").JobQuery} query @returns {Promise<string[]>} in order */
-export const getJobIds = (query) => call("GET", `/jobs/ids${listText(query)}`);
+export const getJobIds = (query) => call("GET", inProject(`/jobs/ids${listText(query)}`));
 
 /** @param {string[]} ids @returns {Promise<Job[]>} those that are there, in no order */
 export const getJobsOf = (ids) => call("GET", `/jobs?limit=${ids.length}&ids=${ids.join(",")}`);
 
 /** @param {import("./job-list.js").JobQuery} query @returns {Promise<import("./job-list.js").Tallies>} */
-export const getTallies = (query) => call("GET", `/jobs/tallies${listText(query)}`);
+export const getTallies = (query) => call("GET", inProject(`/jobs/tallies${listText(query)}`));
 
 /**
  * @param {string[]} ids
@@ -142,13 +143,13 @@ export const createJob = (request, idempotencyKey) =>
 export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: change });
 
 /** @returns {Promise<Environment[]>} presets, then what was uploaded, newest first */
-export const getEnvironments = () => call("GET", "/environments");
+export const getEnvironments = () => call("GET", inProject("/environments"));
 
 /** @param {string} id @returns {Promise<void>} */
 export const removeEnvironment = (id) => call("DELETE", `/environments/${id}`);
 
 /** @returns {Promise<import("../base/types.js").Reference[]>} newest first */
-export const getReferences = () => call("GET", "/references");
+export const getReferences = () => call("GET", inProject("/references"));
 
 /** @param {string} id @returns {Promise<void>} */
 export const removeReference = (id) => call("DELETE", `/references/${id}`);
@@ -186,7 +187,7 @@ export const getInfo = () => call("GET", "/info");
 export const getExamples = () => call("GET", "/examples");
 
 /** @param {string} name @returns {Promise<Scene>} the scene that the example became */
-export const openExample = (name) => call("POST", `/examples/${encodeURIComponent(name)}`);
+export const openExample = (name) => call("POST", inProject(`/examples/${encodeURIComponent(name)}`));
 
 /**
  * How a job came to its picture. Seconds are of rendering; events at unix times.

@@ -1,5 +1,6 @@
 /** Light that can be chosen: presets, and images that were uploaded. */
 
+import { inProject } from "../base/project.js";
 import { getEnvironments, removeEnvironment } from "./api.js";
 import { Store } from "../base/store.js";
 import { sendFiles } from "./upload.js";
@@ -20,7 +21,7 @@ export async function loadEnvironments() {
  * @returns {Promise<Environment>}
  */
 export async function addEnvironment(file, options) {
-  const added = /** @type {Environment} */ (await sendFiles("api/environments", "file", [{ file, path: file.name }], options));
+  const added = /** @type {Environment} */ (await sendFiles(inProject("api/environments"), "file", [{ file, path: file.name }], options));
   await loadEnvironments();
   return added;
 }

@@ -2,6 +2,7 @@
 
 import * as api from "./api.js";
 import { Backoff } from "../base/backoff.js";
+import { isShown } from "../base/project.js";
 import { inWords, table } from "./settings-table.js";
 import { Store } from "../base/store.js";
 
@@ -119,8 +120,8 @@ function takeWorker(worker) {
 }
 
 const TAKERS = /** @type {Record<string, (item: any) => void>} */ ({
-  scene: (item) => take(scenes, item),
-  job: takeJob,
+  scene: (item) => isShown(item) && take(scenes, item),
+  job: (item) => isShown(item) && takeJob(item),
   worker: takeWorker,
 });
 

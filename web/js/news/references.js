@@ -1,5 +1,6 @@
 /** Pictures that were uploaded to compare with. */
 
+import { inProject } from "../base/project.js";
 import { getReferences, removeReference } from "./api.js";
 import { Store } from "../base/store.js";
 import { sendFiles } from "./upload.js";
@@ -21,7 +22,7 @@ export async function loadReferences() {
  */
 export async function addReference(file, signal) {
   const options = { progress: () => {}, signal };
-  const added = /** @type {Reference} */ (await sendFiles("api/references", "file", [{ file, path: file.name }], options));
+  const added = /** @type {Reference} */ (await sendFiles(inProject("api/references"), "file", [{ file, path: file.name }], options));
   await loadReferences();
   return added;
 }

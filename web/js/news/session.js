@@ -9,6 +9,7 @@ import { Store } from "../base/store.js";
  * @property {string | null} name null: nobody is logged in
  * @property {"view" | "submit" | "admin" | null} role
  * @property {"open" | "session" | "token" | "owner" | null} kind
+ * @property {string | null} [provider] what the OpenID provider is called by which one may log in
  */
 
 /** Whoever runs a service without logins, or reads a page whose service does not answer. @type {Session} */

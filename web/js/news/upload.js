@@ -1,6 +1,7 @@
 /** One upload. XMLHttpRequest, because fetch cannot tell how much it has sent. */
 
 import { ApiError, UPLOAD_URL, errorOf } from "./api.js";
+import { inProject } from "../base/project.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../shell/gather-files.js").NamedFile} NamedFile */
@@ -12,7 +13,7 @@ import { t } from "../base/words.js";
  *     fields: of the form, beside the files
  * @returns {Promise<Scene>} Rejects with ApiError, or with the signal's reason when it is aborted.
  */
-export const upload = (files, options) => sendFiles(UPLOAD_URL, "files", files, options);
+export const upload = (files, options) => sendFiles(inProject(UPLOAD_URL), "files", files, options);
 
 /**
  * @param {string} url

@@ -5,6 +5,7 @@ import { h, setText } from "../base/dom.js";
 import { scenes, workers } from "../news/farm.js";
 import { compact, noiseText, roughly } from "../base/format.js";
 import { icon } from "../base/icons.js";
+import { may } from "../news/session.js";
 import { qualityFields } from "../forms/quality-fields.js";
 import { expected } from "../forms/render-presets.js";
 import { shotFields } from "../shot/shot-fields.js";
@@ -72,10 +73,14 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     ...(fresh.checked && { fresh: true }),
   });
   const fresh = h("input", { type: "checkbox" });
-  const anew = h("label", { class: "check small", title: t("Unless this is set, samples that an earlier job of the same picture has are taken from it") }, fresh, t("From the first sample"));
+  const anew = h("label", { class: "check small", title: t("Unless this is set, samples that an earlier job of the same picture has are taken from it") }, fresh, t("Render anew, from the first sample"));
   const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), t("Render"));
+  const isFree = may("submit");
+  render.disabled = !isFree;
+  const why = !isFree && h("p", { class: "hint", role: "note" }, t("Your role may look, and not render. Ask who runs this farm."));
   const onsubmit = async (/** @type {SubmitEvent} */ event) => {
     event.preventDefault();
+    if (!isFree) return;
     if (!element.checkValidity()) {
       showFirstProblem(element);
       return;
@@ -98,7 +103,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     quality.elements,
     others.basic,
     others.folds,
-    h("div", { class: "submit" }, estimate, anew, render),
+    h("div", { class: "submit" }, estimate, anew, why, render),
   );
   update();
   return { element, update, request, view: camera.view, turn: camera.turn, focus: camera.focus, light: others.lightHandle, dispose: others.dispose };

@@ -64,7 +64,7 @@ async function walk(entry, found) {
 
 /** @param {NamedFile[]} files what an upload is called until the service names it */
 export function titleOf(files) {
-  const scene = files.find(({ path }) => /\.(glb|gltf|obj|ya?ml|dae|ply|stl|off|zip)$/i.test(path)) ?? files[0];
+  const scene = files.find(({ path }) => /\.(glb|gltf|usd[acz]?|fbx|obj|ya?ml|dae|ply|stl|off|zip)$/i.test(path)) ?? files[0];
   if (!scene) return t("Nothing");
   return files.length > 1 ? t("{path} and {n} more", { path: scene.path, n: files.length - 1 }) : scene.path;
 }

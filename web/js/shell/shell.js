@@ -8,6 +8,7 @@ import { tallies } from "../news/job-list.js";
 import { session } from "../news/session.js";
 import { notifyButton } from "./notify.js";
 import { languageMenu } from "./language-menu.js";
+import { projectMenu } from "./project-menu.js";
 import { linkTo } from "./router.js";
 import { announce } from "./tray.js";
 import { t } from "../base/words.js";
@@ -68,6 +69,7 @@ export function buildShell() {
       },
       "?",
     ),
+    projectMenu(),
     accountLink(),
     notifyButton(),
     languageMenu(),

@@ -5,6 +5,7 @@ import { t } from "../base/words.js";
 import { changePassword, logOut, may, session } from "../news/session.js";
 import { setTitle } from "../shell/router.js";
 import { announce, showError } from "../shell/tray.js";
+import { quotaSection } from "./quota.js";
 import { auditSection, tokensSection, usersSection } from "./access-parts.js";
 
 /** What a role lets do. */
@@ -24,6 +25,7 @@ export function accountView() {
     { class: "page account" },
     h("header", { class: "account-head" }, h("div", null, h("h1", { class: "page-title" }, kind === "open" ? t("This machine") : (name ?? "")), h("p", { class: "quiet" }, ROLES[role ?? ""] ?? "")), kind === "session" && leave),
     kind === "session" && name !== "owner" && passwordSection(),
+    kind === "session" && quotaSection(),
     kind === "session" && tokensSection(),
     kind === "session" && may("admin") && usersSection(),
     kind === "session" && may("admin") && auditSection(),

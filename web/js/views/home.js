@@ -92,11 +92,11 @@ function dropZone() {
     h(
       "p",
       { class: "quiet" },
-      t("GLB, glTF, FBX, OBJ with its MTL and textures, PLY, STL, DAE or a scene YAML; its folder or a zip will do."),
+      t("GLB, glTF, USD, FBX, OBJ with its MTL and textures, 3MF, PLY, STL, DAE, 3DS and more, or a scene YAML; its folder or a zip will do."),
     ),
     h(
       "div",
-      { class: "row" },
+      { class: "row for-submit" },
       h(
         "button",
         { class: "button primary", type: "button", onclick: () => choose({ folder: false }) },

@@ -144,7 +144,7 @@ function open(page, job, life) {
     title: t("Compare with another picture (C)"),
     onclick: (/** @type {Event} */ event) => followWithFrame(event, shot && here().params.get("frame")),
   };
-  const bin = { class: "icon-button danger", type: "button", "aria-label": t("Delete this picture"), onclick: remove };
+  const bin = { class: "icon-button danger for-submit", type: "button", "aria-label": t("Delete this picture"), onclick: remove };
   fill(
     page,
     h(

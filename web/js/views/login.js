@@ -2,12 +2,24 @@
 
 import { h } from "../base/dom.js";
 import { t } from "../base/words.js";
-import { logIn } from "../news/session.js";
+import { logIn, session as known } from "../news/session.js";
 import { languageMenu } from "../shell/language-menu.js";
 import { here, setTitle } from "../shell/router.js";
 
 /** Beside the modules, and so of their version. */
 const ICON = new URL("../../icon.svg", import.meta.url).href;
+
+/** Why the OpenID provider's word was not enough, as service/access/oidc.py names it. @type {string | null} */
+let refused = null;
+
+/** @type {Record<string, string>} */
+const REFUSED = {
+  cancelled: t("The login was not finished at the provider. Try again."),
+  late: t("That login was begun too long ago, or in another browser. Try again."),
+  provider: t("The provider cannot be reached, or its answer is not right. Try again, or ask who runs this farm."),
+  role: t("You are known to the provider, but have no role on this farm. Ask who runs it."),
+  name: t("Your name is taken by somebody else on this farm, or cannot be one here. Ask who runs it."),
+};
 
 /**
  * The code in the address, which is taken out of it at once: it must not stay in the history, nor in what is copied from the bar.
@@ -17,6 +29,7 @@ const ICON = new URL("../../icon.svg", import.meta.url).href;
 export function takeCode() {
   const { path, params } = here();
   if (path[0] !== "login") return null;
+  refused = params.get("refused");
   history.replaceState(null, "", location.pathname);
   return params.get("code");
 }
@@ -62,8 +75,10 @@ export function loginView(code) {
     h("div", { class: "field" }, h("label", { for: "login-password" }, t("Password")), password),
     problem,
     button,
+    known.value.provider && h("a", { class: "button large", href: "api/login/openid" }, t("Log in with {provider}", { provider: known.value.provider })),
     h("p", { class: "quiet" }, t("No password yet? Ask whoever runs this farm for a link.")),
   );
+  if (refused) problem.textContent = REFUSED[refused] ?? "";
   if (code) void enter({ link: code });
   else queueMicrotask(() => name.focus());
   return { element: h("div", { class: "login" }, form), dispose: () => {} };

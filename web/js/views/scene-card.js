@@ -25,7 +25,7 @@ export function sceneCard(scene) {
   let latest = scene;
   const remove = h(
     "button",
-    { class: "icon-button danger delete", type: "button", onclick: () => removeScene(latest) },
+    { class: "icon-button danger delete for-submit", type: "button", onclick: () => removeScene(latest) },
     icon("trash"),
   );
   return {

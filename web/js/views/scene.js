@@ -72,7 +72,7 @@ function heading(scene) {
     h(
       "button",
       {
-        class: "icon-button danger",
+        class: "icon-button danger for-submit",
         type: "button",
         "aria-label": t("Delete this scene"),
         onclick: () => (removeScene(scene), go()),

@@ -186,7 +186,8 @@ _Metadata = _structure(
     " root_scale:real _:int _:real",
 )
 _Settings = _structure(
-    "Settings", "_:Props right:int up:int front:int unit_meters:real fps:real _:real*3 _:list _:int _:int _:int _:int unit:real"
+    "Settings",
+    "_:Props right:int up:int front:int unit_meters:real fps:real _:real*3 camera:list _:int _:int _:int _:int unit:real",
 )
 Scene = _structure(
     "Scene",

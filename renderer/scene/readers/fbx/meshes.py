@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,24 +43,39 @@ def parts_of(mesh: Any) -> list[Part]:
         _Attribute(mesh.color, 4),
     ]
     points = array(mesh.vertex_indices, np.uint32)
+    present = [a for a in attributes if a.exists]
+    first, kind = _kinds([points, *(a.indices for a in present)])
     slots = array(mesh.face_material, np.uint32)
     slot = slots[face] if len(slots) else np.zeros(len(face), np.uint32)
+    numbers = np.unique(slot)
     found = []
-    for number in np.unique(slot):
-        used = corners[slot == number].reshape(-1)
-        present = [a for a in attributes if a.exists]
-        table = np.column_stack([points[used], *(a.indices[used] for a in present)]).astype(np.int64)
-        first, kind = unique_rows(table)
-        at = used[first]
+    for number in numbers:
+        vertices = kind[corners if len(numbers) == 1 else corners[slot == number]].reshape(-1)
+        used = np.zeros(len(first), bool)
+        used[vertices] = True
+        place = np.cumsum(used) - 1
+        at = first[used]
         normals, uvs, uvs1, colors = (a.values[a.indices[at]].astype(np.float32) if a.exists else None for a in attributes)
         for each_uvs in (uvs, uvs1):
             if each_uvs is not None:
                 each_uvs[:, 1] = 1 - each_uvs[:, 1]  # counted from the lower edge
         if colors is not None and (colors == 1).all():
             colors = None
-        triangles = kind.reshape(-1, 3).astype(np.int32)
+        triangles = place[vertices].reshape(-1, 3).astype(np.int32)
         found.append(Part(int(number), points[at].astype(np.int64), triangles, normals, uvs, uvs1, colors))
     return found
+
+
+def _kinds(columns: list[U32]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Of corners, by what they are made of: the first of each kind, and the kind of each. As `unique_rows`, by a number each."""
+    sizes = [int(column.max(initial=0)) + 1 for column in columns]
+    if math.prod(sizes) >= 1 << 63:
+        return unique_rows(np.column_stack(columns).astype(np.int64))
+    key = np.zeros(len(columns[0]), np.int64)
+    for column, size in zip(columns, sizes, strict=True):
+        key = key * size + column
+    _, first, kind = np.unique(key, return_index=True, return_inverse=True)
+    return first, kind
 
 
 class _Attribute:
@@ -90,15 +106,25 @@ def _triangles(mesh: Any) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
         cut = triangulated(mesh, int(begin[number]), int(count[number]))
         corners.append(cut.astype(np.int64))
         of.append(np.full(len(cut), number))
-    order = np.argsort(np.concatenate(of), kind="stable")
-    return np.concatenate(corners)[order], np.concatenate(of)[order]
+    cuts, numbers = np.concatenate(corners), np.concatenate(of)
+    if len(three) == len(numbers) or 2 * len(four) == len(numbers):
+        return cuts, numbers
+    order = np.argsort(numbers, kind="stable")
+    return cuts[order], numbers[order]
 
 
 def _halved(corners: npt.NDArray[np.int64], mesh: Any) -> npt.NDArray[np.int64]:
     """(2 Q, 3) corners of (Q, 4): cut from the first to the third, but where that lies outside of the face."""
-    points = array(mesh.vertices, np.float64, 3)[array(mesh.vertex_indices, np.uint32)[corners]]
-    a, b, c, d = (points[:, k] for k in range(4))
-    inside = np.einsum("ij,ij->i", np.cross(b - a, c - a), np.cross(c - a, d - a)) >= 0
+    points = array(mesh.vertices, np.float64, 3)
+    a, b, c, d = (points[array(mesh.vertex_indices, np.uint32)[corners[:, k]]] for k in range(4))
+    (x, y, z), (u, v, w) = _cross(b - a, c - a), _cross(c - a, d - a)
+    inside = x * u + y * v + z * w >= 0
     straight = corners[:, [0, 1, 2, 0, 2, 3]]
-    other = corners[:, [0, 1, 3, 1, 2, 3]]
-    return np.where(inside[:, None], straight, other).reshape(-1, 3)
+    if inside.all():
+        return straight.reshape(-1, 3)
+    return np.where(inside[:, None], straight, corners[:, [0, 1, 3, 1, 2, 3]]).reshape(-1, 3)
+
+
+def _cross(a: F64, b: F64) -> tuple[F64, F64, F64]:
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

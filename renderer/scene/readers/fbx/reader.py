@@ -84,8 +84,8 @@ class _Reader:
         for node in nodes:
             if node.light and node.element_id in shown:
                 self._light(node, middle, node.element_id in restless)
-            if node.camera:
-                self._camera(node)
+        for node in sorted((node for node in nodes if node.camera), key=self._rank):
+            self._camera(node)
         self._warn()
 
     def _shown(self, nodes: list[Any]) -> tuple[set[int], set[int]]:
@@ -230,6 +230,11 @@ class _Reader:
         place = lights.upright_square(light, world)
         self._description.instances.append(Instance(len(self._description.meshes) - 1, place, name=name, moves=moves))
         self._shelf.warn("FBX does not say how large area lights are; they are squares, a metre wide where nothing scales them.")
+
+    def _rank(self, node: Any) -> tuple[bool, bool]:
+        """The file's own choice comes first, then those that see in perspective."""
+        is_flat = at(layout.Camera, node.camera).projection == 1
+        return text(node.name) != text(self._scene.settings.camera), is_flat
 
     def _camera(self, node: Any) -> None:
         name = self._unique(text(node.name) or "camera")

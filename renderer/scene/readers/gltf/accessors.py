@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.scene.files import SceneFiles, data_uri
+from renderer.scene.readers.gltf import meshopt
 from renderer.scene.readers.gltf.container import Json
 
 __all__ = ["Accessors", "as_floats"]
@@ -38,6 +39,7 @@ class Accessors:
         self._views = root.objects("bufferViews")
         self.accessors = root.objects("accessors")
         self._loaded: dict[int, memoryview] = {}
+        self._unpacked_views: dict[int, memoryview] = {}
         self._values_given = 0
         self._floats: dict[int, npt.NDArray[np.float32]] = {}
 
@@ -68,12 +70,26 @@ class Accessors:
     def view_bytes(self, index: int) -> memoryview:
         """The bytes of a buffer view."""
         view = self._views[index]
+        packing = meshopt.extension_of(view)
+        if packing is not None:
+            return self._unpacked(index, packing, view.integer("byteLength"))
         buffer = self._buffer(view.integer("buffer", high=len(self._buffers)))
         offset = view.integer("byteOffset", 0)
         length = view.integer("byteLength")
         if offset + length > len(buffer):
             raise SceneError(f"{self._file}: {view.where} reads past its buffer's end; the file is damaged, export it again")
         return buffer[offset : offset + length]
+
+    def _unpacked(self, index: int, packing: Json, length: int) -> memoryview:
+        if index not in self._unpacked_views:
+            buffer = self._buffer(packing.integer("buffer", high=len(self._buffers)))
+            offset, packed = packing.integer("byteOffset", 0), packing.integer("byteLength")
+            if offset + packed > len(buffer):
+                raise SceneError(
+                    f"{self._file}: {packing.where} reads past its buffer's end; the file is damaged, export it again"
+                )
+            self._unpacked_views[index] = meshopt.decode(packing, buffer[offset : offset + packed], length)
+        return self._unpacked_views[index]
 
     @property
     def views(self) -> list[Json]:

@@ -6,7 +6,7 @@ from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.readers.gltf import animation, draco, instancing, lights, materials, nodes, textures, variants
+from renderer.scene.readers.gltf import animation, draco, instancing, lights, materials, meshopt, nodes, textures, variants
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.again import Again
 from renderer.scene.readers.gltf.container import Json, parse
@@ -25,6 +25,7 @@ _READ = {
     variants.EXTENSION,
     "KHR_mesh_quantization",
     *materials.EXTENSIONS,
+    *meshopt.EXTENSIONS,
     *textures.EXTENSIONS,
 }
 _WITHOUT_EFFECT = {"KHR_xmp_json_ld"}  # notes
@@ -69,8 +70,6 @@ def _check_extensions(root: Json, shelf: TextureShelf) -> None:
         if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
             raise root.wrong(key, "is not a list of names")
         unknown = [n[:60] for n in names if n not in _READ and n not in _WITHOUT_EFFECT]
-        if any("meshopt" in n for n in unknown):
-            raise SceneError(f"{root.file}: is packed by meshopt, which is not read here; export it without, or with Draco")
         if unknown and key == "extensionsRequired":
             raise SceneError(f"{root.file}: needs {', '.join(unknown[:8])}, which is not supported; export it without")
         if unknown:

@@ -12,7 +12,8 @@ from renderer.scene.textures import UNMOVED, TextureShelf
 
 __all__ = ["EXTENSIONS", "Textures"]
 
-EXTENSIONS = {"EXT_texture_webp", "KHR_texture_transform"}
+_FORMATS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu")  # images that are not in every glTF viewer
+EXTENSIONS = {*_FORMATS, "KHR_texture_transform"}
 
 _REPEAT, _LINEAR = 10497, 9729
 _WRAP: dict[int, Wrap] = {_REPEAT: "repeat", 33648: "mirror", 33071: "clamp"}
@@ -66,8 +67,8 @@ class Textures:
         return _WRAP.get(s, "repeat"), _WRAP.get(t, "repeat"), "nearest" if chosen in nearest else "linear"
 
     def _image(self, texture: Json, user: str, srgb: bool) -> int | None:
-        webp = texture.extension("EXT_texture_webp")
-        index = (webp or texture).index("source", self._images)
+        other = next((found for name in _FORMATS if (found := texture.extension(name))), None)
+        index = (other or texture).index("source", self._images)
         if index is None:
             self._shelf.warn_of_surface(f"Material {user}: a texture has no image in a format that is read; rendered without it.")
             return None

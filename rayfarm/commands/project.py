@@ -1,0 +1,80 @@
+"""`rayfarm project`: scenes and jobs that their members alone see."""
+
+from __future__ import annotations
+
+from typing import Annotated
+from urllib.parse import quote
+
+import typer
+from rich.table import Table
+
+from rayfarm import options
+from rayfarm.console import out
+from rayfarm.login import farm_client
+
+__all__ = ["register"]
+
+Name = Annotated[str, typer.Argument(help="The project's name: small letters, digits and . _ @ -")]
+User = Annotated[str, typer.Argument(help="A user of the farm, as `rayfarm user list` shows them.")]
+projects = typer.Typer(name="project", no_args_is_help=True, help="Scenes and jobs that their members alone see.")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.add_typer(projects)
+
+
+@projects.command("add")
+def add(
+    name: Name,
+    members: Annotated[list[str] | None, typer.Argument(help="Users who are to see it.")] = None,
+    server: options.Server = None,
+) -> None:
+    """Make a project. What is uploaded to it, and rendered of that, nobody sees but its members and administrators.
+
+    [bold]Examples[/bold]
+
+      rayfarm project add feature anna ben
+      rayfarm submit shot.glb --project feature
+    """
+    with farm_client(server) as farm:
+        farm.call("POST", "/api/projects", name=name)
+        for user in members or ():
+            farm.call("PUT", f"/api/projects/{quote(name, safe='')}/members/{quote(user, safe='')}")
+    out.print(f"The project {name} is there{' for ' + ', '.join(members) if members else ', without members'}.", markup=False)
+
+
+@projects.command("list")
+def show(server: options.Server = None) -> None:
+    """List the projects that you see, their members, and what is in them."""
+    with farm_client(server) as farm:
+        rows = farm.call("GET", "/api/projects")
+    table = Table("PROJECT", "MEMBERS", "SCENES", "JOBS", box=None, pad_edge=False)
+    for row in rows:
+        counts = (str(row["counts"].get(kind, 0)) for kind in ("scene", "job"))
+        table.add_row(row["name"], ", ".join(row["members"]) or "none", *counts)
+    out.print(table if rows else "No projects. `rayfarm project add NAME` makes one.")
+
+
+@projects.command("let-in")
+def let_in(name: Name, user: User, server: options.Server = None) -> None:
+    """Let a user see what is in a project, and add to it."""
+    with farm_client(server) as farm:
+        farm.call("PUT", f"/api/projects/{quote(name, safe='')}/members/{quote(user, safe='')}")
+    out.print(f"{user} sees what is in {name}.", markup=False)
+
+
+@projects.command("put-out")
+def put_out(name: Name, user: User, server: options.Server = None) -> None:
+    """Let a user see it no more. It holds at once, also for what is open."""
+    with farm_client(server) as farm:
+        farm.call("DELETE", f"/api/projects/{quote(name, safe='')}/members/{quote(user, safe='')}")
+    out.print(f"{user} sees nothing of {name} any more.", markup=False)
+
+
+@projects.command("remove")
+def remove(name: Name, server: options.Server = None) -> None:
+    """Remove a project that is empty."""
+    with farm_client(server) as farm:
+        farm.call("DELETE", f"/api/projects/{quote(name, safe='')}")
+    out.print(f"There is no project {name} any more.", markup=False)

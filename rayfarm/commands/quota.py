@@ -1,0 +1,91 @@
+"""`rayfarm quota`: how much you, and others, may have and do."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any
+from urllib.parse import quote
+
+import typer
+from rich.table import Table
+
+from rayfarm import options
+from rayfarm.console import out
+from rayfarm.errors import CommandError
+from rayfarm.login import farm_client
+
+__all__ = ["register"]
+
+UNITS = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
+AMOUNT = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([kMGT]?)B?")
+NONE = "none"
+User = Annotated[str, typer.Argument(help="A user; with --token the number of a token, as `rayfarm token list` shows it.")]
+OfToken = Annotated[bool, typer.Option("--token", help="Of a token, beside what its user may.")]
+quotas = typer.Typer(name="quota", no_args_is_help=True, help="How much users may have and do.")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.add_typer(quotas)
+
+
+@quotas.command("show")
+def show(
+    everybody: Annotated[bool, typer.Option("--all", help="Of all users; for administrators.")] = False,
+    server: options.Server = None,
+) -> None:
+    """Show what you may have and do, and what of it is used."""
+    with farm_client(server) as farm:
+        rows = farm.call("GET", "/api/quotas" if everybody else "/api/quota")
+    table = Table("WHOSE", "BYTES", "JOBS AT A TIME", "SAMPLES A DAY", box=None, pad_edge=False)
+    for row in rows:
+        table.add_row(row["whose"], *(_of(row, name) for name in ("bytes", "jobs", "samples_day")))
+    out.print(table if rows else "There are no limits for you.")
+
+
+@quotas.command("set")
+def set_limits(
+    name: User,
+    bytes: Annotated[str, typer.Option(metavar="N", help="Of uploads and films together, as 50G.")] = NONE,
+    jobs: Annotated[str, typer.Option(metavar="N", help="Unfinished at a time.")] = NONE,
+    samples_day: Annotated[str, typer.Option(metavar="N", help="Of the jobs of 24 hours, as 2T.")] = NONE,
+    token: OfToken = False,
+    server: options.Server = None,
+) -> None:
+    """Say what a user may; what is not given has no limit.
+
+    [bold]Examples[/bold]
+
+      rayfarm quota set anna --bytes 50G --jobs 20
+      rayfarm quota set 98cb8e4eece2 --token --samples-day 1T
+    """
+    asked = {"bytes": _amount(bytes), "jobs": _amount(jobs), "samples_day": _amount(samples_day)}
+    with farm_client(server) as farm:
+        farm.call("PUT", _path(name, token), **asked)
+    out.print(f"{name} may have and do that from now on.", markup=False)
+
+
+@quotas.command("reset")
+def reset(name: User, token: OfToken = False, server: options.Server = None) -> None:
+    """A user may what every user may; a token what its user may."""
+    with farm_client(server) as farm:
+        farm.call("DELETE", _path(name, token))
+    out.print(f"{name} has no limits of its own any more.", markup=False)
+
+
+def _path(name: str, token: bool) -> str:
+    return f"/api/quotas/{'tokens' if token else 'users'}/{quote(name, safe='')}"
+
+
+def _amount(text: str) -> int | None:
+    if text == NONE:
+        return None
+    found = AMOUNT.fullmatch(text.strip())
+    if found is None:
+        raise CommandError(f"{text!r} is no amount; give a number, as 20, 50G or 2T")
+    return round(float(found[1]) * UNITS[found[2]])
+
+
+def _of(row: dict[str, Any], name: str) -> str:
+    used, limit = row["used"][name], row["limits"][name]
+    return f"{used:,}" if limit is None else f"{used:,} of {limit:,}"

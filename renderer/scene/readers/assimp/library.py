@@ -1,0 +1,334 @@
+"""assimp through the C interface that the wheel `assimp-py` carries: its Python objects leave out animation, cameras and lights.
+
+A file is given as bytes, so that nothing beside it is opened. All that was found is copied, and assimp's own memory given back.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import importlib.util
+from dataclasses import dataclass, field
+from itertools import repeat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError
+
+__all__ = ["Animation", "Bone", "Camera", "Channel", "Imported", "Lamp", "Node", "Shape", "import_file"]
+
+F64 = npt.NDArray[np.float64]
+F32 = npt.NDArray[np.float32]
+
+_KNOWN = (5, 6)  # major versions, whose structures are those below
+_JOIN, _TRIANGULATE, _SORT, _DEGENERATES, _INVALID, _UVS = 0x2, 0x8, 0x8000, 0x10000, 0x20000, 0x40000
+_STEPS = _JOIN | _TRIANGULATE | _SORT | _INVALID | _UVS
+_TRIANGLES = 4  # aiPrimitiveType
+MAX_NODES = 200_000
+
+_u, _f, _d, _p = ctypes.c_uint32, ctypes.c_float, ctypes.c_double, ctypes.c_void_p
+
+
+class _String(ctypes.Structure):
+    _fields_ = (("length", _u), ("data", ctypes.c_char * 1024))
+
+    def __str__(self) -> str:
+        return bytes(self.data[: min(self.length, 1024)]).decode("utf-8", "replace")
+
+
+def _structure(*fields: tuple[str, Any]) -> Any:
+    return type("Structure", (ctypes.Structure,), {"_fields_": fields})
+
+
+_Node = _structure(
+    ("name", _String), ("local", _f * 16), ("parent", _p), ("num_children", _u), ("children", _p), ("num_meshes", _u),
+    ("meshes", _p), ("metadata", _p),
+)  # fmt: skip
+_Mesh = _structure(
+    ("kinds", _u), ("num_vertices", _u), ("num_faces", _u), ("vertices", _p), ("normals", _p), ("tangents", _p),
+    ("bitangents", _p), ("colors", _p * 8), ("uvs", _p * 8), ("components", _u * 8), ("faces", _p), ("num_bones", _u),
+    ("bones", _p), ("material", _u), ("name", _String), ("num_morphs", _u),
+)  # fmt: skip
+_Bone = _structure(("name", _String), ("num_weights", _u), ("armature", _p), ("node", _p), ("weights", _p), ("offset", _f * 16))
+_Property = _structure(("key", _String), ("semantic", _u), ("index", _u), ("length", _u), ("kind", ctypes.c_int32), ("data", _p))
+_Material = _structure(("properties", _p), ("count", _u))
+_Texture = _structure(("width", _u), ("height", _u), ("hint", ctypes.c_char * 9), ("data", _p), ("name", _String))
+_Light = _structure(
+    ("name", _String), ("kind", ctypes.c_int32), ("position", _f * 3), ("direction", _f * 3), ("up", _f * 3), ("constant", _f),
+    ("linear", _f), ("quadratic", _f), ("color", _f * 3), ("specular", _f * 3), ("ambient", _f * 3), ("inner", _f),
+    ("outer", _f), ("size", _f * 2),
+)  # fmt: skip
+_Camera = _structure(
+    ("name", _String), ("position", _f * 3), ("up", _f * 3), ("towards", _f * 3), ("fov", _f), ("near", _f), ("far", _f),
+    ("aspect", _f), ("width", _f),
+)  # fmt: skip
+_Channel = _structure(
+    ("node", _String), ("num_places", _u), ("places", _p), ("num_turns", _u), ("turns", _p), ("num_scales", _u), ("scales", _p)
+)
+_Animation = _structure(
+    ("name", _String), ("duration", _d), ("ticks", _d), ("num_channels", _u), ("channels", _p), ("num_meshes", _u), ("_1", _p),
+    ("num_morphs", _u), ("_2", _p),
+)  # fmt: skip
+_Scene = _structure(
+    ("flags", _u), ("root", _p), ("num_meshes", _u), ("meshes", _p), ("num_materials", _u), ("materials", _p),
+    ("num_animations", _u), ("animations", _p), ("num_textures", _u), ("textures", _p), ("num_lights", _u), ("lights", _p),
+    ("num_cameras", _u), ("cameras", _p),
+)  # fmt: skip
+_PLACE = np.dtype([("time", "f8"), ("value", "f4", 3), ("way", "i4")])  # aiVectorKey
+_TURN = np.dtype([("time", "f8"), ("value", "f4", 4), ("way", "i4"), ("_", "i4")])  # aiQuatKey: w x y z
+
+
+@dataclass
+class Node:
+    """parent: of the nodes before it, -1 for the root."""
+
+    name: str
+    parent: int
+    local: F64  # (4, 4)
+    meshes: list[int]
+
+
+@dataclass
+class Bone:
+    """Which vertices a node carries, and by how much; offset: (4, 4) from the mesh's space into the node's."""
+
+    node: str
+    offset: F64
+    vertices: npt.NDArray[np.uint32]
+    weights: F32
+
+
+@dataclass
+class Shape:
+    """A mesh of triangles with one material."""
+
+    name: str
+    positions: F32
+    triangles: npt.NDArray[np.int32]
+    normals: F32 | None
+    uvs: list[F32]
+    colors: F32 | None
+    material: int
+    bones: list[Bone] = field(default_factory=list)
+
+
+@dataclass
+class Lamp:
+    """A light on the node of its name. kind: 1 directional, 2 point, 3 spot, 4 ambient, 5 area. Angles are whole, in radians."""
+
+    node: str
+    kind: int
+    position: F64
+    direction: F64
+    color: F64
+    quadratic: float
+    inner: float
+    outer: float
+
+
+@dataclass
+class Camera:
+    """A camera on the node of its name. fov: horizontal, radians; aspect and width 0 where they are not said."""
+
+    node: str
+    position: F64
+    up: F64
+    towards: F64
+    fov: float
+    aspect: float
+    width: float  # half, of an orthographic one
+
+
+@dataclass
+class Channel:
+    """How a node moves: keys by time in seconds. turns: quaternions x y z w."""
+
+    node: str
+    places: tuple[F64, F64]
+    turns: tuple[F64, F64]
+    scales: tuple[F64, F64]
+
+
+@dataclass
+class Animation:
+    """What moves together. others: its channels of whole meshes and of morphs, which are not read."""
+
+    name: str
+    seconds: float
+    channels: list[Channel]
+    others: int
+
+
+@dataclass
+class Imported:
+    """All of a file. Materials are {(key, semantic): value}, of which textures have semantics 1 ..., else 0."""
+
+    nodes: list[Node]
+    meshes: dict[int, Shape]
+    materials: list[dict[tuple[str, int], Any]]
+    textures: list[tuple[str, bytes]]
+    lamps: list[Lamp]
+    cameras: list[Camera]
+    animations: list[Animation]
+    loose: int  # meshes of lines and points
+    morphs: int
+
+
+@functools.cache
+def _library() -> Any:
+    spec = importlib.util.find_spec("assimp_py")
+    for folder in (spec.submodule_search_locations or []) if spec else []:
+        for path in sorted(Path(folder).glob("*.so")):
+            found = ctypes.CDLL(str(path))
+            if hasattr(found, "aiImportFileFromMemory") and found.aiGetVersionMajor() in _KNOWN:
+                found.aiImportFileFromMemory.restype = _p
+                found.aiImportFileFromMemory.argtypes = [ctypes.c_char_p, _u, _u, ctypes.c_char_p]
+                found.aiReleaseImport.argtypes = [_p]
+                found.aiGetErrorString.restype = ctypes.c_char_p
+                return found
+    raise SceneError("Files of this kind are read by the package assimp-py, which is not installed here: pip install assimp-py")
+
+
+def import_file(data: bytes, name: str) -> Imported:
+    """All that assimp finds in a file's bytes; the name says of which kind it is. Raises SceneError."""
+    library = _library()
+    hint = Path(name).suffix[1:].lower().encode()
+    address = library.aiImportFileFromMemory(data, len(data), _STEPS, hint)
+    if not address:
+        said = (library.aiGetErrorString() or b"").decode("utf-8", "replace").strip().splitlines() or ["unknown"]
+        raise SceneError(f"{name}: is damaged or no {Path(name).suffix} file ({said[0][:160]}); export it again")
+    try:
+        return _copied(_Scene.from_address(address), name)
+    finally:
+        library.aiReleaseImport(address)
+
+
+def _copied(scene: Any, name: str) -> Imported:
+    nodes = _nodes(scene.root, name)
+    meshes: dict[int, Shape] = {}
+    loose = morphs = 0
+    for i, mesh in enumerate(_pointed(scene.meshes, scene.num_meshes, _Mesh)):
+        if mesh.kinds & _TRIANGLES and mesh.num_faces and mesh.num_vertices:
+            meshes[i] = _shape(mesh, name)
+            morphs += mesh.num_morphs
+        elif mesh.num_faces:
+            loose += 1
+    return Imported(
+        nodes,
+        meshes,
+        [_material(m) for m in _pointed(scene.materials, scene.num_materials, _Material)],
+        [_texture(t) for t in _pointed(scene.textures, scene.num_textures, _Texture)],
+        [
+            Lamp(str(x.name), x.kind, _vector(x.position), _vector(x.direction), _vector(x.color), x.quadratic, x.inner, x.outer)
+            for x in _pointed(scene.lights, scene.num_lights, _Light)
+        ],
+        [
+            Camera(str(x.name), _vector(x.position), _vector(x.up), _vector(x.towards), x.fov, x.aspect, x.width)
+            for x in _pointed(scene.cameras, scene.num_cameras, _Camera)
+        ],
+        [_animation(a, i) for i, a in enumerate(_pointed(scene.animations, scene.num_animations, _Animation))],
+        loose,
+        morphs,
+    )
+
+
+def _pointed(address: int | None, count: int, kind: Any) -> list[Any]:
+    """The structures that a table of pointers leads to."""
+    if not address or not count:
+        return []
+    table = (ctypes.c_void_p * count).from_address(address)
+    return [kind.from_address(each) for each in table if each]
+
+
+def _array(address: int | None, count: int, dtype: Any, width: int = 1) -> npt.NDArray[Any]:
+    kind = np.dtype(dtype)
+    if not address or not count:
+        return np.zeros((0, width) if width > 1 else 0, kind)
+    found = np.frombuffer(ctypes.string_at(address, count * width * kind.itemsize), kind)
+    return found.reshape(-1, width) if width > 1 else found
+
+
+def _vector(values: Any) -> F64:
+    return np.array(list(values), np.float64)
+
+
+def _nodes(root: int | None, name: str) -> list[Node]:
+    found: list[Node] = []
+    stack = [(root, -1)] if root else []
+    while stack:
+        address, parent = stack.pop()
+        node = _Node.from_address(address)
+        local = _vector(node.local).reshape(4, 4)
+        found.append(Node(str(node.name), parent, local, _array(node.meshes, node.num_meshes, np.uint32).tolist()))
+        if len(found) > MAX_NODES:
+            raise SceneError(f"{name}: has more than {MAX_NODES} nodes; fewer fit")
+        children = _array(node.children, node.num_children, np.uint64).tolist()
+        stack += [(child, len(found) - 1) for child in reversed(children) if child]
+        parent = len(found) - 1
+    return found
+
+
+def _shape(mesh: Any, name: str) -> Shape:
+    count = mesh.num_vertices
+    table = _array(mesh.faces, mesh.num_faces, np.uint64, 2)
+    threes = (table[:, 0] & 0xFFFFFFFF) == 3
+    corners = b"".join(map(ctypes.string_at, table[threes, 1].tolist(), repeat(12)))
+    triangles = np.frombuffer(corners, np.uint32).reshape(-1, 3)
+    if len(triangles) and triangles.max() >= count:
+        raise SceneError(f"{name}: a face names vertex {triangles.max()} where there are {count}; export the file again")
+    normals = _array(mesh.normals, count, np.float32, 3) if mesh.normals else None
+    uvs = [_array(a, count, np.float32, 3)[:, :2] for a in mesh.uvs[:2] if a]
+    colors = _array(mesh.colors[0], count, np.float32, 4) if mesh.colors[0] else None
+    bones = []
+    for bone in _pointed(mesh.bones, mesh.num_bones, _Bone):
+        weights = _array(bone.weights, bone.num_weights, np.dtype([("vertex", "u4"), ("weight", "f4")]))
+        weights = weights[weights["vertex"] < count]
+        offset = _vector(bone.offset).reshape(4, 4)
+        bones.append(Bone(str(bone.name), offset, weights["vertex"], weights["weight"]))
+    positions = _array(mesh.vertices, count, np.float32, 3)
+    return Shape(str(mesh.name), positions, triangles.astype(np.int32), normals, uvs, colors, int(mesh.material), bones)
+
+
+def _material(material: Any) -> dict[tuple[str, int], Any]:
+    found: dict[tuple[str, int], Any] = {}
+    for said in _pointed(material.properties, material.count, _Property):
+        key = str(said.key), int(said.semantic)
+        if said.index or not said.data:
+            continue
+        data = ctypes.string_at(said.data, said.length)
+        if said.kind == 3:  # a string: its length in four bytes, itself, and a 0
+            found[key] = data[4 : 4 + int.from_bytes(data[:4], "little")].decode("utf-8", "replace")
+        elif said.kind in (1, 2, 4):
+            found[key] = np.frombuffer(
+                data[: len(data) // 8 * 8 if said.kind == 2 else len(data) // 4 * 4],
+                {1: np.float32, 2: np.float64, 4: np.int32}[said.kind],
+            ).astype(np.float64)
+        else:
+            found[key] = data
+    return found
+
+
+def _texture(texture: Any) -> tuple[str, bytes]:
+    """Of one within the file, its name and bytes; those of bare pixels have none."""
+    size = texture.width if texture.height == 0 else 0
+    return str(texture.name), ctypes.string_at(texture.data, size) if texture.data and size else b""
+
+
+def _animation(animation: Any, number: int) -> Animation:
+    ticks = animation.ticks if animation.ticks > 0 else 25.0  # as assimp's own viewer has it
+    channels = []
+    for channel in _pointed(animation.channels, animation.num_channels, _Channel):
+        places = _array(channel.places, channel.num_places, _PLACE)
+        turns = _array(channel.turns, channel.num_turns, _TURN)
+        scales = _array(channel.scales, channel.num_scales, _PLACE)
+        xyzw = turns["value"][:, [1, 2, 3, 0]] if len(turns) else np.zeros((0, 4))
+        keys = [
+            (k["time"] / ticks, v.astype(np.float64))
+            for k, v in ((places, places["value"]), (turns, xyzw), (scales, scales["value"]))
+        ]
+        channels.append(Channel(str(channel.node), *keys))
+    others = animation.num_meshes + animation.num_morphs
+    return Animation(str(animation.name) or f"animation {number}", animation.duration / ticks, channels, others)

@@ -1,0 +1,133 @@
+"""assimp's materials as ours."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from renderer.scene.description import Vec3, Wrap
+from renderer.scene.files import SceneFiles
+from renderer.scene.material import Material
+from renderer.scene.readers.assimp.library import Imported
+from renderer.scene.readers.mtl_maps import holds_normals, with_opacity, with_roughness_and_metal
+from renderer.scene.readers.numbers import clamped, unit
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["Materials"]
+
+# aiTextureType
+_DIFFUSE, _EMISSIVE, _HEIGHT, _NORMALS, _OPACITY, _BASE, _METAL, _ROUGH = 1, 4, 5, 6, 8, 12, 15, 16
+_TAKEN = {_DIFFUSE, _EMISSIVE, _HEIGHT, _NORMALS, _OPACITY, _BASE, _METAL, _ROUGH}
+_NAMES = {2: "specular", 3: "ambient", 7: "shininess", 9: "displacement", 10: "lightmap", 11: "reflection"}
+_WRAPS: dict[int, Wrap] = {0: "repeat", 1: "clamp", 2: "mirror", 3: "clamp"}
+_MATTE = (1, 2, 9)  # aiShadingMode: flat, Gouraud, none
+_MAX_RADIANCE = 1e9
+
+
+class Materials:
+    """The description's materials by the file's numbers."""
+
+    def __init__(self, imported: Imported, main: str, files: SceneFiles, shelf: TextureShelf, materials: list[Material]) -> None:
+        self._imported, self._main, self._files, self._shelf, self._materials = imported, main, files, shelf, materials
+        self._known: dict[int, int] = {}
+
+    def number(self, source: int) -> int:
+        """The description's number of one of the file's."""
+        if source not in self._known:
+            sources = self._imported.materials
+            self._materials.append(self._read(sources[source]) if 0 <= source < len(sources) else Material())
+            self._known[source] = len(self._materials) - 1
+        return self._known[source]
+
+    def _read(self, said: dict[tuple[str, int], Any]) -> Material:
+        name = str(said.get(("?mat.name", 0), "") or "material")
+        material = Material(name, base_color=_color(said, "$clr.base", _color(said, "$clr.diffuse", (0.8, 0.8, 0.8))))
+        texture = self._texture(said, _BASE, name, srgb=True)
+        if texture is None:
+            texture = self._texture(said, _DIFFUSE, name, srgb=True)
+        material.base_color_texture = texture
+        if texture is not None and max(material.base_color) == 0:
+            material.base_color = (1.0, 1.0, 1.0)
+        material.emission = _color(said, "$clr.emissive", (0.0, 0.0, 0.0), _MAX_RADIANCE)
+        material.emission_texture = self._texture(said, _EMISSIVE, name, srgb=True)
+        if material.emission_texture is not None and max(material.emission) == 0:
+            material.emission = (1.0, 1.0, 1.0)
+        self._surface(said, material)
+        self._opacity(said, material)
+        self._normals(said, material)
+        left = [_NAMES.get(kind, f"kind {kind}") for key, kind in said if key == "$tex.file" and kind not in _TAKEN]
+        if left:
+            self._shelf.warn_of_surface(f"Material {name}: its textures for {', '.join(sorted(set(left)))} are left out.")
+        return material
+
+    def _surface(self, said: dict[tuple[str, int], Any], material: Material) -> None:
+        rough, metal = (self._texture(said, kind, material.name, srgb=False) for kind in (_ROUGH, _METAL))
+        if rough is not None or metal is not None or ("$mat.roughnessFactor", 0) in said or ("$mat.metallicFactor", 0) in said:
+            material.kind = "metallic_roughness"
+            material.metallic_roughness_texture = with_roughness_and_metal(self._shelf, rough, metal)
+            material.roughness = 1.0 if rough is not None else unit(_number(said, "$mat.roughnessFactor", 0.5))
+            material.metallic = 1.0 if metal is not None else unit(_number(said, "$mat.metallicFactor", 0.0))
+            return
+        strength = _number(said, "$mat.shinpercent", 1.0)
+        r, g, b = (unit(c * strength) for c in _color(said, "$clr.specular", (0.0, 0.0, 0.0)))
+        shininess = _number(said, "$mat.shininess", 0.0)
+        if max(r, g, b) > 0 and shininess > 1 and int(_number(said, "$mat.shadingm", 3)) not in _MATTE:
+            material.kind, material.specular_color = "metallic_roughness", (r, g, b)
+            material.roughness = unit((2 / (shininess + 2)) ** 0.25)  # as MTL's exponent
+
+    def _opacity(self, said: dict[tuple[str, int], Any], material: Material) -> None:
+        opacity = unit(_number(said, "$mat.opacity", 1.0))
+        if 0 < opacity < 1:  # 0 is written by exporters that mean the opposite
+            material.opacity, material.alpha_mode = opacity, "blend"
+        mask = self._texture(said, _OPACITY, material.name, srgb=False)
+        if mask is not None:
+            material.base_color_texture = with_opacity(self._shelf, material.base_color_texture, mask)
+            material.alpha_mode = "blend"
+
+    def _normals(self, said: dict[tuple[str, int], Any], material: Material) -> None:
+        for kind in (_NORMALS, _HEIGHT):
+            texture = self._texture(said, kind, material.name, srgb=False)
+            if texture is not None and holds_normals(self._shelf.image_of(texture)):
+                material.normal_texture = texture
+                return
+            if texture is not None:
+                self._shelf.warn_of_surface(
+                    f"Material {material.name}: its bump map holds heights and is left out; bake it to a normal map."
+                )
+
+    def _texture(self, said: dict[tuple[str, int], Any], kind: int, name: str, srgb: bool) -> int | None:
+        reference = str(said.get(("$tex.file", kind), "")).strip()
+        if not reference:
+            return None
+        wraps = [_WRAPS.get(int(_number(said, key, 0, kind)), "repeat") for key in ("$tex.mapmodeu", "$tex.mapmodev")]
+        uv_set = min(max(int(_number(said, "$tex.uvwsrc", 0, kind)), 0), 1)
+        return self._shelf.texture(self._image(reference, f"Material {name}", srgb), wraps[0], wraps[1], uv_set)
+
+    def _image(self, reference: str, user: str, srgb: bool) -> int | None:
+        number = reference[1:] if reference.startswith("*") else ""
+        inside = [i for i, (name, _) in enumerate(self._imported.textures) if name == reference]
+        if number.isascii() and number.isdigit() and int(number) < len(self._imported.textures):
+            inside = [int(number)]
+        if inside and self._imported.textures[inside[0]][1]:
+            return self._shelf.image_bytes(f"picture {inside[0]} in {self._main}", self._imported.textures[inside[0]][1], srgb)
+        found = self._files.resolve_uri(reference, self._main)
+        if found is None:
+            self._shelf.missing(reference, user)
+            return None
+        return self._shelf.image_file(found, srgb)
+
+
+def _number(said: dict[tuple[str, int], Any], key: str, default: float, kind: int = 0) -> float:
+    value = said.get((key, kind))
+    if not isinstance(value, np.ndarray) or not len(value) or not np.isfinite(value[0]):
+        return default
+    return float(value[0])
+
+
+def _color(said: dict[tuple[str, int], Any], key: str, default: Vec3, high: float = 1.0) -> Vec3:
+    value = said.get((key, 0))
+    if not isinstance(value, np.ndarray) or len(value) < 3 or not np.isfinite(value[:3]).all():
+        return default
+    r, g, b = (clamped(float(c), 0.0, high) for c in value[:3])
+    return r, g, b

@@ -1,0 +1,231 @@
+"""A file that assimp opens, as a scene at a moment."""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from collections import Counter
+from pathlib import PurePosixPath
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError, SettingsError
+from renderer.kernel.mesh.skin import carry
+from renderer.scene import description as scene_description
+from renderer.scene.animation import DEFAULT_FPS, Moment
+from renderer.scene.description import Instance, Light, Mesh, SceneDescription
+from renderer.scene.files import SceneFiles
+from renderer.scene.normals import smoothed
+from renderer.scene.readable import read_only
+from renderer.scene.readers.assimp.animation import Movement
+from renderer.scene.readers.assimp.library import Camera, Imported, Lamp, Shape, import_file
+from renderer.scene.readers.assimp.materials import Materials
+from renderer.scene.readers.numbers import clamped
+from renderer.scene.textures import TextureShelf
+from renderer.settings import View
+
+__all__ = ["read"]
+
+F64 = npt.NDArray[np.float64]
+
+_DIRECTIONAL, _POINT, _SPOT, _AMBIENT = 1, 2, 3, 4
+_ASPECT = 16 / 9  # of a camera that does not say
+_MOST = 1e12
+_XML = (".dae", ".x3d", ".xgl", ".amf")
+
+
+def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment(), scale: float = 1.0) -> None:
+    """Adds the file's scene at a moment to the description, so many times as large. Raises SceneError."""
+    imported = files.recall(("assimp", main), lambda: _opened(files, main, scale))
+    shelf = TextureShelf(description, files)
+    movement = Movement(imported, moment, DEFAULT_FPS, main)
+    description.clips = movement.clips
+    description.moves |= len(movement.moving) > 0
+    _Reader(files, main, description, imported, movement, shelf).read()
+
+
+def _opened(files: SceneFiles, main: str, scale: float) -> Imported:
+    data = files.read(main)
+    if PurePosixPath(main).suffix.lower() in _XML and re.search(rb"<!ENTITY", data, re.IGNORECASE):
+        raise SceneError(f"{main}: declares XML entities, which no scene needs; remove its DOCTYPE")
+    imported = import_file(data, main)
+    if imported.nodes:
+        imported.nodes[0].local = np.diag([scale, scale, scale, 1.0]) @ imported.nodes[0].local
+    return imported
+
+
+class _Reader:
+    """Puts what assimp found into a description."""
+
+    def __init__(
+        self,
+        files: SceneFiles,
+        main: str,
+        description: SceneDescription,
+        imported: Imported,
+        movement: Movement,
+        shelf: TextureShelf,
+    ) -> None:
+        self._files, self._main, self._description, self._imported = files, main, description, imported
+        self._movement, self._shelf = movement, shelf
+        self._materials = Materials(imported, main, files, shelf, description.materials)
+        self._by_name = {node.name: i for i, node in reversed(list(enumerate(imported.nodes)))}
+        self._numbers: dict[int, int] = {}
+        self._names: Counter[str] = Counter()
+        self._odd: Counter[str] = Counter()
+
+    def read(self) -> None:
+        """Adds all of it."""
+        first = len(self._description.instances)
+        for i, node in enumerate(self._imported.nodes):
+            shapes = [number for number in node.meshes if number in self._imported.meshes]
+            name = self._unique(node.name or self._imported.meshes[shapes[0]].name or "mesh") if shapes else ""
+            for number in shapes:
+                self._show(number, i, name)
+        middle = self._middle(first)
+        for lamp in self._imported.lamps:
+            self._light(lamp, middle)
+        for camera in self._imported.cameras:
+            self._camera(camera)
+        self._odd["meshes of lines and points"] += self._imported.loose
+        self._odd["morph targets"] += self._imported.morphs
+        self._odd["channels that animate meshes"] += self._movement.others
+        listed = ", ".join(f"{count} {words}" for words, count in self._odd.items() if count)
+        if listed:
+            self._shelf.warn(f"{self._main}: not taken over: {listed}.")
+
+    def _show(self, number: int, node: int, name: str) -> None:
+        shape = self._imported.meshes[number]
+        world = self._world(node)
+        moves = node in self._movement.moving
+        if shape.bones:
+            mesh = self._skinned(shape, world)
+            mesh.deforms = moves or any(self._by_name.get(b.node, -1) in self._movement.moving for b in shape.bones)
+            self._description.meshes.append(mesh)
+            known, world = len(self._description.meshes) - 1, np.eye(4)
+            moves = mesh.deforms
+        else:
+            if number not in self._numbers:
+                found = self._files.recall(("assimp mesh", self._main, number), functools.partial(_mesh, shape))
+                made = Mesh(**{**vars(found), "material": self._materials.number(shape.material)})
+                self._description.meshes.append(made)
+                self._numbers[number] = len(self._description.meshes) - 1
+            known = self._numbers[number]
+        self._description.instances.append(Instance(known, world, name=name, moves=moves))
+
+    def _skinned(self, shape: Shape, world: F64) -> Mesh:
+        """A mesh in the world where its bones carry it; what none carries stays with the node."""
+        count = len(shape.positions)
+        places = [world]
+        vertex, joint, weight = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros(0, np.float32)]
+        for bone in shape.bones:
+            at = self._by_name.get(bone.node)
+            if at is None:
+                continue
+            places.append(self._world(at) @ bone.offset)
+            vertex.append(bone.vertices.astype(np.int64))
+            joint.append(np.full(len(bone.vertices), len(places) - 1))
+            weight.append(bone.weights)
+        vertices, joints, weights = (np.concatenate(each) for each in (vertex, joint, weight))
+        order = np.argsort(vertices, kind="stable")
+        held = np.bincount(vertices, minlength=count)
+        rank = np.arange(len(order)) - np.repeat(np.cumsum(held) - held, held)
+        width = int(held.max(initial=0)) + 1
+        table, share = np.zeros((count, width), np.int64), np.zeros((count, width), np.float32)
+        table[vertices[order], rank], share[vertices[order], rank] = joints[order], weights[order]
+        share[share.sum(axis=1) <= 0, -1] = 1.0
+        none = np.zeros((0, 3), np.float32)
+        normals = none if shape.normals is None else shape.normals
+        placed, turned = np.empty((count, 3), np.float32), np.empty(normals.shape, np.float32)
+        arrays = (np.stack(places), table, share, shape.positions, normals, none)
+        carry(*(read_only(np.ascontiguousarray(a)) for a in arrays), placed, turned, none.copy())
+        mesh = _bare(shape)
+        mesh.positions, mesh.normals = placed, None if shape.normals is None else turned
+        mesh.material = self._materials.number(shape.material)
+        return mesh
+
+    def _world(self, node: int) -> F64:
+        found = self._movement.worlds[node]
+        if not np.isfinite(found).all():
+            name = self._imported.nodes[node].name[:80]
+            raise SceneError(f"{self._main}: {name} has a transform that is not finite; export the file again")
+        return found
+
+    def _middle(self, first: int) -> F64:
+        """The middle of what is shown."""
+        corners = []
+        for instance in self._description.instances[first:]:
+            points = self._description.meshes[instance.mesh].positions
+            box = np.stack([points.min(axis=0), points.max(axis=0)]).astype(np.float64)
+            corners.append(box @ instance.transform[:3, :3].T + instance.transform[:3, 3])
+        every = np.concatenate(corners) if corners else np.zeros((1, 3))
+        return np.nan_to_num((every.min(axis=0) + every.max(axis=0)) / 2)
+
+    def _light(self, lamp: Lamp, middle: F64) -> None:
+        if lamp.kind not in (_DIRECTIONAL, _POINT, _SPOT):
+            self._odd["ambient lights" if lamp.kind == _AMBIENT else "area lights"] += 1
+            return
+        at = self._by_name.get(lamp.node)
+        world = np.eye(4) if at is None else self._world(at)
+        position, direction = world[:3, :3] @ lamp.position + world[:3, 3], world[:3, :3] @ lamp.direction
+        length = float(np.linalg.norm(direction))
+        direction = direction / length if length > 0 else np.array([0.0, -1.0, 0.0])
+        name = self._unique(lamp.node or "light")
+        # A white surface that faces the light is as bright as the light's colour says: where it fades with the square of the
+        # distance, at the distance 1; where it does not fade, in the middle of the scene.
+        scale = math.pi
+        if lamp.kind != _DIRECTIONAL:
+            far = float(np.linalg.norm(position - middle))
+            scale *= 1 / lamp.quadratic if lamp.quadratic > 1e-9 else max(far, 1e-3) ** 2
+        r, g, b = (clamped(float(np.nan_to_num(c)) * scale, 0.0, _MOST) for c in lamp.color)
+        x, y, z = (float(c) for c in np.nan_to_num(position))
+        u, v, w = (float(c) for c in direction)
+        if lamp.kind == _DIRECTIONAL:
+            light = Light("directional", (r, g, b), (x, y, z), (u, v, w), name=name)
+        elif lamp.kind == _POINT:
+            light = Light("point", (r, g, b), (x, y, z), (u, v, w), name=name)
+        else:
+            outer = clamped(math.degrees(lamp.outer) / 2 if 0 < lamp.outer < 2 * math.pi else 45.0, 0.01, 90.0)
+            inner = clamped(math.degrees(lamp.inner) / 2 if 0 < lamp.inner < 2 * math.pi else 0.0, 0.0, outer)
+            light = Light("spot", (r, g, b), (x, y, z), (u, v, w), inner_cone=inner, outer_cone=outer, name=name)
+        self._description.lights.append(light)
+
+    def _camera(self, camera: Camera) -> None:
+        at = self._by_name.get(camera.node)
+        world = np.eye(4) if at is None else self._world(at)
+        eye = world[:3, :3] @ camera.position + world[:3, 3]
+        forward, up = world[:3, :3] @ camera.towards, world[:3, :3] @ camera.up
+        name = self._unique(camera.node or "camera")
+        aspect = camera.aspect if math.isfinite(camera.aspect) and camera.aspect > 0 else _ASPECT
+        length = float(np.linalg.norm(forward))
+        target = eye + forward / length * max(1.0, float(np.abs(eye).max())) if length > 0 else eye
+        a, b, c = ((float(p[0]), float(p[1]), float(p[2])) for p in (eye, target, up))
+        try:
+            if camera.width > 0:
+                view = View(a, b, c, projection="orthographic", height=2 * camera.width / aspect)
+            else:
+                tangent = math.tan(clamped(camera.fov, 1e-3, 3.0) / 2) / aspect
+                view = View(a, b, c, math.degrees(2 * math.atan(tangent)))
+        except SettingsError as error:
+            self._shelf.warn(f"Camera {name}: {error}; it is left out.")
+            return
+        self._description.cameras.append(scene_description.Camera(name, view))
+
+    def _unique(self, name: str) -> str:
+        self._names[name] += 1
+        return name if self._names[name] == 1 else f"{name} ({self._names[name]})"
+
+
+def _bare(shape: Shape) -> Mesh:
+    uvs = [np.column_stack([u[:, 0], 1 - u[:, 1]]).astype(np.float32) for u in shape.uvs]  # counted from the lower edge
+    colors = shape.colors
+    if colors is not None and (colors == 1).all():
+        colors = None
+    first, second = [*uvs, None, None][:2]
+    return Mesh(shape.name, shape.positions, shape.triangles, shape.normals, first, 0, second, colors)
+
+
+def _mesh(shape: Shape) -> Mesh:
+    return smoothed(_bare(shape))

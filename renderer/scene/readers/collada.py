@@ -1,0 +1,90 @@
+"""Collada: all of it by assimp; what that refuses, as far as trimesh reads it."""
+
+from __future__ import annotations
+
+import math
+import re
+from copy import copy
+from dataclasses import fields, replace
+from importlib import import_module
+from xml.etree import ElementTree
+
+from renderer.errors import SceneError
+from renderer.scene.animation import Moment
+from renderer.scene.description import SceneDescription
+from renderer.scene.files import SceneFiles
+from renderer.scene.readers import assimp
+
+__all__ = ["read"]
+
+_ASPECT = 16 / 9  # of a camera that says neither its height nor its shape
+_UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']{1,40})[\"']")
+
+
+def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
+    """Adds the file's scene at a moment to the description, in the file's own unit. Raises SceneError."""
+    before = {field.name: copy(getattr(description, field.name)) for field in fields(description)}
+    data = files.read(main)
+    try:
+        assimp.read(files, main, description, moment, scale=1 / _metres(data))
+        _set_lenses(description, files.recall(("Collada's lenses", main), lambda: _lenses(data)))
+    except SceneError as refused:
+        for name, value in before.items():
+            setattr(description, name, value)
+        if moment.clip is not None:
+            raise
+        try:
+            import_module("renderer.scene.readers.other").read(files, main, description)  # heavy, and seldom needed
+        except SceneError:
+            raise refused from None
+        description.warnings.append(f"{main}: is read without its cameras, lights and animation, as not all of it is Collada.")
+
+
+def _set_lenses(description: SceneDescription, lenses: dict[str, float]) -> None:
+    """Gives cameras their vertical fields of view: assimp takes the degrees of some for radians."""
+    for i, camera in enumerate(description.cameras):
+        fov = lenses.get(camera.name)
+        if fov is not None and camera.view.projection == "perspective":
+            description.cameras[i] = replace(camera, view=replace(camera.view, fov=fov))
+
+
+def _lenses(data: bytes) -> dict[str, float]:
+    """The vertical fields of view, in degrees, of the cameras on nodes, by the nodes' names and ids."""
+    try:
+        root = ElementTree.fromstring(data)
+    except ElementTree.ParseError:
+        return {}
+    by_id = {}
+    for camera in root.iterfind(".//{*}library_cameras/{*}camera"):
+        said = {key: _number(camera.findtext(f".//{{*}}perspective/{{*}}{key}")) for key in ("xfov", "yfov", "aspect_ratio")}
+        wide, high, aspect = said["xfov"], said["yfov"], said["aspect_ratio"] or _ASPECT
+        if high is None and wide is not None:
+            high = math.degrees(2 * math.atan(math.tan(math.radians(wide) / 2) / aspect))
+        if high is not None:
+            by_id[camera.get("id")] = min(max(high, 0.01), 179.0)
+    found = {}
+    for node in root.iterfind(".//{*}node"):
+        used = node.find("{*}instance_camera")
+        fov = None if used is None else by_id.get((used.get("url") or "")[1:])
+        for name in (node.get("id"), node.get("name")):
+            if fov is not None and name:
+                found[name] = fov
+    return found
+
+
+def _number(words: str | None) -> float | None:
+    try:
+        value = float(words) if words else math.nan
+    except ValueError:
+        return None
+    return value if 0 < value < 180 else None
+
+
+def _metres(data: bytes) -> float:
+    """How long the file's unit is."""
+    said = _UNIT.search(data[:100_000])
+    try:
+        found = float(said.group(1)) if said else 1.0
+    except ValueError:
+        return 1.0
+    return found if math.isfinite(found) and 1e-9 < found < 1e9 else 1.0

@@ -1,0 +1,49 @@
+"""EXT_meshopt_compression (and KHR_meshopt_compression, which has the same fields): buffer views that are packed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import SceneError
+from renderer.scene.readers.gltf.container import Json
+
+__all__ = ["EXTENSIONS", "decode", "extension_of"]
+
+EXTENSIONS = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+_MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
+_FILTERS = ("NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR")
+MAX_BYTES = 2 << 30
+
+
+def extension_of(view: Json) -> Json | None:
+    """What a buffer view says of its packing; None where it is not packed."""
+    return next((found for name in EXTENSIONS if (found := view.extension(name))), None)
+
+
+def decode(extension: Json, packed: memoryview, length: int) -> memoryview:
+    """The bytes of a view, `length` of them. Raises SceneError where meshopt is not installed or the data is damaged."""
+    try:
+        import meshopt
+    except ImportError as error:
+        raise SceneError(f"{extension.file}: is packed by meshopt; install the package meshopt, or export it without") from error
+    count, stride = extension.integer("count"), extension.integer("byteStride", low=1, high=257)
+    mode, filter = extension.text("mode", ""), extension.text("filter", "NONE")
+    if mode not in _MODES or filter not in _FILTERS:
+        raise extension.wrong("mode", f"or its filter is not known ({mode[:20]}, {filter[:20]})")
+    if count * stride != length or length > MAX_BYTES:
+        raise extension.wrong("count", f"and byteStride do not give the view's {length} bytes")
+    if count == 0:
+        return memoryview(b"")
+    try:
+        found: Any = meshopt.decode_gltf_buffer(bytes(packed), count, stride, mode, filter)
+    except Exception as error:  # the decoder's own errors have no common type
+        raise SceneError(f"{extension.file}: {extension.where} is damaged ({error}); export the file again") from error
+    made = np.ascontiguousarray(found)
+    if mode != "ATTRIBUTES":
+        made = made.reshape(-1).astype({2: np.uint16, 4: np.uint32}.get(stride, made.dtype))
+    data = made.tobytes()
+    if len(data) != length:
+        raise SceneError(f"{extension.file}: {extension.where} is damaged; export the file again")
+    return memoryview(data)

@@ -1,0 +1,314 @@
+"""3MF (3MF Core 1.3, Materials and Properties 1.2, Production 1.1): objects, components, base materials, colours and textures.
+
+In the file's own unit, as STL is; the plate lies flat, as 3MF counts Z up.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import zipfile
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
+from typing import Any
+from xml.parsers import expat
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError
+from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Wrap
+from renderer.scene.files import SceneFiles
+from renderer.scene.matrices import product
+from renderer.scene.normals import smoothed
+from renderer.scene.readers.colors import vertex_colors
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["read"]
+
+F64 = npt.NDArray[np.float64]
+
+MAX_PART_BYTES = 2 << 30
+MAX_INSTANCES = 500_000
+_UPRIGHT = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+_NOT_READ = {"compositematerials", "multiproperties", "beamlattice", "slicestack", "displacementmesh", "booleans", "levelset"}
+_WRAPS: dict[str, Wrap] = {"wrap": "repeat", "mirror": "mirror", "clamp": "clamp", "none": "clamp"}
+_SUPPORTS = ("support", "solidsupport")
+
+
+@dataclass
+class _Group:
+    """Properties that triangles point at: `base` names and colours, `color`s, or `texture` coordinates of one picture."""
+
+    kind: str
+    values: list[Any] = field(default_factory=list)
+    texture: str = ""
+
+
+@dataclass
+class _Object:
+    """A mesh or a group of components. triangles: v1 v2 v3, and of which property; -1 for none."""
+
+    name: str
+    type: str
+    group: str
+    index: int
+    vertices: list[float] = field(default_factory=list)
+    triangles: list[int] = field(default_factory=list)
+    groups: list[str | None] = field(default_factory=list)
+    components: list[tuple[str, str, F64]] = field(default_factory=list)  # path, object, transform
+
+
+class _Model:
+    """One model part of the package."""
+
+    def __init__(self, data: bytes, path: str, file: str) -> None:
+        self.path, self._file = path, file
+        self.objects: dict[str, _Object] = {}
+        self.items: list[tuple[str, str, F64]] = []
+        self.groups: dict[str, _Group] = {}
+        self.textures: dict[str, tuple[str, Wrap, Wrap]] = {}
+        self.left_out: set[str] = set()
+        self._object: _Object | None = None
+        self._group: _Group | None = None
+        parser = expat.ParserCreate()
+        parser.StartElementHandler = self._start
+        parser.EntityDeclHandler = self._entity
+        try:
+            parser.Parse(data, True)
+        except (expat.ExpatError, ValueError, KeyError) as error:
+            raise SceneError(f"{file}: its part {path[:80]} is damaged ({str(error)[:120]}); export it again") from error
+
+    def _entity(self, *_: Any) -> None:
+        raise SceneError(f"{self._file}: declares XML entities, which no scene needs; remove its DOCTYPE")
+
+    def _start(self, tag: str, said: dict[str, str]) -> None:
+        name = tag.rpartition(":")[2]
+        made = self._object
+        if name == "vertex" and made is not None:
+            made.vertices += float(said["x"]), float(said["y"]), float(said["z"])
+        elif name == "triangle" and made is not None:
+            first = int(said.get("p1", -1))
+            corners = first, int(said.get("p2", first)), int(said.get("p3", first))
+            made.triangles += int(said["v1"]), int(said["v2"]), int(said["v3"]), *corners
+            made.groups.append(said.get("pid"))
+        elif name == "object":
+            index = int(said.get("pindex", -1))
+            self._object = _Object(said.get("name", ""), said.get("type", "model"), said.get("pid", ""), index)
+            self.objects[said["id"]] = self._object
+        elif name == "component" and made is not None:
+            made.components.append(self._placed(said))
+        elif name == "item":
+            self.items.append(self._placed(said))
+        elif name in ("basematerials", "colorgroup", "texture2dgroup"):
+            self._group = _Group(name, texture=said.get("texid", ""))
+            self.groups[said["id"]] = self._group
+        elif name == "base" and self._group is not None:
+            self._group.values.append((said.get("name", ""), _color(said.get("displaycolor", ""))))
+        elif name == "color" and self._group is not None:
+            self._group.values.append(_color(said.get("color", "")))
+        elif name == "tex2coord" and self._group is not None:
+            self._group.values.append((float(said["u"]), float(said["v"])))
+        elif name == "texture2d":
+            ways = [_WRAPS.get(said.get(key, "wrap"), "repeat") for key in ("tilestyleu", "tilestylev")]
+            self.textures[said["id"]] = said.get("path", ""), ways[0], ways[1]
+        elif name in _NOT_READ:
+            self.left_out.add(name)
+
+    def _placed(self, said: dict[str, str]) -> tuple[str, str, F64]:
+        path = next((value for key, value in said.items() if key.rpartition(":")[2] == "path"), self.path)
+        return path, said["objectid"], _transform(said.get("transform", ""))
+
+
+def _transform(words: str) -> F64:
+    """(4, 4) on column vectors, of 3MF's twelve numbers on rows."""
+    found = np.eye(4)
+    if words.strip():
+        numbers = [float(word) for word in words.split()]
+        if len(numbers) != 12 or not all(math.isfinite(n) for n in numbers):
+            raise ValueError("a transform is not twelve finite numbers")
+        found[:3] = np.array(numbers).reshape(4, 3).T
+    return found
+
+
+def _color(word: str) -> tuple[int, int, int, int]:
+    """#RRGGBB or #RRGGBBAA, sRGB; white where it is neither."""
+    digits = word.strip().lstrip("#")
+    if len(digits) not in (6, 8):
+        return 255, 255, 255, 255
+    value = bytes.fromhex(digits)
+    return value[0], value[1], value[2], value[3] if len(value) == 4 else 255
+
+
+def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
+    """Adds what the file's build places to the description. Raises SceneError."""
+    _Reader(files, main, description).read()
+
+
+class _Reader:
+    def __init__(self, files: SceneFiles, main: str, description: SceneDescription) -> None:
+        self._main, self._description = main, description
+        self._shelf = TextureShelf(description, files)
+        try:
+            self._package = zipfile.ZipFile(io.BytesIO(files.read(main)))
+        except (zipfile.BadZipFile, NotImplementedError, ValueError) as error:
+            raise SceneError(f"{main}: is damaged or no 3MF file ({str(error)[:120]}); export it again") from error
+        self._names = {name.lower().lstrip("/"): name for name in self._package.namelist()}
+        self._models: dict[str, _Model] = {}
+        self._made: dict[tuple[str, str], list[int]] = {}
+        self._materials: dict[Any, int] = {}
+
+    def read(self) -> None:
+        """Adds all that the build places."""
+        root = self._model(self._root())
+        items = root.items or [(root.path, number, np.eye(4)) for number in root.objects]
+        if not root.items:
+            self._shelf.warn(f"{self._main}: its build is empty; all of its objects are shown.")
+        for path, number, place in items:
+            self._place(path, number, product(_UPRIGHT, place), 0)
+        left = sorted({words for model in self._models.values() for words in model.left_out})
+        if left:
+            self._shelf.warn(f"{self._main}: not read and left out: {', '.join(left)}.")
+
+    def _root(self) -> str:
+        if "_rels/.rels" in self._names:
+            for target, kind in _relations(self._bytes("_rels/.rels")):
+                if kind.endswith("/3dmodel"):
+                    return target
+        found = [name for name in self._names if name.endswith(".model")]
+        if not found:
+            raise SceneError(f"{self._main}: holds no model; export the file again")
+        return min(found, key=len)
+
+    def _bytes(self, path: str) -> bytes:
+        name = self._names.get(path.lower().lstrip("/"))
+        if name is None:
+            raise SceneError(f"{self._main}: its part {path[:120]} is missing; export the file again")
+        if self._package.getinfo(name).file_size > MAX_PART_BYTES:
+            raise SceneError(f"{self._main}: its part {path[:120]} is larger than {MAX_PART_BYTES >> 30} GiB; make it smaller")
+        try:
+            return self._package.read(name)
+        except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError, OSError, zlib.error) as error:
+            raise SceneError(f"{self._main}: its part {path[:120]} is damaged ({str(error)[:80]}); export it again") from error
+
+    def _model(self, path: str) -> _Model:
+        key = path.lower().lstrip("/")
+        if key not in self._models:
+            self._models[key] = _Model(self._bytes(path), path, self._main)
+        return self._models[key]
+
+    def _place(self, path: str, number: str, place: F64, depth: int) -> None:
+        model = self._model(path)
+        found = model.objects.get(number)
+        if found is None or depth > 64:
+            what = "names an object that is not there" if found is None else "has components within components without end"
+            raise SceneError(f"{self._main}: {what}; export the file again")
+        if found.type in _SUPPORTS:
+            self._shelf.warn(f"{self._main}: supports are left out.")
+            return
+        for below, other, within in found.components:
+            self._place(below, other, product(place, within), depth + 1)
+        if found.triangles:
+            key = path.lower().lstrip("/"), number
+            if key not in self._made:
+                self._made[key] = list(self._meshes(model, found, f"object {number}"))
+            name = found.name or f"object {number}"
+            self._description.instances += [Instance(mesh, place, name=name) for mesh in self._made[key]]
+            if len(self._description.instances) > MAX_INSTANCES:
+                raise SceneError(f"{self._main}: places more than {MAX_INSTANCES} objects; fewer fit")
+
+    def _meshes(self, model: _Model, made: _Object, fallback: str) -> Iterator[int]:
+        """The description's meshes of an object, one for each material."""
+        points = np.array(made.vertices, np.float32).reshape(-1, 3)
+        table = np.array(made.triangles, np.int64).reshape(-1, 6)
+        corners, chosen = table[:, :3], table[:, 3:]
+        if corners.min() < 0 or corners.max() >= len(points):
+            raise SceneError(
+                f"{self._main}: a triangle names vertex {corners.max()} where there are {len(points)}; export it again"
+            )
+        names = [made.group if name is None else name for name in made.groups]
+        number = {name: i for i, name in enumerate(dict.fromkeys(names))}
+        group = np.array([number[name] for name in names])
+        chosen = np.where(chosen < 0, made.index, chosen)
+        for name, i in number.items():
+            rows = np.flatnonzero(group == i)
+            said = model.groups.get(name)
+            yield from self._of_group(model, said, made.name or fallback, points, corners[rows], chosen[rows])
+
+    def _of_group(
+        self, model: _Model, said: _Group | None, name: str, points: F32, corners: npt.NDArray[Any], chosen: npt.NDArray[Any]
+    ) -> Iterator[int]:
+        count = 0 if said is None else len(said.values)
+        if said is None or count == 0 or (chosen < 0).all():
+            yield self._add(name, points, corners, None, None, self._material(None, Material()))
+            return
+        chosen = np.clip(chosen, 0, count - 1)
+        if said.kind == "basematerials":
+            for value in np.unique(chosen[:, 0]):
+                title, color = said.values[value]
+                material = Material(title or "material", base_color=_linear(color))
+                if color[3] < 255:
+                    material.opacity, material.alpha_mode = color[3] / 255, "blend"
+                at = self._material((model.path, "base", id(said), int(value)), material)
+                yield self._add(name, points, corners[chosen[:, 0] == value], None, None, at)
+        elif said.kind == "colorgroup":
+            colors = vertex_colors(np.array(said.values, np.uint8)[chosen.reshape(-1)])
+            material = Material("colours", base_color=(1.0, 1.0, 1.0))
+            if colors is not None and (colors[:, 3] < 1).any():
+                material.alpha_mode = "blend"
+            yield self._add(name, points, corners, None, colors, self._material(material.alpha_mode, material))
+        else:
+            uvs = np.array(said.values, np.float32)[chosen.reshape(-1)]
+            uvs[:, 1] = 1 - uvs[:, 1]  # counted from the lower edge
+            yield self._add(name, points, corners, uvs, None, self._textured(model, said.texture))
+
+    def _textured(self, model: _Model, number: str) -> int:
+        path, wrap_s, wrap_t = model.textures.get(number, ("", "repeat", "repeat"))
+        material = Material(PurePosixPath(path).stem or "texture", base_color=(1.0, 1.0, 1.0))
+        if path.lower().lstrip("/") in self._names:
+            image = self._shelf.image_bytes(f"{PurePosixPath(path).name} in {self._main}", self._bytes(path))
+            material.base_color_texture = self._shelf.texture(image, wrap_s, wrap_t)
+        else:
+            self._shelf.missing(path or number, self._main)
+        return self._material((model.path, "texture", number), material)
+
+    def _material(self, key: Any, material: Material) -> int:
+        if key not in self._materials:
+            self._description.materials.append(material)
+            self._materials[key] = len(self._description.materials) - 1
+        return self._materials[key]
+
+    def _add(self, name: str, points: F32, corners: npt.NDArray[Any], uvs: F32 | None, colors: F32 | None, material: int) -> int:
+        """A mesh of some triangles; uvs and colors are those of corners, which then share no vertex."""
+        if uvs is None and colors is None:
+            used, triangles = np.unique(corners, return_inverse=True)
+        else:
+            used, triangles = corners.reshape(-1), np.arange(corners.size)
+        mesh = Mesh(name, points[used], triangles.reshape(-1, 3).astype(np.int32), None, uvs, material, None, colors)
+        self._description.meshes.append(smoothed(mesh))
+        return len(self._description.meshes) - 1
+
+
+def _linear(color: tuple[int, int, int, int]) -> tuple[float, float, float]:
+    found = vertex_colors(np.array([color[:3]], np.uint8))
+    r, g, b = (1.0, 1.0, 1.0) if found is None else (float(c) for c in found[0, :3])
+    return r, g, b
+
+
+def _relations(data: bytes) -> list[tuple[str, str]]:
+    """Targets and types of a part's relations."""
+    found: list[tuple[str, str]] = []
+    parser = expat.ParserCreate()
+
+    def start(tag: str, said: dict[str, str]) -> None:
+        if tag.rpartition(":")[2] == "Relationship":
+            found.append((said.get("Target", ""), said.get("Type", "").lower()))
+
+    parser.StartElementHandler = start
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError:
+        return []
+    return found

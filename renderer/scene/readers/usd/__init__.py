@@ -1,0 +1,27 @@
+"""Pixar's USD: .usd, .usda, .usdc and .usdz, composed by usd-core and read at a moment."""
+
+from __future__ import annotations
+
+from renderer.errors import SceneError
+from renderer.scene.animation import Moment
+from renderer.scene.description import SceneDescription
+from renderer.scene.files import SceneFiles
+
+__all__ = ["read"]
+
+
+def read(
+    files: SceneFiles, main: str, description: SceneDescription, variant: str | None = None, moment: Moment = Moment()
+) -> None:
+    """Adds the file's scene at a moment to the description, in metres with Y up; variant: as description.variants names it.
+
+    Raises SceneError.
+    """
+    try:
+        from renderer.scene.readers.usd.reader import read_stage
+    except ImportError as error:
+        raise SceneError(
+            f"{main}: reading USD takes Pixar's usd-core, which is not installed here: pip install usd-core. "
+            "Where it has no wheel for this machine, export glTF (.glb) instead"
+        ) from error
+    read_stage(files, main, description, variant, moment)

@@ -1,0 +1,64 @@
+"""USD's cameras: they look along -Z, +Y up; focal length and apertures in tenths of a unit of the stage."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from pxr import UsdGeom
+
+from renderer.scene.description import Vec3
+from renderer.scene.matrices import Matrix
+from renderer.scene.readers.numbers import clamped
+from renderer.scene.readers.usd.notes import Notes
+from renderer.settings import View
+
+__all__ = ["read_camera", "shutter_of"]
+
+_TENTH = 0.1
+_LEAST = 1e-6
+
+
+def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) -> View:
+    """The view of a camera, whose scale it leaves aside. world: to metres; unit: metres of a unit of the stage.
+
+    Raises SettingsError where it sees nothing.
+    """
+    camera = UsdGeom.Camera(prim)
+
+    def said(attribute: Any) -> float:
+        value = attribute.Get(time)
+        return float(value) if value is not None and math.isfinite(value) else 0.0
+
+    if said(camera.GetHorizontalApertureOffsetAttr()) or said(camera.GetVerticalApertureOffsetAttr()):
+        notes.add("Cameras whose lens is shifted look straight", prim.GetName())
+    if len(camera.GetClippingPlanesAttr().Get(time) or ()):
+        notes.add("Clipping planes of cameras cut nothing off", prim.GetName())
+    eye = world[:3, 3]
+    forward, up = (v / max(float(np.linalg.norm(v)), 1e-300) for v in (-world[:3, 2], world[:3, 1]))
+    focus = said(camera.GetFocusDistanceAttr()) * unit
+    target = eye + forward * (focus if focus > _LEAST else max(unit, float(np.abs(eye).max())))
+    height = abs(said(camera.GetVerticalApertureAttr()))
+    if camera.GetProjectionAttr().Get(time) == "orthographic":
+        return View(_vec3(eye), _vec3(target), _vec3(up), projection="orthographic", height=max(height * _TENTH * unit, _LEAST))
+    length = max(said(camera.GetFocalLengthAttr()), _LEAST)
+    fov = clamped(math.degrees(2 * math.atan(height / (2 * length))), 0.01, 179.0)
+    stop = said(camera.GetFStopAttr())
+    if stop > 0 and focus > _LEAST:
+        return View(_vec3(eye), _vec3(target), _vec3(up), fov, aperture=length * _TENTH * unit / (2 * stop), focus=focus)
+    return View(_vec3(eye), _vec3(target), _vec3(up), fov)
+
+
+def shutter_of(prim: Any, time: Any) -> float:
+    """The share of a frame that a camera's shutter is open; 0 where it does not say."""
+    camera = UsdGeom.Camera(prim)
+    attributes = camera.GetShutterOpenAttr(), camera.GetShutterCloseAttr()
+    if not any(attribute.HasAuthoredValue() for attribute in attributes):
+        return 0.0
+    opens, closes = (float(attribute.Get(time) or 0.0) for attribute in attributes)
+    return clamped(closes - opens, 0.0, 1.0)
+
+
+def _vec3(v: Any) -> Vec3:
+    return float(v[0]), float(v[1]), float(v[2])

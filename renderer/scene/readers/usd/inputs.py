@@ -1,0 +1,54 @@
+"""What an input of a shader comes to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from renderer.scene.description import UvTransform
+from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.textures import Images, Taken
+
+__all__ = ["Follow", "Following", "Input"]
+
+
+@dataclass(frozen=True)
+class Input:
+    """What an input of a shader is: a value, or a texture, or a primvar of the mesh."""
+
+    value: Any = None
+    taken: Taken | None = None
+    primvar: str | None = None
+
+    def number(self, default: float) -> float:
+        """Its value as a number."""
+        if isinstance(self.value, (int, float)):
+            return float(self.value)
+        return default
+
+    def color(self, default: tuple[float, float, float]) -> tuple[float, float, float]:
+        """Its value as three numbers; a single one is grey."""
+        if isinstance(self.value, (int, float)):
+            return (float(self.value),) * 3
+        try:
+            r, g, b = (float(c) for c in tuple(self.value)[:3])
+        except (TypeError, ValueError):
+            return default
+        return r, g, b
+
+
+Follow = Callable[[Any, bool, int], Input]  # an input of a shader, whether its colours are encoded, and how far it is followed
+
+
+class Following(Protocol):
+    """What is known of a material while its network is followed."""
+
+    images: Images
+    notes: Notes
+    time: Any
+    user: str
+
+    def coordinates(self, source: Any, depth: int) -> tuple[int, UvTransform]:
+        """Which set of UVs a texture lies by, and what they go through first."""
+        ...

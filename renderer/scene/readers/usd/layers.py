@@ -1,0 +1,187 @@
+"""Opens a USD stage whose layers all come from the scene's own files.
+
+USD would open whatever path a layer names. So each layer is opened by itself, as an anonymous one, and the paths of its
+sublayers, references and payloads are replaced by the layers that were found for them, or taken out, before anything is composed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import PurePosixPath
+from typing import Any
+
+from pxr import Sdf, Tf, Usd, UsdUtils, Work
+
+from renderer.errors import SceneError
+from renderer.scene.readers.names import number_of
+from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.sources import LAYER_SUFFIXES, Sources
+
+__all__ = ["Stage", "muted", "open_stage", "telling"]
+
+MAX_LAYERS = 5000
+
+Work.SetConcurrencyLimit(1)  # a scene's reader is one of many on its machine
+
+
+class Stage:
+    """A composed stage, and which file each of its layers is."""
+
+    def __init__(self, stage: Any, files: dict[str, str], layers: list[Any], notes: Notes) -> None:
+        self.stage, self.notes = stage, notes
+        self._files, self._layers = files, layers  # anonymous layers live as long as they are held
+
+    def file_of(self, layer: Any) -> str:
+        """The name of the file that a layer was opened from."""
+        return self._files[layer.identifier]
+
+    @cached_property
+    def span(self) -> tuple[float, float] | None:
+        """The first and the last time code at which anything is said; None where nothing moves."""
+        times = [time for layer in self._layers for time in _ends(layer)]
+        return (min(times), max(times)) if times else None
+
+
+@contextmanager
+def muted() -> Iterator[None]:
+    """While USD's own warnings are not written on the terminal: what matters of them is said by ours."""
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        yield
+    finally:
+        delegate.TakeUncoalescedDiagnostics()
+
+
+@contextmanager
+def telling(main: str) -> Iterator[None]:
+    """Has USD's own faults end in a sentence of ours."""
+    try:
+        yield
+    except Tf.ErrorException as error:
+        reason = _reason(error, "")
+        raise SceneError(f"{main}: is damaged{f' ({reason})' if reason else ''}; export it again") from None
+
+
+def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage, list[str]]:
+    """The stage of a scene file, and the variants that it offers. Raises SceneError."""
+    notes = Notes()
+    opener = _Opener(sources, notes)
+    root = opener.open(sources.root_of(main))
+    stage = Usd.Stage.Open(root, load=Usd.Stage.LoadAll)
+    names = _variants(stage)
+    if variant is not None:
+        stage.SetEditTarget(stage.GetSessionLayer())
+        at = number_of("variant", [f"{name}={choice}" for name, choice in names], variant, main)
+        name, choice = names[at]
+        for prim in _offering(stage):
+            if name in prim.GetVariantSets().GetNames():
+                prim.GetVariantSet(name).SetVariantSelection(choice)
+    for error in stage.GetCompositionErrors():
+        notes.add("References that lead nowhere are left out", _place(error))
+    return Stage(stage, opener.names, list(opener.opened.values()), notes), [f"{name}={choice}" for name, choice in names]
+
+
+def _offering(stage: Any) -> list[Any]:
+    """The prims whose variants are offered: the default one, else all at the top."""
+    default = stage.GetDefaultPrim()
+    return [default] if default and default.HasVariantSets() else list(stage.GetPseudoRoot().GetChildren())
+
+
+def _variants(stage: Any) -> list[tuple[str, str]]:
+    found: dict[tuple[str, str], None] = {}
+    for prim in _offering(stage):
+        for name in prim.GetVariantSets().GetNames():
+            found |= dict.fromkeys((name, choice) for choice in prim.GetVariantSet(name).GetVariantNames())
+    return list(found)
+
+
+class _Opener:
+    """Opens layers, each once."""
+
+    def __init__(self, sources: Sources, notes: Notes) -> None:
+        self._sources, self._notes = sources, notes
+        self.opened: dict[str, Any] = {}  # by the files' names
+        self.names: dict[str, str] = {}  # of the files, by the layers' identifiers
+
+    def open(self, name: str) -> Any:
+        """The layer of a file, with all that it leads to in the place of paths. Raises SceneError."""
+        waiting = [name]
+        self._read(name)
+        while waiting:
+            beside = waiting.pop()
+            layer = self.opened[beside]
+            for reference in filter(None, layer.GetCompositionAssetDependencies()):  # those within a layer have no path
+                found = self._found(reference, beside)
+                if found is not None and found not in self.opened:
+                    try:
+                        self._read(found)
+                    except SceneError as error:
+                        self._notes.say(f"{error}; rendered without it.")
+                        found = None
+                    else:
+                        waiting.append(found)
+                layer.UpdateCompositionAssetDependency(reference, "" if found is None else self.opened[found].identifier)
+            self._without_clips(layer)
+        return self.opened[name]
+
+    def _found(self, reference: str, beside: str) -> str | None:
+        if reference.startswith("`"):
+            self._notes.add("Paths made of variables are not read here and lead nowhere", beside)
+            return None
+        found = self._sources.find(reference, beside)
+        if found is None:
+            wanted = PurePosixPath(reference.replace("\\", "/")).name or reference
+            self._notes.say(f"{beside}: its layer {wanted[:120]} is not among the files; add it. Rendered without it meanwhile.")
+            return None
+        if PurePosixPath(found.rstrip("]")).suffix.lower() not in LAYER_SUFFIXES:
+            self._notes.add("Referenced files that are no USD layers are left out", found)
+            return None
+        try:
+            return self._sources.root_of(found)
+        except SceneError as error:
+            self._notes.say(f"{error}; rendered without it.")
+            return None
+
+    def _read(self, name: str) -> None:
+        if len(self.opened) >= MAX_LAYERS:
+            raise SceneError(f"{name}: is the {MAX_LAYERS + 1}th layer; flatten the stage")
+        path = self._sources.path(name)
+        try:
+            layer = Sdf.Layer.OpenAsAnonymous(path)
+        except Tf.ErrorException as error:
+            raise SceneError(f"{name}: is damaged or no USD layer ({_reason(error, path)}); export it again") from None
+        if layer is None:
+            raise SceneError(f"{name}: is damaged or no USD layer; export it again")
+        self.opened[name] = layer
+        self.names[layer.identifier] = name
+
+    def _without_clips(self, layer: Any) -> None:
+        """Takes out what would have the stage open files by itself."""
+
+        def visit(path: Any) -> None:
+            if path.IsPrimPath() or path.IsPrimVariantSelectionPath():
+                spec = layer.GetPrimAtPath(path)
+                if spec is not None and spec.HasInfo("clips"):
+                    spec.ClearInfo("clips")
+                    self._notes.add("Value clips are not read here; what plays them stands still", str(path))
+
+        layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+
+
+def _ends(layer: Any) -> list[float]:
+    times = layer.ListAllTimeSamples()
+    return [float(times[0]), float(times[-1])] if times else []
+
+
+def _place(error: Any) -> str:
+    return str(getattr(error, "rootSite", None) or error).splitlines()[0]
+
+
+def _reason(error: Exception, path: str) -> str:
+    """USD's own words, without what they say of its sources and of this machine's folders."""
+    said = re.sub(r"(?:/[^/\s<>'\"]+)+/", "", str(error).replace(path, "") if path else str(error)).splitlines()
+    last = next((line for line in said if " in file " in line), said[0] if said else "")
+    return last.split(" : ", 1)[-1].strip(" '\"")[:200]

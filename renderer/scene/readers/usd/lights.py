@@ -1,0 +1,181 @@
+"""UsdLux: lights with a body as surfaces that shine, others as points, spots and distant ones. Source: UsdLux's schema."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from pxr import UsdLux
+
+from renderer.scene.description import Light, Mesh, Vec3
+from renderer.scene.material import Material
+from renderer.scene.matrices import Matrix
+from renderer.scene.readers.shapes import disk, lathe, quad
+from renderer.scene.readers.usd.notes import Notes
+
+__all__ = ["Lamp", "is_light", "lamp_of", "radiance_of"]
+
+_MOST = 1e9
+_TURN = np.diag([-1.0, 1.0, -1.0])  # ours face +Z, USD's lights shine along -Z, with a picture upright from there
+
+
+class Lamp(NamedTuple):
+    """A light: one without a body, or the surface of one that is a sphere of a radius in metres, or has a mesh."""
+
+    light: Light | None = None
+    mesh: Mesh | None = None
+    radius: float = 0.0
+    material: Material | None = None
+    image: Any = None  # the attribute that names the file of its texture
+
+
+def is_light(prim: Any) -> bool:
+    """Whether a prim is one of UsdLux's own lights."""
+    return bool(prim.IsA(UsdLux.BoundableLightBase) or prim.IsA(UsdLux.NonboundableLightBase))
+
+
+def radiance_of(light: Any, time: Any, size: float = 1.0) -> Vec3:
+    """What a light's intensity, exposure, colour and temperature give. size: what it is divided by where it is normalised."""
+
+    scale = _number(light.GetIntensityAttr(), time, 1.0) * 2.0 ** min(_number(light.GetExposureAttr(), time), 60.0)
+    color = np.array(light.GetColorAttr().Get(time) or (1.0, 1.0, 1.0), np.float64)
+    if light.GetEnableColorTemperatureAttr().Get(time):
+        kelvin = min(max(_number(light.GetColorTemperatureAttr(), time, 6500.0), 1000.0), 10000.0)
+        color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), np.float64)
+    if light.GetNormalizeAttr().Get(time) and size > 0:
+        scale /= size
+    r, g, b = (float(c) for c in np.nan_to_num(np.clip(color * scale, 0.0, _MOST)))
+    return r, g, b
+
+
+def lamp_of(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes) -> Lamp | None:
+    """A light in its place; None, with a note, of a kind that is not known here.
+
+    world: (4, 4), to metres; unit: metres of a unit of the stage, which the areas are counted in that it is normalised by.
+    """
+    light = UsdLux.LightAPI(prim)
+    _note(light, prim, time, notes)
+    place = (float(world[0, 3]), float(world[1, 3]), float(world[2, 3]))
+    forward = _direction(-world[:3, 2])
+    if prim.IsA(UsdLux.DistantLight):
+        angle = min(max(_number(UsdLux.DistantLight(prim).GetAngleAttr(), time), 0.0), 180.0)
+        cone = math.pi * math.sin(math.radians(angle / 2)) ** 2
+        irradiance = radiance_of(light, time, cone) if cone > 0 else radiance_of(light, time)
+        r, g, b = (c * (cone or 1.0) for c in irradiance)
+        return Lamp(Light("directional", (r, g, b), direction=forward, angle=angle, name=name))
+    lengths = np.linalg.norm(world[:3, :3], axis=0) / unit
+    x, y, z = (float(length) for length in lengths)
+    if prim.IsA(UsdLux.SphereLight):
+        sphere = UsdLux.SphereLight(prim)
+        radius = _number(sphere.GetRadiusAttr(), time) * (x * y * z) ** (1 / 3)
+        area = 4 * math.pi * radius**2
+        found = _cone(prim, time, notes, True)
+        if sphere.GetTreatAsPointAttr().Get(time) or radius <= 0:
+            # As many watts as the sphere sends: without one, as one of radius 1 does.
+            rgb = _times(radiance_of(light, time, area), math.pi * (radius or 1.0) ** 2)
+            return Lamp(_aimed(Light("point", rgb, place, forward, 0.0, name=name), found, unit))
+        if found is None:
+            return Lamp(radius=radius * unit, material=_glowing(name, radiance_of(light, time, area)))
+        rgb = _times(radiance_of(light, time, area), math.pi * radius**2)
+        return Lamp(_aimed(Light("point", rgb, place, forward, radius * unit, name=name), found, unit))
+    if prim.IsA(UsdLux.RectLight):
+        rect = UsdLux.RectLight(prim)
+        width, height = _number(rect.GetWidthAttr(), time), _number(rect.GetHeightAttr(), time)
+        _cone(prim, time, notes, False)
+        shape = _sized(quad(name), _TURN, width / 2, height / 2)
+        return _shining(shape, light, time, width * x * height * y, name, rect.GetTextureFileAttr())
+    if prim.IsA(UsdLux.DiskLight):
+        radius = _number(UsdLux.DiskLight(prim).GetRadiusAttr(), time)
+        area = math.pi * radius**2 * x * y
+        aimed = _cone(prim, time, notes, True)
+        if aimed is not None:
+            rgb = _times(radiance_of(light, time, area), area)
+            return Lamp(_aimed(Light("point", rgb, place, forward, radius * math.sqrt(x * y) * unit, name=name), aimed, unit))
+        return _shining(_sized(disk(name), _TURN, radius, radius), light, time, area, name, None)
+    if prim.IsA(UsdLux.CylinderLight):
+        cylinder = UsdLux.CylinderLight(prim)
+        radius, length = _number(cylinder.GetRadiusAttr(), time), _number(cylinder.GetLengthAttr(), time)
+        _cone(prim, time, notes, False)
+        if cylinder.GetTreatAsLineAttr().Get(time):
+            notes.add("Lights that are to be lines have the body that they say", name)
+        area = 2 * math.pi * radius * length * x * math.sqrt(y * z)
+        tube = lathe(name, [(radius, -length / 2), (radius, length / 2)], 48)
+        tube.positions, tube.normals = (None if v is None else v[:, [1, 2, 0]] for v in (tube.positions, tube.normals))  # type: ignore[assignment]
+        return _shining(tube, light, time, area, name, None)
+    notes.add(f"Lights of the kind {prim.GetTypeName()} are left out", str(prim.GetPath()))
+    return None
+
+
+def _number(attribute: Any, time: Any, default: float = 0.0) -> float:
+    """A number at a time; the default where it is none, or not finite."""
+    value = attribute.Get(time)
+    return default if value is None or not math.isfinite(value) else float(value)
+
+
+def _shining(mesh: Mesh, light: Any, time: Any, area: float, name: str, image: Any) -> Lamp | None:
+    if area <= 0:
+        return None
+    return Lamp(mesh=mesh, material=_glowing(name, radiance_of(light, time, area)), image=image)
+
+
+def _glowing(name: str, radiance: Vec3) -> Material:
+    return Material(name, base_color=(0.0, 0.0, 0.0), emission=radiance)
+
+
+def _sized(mesh: Mesh, turn: Matrix, width: float, height: float) -> Mesh:
+    matrix = turn @ np.diag([width, height, 1.0])
+    mesh.positions = (mesh.positions @ matrix.T).astype(np.float32)
+    if mesh.normals is not None:
+        mesh.normals = (mesh.normals @ turn.T).astype(np.float32)
+    return mesh
+
+
+def _direction(v: Any) -> Vec3:
+    length = float(np.linalg.norm(v))
+    return (float(v[0] / length), float(v[1] / length), float(v[2] / length)) if length > 0 else (0.0, -1.0, 0.0)
+
+
+def _times(rgb: Vec3, factor: float) -> Vec3:
+    return rgb[0] * factor, rgb[1] * factor, rgb[2] * factor
+
+
+def _aimed(light: Light, cone: tuple[float, float] | None, unit: float) -> Light:
+    """The light, of so many watts of the stage's units, and within a cone where there is one."""
+    light.intensity = _times(light.intensity, unit * unit)
+    if cone is not None:
+        light.kind, (light.inner_cone, light.outer_cone) = "spot", cone
+    return light
+
+
+def _cone(prim: Any, time: Any, notes: Notes, is_known: bool) -> tuple[float, float] | None:
+    """The half angles of a light's cone, degrees; None of one that shines everywhere."""
+    if not prim.HasAPI(UsdLux.ShapingAPI):
+        return None
+    shaping = UsdLux.ShapingAPI(prim)
+    name = str(prim.GetPath())
+    if (shaping.GetShapingFocusAttr().Get(time) or 0.0) != 0:
+        notes.add("The focus of lights is left out", name)
+    file = shaping.GetShapingIesFileAttr().Get(time)
+    if file is not None and file.path:
+        notes.add("IES profiles of lights are left out", name)
+    angle = min(max(_number(shaping.GetShapingConeAngleAttr(), time, 90.0), 0.01), 180.0)
+    if not shaping.GetShapingConeAngleAttr().HasAuthoredValue() or angle >= 180:
+        return None
+    if not is_known:
+        notes.add("The cones of rectangular and cylindrical lights are left out", name)
+        return None
+    soft = min(max(_number(shaping.GetShapingConeSoftnessAttr(), time), 0.0), 1.0)
+    return angle * (1 - soft), angle
+
+
+def _note(light: Any, prim: Any, time: Any, notes: Notes) -> None:
+    name = str(prim.GetPath())
+    for attribute in (light.GetDiffuseAttr(), light.GetSpecularAttr()):
+        if attribute.Get(time) not in (None, 1.0):
+            notes.add("Lights that shine differently on diffuse and glossy surfaces shine on both alike", name)
+    if light.GetFiltersRel().HasAuthoredTargets():
+        notes.add("Filters of lights are left out", name)
+    for collection in (light.GetLightLinkCollectionAPI(), light.GetShadowLinkCollectionAPI()):
+        if collection and (collection.GetExcludesRel().HasAuthoredTargets() or collection.GetIncludesRel().HasAuthoredTargets()):
+            notes.add("Lights that are linked to some objects shine on all", name)

@@ -1,0 +1,264 @@
+"""USD's meshes: their faces cut into triangles or refined, their primvars at the vertices, a part for each material."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from pxr import UsdGeom
+
+from renderer.errors import SceneError
+from renderer.scene.description import F32, Mesh
+from renderer.scene.normals import face_normals, smoothed
+from renderer.scene.readers.usd import primvars
+from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces, cut, joined
+from renderer.scene.readers.usd.subdivision import Cage, limit, refined
+
+__all__ = ["Wanted", "deforms", "read_mesh"]
+
+MAX_VERTICES = 1 << 26
+MAX_LEVEL = 2
+MAX_REFINED = 4_000_000  # triangles of a mesh that it is refined to
+_NO_NORMALS = np.zeros((0, 3), np.float32)
+
+
+class Wanted(NamedTuple):
+    """What a part's material wants of its mesh."""
+
+    faces: npt.NDArray[np.bool_] | None  # which; None for all
+    uvs: tuple[str, ...] = ()  # primvars that are the first and the second set of UVs
+    color: str | None = None  # the primvar that multiplies the base colour
+    opacity: str | None = None
+
+
+class Shape(NamedTuple):
+    """A mesh as another than its file has it: bent by a skeleton."""
+
+    points: F32
+    normals: F32 | None
+    straight: F32 | None = None  # the normals when nothing is bent
+
+
+def deforms(prim: Any) -> bool:
+    """Whether a mesh has other points, or other faces, at another time."""
+    mesh = UsdGeom.Mesh(prim)
+    attributes = (mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetNormalsAttr())
+    if any(attribute.ValueMightBeTimeVarying() for attribute in attributes):
+        return True
+    return any(primvar.ValueMightBeTimeVarying() for primvar in UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithAuthoredValues())
+
+
+def read_mesh(prim: Any, parts: list[Wanted], time: Any, notes: Notes, shape: Shape | None = None) -> list[Mesh | None]:
+    """A mesh's parts; None for one without a triangle. shape: in place of its own points. Raises SceneError."""
+    mesh = UsdGeom.Mesh(prim)
+    points = primvars.array(mesh.GetPointsAttr().Get(time), 3) if shape is None else shape.points
+    counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(time) or (), np.int64)
+    corners = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(time) or (), np.int64)
+    if not _is_whole(points, counts, corners):
+        notes.add("Meshes whose faces are damaged are left out", str(prim.GetPath()))
+        return [None for _ in parts]
+    if len(corners) > MAX_VERTICES:
+        raise SceneError(f"{prim.GetPath()}: its faces have more than {MAX_VERTICES} corners; split it")
+    faces = Faces(counts, corners)
+    names = dict.fromkeys(name for part in parts for name in (*part.uvs, part.color, part.opacity) if name is not None)
+    found = {name: _primvar(prim, name, faces, len(points), time, notes) for name in names}
+    normals = _normals(mesh, faces, len(points), time, notes, shape)
+    attributes = {name: values for name, values in {**found, "": normals}.items() if values is not None}
+    if shape is None and deforms(prim):  # at every time the same corners are one vertex
+        counted = ((name, np.arange(len(values.values), dtype=np.float32)[:, None]) for name, values in attributes.items())
+        attributes |= {name: replace(attributes[name], kinds=kinds) for name, kinds in list(counted)}
+
+    masks = [np.ones(len(counts), bool) if part.faces is None else part.faces for part in parts]
+    solid = counts >= 3
+    holes = np.asarray(mesh.GetHoleIndicesAttr().Get(time) or (), np.int64)
+    solid[holes[(holes >= 0) & (holes < len(solid))]] = False
+    is_refined = _scheme(mesh) == "catmullClark"
+    if is_refined:
+        points, faces, attributes, parent = _refined(mesh, points, faces, attributes, solid, time)
+        masks, solid = [mask[parent] for mask in masks], solid[parent]
+    mirrored = mesh.GetOrientationAttr().Get(time) == "leftHanded"
+    name = prim.GetName()
+    whole: list[Mesh | None] = []
+    for part, mask in zip(parts, masks, strict=True):
+        one = _part(name, points, faces, mask & solid, attributes, part, mirrored)
+        if one is not None and is_refined:
+            one = _rounded(one, bool(mesh.GetCreaseIndicesAttr().Get(time)), deforms(prim) or shape is not None)
+        whole.append(one)
+    return whole
+
+
+def _is_whole(points: F32, counts: Codes, corners: Codes) -> bool:
+    return (
+        int(counts.min(initial=0)) >= 0
+        and int(counts.sum()) == len(corners)
+        and int(corners.min(initial=0)) >= 0
+        and int(corners.max(initial=-1)) < len(points)
+    )
+
+
+def _scheme(mesh: Any) -> str:
+    """How a mesh is refined. Normals are not for those that are; who gives some and does not say, means polygons."""
+    attribute = mesh.GetSubdivisionSchemeAttr()
+    if not attribute.HasAuthoredValue() and (
+        mesh.GetNormalsAttr().HasAuthoredValue() or primvars.found(mesh.GetPrim(), "normals") is not None
+    ):
+        return "none"
+    return str(attribute.Get())
+
+
+def _primvar(prim: Any, name: str, faces: Faces, points: int, time: Any, notes: Notes) -> AtCorners | None:
+    primvar = primvars.found(prim, name)
+    if primvar is None:
+        return None
+    return primvars.at_corners(primvar, None, faces, points, time, notes)
+
+
+def _normals(mesh: Any, faces: Faces, points: int, time: Any, notes: Notes, shape: Shape | None) -> AtCorners | None:
+    """The normals at the corners; none of what is refined, or has no fitting ones."""
+    if _scheme(mesh) == "catmullClark":
+        return None
+    if shape is not None and shape.normals is not None:
+        kind = "faceVarying" if len(shape.normals) == len(faces.corners) else "vertex"
+        found = primvars.spread(shape.normals, None, kind, faces, points, mesh.GetPath(), notes)
+        return None if found is None else replace(found, kinds=shape.straight)
+    primvar = primvars.found(mesh.GetPrim(), "normals")
+    if primvar is not None:
+        return primvars.at_corners(primvar, 3, faces, points, time, notes)
+    values = primvars.array(mesh.GetNormalsAttr().Get(time), 3)
+    if len(values) == 0:
+        return None
+    path = mesh.GetNormalsAttr().GetPath()
+    return primvars.spread(values, None, mesh.GetNormalsInterpolation(), faces, points, path, notes)
+
+
+def _refined(
+    mesh: Any, points: F32, faces: Faces, attributes: dict[str, AtCorners], solid: npt.NDArray[np.bool_], time: Any
+) -> tuple[F32, Faces, dict[str, AtCorners], Codes]:
+    """The mesh some levels finer, and which of its faces each of the new ones is a part of. Holes are refined, too."""
+    old = np.arange(len(faces.counts))
+    whole = faces.counts >= 3
+    faces, corners = faces.kept(whole)
+    attributes, old = {name: values.at(corners) for name, values in attributes.items()}, old[whole]
+    smooth = {name: values for name, values in attributes.items() if values.by_point and len(values.values) > 1}
+    columns = [points.astype(np.float64)]
+    for values in smooth.values():
+        at_points = np.zeros((len(points), values.values.shape[1]))
+        at_points[faces.corners] = values.each()
+        columns.append(at_points)
+    lengths = np.asarray(mesh.GetCreaseLengthsAttr().Get(time) or (), np.int64)
+    edges, sharpness = _creases(
+        np.asarray(mesh.GetCreaseIndicesAttr().Get(time) or (), np.int64),
+        lengths,
+        np.asarray(mesh.GetCreaseSharpnessesAttr().Get(time) or (), np.float64),
+        len(points),
+    )
+    still = np.asarray(mesh.GetCornerIndicesAttr().Get(time) or (), np.int64)
+    strength = np.asarray(mesh.GetCornerSharpnessesAttr().Get(time) or (), np.float64)
+    known = (still >= 0) & (still < len(points)) if len(still) == len(strength) else np.zeros(len(still), bool)
+    strength = strength[known] if len(still) == len(strength) else np.zeros(0)
+    is_cornered = mesh.GetInterpolateBoundaryAttr().Get(time) != "edgeOnly"
+    cage = Cage(np.concatenate(columns, axis=1), faces, edges, sharpness, still[known], strength, is_cornered)
+    along = {name: values for name, values in attributes.items() if name not in smooth}
+    level = 0
+    while level < MAX_LEVEL and 2 * 4 * len(cage.faces.corners) <= 4 * MAX_REFINED:
+        cage, finer, parent = refined(cage, list(along.values()))
+        along = dict(zip(along, finer, strict=True))
+        old = old[parent]
+        level += 1
+    if level:
+        cage = replace(cage, points=limit(cage))
+    at = 3
+    for name, given in smooth.items():
+        width = given.values.shape[1]
+        along[name] = AtCorners(cage.points[:, at : at + width].astype(np.float32), cage.faces.corners, True)
+        at += width
+    return np.ascontiguousarray(cage.points[:, :3], np.float32), cage.faces, along, old
+
+
+def _creases(
+    indices: Codes, lengths: Codes, sharpness: npt.NDArray[np.float64], points: int
+) -> tuple[Codes, npt.NDArray[np.float64]]:
+    """(E, 2) edges and their sharpness, of chains of points, each of a sharpness or with one for every edge."""
+    none = np.zeros((0, 2), np.int64), np.zeros(0)
+    if len(lengths) == 0 or lengths.min() < 2 or lengths.sum() != len(indices):
+        return none
+    if indices.min() < 0 or indices.max() >= points:
+        return none
+    is_last = np.zeros(len(indices), bool)
+    is_last[np.cumsum(lengths) - 1] = True
+    begin = np.flatnonzero(~is_last)
+    if len(sharpness) == len(lengths):
+        sharpness = np.repeat(sharpness, lengths - 1)
+    if len(sharpness) != len(begin):
+        return none
+    return np.stack([indices[begin], indices[begin + 1]], axis=1), np.maximum(sharpness, 0)
+
+
+def _part(
+    name: str,
+    points: F32,
+    faces: Faces,
+    which: npt.NDArray[np.bool_],
+    attributes: dict[str, AtCorners],
+    wanted: Wanted,
+    mirrored: bool,
+) -> Mesh | None:
+    if not which.all():
+        faces, corners = faces.kept(which)
+        attributes = {key: values.at(corners) for key, values in attributes.items()}
+    if len(faces.counts) == 0:
+        return None
+    used = {key: attributes[key] for key in ("", *wanted.uvs, wanted.color, wanted.opacity) if key in attributes}
+    triangles = cut(faces, points, mirrored)
+    if all(values.by_point for values in used.values()) and which.all():
+        first, vertex, point = None, faces.corners.astype(np.int32), np.arange(len(points))
+        corner = np.zeros(len(points), np.int64)
+        corner[faces.corners] = np.arange(len(faces.corners))
+        first = corner
+    else:
+        first, vertex = joined(faces, list(used.values()))
+        point = faces.corners[first]
+
+    def at(key: str | None) -> F32 | None:
+        return None if key is None or key not in used else np.ascontiguousarray(used[key].values[used[key].code[first]])
+
+    result = Mesh(name, np.ascontiguousarray(points[point]), vertex[triangles], at(""))
+    sets = [at(key) for key in wanted.uvs]
+    result.uvs, result.uvs1 = (_upright(sets[k]) if k < len(sets) else None for k in (0, 1))
+    result.colors = _colors(at(wanted.color), at(wanted.opacity))
+    return result
+
+
+def _upright(uvs: F32 | None) -> F32 | None:
+    """USD counts t from the image's lower edge."""
+    if uvs is None or uvs.shape[1] < 2:
+        return None
+    return np.ascontiguousarray(np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1))
+
+
+def _colors(color: F32 | None, opacity: F32 | None) -> F32 | None:
+    given = color if color is not None else opacity
+    if given is None:
+        return None
+    found = np.ones((len(given), 4), np.float32)
+    if color is not None:
+        found[:, :3] = np.clip(color[:, :3] if color.shape[1] >= 3 else color[:, :1], 0, 1)
+    if opacity is not None:
+        found[:, 3] = np.clip(opacity[:, 0], 0, 1)
+    return None if (found == 1).all() else found
+
+
+def _rounded(mesh: Mesh, is_creased: bool, is_bent: bool) -> Mesh:
+    """A refined mesh with normals; sharp ones only where it stands still, as vertices are split for them."""
+    if is_creased and not is_bent:
+        return replace(smoothed(mesh), material=mesh.material)
+    normals = np.zeros((len(mesh.positions), 3))
+    each = face_normals(mesh.positions, mesh.triangles)
+    for k in range(3):
+        corner = mesh.triangles[:, k]
+        for axis in range(3):
+            normals[:, axis] += np.bincount(corner, each[:, axis], len(normals))
+    return replace(mesh, normals=normals.astype(np.float32))

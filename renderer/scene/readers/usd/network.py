@@ -1,0 +1,126 @@
+"""A material's network of shaders: what an input of its surface is, followed through readers, transforms and textures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from pxr import UsdShade
+
+from renderer.scene.description import UvTransform
+from renderer.scene.readers.usd.inputs import Input
+from renderer.scene.readers.usd.nodes import follow_coordinates, follow_node
+from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.textures import PLAIN, Four, Images, Taken, composed, transform_2d
+from renderer.scene.textures import UNMOVED
+
+__all__ = ["Network"]
+
+MAX_DEPTH = 32
+_UV_SETS = 2
+
+
+@dataclass
+class Network:
+    """Follows the inputs of one material. uvs: the primvars that its textures lie by, at most two."""
+
+    images: Images
+    notes: Notes
+    time: Any
+    user: str
+    uvs: list[str] = field(default_factory=list)
+
+    def input(self, shader: Any, name: str, srgb: bool = False) -> Input:
+        """What an input of a shader is; without anything where it is not set. srgb: how a texture is encoded unless told."""
+        return self._follow(shader.GetInput(name), srgb, 0)
+
+    def _follow(self, source: Any, srgb: bool, depth: int) -> Input:
+        if not source or depth > MAX_DEPTH:
+            return Input()
+        found = source.GetValueProducingAttributes()
+        if not found:
+            return Input()
+        if UsdShade.Utils.GetType(found[0].GetName()) == UsdShade.AttributeType.Input:
+            return Input(found[0].Get(self.time))
+        shader = UsdShade.Shader(found[0].GetPrim())
+        kind = str(shader.GetIdAttr().Get() or "")
+        output = UsdShade.Output(found[0]).GetBaseName()
+        if kind == "UsdUVTexture":
+            return self._uv_texture(shader, output, srgb, depth)
+        if kind.startswith("UsdPrimvarReader"):
+            return Input(self._follow(shader.GetInput("fallback"), srgb, depth + 1).value, None, self._varname(shader, depth))
+        if kind.startswith("ND_"):
+            return follow_node(self, shader, kind, output, srgb, depth, self._follow)
+        self.notes.add("Shaders of these kinds are not known here, and left out", kind or "one without a kind")
+        return Input()
+
+    def _varname(self, shader: Any, depth: int) -> str | None:
+        name = self._follow(shader.GetInput("varname"), False, depth + 1).value
+        return str(name) if name else None
+
+    def _uv_texture(self, shader: Any, output: str, srgb: bool, depth: int) -> Input:
+        def said(name: str, default: Any) -> Any:
+            value = self._follow(shader.GetInput(name), False, depth + 1).value
+            return default if value is None else value
+
+        file = shader.GetInput("file")
+        found = file.GetValueProducingAttributes() if file else []
+        space = str(said("sourceColorSpace", "auto"))
+        encoded = srgb if space == "auto" else space.lower() == "srgb"
+        image = self.images.find(found[0], f"Material {self.user}", encoded, self.time) if found else None
+        if image is None:
+            return Input(tuple(said("fallback", (0.0, 0.0, 0.0, 1.0))) if not found else None)
+        number, tiles = image
+        uv_set, transform = self.coordinates(shader.GetInput("st"), depth + 1)
+        wraps = str(said("wrapS", "useMetadata")), str(said("wrapT", "useMetadata"))
+        texture = self.images.texture(number, wraps, uv_set, composed(transform, tiles), self.user)
+        scale, bias = (_four(said(name, plain), plain) for name, plain in zip(("scale", "bias"), PLAIN, strict=True))
+        return Input(None, None if texture is None else Taken(texture, output, scale, bias))
+
+    def coordinates(self, source: Any, depth: int) -> tuple[int, UvTransform]:
+        """Which set of UVs a texture lies by, and what they go through first."""
+        transform = UNMOVED
+        while source and depth < MAX_DEPTH:
+            depth += 1
+            found = source.GetValueProducingAttributes()
+            if not found or UsdShade.Utils.GetType(found[0].GetName()) == UsdShade.AttributeType.Input:
+                break
+            shader = UsdShade.Shader(found[0].GetPrim())
+            kind = str(shader.GetIdAttr().Get() or "")
+            if kind == "UsdTransform2d":
+                transform = composed(self._transform(shader, depth), transform)
+                source = shader.GetInput("in")
+                continue
+            if kind.startswith("UsdPrimvarReader"):
+                return self.uv_set(self._varname(shader, depth) or "st"), transform
+            if kind.startswith("ND_"):
+                name, moved, source = follow_coordinates(shader, kind, self.time)
+                transform = composed(moved, transform)
+                if name is not None:
+                    return self.uv_set(name), transform
+                continue
+            self.notes.add("Shaders of these kinds are not known here, and left out", kind or "one without a kind")
+            break
+        return self.uv_set("st"), transform
+
+    def _transform(self, shader: Any, depth: int) -> UvTransform:
+        def said(name: str, default: Any) -> Any:
+            value = self._follow(shader.GetInput(name), False, depth + 1).value
+            return default if value is None else value
+
+        scale, translation = (tuple(float(v) for v in said(n, d)) for n, d in (("scale", (1, 1)), ("translation", (0, 0))))
+        return transform_2d((scale[0], scale[1]), float(said("rotation", 0.0)), (translation[0], translation[1]))
+
+    def uv_set(self, name: str) -> int:
+        """The number of a set of UVs by its primvar's name; the first, with a note, of a third and more."""
+        if name not in self.uvs:
+            if len(self.uvs) == _UV_SETS:
+                self.notes.add("Materials with more than two sets of UVs have the first in place of others", self.user)
+                return 0
+            self.uvs.append(name)
+        return self.uvs.index(name)
+
+
+def _four(values: Any, default: Four) -> Four:
+    found = tuple(float(v) for v in values)
+    return (found[0], found[1], found[2], found[3]) if len(found) == 4 else default

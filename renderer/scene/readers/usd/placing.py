@@ -1,0 +1,273 @@
+"""Puts a stage's prims into the description: meshes with their materials, shapes, curves, points, lights and cameras."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Hashable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pxr import UsdGeom, UsdLux, UsdShade
+
+from renderer.errors import SceneError, SettingsError
+from renderer.scene.closed import is_closed
+from renderer.scene.description import Camera, Instance, Mesh, SceneDescription, Sphere
+from renderer.scene.files import SceneFiles
+from renderer.scene.matrices import Matrix
+from renderer.scene.readers.usd.cameras import read_camera, shutter_of
+from renderer.scene.readers.usd.curves import balls_of, tubes_of
+from renderer.scene.readers.usd.dome import add_dome, is_dome
+from renderer.scene.readers.usd.layers import Stage
+from renderer.scene.readers.usd.lights import is_light, lamp_of
+from renderer.scene.readers.usd.meshes import MAX_VERTICES, Shape, Wanted, deforms, read_mesh
+from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.prims import MAX_INSTANCES, Placed
+from renderer.scene.readers.usd.shapes import is_shape, shape_of
+from renderer.scene.readers.usd.skeletons import Skeletons
+from renderer.scene.readers.usd.surfaces import Surface, Surfaces
+from renderer.scene.readers.usd.textures import Images
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["Placing"]
+
+MAX_COLORS = 256  # of points, each a material
+
+
+class Placing:
+    """Fills the description of one moment. source: what tells the file from others that are read."""
+
+    def __init__(
+        self,
+        files: SceneFiles,
+        source: tuple[Hashable, ...],
+        stage: Stage,
+        description: SceneDescription,
+        shelf: TextureShelf,
+        images: Images,
+        notes: Notes,
+        time: Any,
+    ) -> None:
+        self._files, self._source, self._stage, self._description = files, source, stage.stage, description
+        self._shelf, self._images, self._notes, self._time = shelf, images, notes, time
+        self._unit = float(UsdGeom.GetStageMetersPerUnit(self._stage))
+        self._surfaces = Surfaces(images, shelf, description.materials, notes, time)
+        self._skeletons = Skeletons(time, notes)
+        self._bound: dict[Any, Any] = {}
+        self._numbers: dict[Hashable, list[int]] = {}
+        self._vertices = 0
+
+    def place(self, found: list[Placed]) -> None:
+        """Adds them all."""
+        self._bind([each.prim for each in found if each.shown and each.prim.IsA(UsdGeom.Gprim)])
+        self._skeletons.gather(found)
+        for each in found:
+            prim = each.prim
+            if prim.IsA(UsdGeom.Camera):
+                self._camera(each)
+            elif not each.shown:
+                continue
+            elif is_dome(prim):
+                up = str(UsdGeom.GetStageUpAxis(self._stage))
+                add_dome(prim, each.places[0], up, self._images, self._shelf, self._description, self._time, self._notes)
+            elif is_light(prim):
+                self._light(each)
+            elif prim.IsA(UsdGeom.Gprim):
+                self._gprim(each)
+
+    def _gprim(self, each: Placed) -> None:
+        prim = each.prim
+        if prim.HasAPI(UsdLux.MeshLightAPI):
+            self._notes.add("Meshes that are lights by MeshLightAPI do not shine", str(prim.GetPath()))
+        if prim.IsA(UsdGeom.Mesh):
+            self._mesh(each)
+        elif is_shape(prim):
+            self._shape(each)
+        elif prim.IsA(UsdGeom.BasisCurves):
+            self._curves(each)
+        elif prim.IsA(UsdGeom.Points):
+            self._points(each)
+        else:
+            self._notes.add(f"Prims of the type {prim.GetTypeName()} are left out", str(prim.GetPath()))
+
+    def _bind(self, prims: list[Any]) -> None:
+        """Finds the materials of all at once."""
+        for prim in list(prims):
+            if prim.IsA(UsdGeom.Mesh):
+                prims += [s.GetPrim() for s in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()]
+        if prims:
+            materials, _ = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, UsdShade.Tokens.full)
+            self._bound = {p.GetPath(): m for p, m in zip(prims, materials, strict=True)}
+
+    def _surface(self, prim: Any, shown_by: Any = None) -> Surface:
+        return self._surfaces.of(self._bound.get(prim.GetPath()), prim if shown_by is None else shown_by)
+
+    def _key(self, prim: Any) -> Hashable:
+        """What instances of one prototype share."""
+        return (prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath()
+
+    def _mesh(self, each: Placed) -> None:
+        prim = each.prim
+        subsets = [
+            s for s in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets() if s.GetElementTypeAttr().Get() == "face"
+        ]
+        surfaces = [self._surface(prim), *(self._surface(s.GetPrim(), prim) for s in subsets)]
+        shape = self._skeletons.shape_of(prim)
+        bends = shape is not None or deforms(prim)
+        if UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get() == "loop":
+            self._notes.add("Subdivision surfaces after Loop are drawn as their cage", str(prim.GetPath()))
+        key = (self._key(prim), tuple(surfaces), each.prim.GetPath() if shape is not None else None)
+        if key not in self._numbers:
+            make = functools.partial(self._parts, prim, surfaces, subsets, shape)
+            moment = self._time.GetValue() if bends else None
+            known = ("usd mesh", *self._source, self._key(prim), moment, tuple(s[1:] for s in surfaces))
+            parts = make() if shape is not None else self._files.recall(known, make)
+            shown = [(mesh, s) for mesh, s in zip(parts, surfaces, strict=True) if mesh is not None]
+            both = bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(self._time))
+            self._numbers[key] = [self._add(mesh, s, bends, both) for mesh, s in shown]
+        moves = each.moves
+        if shape is not None:
+            each = replace(each, places=self._skeletons.places_of(prim, each.places))
+        self._show(self._numbers[key], replace(each, moves=moves))
+
+    def _parts(self, prim: Any, surfaces: list[Surface], subsets: list[Any], shape: Shape | None) -> list[Mesh | None]:
+        """The mesh's parts, in the order of the surfaces: what is in no subset, and each subset."""
+        count = len(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(self._time) or ())
+        rest = np.ones(count, bool)
+        masks: list[npt.NDArray[np.bool_] | None] = [rest if subsets else None]
+        for subset in subsets:
+            indices = np.asarray(subset.GetIndicesAttr().Get(self._time) or (), np.int64)
+            mask = np.zeros(count, bool)
+            mask[indices[(indices >= 0) & (indices < count)]] = True
+            masks.append(mask & rest)
+            rest &= ~mask
+        wanted = [Wanted(mask, s.uvs, s.color, s.opacity) for mask, s in zip(masks, surfaces, strict=True)]
+        return read_mesh(prim, wanted, self._time, self._notes, shape)
+
+    def _add(self, mesh: Mesh, surface: Surface, bends: bool = False, both: bool = False) -> int:
+        """The number of a mesh of a surface."""
+        material = self._surfaces.material(surface)
+        if material.transmission > 0 and not material.thin and not is_closed(mesh.positions, mesh.triangles):
+            surface = self._surfaces.changed(surface, "pane", thin=True)
+        if both and max(material.emission) > 0:
+            surface = self._surfaces.changed(surface, "both", double_sided=True)
+        self._vertices += len(mesh.positions)
+        if self._vertices > MAX_VERTICES:
+            raise SceneError(f"{self._description.name}: its meshes have more than {MAX_VERTICES} vertices")
+        self._description.meshes.append(replace(mesh, material=surface.number, deforms=bends))
+        return len(self._description.meshes) - 1
+
+    def _show(self, meshes: list[int], each: Placed) -> None:
+        instances = self._description.instances
+        if len(instances) + len(each.places) * len(meshes) > MAX_INSTANCES:
+            raise SceneError(f"{each.prim.GetPath()}: is shown once too often; at most {MAX_INSTANCES} instances fit")
+        for i, place in enumerate(each.places):
+            name = each.name if len(each.places) == 1 else f"{each.name} [{i}]"
+            instances += [Instance(number, place, name=name, moves=each.moves) for number in meshes]
+
+    def _shape(self, each: Placed) -> None:
+        prim = each.prim
+        surface = self._surface(prim)
+        varies = any(a.ValueMightBeTimeVarying() for a in prim.GetAttributes() if a.GetName() in _SIZES)
+        if prim.IsA(UsdGeom.Sphere) and not surface.uvs and len(each.places) == 1 and (size := _scale(each.places[0])):
+            radius = float(UsdGeom.Sphere(prim).GetRadiusAttr().Get(self._time) or 0.0) * size
+            if radius > 0:
+                self._sphere(each, radius, surface.number, each.moves or varies)
+            return
+        sizes = tuple(str(prim.GetAttribute(name).Get(self._time)) for name in _SIZES if prim.HasAttribute(name))
+        key = ("shape", str(prim.GetTypeName()), sizes, surface, self._key(prim) if varies else None)
+        if key not in self._numbers:
+            mesh = self._files.recall(("usd shape", key[1], sizes), lambda: shape_of(prim, self._time))
+            self._numbers[key] = [] if mesh is None else [self._add(mesh, surface, varies)]
+        self._show(self._numbers[key], each)
+
+    def _sphere(self, each: Placed, radius: float, material: int, moves: bool) -> None:
+        x, y, z = (float(v) for v in each.places[0][:3, 3])
+        self._description.spheres.append(Sphere((x, y, z), radius, material, each.name, moves=moves))
+
+    def _curves(self, each: Placed) -> None:
+        prim = each.prim
+        surface = self._surface(prim)
+        varies = UsdGeom.BasisCurves(prim).GetPointsAttr().ValueMightBeTimeVarying()
+        key = ("curves", self._key(prim), surface)
+        if key not in self._numbers:
+            mesh = tubes_of(prim, self._time, self._notes, surface.color)
+            self._numbers[key] = [] if mesh is None else [self._add(mesh, surface, varies)]
+        self._show(self._numbers[key], each)
+
+    def _points(self, each: Placed) -> None:
+        prim = each.prim
+        surface = self._surface(prim)
+        balls = balls_of(prim, self._time)
+        if len(balls.centers) * len(each.places) > MAX_INSTANCES:
+            self._notes.add(f"Points of which there are more than {MAX_INSTANCES} are left out", str(prim.GetPath()))
+            return
+        numbers = np.full(len(balls.centers), surface.number)
+        if surface.color is not None and balls.colors is not None:
+            numbers = self._painted(surface, balls.colors, str(prim.GetPath()))
+        moves = each.moves or UsdGeom.Points(prim).GetPointsAttr().ValueMightBeTimeVarying()
+        for place in each.places:
+            size = _scale(place) or float(abs(np.linalg.det(place[:3, :3]))) ** (1 / 3)
+            centers = balls.centers.astype(np.float64) @ place[:3, :3].T + place[:3, 3]
+            spheres = zip(centers.tolist(), (balls.radii * size).tolist(), numbers.tolist(), strict=True)
+            self._description.spheres += [
+                Sphere((x, y, z), radius, number, each.name, moves=moves) for (x, y, z), radius, number in spheres if radius > 0
+            ]
+
+    def _painted(self, surface: Surface, colors: npt.NDArray[np.float32], path: str) -> npt.NDArray[np.int64]:
+        """The materials of points, each in a colour; of very many colours, in the nearest of some."""
+        steps = 255
+        codes = np.rint(np.clip(colors, 0, 1) * steps).astype(np.int64)
+        while len(np.unique(codes @ (1, 256, 65536))) > MAX_COLORS:
+            steps //= 2
+            codes = np.rint(np.clip(colors, 0, 1) * steps).astype(np.int64)
+        if steps < 255:
+            self._notes.add(f"Points of more than {MAX_COLORS} colours are drawn in the nearest of so many", path)
+        kinds, kind = np.unique(codes @ (1, 256, 65536), return_inverse=True)
+        numbers = []
+        for code in kinds.tolist():
+            color = tuple((code >> shift & 255) / steps for shift in (0, 8, 16))
+            numbers.append(self._surfaces.changed(surface, f"colour {color}", base_color=color).number)
+        found: npt.NDArray[np.int64] = np.array(numbers)[kind]
+        return found
+
+    def _camera(self, each: Placed) -> None:
+        prim = each.prim
+        try:
+            view = read_camera(prim, each.places[0], self._unit, self._time, self._notes)
+        except SettingsError as error:
+            self._shelf.warn(f"Camera {each.name}: {error}; it is left out.")
+            return
+        if not self._description.cameras and self._description.moves and (shutter := shutter_of(prim, self._time)) > 0:
+            self._description.defaults["shutter"] = shutter
+        self._description.cameras.append(Camera(each.name, view))
+
+    def _light(self, each: Placed) -> None:
+        for i, place in enumerate(each.places):
+            name = each.name if len(each.places) == 1 else f"{each.name} [{i}]"
+            lamp = lamp_of(each.prim, place, name, self._unit, self._time, self._notes)
+            if lamp is None:
+                continue
+            if lamp.light is not None:
+                self._description.lights.append(lamp.light)
+                continue
+            assert lamp.material is not None
+            if lamp.image is not None and (found := self._images.find(lamp.image, f"Light {name}", True, self._time)):
+                lamp.material.emission_texture = self._images.texture(found[0], ("clamp", "clamp"), 0, found[1], name)
+            one = replace(each, places=place[None], name=name)
+            surface = self._surfaces.add(lamp.material)
+            if lamp.mesh is None:
+                self._sphere(one, lamp.radius, surface.number, each.moves)
+            else:
+                self._show([self._add(lamp.mesh, surface)], one)
+
+
+_SIZES = ("radius", "height", "size", "width", "length", "radiusTop", "radiusBottom", "axis")
+
+
+def _scale(place: Matrix) -> float | None:
+    """By how much a transform makes everything larger; None where not everything alike."""
+    square = place[:3, :3].T @ place[:3, :3]
+    size = float(np.trace(square)) / 3
+    return size**0.5 if size > 0 and np.abs(square - size * np.eye(3)).max() < 1e-5 * size else None

@@ -1,0 +1,160 @@
+"""Faces of any number of corners, and the values that a mesh has at its corners, as triangles with vertices of their own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import F32, I32
+
+__all__ = ["AtCorners", "Faces", "cut", "joined"]
+
+Codes = npt.NDArray[np.int64]
+MAX_CLIPPED = 20_000  # polygons that are cut one by one, as they are not convex
+
+
+@dataclass(frozen=True)
+class Faces:
+    """Polygons: `corners` are numbers of points, those of each face one behind the other."""
+
+    counts: Codes  # (F,)
+    corners: Codes  # (C,)
+
+    @property
+    def first(self) -> Codes:
+        """(F,) where each face's corners begin."""
+        return np.cumsum(self.counts) - self.counts
+
+    @property
+    def face(self) -> Codes:
+        """(C,) the face of each corner."""
+        return np.repeat(np.arange(len(self.counts)), self.counts)
+
+    def kept(self, which: npt.NDArray[np.bool_]) -> tuple[Faces, Codes]:
+        """Some of the faces, and the numbers of their corners among all."""
+        corners = np.flatnonzero(np.repeat(which, self.counts))
+        return Faces(self.counts[which], self.corners[corners]), corners
+
+
+@dataclass(frozen=True)
+class AtCorners:
+    """Values (K, w), and which of them each corner has."""
+
+    values: F32
+    code: Codes  # (C,)
+    by_point: bool = False  # whether corners at one point always have the same
+    kinds: F32 | None = None  # (K, w) what tells them apart, where that must not depend on the time
+
+    def at(self, corners: Codes) -> AtCorners:
+        """The same for some of the corners."""
+        return replace(self, code=self.code[corners])
+
+    def each(self) -> F32:
+        """(C, w) the value of each corner."""
+        return self.values[self.code]
+
+
+def cut(faces: Faces, points: F32, mirrored: bool) -> npt.NDArray[np.int64]:
+    """(T, 3) numbers of corners: triangles that fill the faces, counter-clockwise unless mirrored.
+
+    Fans, but for what is not convex: quads are cut along their other diagonal, and larger polygons ear by ear.
+    """
+    counts, first = faces.counts, faces.first
+    face = np.repeat(np.arange(len(counts)), np.maximum(counts - 2, 0))
+    start = np.cumsum(np.maximum(counts - 2, 0)) - np.maximum(counts - 2, 0)
+    step = np.arange(len(face)) - start[face]
+    fans = np.stack([first[face], first[face] + step + 1, first[face] + step + 2], axis=1)
+    for number in np.flatnonzero(counts == 4)[_bent_quads(faces, points)]:
+        a = first[number]
+        fans[start[number] : start[number] + 2] = (a, a + 1, a + 3), (a + 1, a + 2, a + 3)
+    for number in _hollow(faces, points)[:MAX_CLIPPED]:
+        a, n = int(first[number]), int(counts[number])
+        fans[start[number] : start[number] + n - 2] = a + _ears(points[faces.corners[a : a + n]].astype(np.float64))
+    return fans[:, ::-1] if mirrored else fans
+
+
+def _bent_quads(faces: Faces, points: F32) -> npt.NDArray[np.bool_]:
+    """Of all quads, those whose two triangles would face each other."""
+    begin = faces.first[faces.counts == 4]
+    a, b, c, d = (points[faces.corners[begin + k]] for k in range(4))
+    return np.einsum("ij,ij->i", np.cross(b - a, c - a), np.cross(c - a, d - a)) < 0
+
+
+def _hollow(faces: Faces, points: F32) -> Codes:
+    """The faces of five corners and more of which one bends inwards."""
+    large = np.flatnonzero(faces.counts > 4)
+    if len(large) == 0:
+        return large
+    some, corners = faces.kept(faces.counts > 4)
+    place = points[some.corners].astype(np.float64)
+    along = np.arange(len(corners)) + 1
+    ends = some.first + some.counts
+    along[ends - 1] = some.first
+    back = np.empty_like(along)
+    back[along] = np.arange(len(along))
+    turn = np.cross(place[along] - place, place - place[back])
+    whole = np.stack([np.bincount(some.face, turn[:, k]) for k in range(3)], axis=1)
+    # The sum of all turns points to the face's outside; a corner that turns against it bends inwards.
+    inwards = np.einsum("ij,ij->i", turn, whole[some.face]) < 0
+    return large[np.bincount(some.face, inwards, len(some.counts)) > 0]
+
+
+def _ears(place: npt.NDArray[np.float64]) -> Codes:
+    """(n - 2, 3) triangles of one polygon's (n, 3) corners."""
+    ahead = np.roll(place, -1, axis=0)
+    normal = np.cross(place, ahead).sum(axis=0)
+    axis = int(np.argmax(np.abs(normal)))
+    flat = np.delete(place, axis, axis=1)
+    if (normal[axis] < 0) != (axis == 1):  # dropping y turns the plane over
+        flat = flat * (-1.0, 1.0)
+    left = list(range(len(place)))
+    found = []
+    while len(left) > 3:
+        ear = next((i for i in range(len(left)) if _is_ear(flat, left, i)), 0)
+        found.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
+        del left[ear]
+    return np.array([*found, tuple(left)], np.int64)
+
+
+def _is_ear(flat: npt.NDArray[np.float64], left: list[int], i: int) -> bool:
+    a, b, c = flat[left[i - 1]], flat[left[i]], flat[left[(i + 1) % len(left)]]
+    if _area(a, b, c) <= 0:
+        return False
+    others = flat[[left[(i + k) % len(left)] for k in range(2, len(left) - 1)]]
+    inside = (_area(a, b, others.T) >= 0) & (_area(b, c, others.T) >= 0) & (_area(c, a, others.T) >= 0)
+    return not bool(inside.any())
+
+
+def _area(a: Any, b: Any, c: Any) -> Any:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def joined(faces: Faces, attributes: list[AtCorners]) -> tuple[Codes, I32]:
+    """(one corner of each vertex, the vertex of each corner): corners that agree in point and values are one vertex."""
+    # By 64 bits of a hash: that two of three million differ and collide has the odds of 2e-7.
+    key = _mixed(faces.corners.astype(np.uint64), np.zeros(len(faces.corners), np.uint64))
+    for attribute in attributes:
+        if not attribute.by_point:
+            key = _mixed(key, _hashed(attribute.values if attribute.kinds is None else attribute.kinds)[attribute.code])
+    _, first, vertex = np.unique(key, return_index=True, return_inverse=True)
+    return first, vertex.astype(np.int32)
+
+
+def _hashed(values: F32) -> npt.NDArray[np.uint64]:
+    """(K,) a hash of each value."""
+    words = np.ascontiguousarray(values + np.float32(0)).view(np.uint32)  # + 0: there are two zeros
+    found = np.zeros(len(values), np.uint64)
+    for column in words.T:
+        found = _mixed(found, column.astype(np.uint64))
+    return found
+
+
+def _mixed(one: npt.NDArray[np.uint64], other: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
+    # The finalizer of SplitMix64 (Steele, Lea & Flood 2014), so that each bit of either has a part in all.
+    key = (one * np.uint64(0x9E3779B97F4A7C15)) ^ other
+    key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return key ^ (key >> np.uint64(31))

@@ -1,0 +1,156 @@
+"""Walks a stage: what is drawn, shines or sees, and where it stands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from pxr import Usd, UsdGeom, UsdLux, UsdShade
+
+from renderer.errors import SceneError
+from renderer.scene.matrices import Matrix, product
+from renderer.scene.readers.usd.notes import Notes
+
+__all__ = ["MAX_INSTANCES", "Placed", "matrix", "walk"]
+
+MAX_PRIMS = 2_000_000
+MAX_INSTANCES = 500_000
+MAX_DEPTH = 400
+_DRAWN_PURPOSES = ("default", "render")
+_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+
+
+@dataclass
+class Placed:
+    """A prim and where it is: everywhere that `places` (N, 4, 4) says, which lead to metres with Y up."""
+
+    prim: Any
+    places: Matrix
+    moves: bool = False  # whether it is elsewhere, or not shown, at another time
+    shown: bool = True
+    name: str = ""
+
+
+def upright(stage: Any) -> Matrix:
+    """From the stage's units and axes to metres with Y up."""
+    unit = float(UsdGeom.GetStageMetersPerUnit(stage))
+    turn = _Z_UP if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4)
+    return product(turn, np.diag([unit, unit, unit, 1.0]))
+
+
+def matrix(given: Any) -> Matrix:
+    """A matrix of USD's, for column vectors."""
+    return np.asarray(given, np.float64).T.copy()
+
+
+def walk(stage: Any, time: Any, notes: Notes) -> list[Placed]:
+    """All of a stage's prims that are of interest, in the order of the stage."""
+    found = list(_Walk(stage, time, notes).below(stage.GetPseudoRoot(), upright(stage)[None]))
+    names: dict[str, int] = {}
+    for each in found:
+        name = each.prim.GetName()
+        if not (each.prim.IsA(UsdGeom.Gprim) or each.prim.IsA(UsdGeom.Camera) or each.prim.HasAPI(UsdLux.LightAPI)):
+            continue  # transforms and skeletons, often called as what is in them
+        names[name] = names.get(name, 0) + 1
+        each.name = name if names[name] == 1 else f"{name} ({names[name]})"
+    return found
+
+
+class _Walk:
+    def __init__(self, stage: Any, time: Any, notes: Notes) -> None:
+        self._stage, self._time, self._notes = stage, time, notes
+        self._seen = 0
+        self._copies = 0
+        self._filter = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+
+    def below(self, top: Any, places: Matrix, depth: int = 0) -> Iterator[Placed]:
+        """What is below a prim, whose own places are given."""
+        stack = [(child, places, False, True, "default") for child in reversed(top.GetFilteredChildren(self._filter))]
+        while stack:
+            prim, outer, moves, shown, purpose = stack.pop()
+            self._seen += 1
+            if self._seen > MAX_PRIMS or prim.GetPath().pathElementCount > MAX_DEPTH:
+                raise SceneError(f"{prim.GetPath()}: is one prim too many, or too deep; at most {MAX_PRIMS} fit")
+            if prim.IsA(UsdShade.Material) or prim.IsA(UsdShade.Shader) or prim.IsA(UsdShade.NodeGraph):
+                continue
+            inner, moving = self._local(prim, outer)
+            moves |= moving
+            if prim.IsA(UsdGeom.Imageable):
+                imageable = UsdGeom.Imageable(prim)
+                visibility = imageable.GetVisibilityAttr()
+                moves |= visibility.ValueMightBeTimeVarying()
+                shown = shown and visibility.Get(self._time) != UsdGeom.Tokens.invisible
+                attribute = imageable.GetPurposeAttr()
+                if attribute.HasAuthoredValue():
+                    purpose = str(attribute.Get())
+                if purpose in _DRAWN_PURPOSES:
+                    if prim.IsA(UsdGeom.PointInstancer):
+                        if shown:
+                            yield from self._instanced(prim, inner, moves, depth)
+                        continue
+                    yield Placed(prim, inner, moves, shown)
+            stack += [(c, inner, moves, shown, purpose) for c in reversed(prim.GetFilteredChildren(self._filter))]
+
+    def _local(self, prim: Any, outer: Matrix) -> tuple[Matrix, bool]:
+        """The places of a prim, and whether it moves by itself."""
+        if not prim.IsA(UsdGeom.Xformable):
+            return outer, False
+        xformable = UsdGeom.Xformable(prim)
+        if not xformable.GetXformOpOrderAttr().HasAuthoredValue():
+            return outer, False
+        own = xformable.GetLocalTransformation(self._time)
+        if xformable.GetResetXformStack():
+            outer = upright(self._stage)[None]
+        inner = product(outer, matrix(own))
+        if not np.isfinite(inner).all():
+            self._notes.add("Transforms that are not finite are taken for none", str(prim.GetPath()))
+            inner = outer
+        return inner, bool(xformable.TransformMightBeTimeVarying())
+
+    def _instanced(self, prim: Any, outer: Matrix, moves: bool, depth: int) -> Iterator[Placed]:
+        """What a PointInstancer shows of its prototypes."""
+        instancer = UsdGeom.PointInstancer(prim)
+        indices = np.asarray(instancer.GetProtoIndicesAttr().Get(self._time) or (), np.int64)
+        targets = instancer.GetPrototypesRel().GetForwardedTargets()
+        given = instancer.ComputeInstanceTransformsAtTime(
+            self._time, self._time, UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+        )
+        places = np.asarray(given, np.float64).reshape(-1, 4, 4).transpose(0, 2, 1) if given else np.zeros((0, 4, 4))
+        mask = np.asarray(instancer.ComputeMaskAtTime(self._time) or (), bool)
+        count = min(len(indices), len(places))
+        kept = mask[:count] if len(mask) >= count else np.ones(count, bool)
+        kept &= (indices[:count] >= 0) & (indices[:count] < len(targets)) & np.isfinite(places[:count]).all(axis=(1, 2))
+        if count == 0 or len(places) != len(indices) or depth > 8:
+            self._notes.add("Point instancers that are damaged, empty or nested too deeply are left out", str(prim.GetPath()))
+            return
+        attributes = instancer.GetPositionsAttr(), instancer.GetOrientationsAttr(), instancer.GetScalesAttr()
+        moves |= any(a.ValueMightBeTimeVarying() for a in (*attributes, instancer.GetProtoIndicesAttr()))
+        for number, target in enumerate(targets):
+            which = np.flatnonzero(kept & (indices[:count] == number))
+            prototype = self._stage.GetPrimAtPath(target)
+            if len(which) == 0 or not prototype:
+                continue
+            self._copies += len(which) * len(outer)
+            if self._copies > MAX_INSTANCES:
+                raise SceneError(f"{prim.GetPath()}: shows its prototypes more than {MAX_INSTANCES} times; show them less often")
+            own = product(outer[:, None], places[which][None]).reshape(-1, 4, 4)
+            for each in self._prototype(prototype, depth + 1):
+                whole = product(own[:, None], each.places[None]).reshape(-1, 4, 4)
+                yield replace(each, places=whole, moves=moves or each.moves)
+
+    def _prototype(self, prototype: Any, depth: int) -> Iterator[Placed]:
+        """A prototype as it is in itself: its own transform is in those of the instances."""
+        still = np.eye(4)[None]
+        if prototype.IsA(UsdGeom.PointInstancer):
+            yield from self._instanced(prototype, still, False, depth)
+            return
+        if prototype.IsA(UsdGeom.Imageable):
+            imageable = UsdGeom.Imageable(prototype)
+            if imageable.GetVisibilityAttr().Get(self._time) == UsdGeom.Tokens.invisible:
+                return
+            if str(imageable.ComputePurpose()) not in _DRAWN_PURPOSES:
+                return
+            yield Placed(prototype, still)
+        yield from self.below(prototype, still, depth)

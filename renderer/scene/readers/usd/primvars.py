@@ -1,0 +1,83 @@
+"""A prim's primvars as numpy arrays, at the corners of its faces."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pxr import UsdGeom
+
+from renderer.scene.description import F32
+from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.polygons import AtCorners, Faces
+
+__all__ = ["array", "at_corners", "constant", "found", "varies"]
+
+
+def array(value: Any, width: int) -> F32:
+    """(N, width) float32 of one of USD's arrays or of a single value; empty where there is none."""
+    if value is None:
+        return np.zeros((0, width), np.float32)
+    values = np.asarray(value)
+    if values.dtype.kind not in "fiu" or values.size % width:
+        return np.zeros((0, width), np.float32)
+    return np.ascontiguousarray(values.reshape(-1, width), np.float32)
+
+
+def found(prim: Any, name: str) -> Any:
+    """A primvar of a prim, or of one above it; None where it has no value."""
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    return primvar if primvar and primvar.HasValue() else None
+
+
+def varies(primvar: Any) -> bool:
+    """Whether it has other values at another time."""
+    return bool(primvar.ValueMightBeTimeVarying())
+
+
+def constant(prim: Any, name: str, width: int, time: Any) -> npt.NDArray[np.float32] | None:
+    """(width,): the value of a primvar that is the same all over; None where it is not, or there is none."""
+    primvar = found(prim, name)
+    if primvar is None:
+        return None
+    values = array(primvar.ComputeFlattened(time), width)
+    return values[0] if len(values) == 1 or (len(values) and primvar.GetInterpolation() == "constant") else None
+
+
+def at_corners(primvar: Any, width: int | None, faces: Faces, points: int, time: Any, notes: Notes) -> AtCorners | None:
+    """A primvar of a mesh at its corners; None, with a note, where it does not fit the mesh. width: its own where None."""
+    given = primvar.Get(time)
+    shape = np.shape(given)
+    values = array(given, (shape[1] if len(shape) == 2 else 1) if width is None else width)
+    indices = np.asarray(primvar.GetIndices(time) or (), np.int64) if primvar.IsIndexed() else None
+    return spread(values, indices, primvar.GetInterpolation(), faces, points, primvar.GetAttr().GetPath(), notes)
+
+
+def spread(
+    values: F32,
+    indices: npt.NDArray[np.int64] | None,
+    interpolation: str,
+    faces: Faces,
+    points: int,
+    path: Any,
+    notes: Notes,
+) -> AtCorners | None:
+    """Values at the corners, as their interpolation says. points: how many the mesh has."""
+    code = {
+        "constant": lambda: np.zeros(len(faces.corners), np.int64),
+        "uniform": lambda: faces.face,
+        "vertex": lambda: faces.corners,
+        "varying": lambda: faces.corners,
+        "faceVarying": lambda: np.arange(len(faces.corners)),
+    }[interpolation]()
+    wanted = {"constant": 1, "uniform": len(faces.counts), "faceVarying": len(faces.corners)}.get(interpolation, points)
+    given = len(values) if indices is None else len(indices)
+    fits = given >= wanted and np.isfinite(values).all()
+    if fits and indices is not None:
+        fits = indices.min(initial=0) >= 0 and indices.max(initial=-1) < len(values)
+        code = indices[code] if fits else code
+    if not fits:
+        notes.add("Primvars that do not fit their meshes are left out", str(path))
+        return None
+    return AtCorners(values, code, interpolation in ("constant", "vertex", "varying"))

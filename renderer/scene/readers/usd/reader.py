@@ -1,0 +1,71 @@
+"""A USD stage as a scene, at a moment."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pxr import Usd
+
+from renderer.scene.animation import Clip, Moment
+from renderer.scene.description import SceneDescription
+from renderer.scene.files import SceneFiles
+from renderer.scene.readers.names import number_of
+from renderer.scene.readers.usd.layers import Stage, muted, open_stage, telling
+from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.placing import Placing
+from renderer.scene.readers.usd.prims import walk
+from renderer.scene.readers.usd.sources import Sources
+from renderer.scene.readers.usd.textures import Images
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["read_stage"]
+
+_CLIP = "animation"
+
+
+def read_stage(files: SceneFiles, main: str, description: SceneDescription, variant: str | None, moment: Moment) -> None:
+    """Adds the stage of a file to the description. Raises SceneError."""
+    shelf = TextureShelf(description, files)
+    with telling(main), muted():
+        sources = files.recall(("usd files", main), lambda: Sources(files))
+        stage, variants = files.recall(("usd stage", main, variant), lambda: open_stage(sources, main, variant))
+        description.variants = variants
+        time = _time(stage, main, description, moment)
+        notes = Notes()
+        placing = Placing(files, (main, variant), stage, description, shelf, Images(stage, sources, shelf, notes), notes, time)
+        placing.place(walk(stage.stage, time, notes))
+        for told in (stage.notes, notes):
+            told.tell(shelf.warn)
+        _resolution(stage.stage, description)
+
+
+def _time(stage: Stage, main: str, description: SceneDescription, moment: Moment) -> Any:
+    """The time code that is shown; the description learns what may be asked for. Frame 0 is the stage's start."""
+    root = stage.stage
+    rate = float(root.GetTimeCodesPerSecond()) or 24.0
+    span = stage.span
+    if span is None:
+        if moment.clip is not None:
+            number_of("clip", [], moment.clip, main)
+        return Usd.TimeCode.EarliestTime()
+    start, end = (root.GetStartTimeCode(), root.GetEndTimeCode()) if root.HasAuthoredTimeCodeRange() else span
+    if not (np.isfinite([start, end]).all() and start <= end):
+        start, end = span
+    if moment.clip is not None and moment.clip != "all":
+        number_of("clip", [_CLIP], moment.clip, main)
+    description.clips = [Clip(_CLIP, 0.0, (end - start) / rate)]
+    description.moves = True
+    fps = float(root.GetFramesPerSecond())
+    if 1e-3 <= fps <= 1e4:
+        description.fps = fps
+    return Usd.TimeCode(start + moment.seconds(description.fps) * rate)
+
+
+def _resolution(root: Any, description: SceneDescription) -> None:
+    """The size of the picture that the stage's render settings ask for."""
+    path = root.GetMetadata("renderSettingsPrimPath")
+    prim = root.GetPrimAtPath(path) if path else None
+    size = prim.GetAttribute("resolution").Get() if prim else None
+    if size is not None and len(size) == 2 and all(16 <= n <= 16384 for n in size):
+        description.defaults |= {"width": int(size[0]), "height": int(size[1])}

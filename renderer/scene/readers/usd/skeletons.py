@@ -1,0 +1,157 @@
+"""UsdSkel: meshes as their skeletons' joints and their blend shapes bend them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pxr import Usd, UsdGeom, UsdSkel
+
+from renderer.scene.description import F32
+from renderer.scene.matrices import Matrix
+from renderer.scene.readers.usd import primvars
+from renderer.scene.readers.usd.meshes import Shape
+from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.prims import Placed, matrix
+
+__all__ = ["Skeletons"]
+
+F64 = npt.NDArray[np.float64]
+
+
+class Skeletons:
+    """The skeletons of a stage at a moment, and the meshes that are bound to them."""
+
+    def __init__(self, time: Any, notes: Notes) -> None:
+        self._time, self._notes = time, notes
+        self._cache = UsdSkel.Cache()
+        self._bound: dict[Any, tuple[Any, Any]] = {}  # (skeleton, skinning) queries by the meshes' paths
+        self._places: dict[Any, Matrix] = {}  # of skeletons, as the stage is drawn
+
+    def gather(self, found: list[Placed]) -> None:
+        """Finds what is bound below the stage's SkelRoots."""
+        roots = [each for each in found if each.prim.IsA(UsdSkel.Root)]
+        walk = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+        for each in roots:
+            root = UsdSkel.Root(each.prim)
+            self._cache.Populate(root, walk)
+            for binding in self._cache.ComputeSkelBindings(root, walk):
+                query = self._cache.GetSkelQuery(binding.GetSkeleton())
+                for skinning in binding.GetSkinningTargets():
+                    self._bound[skinning.GetPrim().GetPath()] = (query, skinning)
+        if roots:
+            self._places = {each.prim.GetPath(): each.places for each in found if each.prim.IsA(UsdSkel.Skeleton)}
+
+    def shape_of(self, prim: Any) -> Shape | None:
+        """A mesh as it is bent, in its skeleton's space; None of one that no skeleton bends."""
+        known = self._bound.get(prim.GetPath())
+        if known is None or not known[0]:
+            return None
+        query, skinning = known
+        mesh = UsdGeom.Mesh(prim)
+        points = primvars.array(mesh.GetPointsAttr().Get(self._time), 3).astype(np.float64)
+        normals = self._normals(mesh)
+        if skinning.HasBlendShapes():
+            points = self._blended(query, skinning, points)
+        joints, weights = self._influences(skinning, len(points))
+        if weights is None:
+            own = None if normals is None else normals.astype(np.float32)
+            return Shape(points.astype(np.float32), own, own)
+        given = query.ComputeSkinningTransforms(self._time)
+        mapper = skinning.GetJointMapper()
+        if mapper and not mapper.IsIdentity() and not mapper.IsNull():
+            given = mapper.RemapTransforms(given)
+        transforms = np.asarray(given, np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
+        if len(transforms) == 0 or joints.max(initial=0) >= len(transforms) or joints.min(initial=0) < 0:
+            self._notes.add("Meshes whose joints are not in their skeleton are not bent", str(prim.GetPath()))
+            return None
+        bind = matrix(skinning.GetGeomBindTransform(self._time))
+        if str(skinning.GetSkinningMethod()) == "dualQuaternion":
+            self._notes.add("Skins of dual quaternions are bent by matrices", str(prim.GetPath()))
+        whole = transforms @ bind
+        bent = np.zeros_like(points)
+        for k in range(joints.shape[1]):
+            bent += weights[:, k : k + 1] * _moved(whole[joints[:, k]], points)
+        turned = None if normals is None else self._turned(mesh, normals, whole, joints, weights)
+        return Shape(bent.astype(np.float32), turned, None if normals is None else normals.astype(np.float32))
+
+    def places_of(self, prim: Any, own: Matrix) -> Matrix:
+        """Where a bent mesh is drawn: as its skeleton stands; by itself where only blend shapes bend it."""
+        query, skinning = self._bound[prim.GetPath()]
+        if not skinning.HasJointInfluences():
+            return own
+        return self._places.get(query.GetSkeleton().GetPrim().GetPath(), own)
+
+    def _influences(self, skinning: Any, points: int) -> tuple[npt.NDArray[np.int64], F64 | None]:
+        """(V, k) joints, and their weights whose sum is 1; None where there are none that fit."""
+        none: tuple[npt.NDArray[np.int64], None] = np.zeros((0, 1), np.int64), None
+        if not skinning.HasJointInfluences():
+            return none
+        found = skinning.ComputeVaryingJointInfluences(points, self._time)
+        if not found:
+            return none
+        each = skinning.GetNumInfluencesPerComponent()
+        joints, weights = np.asarray(found[0], np.int64), np.asarray(found[1], np.float64)
+        if joints.size != points * each or weights.size != joints.size or not np.isfinite(weights).all():
+            return none
+        weights = weights.reshape(points, each)
+        total = weights.sum(axis=1, keepdims=True)
+        return joints.reshape(points, each), weights / np.where(total > 0, total, 1)
+
+    def _blended(self, query: Any, skinning: Any, points: F64) -> F64:
+        """The points with the blend shapes' displacements by their weights."""
+        animation = query.GetAnimQuery()
+        given = animation.ComputeBlendShapeWeights(self._time) if animation else None
+        if not given:
+            return points
+        mapper = skinning.GetBlendShapeMapper()
+        if mapper and not mapper.IsIdentity():
+            given = mapper.Remap(given, defaultValue=0.0)
+        blend = UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(skinning.GetPrim()))
+        computed = blend.ComputeSubShapeWeights(given)
+        sub_weights, blend_indices, sub_indices = computed[-3:]
+        offsets = blend.ComputeSubShapePointOffsets()
+        indices = blend.ComputeBlendShapePointIndices()
+        result = points.copy()
+        for weight, shape, sub in zip(sub_weights, blend_indices, sub_indices, strict=True):
+            if sub >= len(offsets) or shape >= len(indices):
+                self._notes.add("Blend shapes that are damaged are left out", str(skinning.GetPrim().GetPath()))
+                continue
+            moved = np.asarray(offsets[sub], np.float64).reshape(-1, 3)
+            which = np.asarray(indices[shape], np.int64)
+            if len(which) == 0:
+                which = np.arange(len(moved))
+            if len(which) == len(moved) and (len(which) == 0 or (which.min() >= 0 and which.max() < len(points))):
+                np.add.at(result, which, weight * moved)
+        return result
+
+    def _normals(self, mesh: Any) -> F64 | None:
+        """Of the points or of the corners; those of whole faces, at their corners."""
+        primvar = primvars.found(mesh.GetPrim(), "normals")
+        given = mesh.GetNormalsAttr().Get(self._time) if primvar is None else primvar.ComputeFlattened(self._time)
+        values = primvars.array(given, 3).astype(np.float64)
+        kind = mesh.GetNormalsInterpolation() if primvar is None else primvar.GetInterpolation()
+        counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(self._time) or (), np.int64)
+        if kind == "uniform" and len(values) == len(counts) and counts.min(initial=0) >= 0:
+            values = np.repeat(values, counts, axis=0)
+        return values if len(values) else None
+
+    def _turned(self, mesh: Any, normals: F64, whole: Matrix, joints: npt.NDArray[np.int64], weights: F64) -> F32 | None:
+        """The normals, of points or of corners, turned with their points."""
+        corners = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(self._time) or (), np.int64)
+        point = corners if len(normals) == len(corners) else np.arange(len(normals))
+        if point.max(initial=-1) >= len(joints) or point.min(initial=0) < 0:
+            return None
+        x, y, z = (whole[:, :3, k] for k in range(3))
+        carry = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=2)  # det(M) M^-T
+        turned = np.zeros_like(normals)
+        for k in range(joints.shape[1]):
+            turned += weights[point, k : k + 1] * np.einsum("vij,vj->vi", carry[joints[point, k]], normals)
+        found: F32 = turned.astype(np.float32)
+        return found
+
+
+def _moved(matrices: Matrix, points: F64) -> F64:
+    found: F64 = np.einsum("vij,vj->vi", matrices[:, :3, :3], points) + matrices[:, :3, 3]
+    return found

@@ -1,0 +1,123 @@
+"""The materials that a stage's prims are bound to, in the description's list."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from pxr import UsdShade
+
+from renderer.scene.material import Material
+from renderer.scene.readers.numbers import unit_color
+from renderer.scene.readers.usd import primvars
+from renderer.scene.readers.usd.materialx import SURFACES, read_materialx
+from renderer.scene.readers.usd.network import Network
+from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.preview_surface import Read, read_preview_surface
+from renderer.scene.readers.usd.textures import Images
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["Surface", "Surfaces"]
+
+
+class Surface(NamedTuple):
+    """A material of the description, and what it wants of a mesh: the primvars of its UVs, its colour and its opacity."""
+
+    number: int
+    uvs: tuple[str, ...] = ()
+    color: str | None = None
+    opacity: str | None = None
+
+
+class Surfaces:
+    """Reads each material when a prim first shows it."""
+
+    def __init__(self, images: Images, shelf: TextureShelf, materials: list[Material], notes: Notes, time: Any) -> None:
+        self._images, self._shelf, self._materials, self._notes, self._time = images, shelf, materials, notes, time
+        self._known: dict[Any, Surface] = {}
+
+    def of(self, material: Any, prim: Any) -> Surface:
+        """The surface of a prim that is bound to a material; of one without, its display colour."""
+        if not material:
+            return self._shown(prim)
+        source = material.GetPrim()
+        key = (source.GetPrimInPrototype() if source.IsInstanceProxy() else source).GetPath()
+        if key not in self._known:
+            found = self._read(material)
+            if found is not None:
+                self._known[key] = found
+            else:
+                return self._shown(prim)
+        return self._known[key]
+
+    def changed(self, surface: Surface, key: str, **values: Any) -> Surface:
+        """The same surface with other parameters, once for each key."""
+        if (surface.number, key) not in self._known:
+            self._known[surface.number, key] = self._add(replace(self._materials[surface.number], **values), surface)
+        return self._known[surface.number, key]
+
+    def material(self, surface: Surface) -> Material:
+        """The description's."""
+        return self._materials[surface.number]
+
+    def add(self, material: Material) -> Surface:
+        """A material that no prim is."""
+        return self._add(material, Surface(0))
+
+    def _add(self, material: Material, like: Surface) -> Surface:
+        self._materials.append(material)
+        return like._replace(number=len(self._materials) - 1)
+
+    def _shown(self, prim: Any) -> Surface:
+        """A matte surface in the colour that a prim is displayed in where it has no material."""
+        color, opacity = (
+            primvars.constant(prim, name, n, self._time) for name, n in (("displayColor", 3), ("displayOpacity", 1))
+        )
+        varying = [
+            None if c is not None or primvars.found(prim, n) is None else n
+            for c, n in ((color, "displayColor"), (opacity, "displayOpacity"))
+        ]
+        clear = 1.0 if opacity is None else float(unit_color([opacity[0]] * 3)[0])
+        key = ("shown", None if color is None else tuple(map(float, color)), clear, *varying)
+        if key not in self._known:
+            own = (0.8, 0.8, 0.8) if varying[0] is None else (1.0, 1.0, 1.0)
+            material = Material("displayColor" if color is not None or varying[0] else "default")
+            material.base_color = own if color is None else unit_color(map(float, color))
+            material.opacity = clear
+            if clear < 1 or varying[1]:
+                material.alpha_mode = "blend"
+            self._known[key] = self._add(material, Surface(0, (), varying[0], varying[1]))
+        return self._known[key]
+
+    def _read(self, material: Any) -> Surface | None:
+        name = material.GetPrim().GetName()
+        network = Network(self._images, self._notes, self._time, name)
+        read = Read(name, network, self._shelf)
+        shader, kind = _surface(material)
+        if kind == "UsdPreviewSurface":
+            read_preview_surface(shader, read)
+        elif kind in SURFACES:
+            read_materialx(shader, kind, read)
+        else:
+            what = kind or "none"
+            self._notes.add(
+                f"Materials whose surface is no UsdPreviewSurface and no MaterialX surface known here ({what}) "
+                "are drawn in the display colour",
+                name,
+            )
+            return None
+        return self._add(read.material, Surface(0, tuple(network.uvs), read.color, read.opacity))
+
+
+def _surface(material: Any) -> tuple[Any, str]:
+    """The shader of a material that is read, and its kind; of several, the one that says most."""
+    found = ""
+    for context in ("mtlx", UsdShade.Tokens.universalRenderContext):
+        shader = material.ComputeSurfaceSource(context)[0]
+        if not shader:
+            continue
+        kind = str(shader.GetIdAttr().Get() or "")
+        if kind == "UsdPreviewSurface" or kind in SURFACES:
+            return shader, kind
+        found = kind
+    return None, found or ", ".join(str(o.GetBaseName()) for o in material.GetSurfaceOutputs() if o.HasConnectedSource())

@@ -1,0 +1,204 @@
+"""UsdUVTexture and what leads to it: images of the scene's files, how they lie, and which of their channels is taken."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.image.read import read as read_image
+from renderer.image.tonemap import decode_srgb, encode_srgb
+from renderer.scene.description import Image, UvTransform, Wrap
+from renderer.scene.readers.usd.layers import Stage
+from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.sources import Sources
+from renderer.scene.textures import UNMOVED, TextureShelf
+
+__all__ = ["Images", "Taken", "composed"]
+
+MAX_ATLAS = 16384  # texels a side
+_WRAPS: dict[str, Wrap] = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp", "black": "clamp", "periodic": "repeat"}
+_CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
+F32 = npt.NDArray[np.float32]
+Four = tuple[float, float, float, float]
+PLAIN: tuple[Four, Four] = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What an input takes of a texture: one channel, or `rgb`; times scale, plus bias."""
+
+    texture: int
+    channel: str = "rgb"
+    scale: Four = PLAIN[0]
+    bias: Four = PLAIN[1]
+
+    def span(self, channel: str) -> tuple[float, float]:
+        """(scale, bias) of one channel."""
+        return self.scale[_CHANNELS[channel]], self.bias[_CHANNELS[channel]]
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is as the image has it."""
+        return (self.scale, self.bias) == PLAIN
+
+
+class Images:
+    """The images of one stage on the description's shelf."""
+
+    def __init__(self, stage: Stage, sources: Sources, shelf: TextureShelf, notes: Notes) -> None:
+        self._stage, self._sources, self._shelf, self._notes = stage, sources, shelf, notes
+        self._atlases: dict[tuple[str, str, bool], tuple[int, UvTransform] | None] = {}
+
+    def named(self, attribute: Any, time: Any) -> tuple[str, str] | None:
+        """(what an attribute calls a file, the name of the file that says so); None where it says nothing."""
+        path = attribute.Get(time) if attribute else None
+        if path is None or not path.path:
+            return None
+        for spec in attribute.GetPropertyStack(time):
+            if spec.HasInfo("default") or spec.HasInfo("timeSamples"):
+                return path.path, self._stage.file_of(spec.layer)
+        return None
+
+    def find(self, attribute: Any, user: str, srgb: bool, time: Any) -> tuple[int, UvTransform] | None:
+        """The image that an attribute names, and how UVs go to it; None, with a warning, where it is missing."""
+        named = self.named(attribute, time)
+        if named is None:
+            return None
+        reference, beside = named
+        if "<UDIM>" in reference:
+            return self._atlas(reference, beside, user, srgb)
+        name = self._sources.find(reference, beside)
+        if name is None:
+            self._shelf.missing(reference, user)
+            return None
+        found = self._image(name, srgb)
+        return None if found is None else (found, UNMOVED)
+
+    def texture(self, image: int, wraps: tuple[str, str], uv_set: int, transform: UvTransform, user: str) -> int | None:
+        """The texture of an image."""
+        if "black" in wraps:
+            self._notes.add("Textures that are black beyond their image go on there as at its edge", user)
+        wrap_s, wrap_t = (_WRAPS.get(wrap, "repeat") for wrap in wraps)
+        return self._shelf.texture(image, wrap_s, wrap_t, uv_set, transform)
+
+    def _image(self, name: str, srgb: bool) -> int | None:
+        if name.endswith("]"):
+            return self._shelf.image_made(name, lambda: self._sources.read(name), srgb)
+        return self._shelf.image_file(name, srgb)
+
+    def _atlas(self, reference: str, beside: str, user: str, srgb: bool) -> tuple[int, UvTransform] | None:
+        """The tiles of a texture side by side in one image."""
+        key = (reference, beside, srgb)
+        if key not in self._atlases:
+            tiles = self._sources.tiles(reference, beside)
+            if not tiles:
+                self._shelf.missing(reference.replace("<UDIM>", "1001"), user)
+                self._atlases[key] = None
+                return None
+            across, up = (max(pick(n - 1001) for n in tiles) + 1 for pick in (lambda i: i % 10, lambda i: i // 10))
+            pixels = {n: read_image(self._sources.read(name), name) for n, name in tiles.items()}
+            image = self._shelf.add(Image(reference, _side_by_side(pixels, across, up), srgb))
+            # u' = u / across; t' = t / up, and v is 1 - t.
+            self._atlases[key] = image, (1 / across, 0.0, 0.0, 0.0, 1 / up, 1 - 1 / up)
+        return self._atlases[key]
+
+
+def _side_by_side(tiles: dict[int, npt.NDArray[Any]], across: int, up: int) -> npt.NDArray[Any]:
+    if any(pixels.dtype != np.uint8 for pixels in tiles.values()):
+        tiles = {n: _linear(Image("", p, True))[..., :3] for n, p in tiles.items()}
+    height, width = (max(p.shape[k] for p in tiles.values()) for k in (0, 1))
+    height, width = min(height, MAX_ATLAS // up), min(width, MAX_ATLAS // across)
+    first = next(iter(tiles.values()))
+    atlas = np.zeros((up * height, across * width, first.shape[2]), first.dtype)
+    for number, pixels in tiles.items():
+        row, column = up - 1 - (number - 1001) // 10, (number - 1001) % 10
+        rows = np.arange(height) * pixels.shape[0] // height
+        columns = np.arange(width) * pixels.shape[1] // width
+        atlas[row * height : (row + 1) * height, column * width : (column + 1) * width] = pixels[rows[:, None], columns]
+    return atlas
+
+
+def composed(inner: UvTransform, outer: UvTransform) -> UvTransform:
+    """What UVs that go through `inner` first, and then through `outer`, go through."""
+    a, b = (np.array([*t, 0.0, 0.0, 1.0]).reshape(3, 3) for t in (inner, outer))
+    m = b @ a
+    return tuple(float(v) for v in m[:2].reshape(-1))  # type: ignore[return-value]
+
+
+def transform_2d(scale: tuple[float, float], degrees: float, translation: tuple[float, float]) -> UvTransform:
+    """UsdTransform2d, which holds for t counted upwards: scale, then rotation counter-clockwise, then translation."""
+    cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    (sx, sy), (x, y) = scale, translation
+    a, b, c, d = cosine * sx, -sine * sy, sine * sx, cosine * sy
+    # s' = a s + b t + x, t' = c s + d t + y, with v = 1 - t.
+    return a, -b, x + b, -c, d, 1 - y - d
+
+
+def _linear(image: Image) -> F32:
+    """(h, w, 4): the image's values as shaders see them."""
+    pixels = image.pixels
+    values = np.ones((*pixels.shape[:2], 4), np.float32)
+    if pixels.dtype == np.uint8:
+        level = np.arange(256, dtype=np.float32) / 255
+        values[..., :3] = (decode_srgb(level) if image.srgb else level)[pixels[..., :3]]
+        values[..., 3] = level[pixels[..., 3]]
+    else:
+        values[..., :3] = pixels[..., :3]
+    return values
+
+
+def grey(shelf: TextureShelf, taken: Taken, invert: bool = False) -> int | None:
+    """A texture of data whose red, green and blue are the channel that is taken."""
+    channel = "r" if taken.channel == "rgb" else taken.channel
+    scale, bias = taken.span(channel)
+    if invert:
+        scale, bias = -scale, 1 - bias
+
+    def make(image: Image) -> Image:
+        values = np.clip(_linear(image)[..., _CHANNELS[channel]] * scale + bias, 0, 1)
+        pixels = np.full((*values.shape, 4), 255, np.uint8)
+        pixels[..., :3] = np.rint(values * 255).astype(np.uint8)[..., None]
+        return Image(f"{image.name} {channel}", pixels, srgb=False)
+
+    return shelf.derived(taken.texture, f"{channel} {scale} {bias}", make)
+
+
+def colored(shelf: TextureShelf, taken: Taken, most: float = 1.0) -> tuple[tuple[float, float, float], int | None]:
+    """A factor and a texture that give the colour that is taken."""
+    red, green, blue = taken.scale[:3]
+    lightest, darkest = max(red, green, blue), min(red, green, blue)
+    if taken.channel == "rgb" and max(map(abs, taken.bias[:3])) < 1e-6 and darkest >= 0 and lightest <= most:
+        return (red, green, blue), taken.texture
+
+    def make(image: Image) -> Image:
+        values = _linear(image)
+        if taken.channel != "rgb":
+            scale, bias = taken.span(taken.channel)
+            values[..., :3] = (values[..., _CHANNELS[taken.channel]] * scale + bias)[..., None]
+        else:
+            values[..., :3] = values[..., :3] * np.array(taken.scale[:3], np.float32) + np.array(taken.bias[:3], np.float32)
+        codes = np.rint(np.concatenate([encode_srgb(np.clip(values[..., :3], 0, 1)), values[..., 3:]], axis=2) * 255)
+        return Image(f"{image.name} {taken.channel}", codes.astype(np.uint8), srgb=True)
+
+    key = f"colour {taken.channel} {taken.scale} {taken.bias}"
+    return (1.0, 1.0, 1.0), shelf.derived(taken.texture, key, make)
+
+
+def normals(shelf: TextureShelf, taken: Taken) -> tuple[int | None, float]:
+    """A texture of normals as glTF has them, and its scale: values are 2 x - 1 unless the file says otherwise."""
+    if taken.is_plain:
+        return taken.texture, 1.0
+    (x, y, _, _), (_, below, _, _) = taken.scale, taken.bias
+    if y > 0 and below < 0.5:
+        return taken.texture, x / 2
+
+    def make(image: Image) -> Image:
+        pixels = image.pixels.copy()
+        pixels[..., 1] = 255 - pixels[..., 1] if pixels.dtype == np.uint8 else 1 - pixels[..., 1]
+        return replace(image, name=f"{image.name} with green downwards", pixels=pixels)
+
+    return shelf.derived(taken.texture, "green downwards", make), abs(x) / 2

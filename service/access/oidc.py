@@ -1,0 +1,252 @@
+"""Logging in by an OpenID provider: the authorization code flow with PKCE, state and nonce (OpenID Connect Core 1.0, RFC 7636).
+
+Who a user is, is said by issuer and subject alone: a name that somebody else has is given to nobody, whoever tells it.
+"""
+
+from __future__ import annotations
+
+import re
+import secrets
+import ssl
+import threading
+import time
+import warnings
+from collections import OrderedDict
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from typing import Any, Literal
+from urllib.parse import urlsplit
+
+import httpx
+from sqlalchemy import select
+
+from service.access.roles import Role
+from service.access.secrets import fingerprint, is_same
+from service.access.users import NAME, TAKEN
+from service.errors import CannotStart
+from service.settings import Settings
+from service.store.database import Sessions
+from service.store.models import User
+
+__all__ = ["Begun", "Oidc", "Refused", "Why", "oidc_of"]
+
+Why = Literal["cancelled", "late", "provider", "role", "name"]
+
+WAIT_S = 600.0  # for somebody to log in at the provider
+MOST_WAITING = 10_000
+KNOWN_S = 3600.0  # the provider's own description
+LEEWAY_S = 60
+TIMEOUT_S = 10.0
+SIGNED_BY = ("RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "ES256", "ES384", "ES512", "EdDSA")  # not by what both know
+NEEDED = ("issuer", "authorization_endpoint", "token_endpoint", "jwks_uri")
+
+
+class Refused(Exception):  # noqa: N818 - named as what it says
+    """Somebody is not let in. why: what the page says; detail: what the service's log says."""
+
+    def __init__(self, why: Why, detail: str) -> None:
+        super().__init__(detail)
+        self.why = why
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A login that was sent to the provider. browser: what the browser shows when it comes back."""
+
+    url: str
+    browser: str
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    browser: str  # its fingerprint
+    nonce: str
+    verifier: str
+    redirect: str
+    until: float
+
+
+@cache
+def _trust() -> ssl.SSLContext:
+    return httpx.create_ssl_context()  # to read the certificates takes long
+
+
+def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
+    """The provider that is set; None where none is. Raises CannotStart."""
+    if not settings.oidc_discovery:
+        return None
+    if not settings.oidc_client:
+        raise CannotStart("RAYFARM_OIDC_DISCOVERY names a provider, but RAYFARM_OIDC_CLIENT no client. Set both.")
+    if (unknown := [role for role in settings.oidc_roles.values() if Role.of(role) is Role.NOBODY]) != []:
+        raise CannotStart(f"RAYFARM_OIDC_ROLES gives the role {unknown[0]!r}; there are view, submit and admin.")
+    url = urlsplit(settings.oidc_discovery)
+    if url.scheme != "https" and url.hostname not in ("127.0.0.1", "localhost", "::1"):
+        raise CannotStart("RAYFARM_OIDC_DISCOVERY begins with https://: what a provider says must not be another's words.")
+    secret = settings.oidc_secret
+    if settings.oidc_secret_file is not None:
+        try:
+            secret = settings.oidc_secret_file.expanduser().read_text().strip()
+        except OSError as error:
+            raise CannotStart(f"RAYFARM_OIDC_SECRET_FILE cannot be read: {error.strerror}.") from None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of names that the library will call otherwise
+            import_module("authlib.integrations.httpx_client")
+            import_module("joserfc.jwt")
+    except ImportError:
+        raise CannotStart("RAYFARM_OIDC_DISCOVERY needs Authlib. Install it: pip install 'rayfarm[oidc]'.") from None
+    return Oidc(settings, secret, sessions)
+
+
+class Oidc:
+    """One provider. Its description and keys are asked for when somebody logs in, and kept for a while."""
+
+    def __init__(self, settings: Settings, secret: str, sessions: Sessions) -> None:
+        self.name = settings.oidc_name or urlsplit(settings.oidc_discovery).hostname or "OpenID"
+        self._discovery = settings.oidc_discovery
+        self._client = settings.oidc_client, secret
+        self._scopes = settings.oidc_scopes
+        self._name_claim = settings.oidc_name_claim
+        self._role_claim = settings.oidc_role_claim
+        self._roles = settings.oidc_roles
+        self._usual = Role.of(settings.oidc_role)
+        self._sessions = sessions
+        self._lock = threading.Lock()
+        self._waiting: OrderedDict[str, _Waiting] = OrderedDict()
+        self._known: tuple[float, dict[str, Any], Any] | None = None
+
+    def begin(self, redirect: str) -> Begun:
+        """Where to send a browser. redirect: where the provider sends it back to. Raises Refused."""
+        about, _ = self._provider()
+        state, nonce, verifier, browser = (secrets.token_urlsafe(48) for _ in range(4))
+        with self._speaking(redirect) as client:
+            url, _ = client.create_authorization_url(
+                about["authorization_endpoint"], state=state, nonce=nonce, code_verifier=verifier
+            )
+        now = time.monotonic()
+        with self._lock:
+            self._waiting[state] = _Waiting(fingerprint(browser), nonce, verifier, redirect, now + WAIT_S)
+            while len(self._waiting) > MOST_WAITING or next(iter(self._waiting.values())).until < now:
+                self._waiting.popitem(last=False)
+        return Begun(url, browser)
+
+    def finish(self, state: str, code: str, error: str, browser: str) -> User:
+        """Whom the provider has sent back. browser: what it shows. Raises Refused; a state is good for once."""
+        with self._lock:
+            waiting = self._waiting.pop(state, None)
+        if (
+            waiting is None
+            or waiting.until < time.monotonic()
+            or not browser
+            or not is_same(fingerprint(browser), waiting.browser)
+        ):
+            raise Refused("late", "an answer to a login that was not begun here, or too long ago")
+        if error or not code:
+            raise Refused("cancelled", f"the provider says {error[:200] or 'nothing'}")
+        return self._user(self._claims(code, waiting))
+
+    def _claims(self, code: str, waiting: _Waiting) -> dict[str, Any]:
+        from authlib.common.errors import AuthlibBaseError
+        from authlib.oidc.core import CodeIDToken
+        from joserfc.errors import JoseError
+
+        about, _ = self._provider()
+        try:
+            with self._speaking(waiting.redirect) as client:
+                token = client.fetch_token(about["token_endpoint"], code=code, code_verifier=waiting.verifier)
+            read = self._decoded(str(token.get("id_token") or ""))
+            options = {
+                "iss": {"essential": True, "values": [about["issuer"]]},
+                "aud": {"essential": True, "value": self._client[0]},
+            }
+            params = {"nonce": waiting.nonce, "client_id": self._client[0], "access_token": token.get("access_token")}
+            claims = CodeIDToken(read.claims, read.header, options, params)
+            claims.validate(leeway=LEEWAY_S)
+            found = dict(claims)
+            if about.get("userinfo_endpoint") and not {self._name_claim, self._role_claim} <= found.keys():
+                found |= self._told(about["userinfo_endpoint"], str(token.get("access_token") or ""), found["sub"])
+        except (AuthlibBaseError, JoseError, httpx.HTTPError, ValueError, KeyError, TypeError) as error:
+            raise Refused("provider", f"the provider's answer is not believed ({type(error).__name__}: {error})") from None
+        return found
+
+    def _told(self, url: str, token: str, subject: str) -> dict[str, Any]:
+        """What the provider tells of a user beside the token. Raises httpx.HTTPError and ValueError."""
+        answer = httpx.get(url, headers={"Authorization": f"Bearer {token}"}, timeout=TIMEOUT_S, verify=_trust())
+        answer.raise_for_status()
+        told = answer.json()
+        if not isinstance(told, dict) or told.get("sub") != subject:
+            raise ValueError("it tells of somebody else")
+        return {name: told[name] for name in (self._name_claim, self._role_claim) if name in told}
+
+    def _decoded(self, token: str) -> Any:
+        from joserfc import jwt
+        from joserfc.errors import InvalidKeyIdError
+
+        about, keys = self._provider()
+        signed_by = [name for name in about.get("id_token_signing_alg_values_supported") or ["RS256"] if name in SIGNED_BY]
+        try:
+            return jwt.decode(token, keys, algorithms=signed_by)
+        except (InvalidKeyIdError, ValueError):  # the provider may have new keys
+            return jwt.decode(token, self._provider(anew=True)[1], algorithms=signed_by)
+
+    def _provider(self, anew: bool = False) -> tuple[dict[str, Any], Any]:
+        """What the provider says of itself, and its keys. Raises Refused."""
+        from joserfc.jwk import KeySet
+
+        known = self._known
+        if known is not None and not anew and time.monotonic() - known[0] < KNOWN_S:
+            return known[1], known[2]
+        try:
+            about = (
+                httpx.get(self._discovery, timeout=TIMEOUT_S, verify=_trust(), follow_redirects=True).raise_for_status().json()
+            )
+            if not isinstance(about, dict) or any(not isinstance(about.get(name), str) for name in NEEDED):
+                raise ValueError("it is no description of an OpenID provider")
+            keys = KeySet.import_key_set(
+                httpx.get(about["jwks_uri"], timeout=TIMEOUT_S, verify=_trust()).raise_for_status().json()
+            )
+        except (httpx.HTTPError, httpx.InvalidURL, ValueError, KeyError, TypeError) as error:
+            raise Refused("provider", f"{self._discovery} does not say what it should ({error})") from None
+        self._known = time.monotonic(), about, keys
+        return about, keys
+
+    def _speaking(self, redirect: str) -> Any:
+        from authlib.integrations.httpx_client import OAuth2Client
+
+        id, secret = self._client
+        return OAuth2Client(
+            *(id, secret or None),
+            scope=self._scopes,
+            redirect_uri=redirect,
+            code_challenge_method="S256",
+            token_endpoint_auth_method="client_secret_basic" if secret else "none",
+            timeout=TIMEOUT_S,
+            verify=_trust(),
+        )
+
+    def _user(self, claims: dict[str, Any]) -> User:
+        """The user of these claims, made where it is new; with the role that they give."""
+        role = self._role(claims)
+        subject = f"{claims['iss']} {claims['sub']}"
+        if role is Role.NOBODY:
+            raise Refused("role", f"{subject} has no role: {self._role_claim} is {str(claims.get(self._role_claim))[:200]}")
+        name = re.sub(r"[^a-z0-9._@-]", "-", str(claims.get(self._name_claim) or claims["sub"]).lower())[:63]
+        with self._sessions.begin() as session:
+            user = session.scalar(select(User).where(User.subject == subject))
+            if user is None:
+                if not NAME.fullmatch(name) or name in TAKEN or session.get(User, name) is not None:
+                    raise Refused("name", f"{subject} is called {name!r}, which cannot be a name here or is another's")
+                user = User(name=name, role=role.word, password=None, created=time.time(), subject=subject)
+                session.add(user)
+            user.role = role.word
+        return user
+
+    def _role(self, claims: dict[str, Any]) -> Role:
+        """The most that any of the claim's values gives; the usual one where none does."""
+        told = claims.get(self._role_claim)
+        values = told if isinstance(told, list) else str(told or "").split()
+        return max(
+            (Role.of(self._roles[value]) for value in values if isinstance(value, str) and value in self._roles),
+            default=self._usual,
+        )

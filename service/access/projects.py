@@ -1,0 +1,199 @@
+"""Projects: scenes, jobs, environments and references that their members alone see.
+
+One rule, asked at two places: the gate asks it of what a path names, and lists, events and requests that name other things ask it
+of rows. What is in no project is seen by everybody who is let in; who keeps the farm sees all.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from sqlalchemy import ColumnElement, delete, func, select, true
+from sqlalchemy.exc import IntegrityError
+
+from service.access.roles import Caller
+from service.access.users import NAME
+from service.errors import Conflict, Invalid, NotFound
+from service.store.database import Sessions
+from service.store.models import Environment, Job, Member, Project, Reference, Scene, User
+
+__all__ = ["EVERYTHING", "NOTHING", "Kind", "Projects", "Sight", "Summary"]
+
+Kind = Literal["scene", "job", "environment", "reference"]
+ROWS: dict[Kind, Any] = {"scene": Scene, "job": Job, "environment": Environment, "reference": Reference}
+FRESH_S = 3.0  # for which a user's projects are not looked up again: another process may have changed them
+MOST_KNOWN = 65536
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What a caller sees: everything; or what is in no project, and in these."""
+
+    everything: bool
+    projects: frozenset[str] = frozenset()
+
+    def sees(self, project: str | None) -> bool:
+        """Whether what is in this project is seen; None: what is not there at all, of which anybody may be told so."""
+        return self.everything or not project or project in self.projects
+
+    def clause(self, column: Any) -> ColumnElement[bool]:
+        """As `sees`, of a table's column `project`."""
+        if self.everything:
+            return true()
+        found: ColumnElement[bool] = column.in_(["", *sorted(self.projects)])
+        return found
+
+
+EVERYTHING = Sight(True)
+NOTHING = Sight(False)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A project: its members by name, and how many of each kind are in it."""
+
+    name: str
+    created: float
+    members: list[str]
+    counts: dict[Kind, int]
+
+
+class Projects:
+    """The projects of the database; what was looked up just now is remembered."""
+
+    def __init__(self, sessions: Sessions) -> None:
+        self._sessions = sessions
+        self._lock = threading.Lock()
+        self._sights: dict[str, tuple[float, Sight]] = {}
+        self._where: dict[tuple[Kind, str], str] = {}  # a thing's project is the same for as long as it is there
+
+    def remembered(self, caller: Caller | None) -> Sight | None:
+        """What a caller sees, where that is known without asking the database."""
+        if caller is None or caller.is_worker:
+            return NOTHING
+        if caller.sees_everything:
+            return EVERYTHING
+        read, sight = self._sights.get(caller.name, (0.0, NOTHING))
+        return sight if read and time.monotonic() - read < FRESH_S else None
+
+    def sight(self, caller: Caller | None) -> Sight:
+        """What a caller sees."""
+        if (known := self.remembered(caller)) is not None:
+            return known
+        assert caller is not None
+        read = time.monotonic()
+        with self._sessions() as session:
+            sight = Sight(False, frozenset(session.scalars(select(Member.project).where(Member.user == caller.name))))
+        with self._lock:
+            if len(self._sights) >= MOST_KNOWN:
+                self._sights.clear()
+            self._sights[caller.name] = read, sight
+        return sight
+
+    def known(self, kind: Kind, id: str) -> str | None:
+        """The project that something is in, where that was looked up before."""
+        return self._where.get((kind, id))
+
+    def of(self, kind: Kind, id: str) -> str | None:
+        """The project that something is in, empty where it is in none; None where it is not there."""
+        if (known := self.known(kind, id)) is not None:
+            return known
+        with self._sessions() as session:
+            row = ROWS[kind]
+            found = session.scalar(select(row.project).where(row.id == id)) if "\0" not in id else None
+        if found is not None:
+            self.note(kind, id, found)
+        return found
+
+    def note(self, kind: Kind, id: str, project: str) -> None:
+        """Remember where something is."""
+        with self._lock:
+            if len(self._where) >= MOST_KNOWN:
+                self._where.clear()
+            self._where[kind, id] = project
+
+    def add(self, name: str) -> Summary:
+        """A new project without members. Raises Invalid and Conflict."""
+        if not NAME.fullmatch(name):
+            raise Invalid(f"{name[:64]!r} cannot be a project's name. Take small letters, digits and . _ @ - (at most 63).")
+        try:
+            with self._sessions.begin() as session:
+                session.add(Project(name=name, created=time.time()))
+        except IntegrityError:
+            raise Conflict(f"There is a project {name!r} already. Take another name.") from None
+        return self.find(name)
+
+    def listed(self, sight: Sight) -> list[Summary]:
+        """Those that are seen, by name."""
+        with self._sessions() as session:
+            rows = session.scalars(select(Project).where(sight.clause(Project.name)).order_by(Project.name)).all()
+            members: dict[str, list[str]] = {row.name: [] for row in rows}
+            for each in session.scalars(select(Member).order_by(Member.user)):
+                members.get(each.project, []).append(each.user)
+            counts: dict[str, dict[Kind, int]] = {row.name: {} for row in rows}
+            for kind, table in ROWS.items():
+                query = select(table.project, func.count()).where(table.project != "").group_by(table.project)
+                query = query.where(Scene.of.is_(None)) if table is Scene else query
+                for project, count in session.execute(query):
+                    counts.get(project, {})[kind] = count
+        return [Summary(row.name, row.created, members[row.name], counts[row.name]) for row in rows]
+
+    def find(self, name: str, sight: Sight = EVERYTHING) -> Summary:
+        """One that is seen. Raises NotFound."""
+        found = next((each for each in self.listed(sight) if each.name == name), None)
+        if found is None:
+            raise no_project(name)
+        return found
+
+    def check(self, name: str, sight: Sight) -> str:
+        """The name, where something may be put there: a project that is seen, or none. Raises NotFound."""
+        if not name:
+            return name
+        with self._sessions() as session:
+            is_there = "\0" not in name and session.get(Project, name) is not None
+        if not (is_there and sight.sees(name)):
+            raise no_project(name)
+        return name
+
+    def let_in(self, name: str, user: str) -> Summary:
+        """Make a user one of its members. Raises NotFound."""
+        with self._sessions.begin() as session:
+            if session.get(Project, name) is None:
+                raise no_project(name)
+            if session.get(User, user) is None:
+                raise NotFound(f"There is no user {user[:64]!r}. GET /api/users lists them.")
+            if session.get(Member, (name, user)) is None:
+                session.add(Member(project=name, user=user))
+        self.forget()
+        return self.find(name)
+
+    def put_out(self, name: str, user: str) -> Summary:
+        """Take a member away; it holds at once, also for what is open. Raises NotFound."""
+        with self._sessions.begin() as session:
+            session.execute(delete(Member).where(Member.project == name, Member.user == user))
+        self.forget()
+        return self.find(name)
+
+    def remove(self, name: str) -> None:
+        """An empty one. Raises NotFound and Conflict."""
+        found = self.find(name)
+        left = [f"{count} {kind}{'s' * (count > 1)}" for kind, count in found.counts.items() if count]
+        if left:
+            raise Conflict(f"The project {name!r} still has {', '.join(left)}. Delete them first.")
+        with self._sessions.begin() as session:
+            session.execute(delete(Member).where(Member.project == name))
+            session.execute(delete(Project).where(Project.name == name))
+        self.forget()
+
+    def forget(self) -> None:
+        """Look up anew who sees what."""
+        with self._lock:
+            self._sights = {}
+
+
+def no_project(name: str) -> NotFound:
+    """There is none that is seen."""
+    return NotFound(f"There is no project {name[:64]!r}, or you are none of its members. GET /api/projects lists yours.")

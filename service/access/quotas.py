@@ -1,0 +1,193 @@
+"""How much a user, and a token by itself, may have and do: bytes of uploads and films, jobs at a time, samples a day.
+
+Limits are the farm's, unless an administrator says others of somebody; administrators themselves have none unless told. Where
+nobody is asked for a login there are none. Who deletes jobs has their bytes back at once, their samples when the day is over.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields
+from typing import Any
+
+from sqlalchemy import ColumnElement, case, delete, func, select
+from sqlalchemy.orm import Session
+
+from service.access.roles import Caller
+from service.errors import NoRoom, NotFound, OverQuota
+from service.store.database import Sessions
+from service.store.models import ACTIVE, Environment, Frame, Job, Key, Quota, Reference, Scene, Spent, User
+
+__all__ = ["DAY_S", "NO_LIMITS", "Allowance", "Limits", "Quotas", "spend"]
+
+DAY_S = 86400.0
+SOON_S = 60.0  # when somebody who has too many jobs may ask again
+OTHERS = "or ask who runs the farm for more"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """At most so much; None: no limit. Of what is used, so much."""
+
+    bytes: int | None = None
+    jobs: int | None = None
+    samples_day: int | None = None
+
+    @property
+    def is_any(self) -> bool:
+        """Whether there is one."""
+        return any(getattr(self, each.name) is not None for each in fields(self))
+
+
+NO_LIMITS = Limits()
+
+
+@dataclass(frozen=True)
+class Allowance:
+    """whose: user:NAME or token:ID."""
+
+    whose: str
+    limits: Limits
+    used: Limits
+
+
+class Quotas:
+    """Looks up what is allowed and what is used. size_of: of a job's film, in bytes."""
+
+    def __init__(self, sessions: Sessions, usual: Limits, size_of: Callable[[str], int]) -> None:
+        self._sessions = sessions
+        self._usual = usual
+        self._size_of = size_of
+
+    def of(self, caller: Caller | None) -> list[Allowance]:
+        """What counts for a caller: of its user, and of its token where that has limits of its own."""
+        with self._sessions() as session:
+            allowed = list(self._limits(caller, session))
+            return [Allowance(whose, limits, self._used(whose, session)) for whose, limits in allowed]
+
+    def listed(self) -> list[Allowance]:
+        """Of all users, and of tokens that have limits of their own."""
+        with self._sessions() as session:
+            rows = {row.whose: _limits_of(row) for row in session.scalars(select(Quota))}
+            users = {
+                f"user:{user.name}": NO_LIMITS if user.role == "admin" else self._usual for user in session.scalars(select(User))
+            }
+            return [Allowance(whose, limits, self._used(whose, session)) for whose, limits in sorted((users | rows).items())]
+
+    def set(self, whose: str, limits: Limits | None) -> None:
+        """Say what somebody may; None: what everybody may. Raises NotFound."""
+        kind, _, name = whose.partition(":")
+        with self._sessions.begin() as session:
+            row = session.get(User if kind == "user" else Key, name)
+            if row is None or (isinstance(row, Key) and row.kind != "token"):
+                raise NotFound(f"There is no {kind} {name[:64]!r}. GET /api/{kind}s lists those that are there.")
+            session.execute(delete(Quota).where(Quota.whose == whose))
+            if limits is not None:
+                session.add(Quota(whose=whose, **{each.name: getattr(limits, each.name) for each in fields(Limits)}))
+
+    def check_bytes(self, caller: Caller | None, more: int = 0) -> None:
+        """Whether so many bytes more may be kept. Raises NoRoom."""
+        with self._sessions() as session:
+            for whose, limits in self._limits(caller, session):
+                if limits.bytes is None:
+                    continue
+                used = self._bytes(whose, session)
+                if used + more > limits.bytes or used >= limits.bytes:
+                    raise NoRoom(
+                        f"{_whose(whose)} uploads and films take {_in_mb(used)} of the {_in_mb(limits.bytes)} that they may"
+                        f"{f', and this would be {_in_mb(more)} more' if more else ''}. Delete jobs or scenes, {OTHERS}."
+                    )
+
+    def check_job(self, caller: Caller | None, session: Session, samples: int = 0, is_new: bool = True) -> None:
+        """Whether a job may begin, or samples more of one that is under way. session: in which that is written down.
+
+        Raises OverQuota, and NoRoom as above.
+        """
+        for whose, limits in self._limits(caller, session):
+            if is_new and limits.jobs is not None and (count := self._jobs(whose, session)) >= limits.jobs:
+                raise OverQuota(
+                    f"{_whose(whose)} unfinished jobs are {count}, and {limits.jobs} may be at a time. "
+                    f"Wait until one is finished, cancel one, {OTHERS}.",
+                    SOON_S,
+                )
+            if limits.samples_day is not None:
+                used = self._samples(whose, session)
+                if used >= limits.samples_day or used + samples > limits.samples_day:
+                    raise OverQuota(
+                        f"{_whose(whose)} jobs of the last 24 hours come to {used:,} samples, and {limits.samples_day:,} a day "
+                        f"may be rendered{f'; this asks for {samples:,} more' if samples else ''}. Ask for fewer, wait, "
+                        f"{OTHERS}.",
+                        self._frees_after(whose, session),
+                    )
+            if limits.bytes is not None:
+                self.check_bytes(caller)
+
+    def _limits(self, caller: Caller | None, session: Session) -> Iterable[tuple[str, Limits]]:
+        if caller is None or not caller.is_known or caller.is_worker:
+            return
+        user = f"user:{caller.name}"
+        row = session.get(Quota, user)
+        if row is not None:
+            yield user, _limits_of(row)
+        elif not caller.sees_everything:
+            yield user, self._usual
+        if caller.kind == "token" and caller.key is not None:
+            token = f"token:{caller.key}"
+            if (row := session.get(Quota, token)) is not None:
+                yield token, _limits_of(row)
+
+    def _used(self, whose: str, session: Session) -> Limits:
+        return Limits(self._bytes(whose, session), self._jobs(whose, session), self._samples(whose, session))
+
+    def _bytes(self, whose: str, session: Session) -> int:
+        total = sum(session.scalars(select(Scene.bytes).where(_is(Scene, whose), Scene.of.is_(None))))
+        for row in (Environment, Reference):
+            total += sum(int((file or {}).get("size") or 0) for file in session.scalars(select(row.file).where(_is(row, whose))))
+        return total + sum(map(self._size_of, session.scalars(select(Job.id).where(_is(Job, whose)))))
+
+    def _jobs(self, whose: str, session: Session) -> int:
+        return session.scalar(select(func.count()).select_from(Job).where(_is(Job, whose), Job.state.in_(ACTIVE))) or 0
+
+    def _samples(self, whose: str, session: Session) -> int:
+        since = time.time() - DAY_S
+        asked = case((Frame.target > Frame.samples, Frame.target), else_=Frame.samples)
+        of_jobs = (
+            select(func.sum(case((Job.state.in_(ACTIVE), asked), else_=Frame.samples)))
+            .join(Job, Frame.job == Job.id)
+            .where(_is(Job, whose), (Job.created > since) | Job.state.in_(ACTIVE))
+        )
+        gone = select(func.sum(Spent.samples)).where(_is(Spent, whose), Spent.created > since)
+        return int(session.scalar(of_jobs) or 0) + int(session.scalar(gone) or 0)
+
+    def _frees_after(self, whose: str, session: Session) -> float:
+        oldest = session.scalar(select(func.min(Job.created)).where(_is(Job, whose), Job.created > time.time() - DAY_S))
+        return SOON_S if oldest is None else max(SOON_S, oldest + DAY_S - time.time())
+
+
+def spend(jobs: Iterable[Job], session: Session) -> None:
+    """Write down what jobs of the last day have rendered, before they are deleted."""
+    since = time.time() - DAY_S
+    session.execute(delete(Spent).where(Spent.created < since))
+    for job in jobs:
+        if job.user is not None and job.created > since:
+            samples = session.scalar(select(func.sum(Frame.samples)).where(Frame.job == job.id))
+            session.add(Spent(job=job.id, user=job.user, key=job.key, created=job.created, samples=int(samples or 0)))
+
+
+def _limits_of(row: Quota) -> Limits:
+    return Limits(row.bytes, row.jobs, row.samples_day)
+
+
+def _is(row: Any, whose: str) -> ColumnElement[bool]:
+    kind, _, name = whose.partition(":")
+    found: ColumnElement[bool] = (row.user if kind == "user" else row.key) == name
+    return found
+
+
+def _whose(whose: str) -> str:
+    return "Your" if whose.startswith("user:") else "This token's"
+
+
+def _in_mb(size: int) -> str:
+    return f"{size / 1e6:,.1f} MB" if size < 1e10 else f"{size / 1e9:,.1f} GB"

@@ -1,0 +1,25 @@
+"""Cookies that scripts cannot read."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+__all__ = ["set_cookie"]
+
+
+def set_cookie(
+    request: Request, response: Response, name: str, value: str, lasts_s: float, same_site: Literal["strict", "lax"] = "strict"
+) -> None:
+    """Set one, or with 0 seconds take it away."""
+    response.set_cookie(
+        name,
+        value,
+        max_age=int(lasts_s),
+        path="/",
+        secure=request.scope["scheme"] == "https",
+        httponly=True,
+        samesite=same_site,  # strict: the page's files need no cookie; a link from elsewhere opens the page, which asks by itself
+    )

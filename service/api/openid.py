@@ -1,0 +1,84 @@
+"""/api/login/openid: in by an OpenID provider. A browser is sent there, and comes back with a code that is good for once."""
+
+from __future__ import annotations
+
+import logging
+
+from fastapi import APIRouter, Query, Request
+from starlette.requests import cookie_parser
+from starlette.responses import RedirectResponse
+
+from service.access.access import SESSION_S
+from service.access.oidc import Oidc, Refused
+from service.access.roles import Role
+from service.api.cookies import set_cookie
+from service.api.gate import cookie_name
+from service.api.visit import VisitDependency
+from service.errors import NotFound
+from service.farm import Farm, FarmDependency
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/login/openid", tags=["access"])
+log = logging.getLogger(__name__)
+
+WAIT_S = 600
+LONGEST = 2048
+
+
+@router.get("", status_code=302, response_class=RedirectResponse)
+def begin(request: Request, farm: FarmDependency) -> RedirectResponse:
+    """Send the browser to the provider."""
+    oidc = _oidc(farm)
+    base = farm.settings.public_url.rstrip("/") or str(request.base_url).rstrip("/")
+    try:
+        begun = oidc.begin(f"{base}/api/login/openid/answer")
+    except Refused as refusal:
+        return _refused(request, refusal)
+    answer = RedirectResponse(begun.url, 302, {"Cache-Control": "no-store"})
+    # It must come along when the provider's page leads back here, which a strict one does not.
+    set_cookie(request, answer, _cookie(farm, request), begun.browser, WAIT_S, same_site="lax")
+    return answer
+
+
+@router.get("/answer", status_code=302, response_class=RedirectResponse)
+def finish(
+    request: Request,
+    farm: FarmDependency,
+    visit: VisitDependency,
+    state: str = Query("", max_length=LONGEST),
+    code: str = Query("", max_length=LONGEST),
+    error: str = Query("", max_length=LONGEST),
+) -> RedirectResponse:
+    """The browser comes back; the answer sets the session's cookie, and leads to the page."""
+    access, oidc = farm.access, _oidc(farm)
+    shown = cookie_parser(request.headers.get("cookie", "")).get(_cookie(farm, request), "")
+    try:
+        user = oidc.finish(state, code, error, shown)
+    except Refused as refusal:
+        access.audit.add("", "login refused", kind="openid", address=visit.address, status=401)
+        answer = _refused(request, refusal)
+    else:
+        access.keys.forget()  # its role may be another now
+        browser = request.headers.get("user-agent", "")[:255]
+        secret, _ = access.keys.make("session", user.name, Role.ADMIN, name=browser, lasts_s=SESSION_S)
+        access.audit.add(user.name, "login", kind="openid", address=visit.address, status=200)
+        answer = RedirectResponse(f"{request.base_url.path}#/", 302, {"Cache-Control": "no-store"})
+        set_cookie(request, answer, cookie_name(access, request.scope), secret, SESSION_S)
+    set_cookie(request, answer, _cookie(farm, request), "", 0, same_site="lax")
+    return answer
+
+
+def _refused(request: Request, refusal: Refused) -> RedirectResponse:
+    log.warning("a login by the OpenID provider is refused: %s", refusal)
+    return RedirectResponse(f"{request.base_url.path}#/login?refused={refusal.why}", 302, {"Cache-Control": "no-store"})
+
+
+def _cookie(farm: Farm, request: Request) -> str:
+    return f"{cookie_name(farm.access, request.scope)}-openid"
+
+
+def _oidc(farm: Farm) -> Oidc:
+    if farm.access.oidc is None:
+        raise NotFound("This farm knows no OpenID provider. Log in with a name and a password, or by a link.")
+    return farm.access.oidc

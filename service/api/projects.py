@@ -1,0 +1,67 @@
+"""/api/projects: what their members alone see. Administrators make them, and say who the members are."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+from fastapi import APIRouter
+from pydantic import BaseModel, ConfigDict, Field
+
+from service.access.projects import Kind, Summary
+from service.api.visit import VisitDependency
+from service.farm import FarmDependency
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/projects", tags=["access"])
+
+
+class ProjectIn(BaseModel):
+    """A new project."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: str = Field(min_length=1, max_length=64)
+
+
+class ProjectOut(BaseModel):
+    """A project that you see. counts: how many scenes, jobs, environments and references are in it."""
+
+    name: str
+    created: float
+    members: list[str]
+    counts: dict[Kind, int]
+
+
+@router.get("", response_model=list[ProjectOut])
+def list_projects(farm: FarmDependency, visit: VisitDependency) -> list[ProjectOut]:
+    """Your projects, by name; administrators see all."""
+    return [_out(found) for found in farm.access.projects.listed(visit.sight)]
+
+
+@router.post("", status_code=201, response_model=ProjectOut)
+def add_project(asked: ProjectIn, farm: FarmDependency) -> ProjectOut:
+    """Make one. Nobody but administrators sees what is in it until it has members."""
+    return _out(farm.access.projects.add(asked.name))
+
+
+@router.delete("/{name}", status_code=204)
+def remove_project(name: str, farm: FarmDependency) -> None:
+    """Remove one that is empty."""
+    farm.access.projects.remove(name)
+
+
+@router.put("/{name}/members/{user}", response_model=ProjectOut)
+def let_in(name: str, user: str, farm: FarmDependency) -> ProjectOut:
+    """Let a user see what is in it, and add to it."""
+    return _out(farm.access.projects.let_in(name, user))
+
+
+@router.delete("/{name}/members/{user}", response_model=ProjectOut)
+def put_out(name: str, user: str, farm: FarmDependency) -> ProjectOut:
+    """Let a user see it no more. It holds at once, also for what is open."""
+    return _out(farm.access.projects.put_out(name, user))
+
+
+def _out(found: Summary) -> ProjectOut:
+    return ProjectOut(**asdict(found))

@@ -1,0 +1,49 @@
+"""What batches bring a film: sums of a tile's samples, and who sent them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from renderer.film import BadSample, Sums
+from renderer.settings import Tile
+from worker.sums import add_sums, pack_sums, unpack_sums
+
+__all__ = ["Part", "joined_parts"]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A batch's contribution: samples first ... first + count - 1 of a tile (by its index), packed by worker.contract."""
+
+    frame: int
+    tile: int
+    first: int
+    count: int
+    sums: bytes
+    bad: list[BadSample] = field(default_factory=list)
+    bad_count: int = 0
+    workers: tuple[str, ...] = ()  # that have sent it
+
+
+def joined_parts(parts: list[Part], tiles: list[Tile], apart: bool) -> list[tuple[Part, Sums | None]]:
+    """Parts whose samples follow each other, as one: a row costs more than what is added to it. With the sums that it has.
+
+    apart: those of different workers are not added up."""
+    runs: list[list[Part]] = []
+    for part in sorted(parts, key=lambda p: (p.frame, p.tile, p.first)):
+        last = runs[-1][-1] if runs else None
+        follows = last and (last.frame, last.tile, last.first + last.count) == (part.frame, part.tile, part.first)
+        if last and follows and (last.workers == part.workers or not apart):
+            runs[-1].append(part)
+        else:
+            runs.append([part])
+    return [_one(run, tiles[run[0].tile]) if len(run) > 1 else (run[0], None) for run in runs]
+
+
+def _one(run: list[Part], tile: Tile) -> tuple[Part, Sums]:
+    sums = unpack_sums(run[0].sums, tile)
+    for part in run[1:]:
+        add_sums(sums, part.sums, tile)
+    count, bad_count = sum(p.count for p in run), sum(p.bad_count for p in run)
+    workers = tuple({worker for part in run for worker in part.workers})
+    return replace(run[0], count=count, sums=pack_sums(sums), bad_count=bad_count, workers=workers), sums

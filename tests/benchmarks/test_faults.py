@@ -1,0 +1,68 @@
+"""The fault campaign counts what it should."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import redis
+
+from tests.benchmarks.faults.attack import KINDS
+from tests.benchmarks.faults.stream import Stream
+from tests.benchmarks.faults.tally import BEGIN, END, Fault, into_page, read, table, write
+from tests.helpers import ROOT, wait_until
+from worker.contract import RESULTS
+
+
+def test_the_table_tells_kinds_apart_and_adds_up(tmp_path: Path) -> None:
+    faults = [
+        Fault("a", "here", recovered_s=1.0, repeated=2, digest_is_right=True),
+        Fault("a", "here", recovered_s=3.0, digest_is_right=False),
+        Fault("b", "here", recovered_s=None, digest_is_right=None, asked=True),
+        Fault("c", "here", undone="no mount"),
+    ]
+    write(tmp_path / "log", faults[:1])
+    write(tmp_path / "log", faults[1:])
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table(read([tmp_path / "log"])).splitlines()[2:]]
+    assert rows == [
+        ["a", "2", "1", "0", "0", "2", "2.0 s", "3.0 s"],
+        ["b", "1", "0", "1", "1", "0", "", ""],
+        ["**all**", "3", "1", "1", "1", "2", "2.0 s", "3.0 s"],
+    ]
+
+
+def test_the_table_comes_between_its_marks(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    into_page(page, "new")
+    assert page.read_text() == f"before\n{BEGIN}\n\nnew\n\n{END}\nafter\n"
+    page.write_text("no marks")
+    with pytest.raises(SystemExit, match="has no place"):
+        into_page(page, "new")
+    assert BEGIN in (ROOT / "docs" / "reliability.md").read_text()
+
+
+def test_what_comes_again_is_counted_once_and_what_was_forged_is_not(redis_url: str) -> None:
+    def answer(first: int) -> dict[bytes, bytes]:
+        event = {"type": "batch", "job": "j", "frame": 0, "tile": [0, 0, 8, 8], "first": first, "count": 4}
+        return {b"event": json.dumps(event).encode(), b"sums": b"x"}
+
+    with redis.Redis.from_url(redis_url) as store:
+        store.delete(RESULTS)
+        with Stream(lambda: redis.Redis.from_url(redis_url)) as stream:
+            store.xadd(RESULTS, answer(0))  # type: ignore[arg-type]
+            wait_until(lambda: stream.batches == 1, 20, "it is read")
+            stream.forge(store, stream.latest[-1])
+            for first in (4, 6, 12):  # the second has samples of the first
+                store.xadd(RESULTS, answer(first))  # type: ignore[arg-type]
+            wait_until(lambda: stream.latest[-1] == answer(12), 20, "all are read")
+        assert (stream.batches, stream.repeated) == (4, 1)
+        store.delete(RESULTS)
+
+
+def test_every_kind_can_be_done_somewhere() -> None:
+    from tests.benchmarks import bench_faults
+
+    assert len(KINDS) > 25
+    assert all(set(each.grounds) <= set(bench_faults.GROUNDS) and each.grounds for each in KINDS.values())

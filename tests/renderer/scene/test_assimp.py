@@ -1,0 +1,179 @@
+"""What assimp reads for us: Collada with all that it has, and small files of older programs."""
+
+import math
+import struct
+
+import numpy as np
+import pytest
+
+from renderer.errors import SceneError
+from renderer.formats import LONG_TAIL
+from renderer.scene.animation import Moment
+
+
+def source(name, values, width, params):
+    words = " ".join(map(str, values))
+    accessor = "".join(f'<param name="{p}" type="float"/>' for p in params)
+    return (
+        f'<source id="{name}"><float_array id="{name}-a" count="{len(values)}">{words}</float_array><technique_common>'
+        f'<accessor source="#{name}-a" count="{len(values) // width}" stride="{width}">{accessor}</accessor>'
+        "</technique_common></source>"
+    )
+
+
+def geometry(name):
+    points = source(f"{name}-p", [0, 0, 0, 1, 0, 0, 0, 1, 0], 3, "XYZ")
+    return (
+        f'<geometry id="{name}"><mesh>{points}<vertices id="{name}-v"><input semantic="POSITION" source="#{name}-p"/></vertices>'
+        f'<triangles count="1" material="m"><input semantic="VERTEX" source="#{name}-v" offset="0"/><p>0 1 2</p></triangles>'
+        "</mesh></geometry>"
+    )
+
+
+def placed(name):
+    bound = '<bind_material><technique_common><instance_material symbol="m" target="#red"/></technique_common></bind_material>'
+    return f'<instance_geometry url="#{name}">{bound}</instance_geometry>'
+
+
+ANIMATION = (
+    '<library_animations><animation id="a">'
+    + source("times", [0, 1], 1, ["TIME"])
+    + source("places", [0, 0, 0, 4, 0, 0], 3, "XYZ")
+    + '<source id="ways"><Name_array id="ways-a" count="2">LINEAR LINEAR</Name_array><technique_common>'
+    '<accessor source="#ways-a" count="2"><param name="INTERPOLATION" type="Name"/></accessor></technique_common></source>'
+    '<sampler id="s"><input semantic="INPUT" source="#times"/><input semantic="OUTPUT" source="#places"/>'
+    '<input semantic="INTERPOLATION" source="#ways"/></sampler><channel source="#s" target="mover/place"/>'
+    "</animation></library_animations>"
+)
+
+
+def collada(up="Y_UP", meter=1.0):
+    """Two geometries, one of them through a library of nodes; a camera, two lights and an animation."""
+    return (
+        '<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
+        f'<asset><unit name="u" meter="{meter}"/><up_axis>{up}</up_axis></asset>{ANIMATION}'
+        '<library_cameras><camera id="c"><optics><technique_common><perspective><yfov>40</yfov><aspect_ratio>1.5</aspect_ratio>'
+        "<znear>0.1</znear><zfar>100</zfar></perspective></technique_common></optics></camera></library_cameras>"
+        '<library_lights><light id="sun"><technique_common><directional><color>1 0.5 0</color></directional></technique_common>'
+        '</light><light id="lamp"><technique_common><point><color>1 1 1</color><constant_attenuation>0</constant_attenuation>'
+        "<quadratic_attenuation>0.5</quadratic_attenuation></point></technique_common></light></library_lights>"
+        '<library_effects><effect id="e"><profile_COMMON><technique sid="t"><lambert><diffuse><color>0.8 0.2 0.1 1</color>'
+        "</diffuse></lambert></technique></profile_COMMON></effect></library_effects>"
+        '<library_materials><material id="red" name="red"><instance_effect url="#e"/></material></library_materials>'
+        f"<library_geometries>{geometry('g')}{geometry('h')}</library_geometries>"
+        f'<library_nodes><node id="stock" name="stock"><translate>0 0 2</translate>{placed("h")}</node></library_nodes>'
+        '<library_visual_scenes><visual_scene id="v">'
+        f'<node id="mover" name="mover"><translate sid="place">0 0 0</translate>{placed("g")}</node>'
+        '<node id="user" name="user"><translate>5 0 0</translate><instance_node url="#stock"/></node>'
+        '<node id="eye" name="eye"><translate>0 0 9</translate><instance_camera url="#c"/></node>'
+        '<node id="day" name="day"><instance_light url="#sun"/></node>'
+        '<node id="bulb" name="bulb"><translate>0 3 0</translate><instance_light url="#lamp"/></node>'
+        '</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#v"/></scene></COLLADA>'
+    )
+
+
+def corners(description):
+    """The first corner of each instance in the world."""
+    return sorted(
+        tuple((i.transform @ [*description.meshes[i.mesh].positions[0].tolist(), 1])[:3].round(5)) for i in description.instances
+    )
+
+
+def test_collada_with_all_that_it_has(scene):
+    description = scene("a.dae", collada())
+    assert corners(description) == [(0, 0, 0), (5, 0, 2)]
+    assert [m.base_color for m in description.materials] == [pytest.approx((0.8, 0.2, 0.1))]
+    (camera,) = description.cameras
+    assert camera.view.eye == pytest.approx((0, 0, 9))
+    assert camera.view.fov == pytest.approx(40, abs=1e-4)
+    assert np.subtract(camera.view.target, camera.view.eye)[2] < 0
+    lights = {light.name: light for light in description.lights}
+    assert lights["day"].direction == pytest.approx((0, 0, -1))
+    assert lights["day"].intensity == pytest.approx([math.pi, math.pi / 2, 0])
+    assert lights["bulb"].position == pytest.approx((0, 3, 0))
+    assert lights["bulb"].intensity == pytest.approx([2 * math.pi] * 3)
+
+
+def test_collada_moves(scene):
+    description = scene("a.dae", collada(), moment=Moment(12))
+    assert corners(description) == [(2, 0, 0), (5, 0, 2)]
+    assert [(clip.start, clip.end) for clip in description.clips] == [(0, 1)]
+    assert [i.moves for i in description.instances] == [True, False]
+    assert description.moves
+
+
+def test_collada_keeps_its_own_unit_and_stands_upright(scene):
+    description = scene("a.dae", collada("Z_UP", 0.01))
+    assert corners(description) == [(0, 0, 0), (5, 2, 0)]
+
+
+def test_what_assimp_refuses_of_collada_is_read_as_far_as_may_be(scene):
+    description = scene("a.dae", collada().replace('source="#times"', 'source="#gone"'))
+    assert len(description.instances) == 2
+    assert any("without its cameras, lights and animation" in w for w in description.warnings)
+
+
+def test_ac3d(scene):
+    text = (
+        'AC3Db\nMATERIAL "blue" rgb 0.1 0.2 0.8 amb 0.2 0.2 0.2 emis 0 0 0 spec 0.5 0.5 0.5 shi 10 trans 0.25\n'
+        "OBJECT world\nkids 1\nOBJECT poly\nloc 0 1 0\nnumvert 3\n0 0 0\n1 0 0\n0 1 0\nnumsurf 1\nSURF 0x20\nmat 0\n"
+        "refs 3\n0 0 0\n1 1 0\n2 0 1\nkids 0\n"
+    )
+    description = scene("a.ac", text)
+    assert corners(description) == [(0, 1, 0)]
+    material = description.materials[description.meshes[0].material]
+    assert material.base_color == pytest.approx((0.1, 0.2, 0.8))
+    assert (material.opacity, material.alpha_mode) == (pytest.approx(0.75), "blend")
+
+
+def test_x3d(scene):
+    text = (
+        '<?xml version="1.0"?><X3D version="3.0"><Scene><Transform translation="2 0 0"><Shape><Appearance>'
+        '<Material diffuseColor="0.2 0.7 0.1"/></Appearance><IndexedFaceSet coordIndex="0 1 2 -1">'
+        '<Coordinate point="0 0 0 1 0 0 0 1 0"/></IndexedFaceSet></Shape></Transform></Scene></X3D>'
+    )
+    description = scene("a.x3d", text)
+    assert corners(description) == [(2, 0, 0)]
+    assert description.materials[description.meshes[0].material].base_color == pytest.approx((0.2, 0.7, 0.1))
+
+
+def chunk(number, *parts):
+    body = b"".join(parts)
+    return struct.pack("<HI", number, 6 + len(body)) + body
+
+
+def test_3ds(scene):
+    points = chunk(0x4110, struct.pack("<H9f", 3, 0, 0, 0, 1, 0, 0, 0, 1, 0))
+    faces = chunk(0x4120, struct.pack("<H4H", 1, 0, 1, 2, 0), chunk(0x4130, b"red\0", struct.pack("<HH", 1, 0)))
+    color = chunk(0xA020, chunk(0x0011, bytes((255, 0, 51))))
+    material = chunk(0xAFFF, chunk(0xA000, b"red\0"), color)
+    light = chunk(0x4000, b"lamp\0", chunk(0x4600, struct.pack("<3f", 0, 0, 7)))
+    tri = chunk(0x4000, b"tri\0", chunk(0x4100, points, faces))
+    description = scene("a.3ds", chunk(0x4D4D, chunk(0x3D3D, material, tri, light)))
+    world = description.instances[0].transform @ np.array([0, 1, 0, 1])
+    assert world[:3] == pytest.approx((0, 0, -1), abs=1e-6)  # Z was up
+    assert description.materials[0].base_color == pytest.approx((1, 0, 0.2))
+    assert description.lights[0].position == pytest.approx((0, 7, 0), abs=1e-5)
+
+
+def test_a_texture_is_looked_for_beside_the_file(scene, png):
+    text = (
+        'AC3Db\nMATERIAL "m" rgb 1 1 1 amb 1 1 1 emis 0 0 0 spec 0 0 0 shi 0 trans 0\nOBJECT world\nkids 1\nOBJECT poly\n'
+        'texture "../pictures/wood.png"\nnumvert 3\n0 0 0\n1 0 0\n0 1 0\nnumsurf 1\nSURF 0x20\nmat 0\nrefs 3\n'
+        "0 0 0\n1 1 0\n2 0 1\nkids 0\n"
+    )
+    assert any("wood.png is not among the files; add it" in w for w in scene("a.ac", text).warnings)
+    found = scene("b.ac", text, {"wood.png": png(255, 0, 0)})
+    assert found.images[0].pixels[0, 0].tolist() == [255, 0, 0, 255]
+
+
+@pytest.mark.parametrize("suffix", LONG_TAIL)
+def test_what_is_none_of_them_is_told_in_a_sentence(scene, suffix):
+    for data in (b"", b"hello", bytes(range(256)) * 8):
+        with pytest.raises(SceneError, match=rf"a\{suffix}: "):
+            scene(f"a{suffix}", data)
+
+
+def test_entities_are_refused(scene):
+    with pytest.raises(SceneError, match="entities"):
+        scene("a.x3d", '<!DOCTYPE x [<!ENTITY a "b">]><X3D/>')

@@ -1,0 +1,136 @@
+"""3MF: components, colours of triangles and of corners, textures, parts of a package."""
+
+import io
+import zipfile
+
+import numpy as np
+import pytest
+
+from renderer.errors import SceneError
+from renderer.scene.load import read
+
+NAMES = (
+    'unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02" '
+    'xmlns:m="http://schemas.microsoft.com/3dmanufacturing/material/2015/02" '
+    'xmlns:p="http://schemas.microsoft.com/3dmanufacturing/production/2015/06"'
+)
+RELATIONS = (
+    '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships"><Relationship Target="/3D/main.model" '
+    'Id="r" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>'
+)
+MESH = (
+    '<mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="10" y="0" z="0"/><vertex x="0" y="10" z="0"/>'
+    '<vertex x="0" y="0" z="10"/></vertices><triangles>{}</triangles></mesh>'
+)
+
+
+def model(resources, build):
+    return f'<?xml version="1.0"?><model {NAMES}><resources>{resources}</resources><build>{build}</build></model>'
+
+
+def package(text, **others):
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as made:
+        made.writestr("_rels/.rels", RELATIONS)
+        made.writestr("3D/main.model", text)
+        for name, data in others.items():
+            made.writestr(name.replace("__", "/"), data)
+    return out.getvalue()
+
+
+def solid(number=1, triangles='<triangle v1="0" v2="1" v3="2"/>', **said):
+    words = " ".join(f'{key}="{value}"' for key, value in said.items())
+    return f'<object id="{number}" {words}>{MESH.format(triangles)}</object>'
+
+
+def test_components_stand_where_their_transforms_put_them(scene):
+    group = '<object id="2"><components><component objectid="1" transform="0 1 0 -1 0 0 0 0 1 5 0 0"/></components></object>'
+    place = '<item objectid="2" transform="1 0 0 0 1 0 0 0 1 0 0 100"/><item objectid="1"/>'
+    description = scene("a.3mf", package(model(solid() + group, place)))
+    assert len(description.meshes) == 1
+    first, second = (i.transform @ [10, 0, 0, 1] for i in description.instances)
+    # (10, 0, 0) turned by 90 degrees about Z is (0, 10, 0), moved (5, 10, 100), and Z is up.
+    assert first[:3] == pytest.approx((5, 100, -10))
+    assert second[:3] == pytest.approx((10, 0, 0))
+
+
+def test_base_materials_of_objects_and_of_triangles(scene):
+    bases = '<base name="red" displaycolor="#FF0000"/><base name="pane" displaycolor="#00FF0080"/>'
+    bases = f'<basematerials id="7">{bases}</basematerials>'
+    triangles = '<triangle v1="0" v2="1" v3="2"/><triangle v1="0" v2="1" v3="3" pid="7" p1="1"/>'
+    description = scene("a.3mf", package(model(bases + solid(1, triangles, pid=7, pindex=0), '<item objectid="1"/>')))
+    found = {
+        description.materials[m.material].name: (description.materials[m.material], len(m.triangles)) for m in description.meshes
+    }
+    assert found["red"][0].base_color == pytest.approx((1, 0, 0))
+    assert found["red"][1] == found["pane"][1] == 1
+    assert (found["pane"][0].opacity, found["pane"][0].alpha_mode) == (pytest.approx(128 / 255), "blend")
+
+
+def test_colours_of_corners(scene):
+    colors = '<m:colorgroup id="8"><m:color color="#FF0000"/><m:color color="#00FF00"/><m:color color="#0000FF"/></m:colorgroup>'
+    triangles = '<triangle v1="0" v2="1" v3="2" pid="8" p1="0" p2="1" p3="2"/><triangle v1="0" v2="1" v3="3" pid="8" p1="1"/>'
+    description = scene("a.3mf", package(model(colors + solid(1, triangles), '<item objectid="1"/>')))
+    (mesh,) = description.meshes
+    assert mesh.colors[mesh.triangles[0], :3].tolist() == [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    assert mesh.colors[mesh.triangles[1], :3].tolist() == [[0, 1, 0]] * 3
+
+
+def test_a_texture_of_the_package(scene, png):
+    textures = (
+        '<m:texture2d id="5" path="/3D/Textures/wood.png" contenttype="image/png" tilestyleu="clamp"/>'
+        '<m:texture2dgroup id="9" texid="5"><m:tex2coord u="0" v="1"/><m:tex2coord u="1" v="1"/><m:tex2coord u="0" v="0"/>'
+        "</m:texture2dgroup>"
+    )
+    text = model(textures + solid(1, '<triangle v1="0" v2="1" v3="2" pid="9" p1="0" p2="1" p3="2"/>'), '<item objectid="1"/>')
+    description = scene("a.3mf", package(text, **{"3D__Textures__wood.png": png(255, 0, 0)}))
+    (mesh,) = description.meshes
+    assert mesh.uvs[mesh.triangles[0]].tolist() == [[0, 0], [1, 0], [0, 1]]  # from the upper edge
+    texture = description.textures[description.materials[mesh.material].base_color_texture]
+    assert (texture.wrap_s, texture.wrap_t) == ("clamp", "repeat")
+    missing = scene("b.3mf", package(text))
+    assert any("wood.png is not among the files" in w for w in missing.warnings)
+
+
+def test_an_object_of_another_part(scene):
+    other = '<object id="2"><components><component objectid="4" p:path="/3D/Objects/part.model"/></components></object>'
+    part = model(solid(4), "")
+    data = package(model(other, '<item objectid="2"/>'), **{"3D__Objects__part.model": part})
+    assert [len(m.triangles) for m in scene("a.3mf", data).meshes] == [1]
+
+
+@pytest.mark.parametrize(
+    ("resources", "build", "says"),
+    [
+        ("", '<item objectid="3"/>', "names an object that is not there"),
+        ('<object id="1"><components><component objectid="1"/></components></object>', '<item objectid="1"/>', "without end"),
+        (solid(1, '<triangle v1="0" v2="1" v3="9"/>'), '<item objectid="1"/>', "names vertex 9 where there are 4"),
+        (solid(), '<item objectid="1" transform="1 0 nan"/>', "twelve finite numbers"),
+        (solid(1, '<triangle v1="0" v2="1"/>'), '<item objectid="1"/>', "is damaged"),
+    ],
+)
+def test_damage_is_told(scene, resources, build, says):
+    with pytest.raises(SceneError, match=f"a.3mf: .*{says}"):
+        scene("a.3mf", package(model(resources, build)))
+
+
+def test_what_is_no_package_is_told(scene):
+    for data in (b"", b"PK\x03\x04" + bytes(40), package("<model")):
+        with pytest.raises(SceneError, match=r"a\.3mf: "):
+            scene("a.3mf", data)
+    with pytest.raises(SceneError, match="entities"):
+        scene("a.3mf", package('<!DOCTYPE m [<!ENTITY a "b">]><model/>'))
+
+
+def test_damaged_packages_are_scenes_or_sentences(tmp_path):
+    data = np.frombuffer(package(model(solid(), '<item objectid="1"/>')), np.uint8)
+    rng = np.random.default_rng(3)
+    for _ in range(150):
+        damaged = data.copy()
+        damaged[rng.integers(len(data), size=rng.integers(1, 6))] = rng.integers(256)
+        (tmp_path / "a.3mf").write_bytes(damaged.tobytes())
+        try:
+            read(tmp_path, "a.3mf")
+        except SceneError as error:
+            assert str(error).startswith("a.3mf: ")
+            assert "could not be read as" not in str(error)

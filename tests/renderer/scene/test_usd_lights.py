@@ -1,0 +1,141 @@
+"""USD: lights of UsdLux as its schema says, and how the sky is turned."""
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, UsdGeom, UsdLux
+
+from renderer.image import encode
+from tests.renderer.scene.usd_files import cube, read, stage, world
+
+
+@pytest.fixture
+def lit(tmp_path):
+    """`lit(kind, up, unit, **inputs)` is the scene of a cube and a light with these inputs."""
+
+    def make(kind, up="Y", unit=1.0, place=None, **inputs):
+        made = stage(tmp_path / "a.usda", up, unit)
+        cube(made, "/m")
+        light = getattr(UsdLux, kind).Define(made, "/light")
+        shaping = UsdLux.ShapingAPI.Apply(light.GetPrim()) if any("cone" in name for name in inputs) else None
+        for name, value in inputs.items():
+            prim = (shaping or light).GetPrim()
+            (prim.GetAttribute(f"inputs:{name.replace('__', ':')}") or prim.GetAttribute(name)).Set(value)
+        if place is not None:
+            light.AddTransformOp().Set(place)
+        made.GetRootLayer().Save()
+        return read(tmp_path / "a.usda")
+
+    return make
+
+
+def shining(found):
+    """The material of what has a body and shines."""
+    return next(m for m in found.materials if max(m.emission) > 0)
+
+
+def area(found, number=1):
+    a, b, c = np.moveaxis(world(found, number), 1, 0)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+
+
+def test_intensity_exposure_colour_and_temperature_multiply(lit):
+    color = np.array((1, 0.5, 0.25))
+    options = {"intensity": 3.0, "exposure": 2.0, "color": Gf.Vec3f(*color), "enableColorTemperature": True}
+    found = lit("RectLight", colorTemperature=3200.0, **options)
+    expected = 3 * 2**2 * color * UsdLux.BlackbodyTemperatureAsRgb(3200.0)
+    np.testing.assert_allclose(shining(found).emission, expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "inputs", "size"),
+    [
+        ("RectLight", {"width": 3.0, "height": 2.0}, 3 * 2 * 8),
+        ("DiskLight", {"radius": 1.5}, np.pi * 1.5**2 * 8),
+        ("CylinderLight", {"radius": 0.5, "length": 4.0}, 2 * np.pi * 0.5 * 4 * 2 * np.sqrt(4 * 3)),
+        ("SphereLight", {"radius": 0.5}, 4 * np.pi * 0.25 * 24 ** (2 / 3)),
+    ],
+)
+def test_a_light_that_is_normalised_sends_the_same_whatever_its_size(lit, kind, inputs, size):
+    place = Gf.Matrix4d().SetScale(Gf.Vec3d(2, 4, 3))
+    found = lit(kind, "Z", 0.01, place, normalize=True, intensity=10.0, **inputs)
+    assert shining(found).emission[0] == pytest.approx(10 / size)
+    if kind in ("RectLight", "DiskLight"):
+        assert area(found) == pytest.approx(size * 1e-4, rel=2e-4)
+
+
+def test_flat_lights_shine_along_minus_z_alone(lit):
+    for kind in ("RectLight", "DiskLight"):
+        a, b, c = world(lit(kind), 1)[0]
+        assert np.cross(b - a, c - a)[2] < 0
+    found = lit("RectLight")
+    mesh = found.meshes[found.instances[1].mesh]
+    # A picture's first texel is at +X, +Y, which is the upper left to who is shone at.
+    first = mesh.positions[np.argmin(mesh.uvs.sum(axis=1))]
+    np.testing.assert_allclose(first, (0.5, 0.5, 0))
+
+
+def test_a_distant_light_spreads_its_radiance_over_its_angle(lit):
+    found = lit("DistantLight", place=Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d(1, 0, 0), -90)), angle=2.0, intensity=1000.0)
+    (light,) = found.lights
+    assert light.intensity[0] == pytest.approx(1000 * np.pi * np.sin(np.radians(1)) ** 2)
+    np.testing.assert_allclose(light.direction, (0, -1, 0), atol=1e-6)
+    assert light.angle == 2
+    assert lit("DistantLight", angle=2.0, intensity=7.0, normalize=True).lights[0].intensity[0] == pytest.approx(7)
+    assert lit("DistantLight", angle=0.0, intensity=7.0).lights[0].intensity[0] == pytest.approx(7)
+
+
+def test_a_sphere_with_a_cone_is_a_spot_of_the_same_radiance(lit):
+    options = {"shaping__cone__angle": 30.0, "shaping__cone__softness": 0.4}
+    found = lit("SphereLight", "Y", 0.1, radius=2.0, intensity=5.0, **options)
+    (light,) = found.lights
+    assert (light.kind, light.outer_cone) == ("spot", 30)
+    assert light.inner_cone == pytest.approx(18)
+    assert light.radius == pytest.approx(0.2)
+    assert light.intensity[0] == pytest.approx(5 * np.pi * 0.2**2)
+
+
+def test_a_sphere_is_a_ball_and_a_point_sends_as_much(lit):
+    found = lit("SphereLight", "Y", 0.1, radius=2.0, intensity=5.0)
+    assert found.spheres[0].radius == pytest.approx(0.2)
+    assert found.materials[found.spheres[0].material].emission[0] == 5
+    assert not found.lights
+    (point,) = lit("SphereLight", "Y", 0.1, radius=2.0, intensity=5.0, treatAsPoint=True).lights
+    assert (point.kind, point.radius) == ("point", 0)
+    assert point.intensity[0] == pytest.approx(5 * np.pi * 0.2**2)
+
+
+@pytest.mark.parametrize(
+    ("kind", "up", "turn"), [("DomeLight", "Y", 0), ("DomeLight", "Y", 90), ("DomeLight_1", "Z", 0), ("DomeLight", "Z", 0)]
+)
+def test_the_sky_is_where_openexr_has_it(tmp_path, kind, up, turn):
+    made = stage(tmp_path / "a.usda", up)
+    cube(made, "/m")
+    dome = getattr(UsdLux, kind).Define(made, "/sky")
+    dome.CreateTextureFileAttr(Sdf.AssetPath("./sky.exr"))
+    if turn:
+        UsdGeom.Xformable(dome).AddRotateYOp().Set(float(turn))
+    pixels = np.zeros((64, 128, 3), np.float32)
+    pixels[24, 96] = 1000  # longitude -90 degrees and a bit, above the horizon
+    encode.write(tmp_path / "sky.exr", pixels)
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+
+    latitude = np.radians(90 - (24.5 / 64) * 180)
+    longitude = np.pi - 2 * np.pi * (96.5 / 128)
+    local = np.array((np.cos(latitude) * np.sin(longitude), np.sin(latitude), np.cos(latitude) * np.cos(longitude)))
+    if kind == "DomeLight_1":  # its pole is the stage's
+        local = np.array((local[0], -local[2], local[1]))
+    x, y, z = np.array(UsdGeom.Xformable(dome).ComputeLocalToWorldTransform(0).TransformDir(Gf.Vec3d(*local)))
+    wanted = np.array((x, z, -y) if up == "Z" else (x, y, z))
+
+    image = found.images[found.environment.image].pixels[..., :3].sum(axis=2)
+    rows, columns = np.nonzero(image > image.max() / 2)
+    theta, phi = (rows.mean() + 0.5) / image.shape[0] * np.pi, (columns.mean() + 0.5) / image.shape[1] * 2 * np.pi - np.pi
+    straight = np.array((np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)))
+    angle = np.radians(found.environment.rotation)  # counter-clockwise seen from above
+    turned = (
+        straight[0] * np.cos(angle) + straight[2] * np.sin(angle),
+        straight[1],
+        straight[2] * np.cos(angle) - straight[0] * np.sin(angle),
+    )
+    assert np.dot(turned, wanted) > np.cos(np.radians(3))

@@ -1,0 +1,214 @@
+"""USD: materials and their textures become the values that their shaders say."""
+
+import numpy as np
+import pytest
+from pxr import Gf, UsdGeom, UsdShade, Vt
+
+from tests.renderer.scene.usd_files import TYPES, bind, material, mesh, read, stage, texture
+
+F, C = TYPES.Float, TYPES.Color3f
+
+
+@pytest.fixture
+def shaded(tmp_path, png):
+    """`shaded(make)` is the description of a square whose material is what `make(stage)` gives; t.png is (200, 100, 50)."""
+
+    def make_scene(make):
+        made = stage(tmp_path / "a.usda")
+        square = mesh(made, "/m")
+        UsdGeom.PrimvarsAPI(square).CreatePrimvar("st", TYPES.TexCoord2fArray, "vertex").Set([(0, 0), (1, 0), (1, 1), (0, 1)])
+        (tmp_path / "t.png").write_bytes(png(200, 100, 50))
+        bind(square, make(made))
+        made.GetRootLayer().Save()
+        found = read(tmp_path / "a.usda")
+        return found, found.materials[found.meshes[0].material]
+
+    return make_scene
+
+
+def preview(**inputs):
+    """A maker of a material that is a UsdPreviewSurface."""
+
+    def make(made):
+        given = {name: (kind, value(made) if callable(value) else value) for name, (kind, value) in inputs.items()}
+        return material(made, "/look", **given)[0]
+
+    return make
+
+
+def image(output="rgb", **inputs):
+    """A texture of t.png under an input."""
+    return lambda made: texture(made, f"/look/{output}{len(inputs)}", "t.png", output, **inputs)
+
+
+def test_the_numbers_of_a_preview_surface_are_taken_as_they_are(shaded):
+    _, found = shaded(
+        preview(
+            diffuseColor=(C, (0.1, 0.2, 0.3)),
+            roughness=(F, 0.35),
+            metallic=(F, 0.6),
+            ior=(F, 1.8),
+            clearcoat=(F, 0.7),
+            clearcoatRoughness=(F, 0.15),
+            emissiveColor=(C, (2, 3, 4)),
+        )
+    )
+    assert found.kind == "metallic_roughness"
+    got = (*found.base_color, found.roughness, found.metallic, found.ior, found.clearcoat, found.clearcoat_roughness)
+    np.testing.assert_allclose((*got, *found.emission), (0.1, 0.2, 0.3, 0.35, 0.6, 1.8, 0.7, 0.15, 2, 3, 4), atol=1e-6)
+
+
+def test_what_is_not_said_has_the_specifications_default(shaded):
+    _, found = shaded(preview())
+    got = (*found.base_color, found.roughness, found.metallic, found.ior, found.clearcoat, found.opacity, found.transmission)
+    np.testing.assert_allclose(got, (0.18, 0.18, 0.18, 0.5, 0, 1.5, 0, 1, 0), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "expected"),
+    [
+        ({"opacity": (F, 0.25)}, ("opaque", 1.0, 0.75)),
+        ({"opacity": (F, 0.25), "opacityMode": (TYPES.Token, "presence")}, ("blend", 0.25, 0.0)),
+        ({"opacity": (F, 0.25), "opacityThreshold": (F, 0.4)}, ("mask", 0.25, 0.0)),
+    ],
+)
+def test_opacity_is_transmission_presence_or_a_cut(shaded, inputs, expected):
+    _, found = shaded(preview(**inputs))
+    assert (found.alpha_mode, found.opacity, found.transmission) == expected
+    assert found.thin == (found.transmission > 0)  # an open square is a pane
+
+
+def test_a_specular_workflow_reflects_what_it_says(shaded):
+    _, found = shaded(preview(useSpecularWorkflow=(TYPES.Int, 1), specularColor=(C, (0.5, 0.3, 0.1)), metallic=(F, 1.0)))
+    own = ((found.ior - 1) / (found.ior + 1)) ** 2
+    np.testing.assert_allclose(np.multiply(found.specular_color, own), (0.5, 0.3, 0.1), rtol=1e-5)
+    assert found.metallic == 0
+
+
+def linear(code):
+    x = code / 255
+    return x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4
+
+
+def seen(description, number, channel=0):
+    """The upper left texel of a texture as the shader reads it."""
+    picture = description.images[description.textures[number].image]
+    code = int(picture.pixels[0, 0, channel])
+    return linear(code) if picture.srgb and channel < 3 else code / 255
+
+
+def test_textures_are_looked_up_by_channel_space_scale_and_bias(shaded):
+    found, look = shaded(
+        preview(
+            diffuseColor=(C, image(scale=(TYPES.Float4, (0.5, 0.25, 1, 1)))),
+            roughness=(F, image("g", sourceColorSpace=(TYPES.Token, "raw"), scale=(TYPES.Float4, (1, 0.5, 1, 1)))),
+            metallic=(F, image("b", sourceColorSpace=(TYPES.Token, "raw"), bias=(TYPES.Float4, (0, 0, 0.25, 0)))),
+            clearcoat=(F, image("r", sourceColorSpace=(TYPES.Token, "sRGB"), wrapS=(TYPES.Token, "clamp"))),
+        )
+    )
+    assert look.base_color == (0.5, 0.25, 1)
+    assert [seen(found, look.base_color_texture, k) for k in range(3)] == [linear(200), linear(100), linear(50)]
+    assert (look.roughness, look.metallic) == (1, 1)
+    assert seen(found, look.metallic_roughness_texture, 1) == pytest.approx(100 / 255 / 2, abs=1 / 255)
+    assert seen(found, look.metallic_roughness_texture, 2) == pytest.approx(50 / 255 + 0.25, abs=1 / 255)
+    assert seen(found, look.clearcoat_texture) == pytest.approx(linear(200), abs=1 / 255)
+    assert found.textures[look.clearcoat_texture].wrap_s == "clamp"
+
+
+def test_a_normal_map_keeps_its_strength_and_its_up(shaded):
+    plain = {"scale": (TYPES.Float4, (2, 2, 2, 1)), "bias": (TYPES.Float4, (-1, -1, -1, 0))}
+    found, look = shaded(preview(normal=(TYPES.Normal3f, image(**plain))))
+    assert look.normal_scale == 1
+    assert seen(found, look.normal_texture, 1) == 100 / 255
+    down = {"scale": (TYPES.Float4, (2, -2, 2, 1)), "bias": (TYPES.Float4, (-1, 1, -1, 0))}
+    found, look = shaded(preview(normal=(TYPES.Normal3f, image(**down))))
+    assert seen(found, look.normal_texture, 1) == 155 / 255
+
+
+def test_a_transform_moves_the_texture_as_usd_moves_its_coordinates(shaded):
+    scale, angle, move = np.array((2.0, 3.0)), 30.0, np.array((0.1, 0.2))
+
+    def make(made):
+        turn = UsdShade.Shader.Define(made, "/look/turn")
+        turn.CreateIdAttr("UsdTransform2d")
+        reader = UsdShade.Shader.Define(made, "/look/st")
+        reader.CreateIdAttr("UsdPrimvarReader_float2")
+        reader.CreateInput("varname", TYPES.String).Set("st")
+        turn.CreateInput("in", TYPES.Float2).ConnectToSource(reader.CreateOutput("result", TYPES.Float2))
+        turn.CreateInput("scale", TYPES.Float2).Set(Gf.Vec2f(*scale))
+        turn.CreateInput("rotation", F).Set(angle)
+        turn.CreateInput("translation", TYPES.Float2).Set(Gf.Vec2f(*move))
+        st = turn.CreateOutput("result", TYPES.Float2)
+        return preview(diffuseColor=(C, texture(made, "/look/t", "t.png", st=st)))(made)
+
+    found, look = shaded(make)
+    a, b, c, d, e, f = found.textures[look.base_color_texture].transform
+    cosine, sine = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    for s, t in ((0, 0), (1, 0), (0.3, 0.8)):
+        x, y = np.array([[cosine, -sine], [sine, cosine]]) @ (scale * (s, t)) + move
+        np.testing.assert_allclose((a * s + b * (1 - t) + c, d * s + e * (1 - t) + f), (x, 1 - y), atol=1e-6)
+
+
+def test_a_missing_texture_is_named(shaded):
+    found, _ = shaded(lambda made: preview(diffuseColor=(C, texture(made, "/look/t", "./deep/gone.png")))(made))
+    assert any("its texture gone.png is not among the files; add it" in w for w in found.warnings)
+
+
+@pytest.mark.parametrize("name", ["displayColor", "tint"])
+def test_colours_of_vertices_are_read_where_the_material_reads_them(shaded, name):
+    def make(made):
+        square = UsdGeom.Mesh.Get(made, "/m")
+        primvar = UsdGeom.PrimvarsAPI(square).CreatePrimvar(name, TYPES.Color3fArray, "vertex")
+        primvar.Set(Vt.Vec3fArray([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)]))
+        reader = UsdShade.Shader.Define(made, "/look/color")
+        reader.CreateIdAttr("UsdPrimvarReader_float3")
+        reader.CreateInput("varname", TYPES.String).Set(name)
+        return preview(diffuseColor=(C, reader.CreateOutput("result", TYPES.Float3)))(made)
+
+    found, look = shaded(make)
+    assert look.base_color == (1, 1, 1)
+    np.testing.assert_array_equal(found.meshes[0].colors[:, :3], [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)])
+
+
+def test_a_standard_surface_of_materialx_says_what_ours_can(shaded):
+    def make(made):
+        picture = UsdShade.Shader.Define(made, "/look/picture")
+        picture.CreateIdAttr("ND_image_color3")
+        picture.CreateInput("file", TYPES.Asset).Set("t.png")
+        return material(
+            made,
+            "/look",
+            "ND_standard_surface_surfaceshader",
+            "mtlx",
+            base=(F, 0.5),
+            base_color=(C, picture.CreateOutput("out", C)),
+            metalness=(F, 0.25),
+            specular_roughness=(F, 0.3),
+            specular_IOR=(F, 1.7),
+            coat=(F, 0.8),
+            sheen=(F, 0.5),
+            sheen_color=(C, (1, 0.5, 0)),
+            emission=(F, 2.0),
+            emission_color=(C, (1, 0.5, 0.25)),
+            subsurface=(F, 0.5),
+        )[0]
+
+    found, look = shaded(make)
+    assert look.base_color == (0.5, 0.5, 0.5)
+    assert seen(found, look.base_color_texture) == linear(200)
+    np.testing.assert_allclose(
+        (look.metallic, look.roughness, look.ior, look.clearcoat, look.clearcoat_roughness, *look.sheen_color, *look.emission),
+        (0.25, 0.3, 1.7, 0.8, 0.1, 0.5, 0.25, 0, 2, 1, 0.5),
+        atol=1e-6,
+    )
+    assert any("subsurface of MaterialX surfaces is left out (1): look" in w for w in found.warnings)
+
+
+def test_a_surface_of_another_renderer_is_drawn_in_the_display_colour(shaded):
+    def make(made):
+        UsdGeom.Mesh.Get(made, "/m").CreateDisplayColorAttr([(0.1, 0.2, 0.3)])
+        return material(made, "/look", "arnold_standard", "arnold")[0]
+
+    found, look = shaded(make)
+    np.testing.assert_allclose(look.base_color, (0.1, 0.2, 0.3), atol=1e-6)
+    assert any("no UsdPreviewSurface" in w and "look" in w for w in found.warnings)

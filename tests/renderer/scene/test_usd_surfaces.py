@@ -1,0 +1,131 @@
+"""USD: subdivision surfaces, curves and points."""
+
+import numpy as np
+import pytest
+from pxr import Gf, UsdGeom, Vt
+
+from renderer.scene.readers.usd.polygons import Faces
+from renderer.scene.readers.usd.subdivision import Cage, limit, refined
+from tests.renderer.scene.usd_files import CUBE, QUADS, cube, mesh, read, stage, world
+
+NONE = np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0, np.int64), np.zeros(0)
+
+
+def cage(points=CUBE, counts=(4,) * 6, corners=QUADS, sharp=NONE):
+    return Cage(np.array(points, float), Faces(np.array(counts), np.array(corners)), *sharp)
+
+
+def test_one_level_of_a_cube_is_as_catmull_and_clark_computed_it():
+    finer, _, parent = refined(cage(), [])
+    np.testing.assert_allclose(np.abs(finer.points[:8]), 5 / 9)
+    np.testing.assert_allclose(sorted(np.abs(finer.points[8])), (0, 0.75, 0.75))
+    np.testing.assert_allclose(finer.points[20:], [CUBE[QUADS[4 * f : 4 * f + 4]].mean(axis=0) for f in range(6)])
+    assert np.bincount(parent).tolist() == [4] * 6
+
+
+def test_the_limit_is_where_many_levels_lead():
+    rng = np.random.default_rng(2)
+    edges = np.array([(0, 1), (1, 2), (2, 3), (3, 0)])
+    start = cage(CUBE + rng.normal(size=CUBE.shape) * 0.2, sharp=(edges, np.full(4, 10.0), np.array([6]), np.array([10.0])))
+    first, _, _ = refined(start, [])
+    fine = first
+    for _ in range(4):
+        fine, _, _ = refined(fine, [])
+    deep, near = limit(fine)[: len(first.points)], limit(first)
+    np.testing.assert_allclose(deep, near, atol=1e-9)
+    assert np.abs(fine.points[: len(first.points)] - near).max() < 0.01
+
+
+def test_creases_keep_edges_and_semi_sharp_ones_round_them_later():
+    edges = np.unique(
+        np.sort(np.array([(QUADS[4 * f + k], QUADS[4 * f + (k + 1) % 4]) for f in range(6) for k in range(4)]), 1), axis=0
+    )
+
+    def corner(sharpness, levels=4):
+        found = cage(sharp=(edges, np.full(len(edges), sharpness), *NONE[2:]))
+        for _ in range(levels):
+            found, _, _ = refined(found, [])
+        return np.abs(found.points[:8]).mean()
+
+    assert corner(10.0) == 1
+    assert [corner(s) for s in (0.0, 0.5, 1.0, 2.0)] == sorted(corner(s) for s in (0.0, 0.5, 1.0, 2.0))
+    assert corner(2.0) < 1
+
+
+@pytest.mark.parametrize("scheme", ["catmullClark", "none", None])
+def test_a_scheme_that_is_not_said_refines_what_has_no_normals(tmp_path, scheme):
+    made = stage(tmp_path / "a.usda")
+    for name in ("bare", "normals"):
+        box = cube(made, f"/{name}", scheme=scheme or "none")
+        if scheme is None:
+            box.GetSubdivisionSchemeAttr().Clear()
+        if name == "normals":
+            box.CreateNormalsAttr(Vt.Vec3fArray([Gf.Vec3f(*map(float, p)) for p in CUBE]))
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    counts = [len(found.meshes[i.mesh].triangles) for i in found.instances]
+    assert counts == {"catmullClark": [192, 192], "none": [12, 12], None: [192, 12]}[scheme]
+    if scheme != "none":
+        smooth = found.meshes[0]
+        outward = smooth.positions / np.linalg.norm(smooth.positions, axis=1, keepdims=True)
+        unit = smooth.normals / np.linalg.norm(smooth.normals, axis=1, keepdims=True)
+        assert (outward * unit).sum(axis=1).min() > 0.9
+
+
+def test_an_open_surface_keeps_its_corners_or_rounds_them(tmp_path):
+    made = stage(tmp_path / "a.usda")
+    for name in ("edgeAndCorner", "edgeOnly"):
+        mesh(made, f"/{name}", scheme="catmullClark").CreateInterpolateBoundaryAttr(name)
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    spans = [np.ptp(world(found, k).reshape(-1, 3)[:, :2], axis=0) for k in (0, 1)]
+    np.testing.assert_allclose(spans[0], 1, atol=1e-6)
+    np.testing.assert_allclose(spans[1], 11 / 12, atol=1e-6)  # of a closed cubic B-spline around a square
+
+
+def de_boor(points, u):
+    return (np.array([(1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3]) / 6) @ points
+
+
+@pytest.mark.parametrize(("kind", "basis", "wrap"), [("linear", "bezier", "nonperiodic"), ("cubic", "bezier", "nonperiodic"),
+                                                      ("cubic", "bspline", "nonperiodic"), ("cubic", "catmullRom", "pinned"),
+                                                      ("cubic", "bspline", "periodic")])  # fmt: skip
+def test_curves_are_tubes_around_their_lines(tmp_path, kind, basis, wrap):
+    made = stage(tmp_path / "a.usda")
+    rng = np.random.default_rng(4)
+    points = rng.normal(size=(2, 4, 3)).astype(np.float32)
+    curves = UsdGeom.BasisCurves.Define(made, "/c")
+    curves.CreateTypeAttr(kind)
+    curves.CreateBasisAttr(basis)
+    curves.CreateWrapAttr(wrap)
+    curves.CreateCurveVertexCountsAttr([4, 4])
+    curves.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points.reshape(-1, 3)))
+    curves.CreateWidthsAttr([0.02])
+    curves.SetWidthsInterpolation("constant")
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda").meshes[0]
+    p = points[1].astype(float)
+    through = {
+        "linear": list(p),
+        "bezier": [p[0], p[3], (p[0] + 3 * p[1] + 3 * p[2] + p[3]) / 8],
+        "bspline": [de_boor(p, 0.0), de_boor(p, 0.5)] if wrap == "nonperiodic" else [de_boor(np.roll(p, -2, 0), 0.5)],
+        "catmullRom": list(p),
+    }["linear" if kind == "linear" else basis]
+    for place in through:
+        away = np.linalg.norm(found.positions - place, axis=1)
+        assert away.min() == pytest.approx(0.01, abs=1e-4)
+        assert (away < 0.0101).sum() >= 12
+    np.testing.assert_allclose(np.linalg.norm(found.normals, axis=1), 1, atol=1e-5)
+
+
+def test_points_are_spheres_of_their_widths_and_colours(tmp_path):
+    made = stage(tmp_path / "a.usda", "Z", 0.5)
+    points = UsdGeom.Points.Define(made, "/p")
+    points.CreatePointsAttr([(0, 0, 0), (1, 2, 3), (4, 5, 6)])
+    points.CreateWidthsAttr([1.0, 2.0, 4.0])
+    points.CreateDisplayColorPrimvar("vertex").Set([(1, 0, 0), (0, 1, 0), (1, 0, 0)])
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    assert [s.radius for s in found.spheres] == [0.25, 0.5, 1]
+    np.testing.assert_allclose(found.spheres[1].center, (0.5, 1.5, -1), atol=1e-6)
+    assert [found.materials[s.material].base_color for s in found.spheres] == [(1, 0, 0), (0, 1, 0), (1, 0, 0)]

@@ -1,0 +1,26 @@
+"""Projects where nobody is asked for a login; tests/service/api/test_projects.py has what they are where somebody is."""
+
+from __future__ import annotations
+
+from service.access.roles import Role
+from tests.service.conftest import OBJ, Service
+
+
+def test_where_nobody_is_asked_who_they_are_nothing_is_closed(service: Service) -> None:
+    projects = service.farm.access.projects
+    projects.add("film")
+    scene = service.http.post("/api/scenes", params={"project": "film"}, files={"files": ("a.obj", OBJ)}).json()
+    assert [found["id"] for found in service.http.get("/api/scenes").json()] == [scene["id"]]
+    assert service.http.get(f"/api/scenes/{scene['id']}").status_code == 200
+    plain = service.http.post("/api/scenes", files={"files": ("a.obj", OBJ)}).json()
+    assert (plain["project"], plain["id"] != scene["id"]) == ("", True)
+
+
+def test_who_is_removed_is_no_member_any_more_and_a_new_user_of_that_name_is_none(service: Service) -> None:
+    access = service.farm.access
+    access.users.add("anna", Role.VIEW, None)
+    access.projects.add("film")
+    assert access.projects.let_in("film", "anna").members == ["anna"]
+    access.users.remove("anna")
+    access.users.add("anna", Role.VIEW, None)
+    assert access.projects.find("film").members == []

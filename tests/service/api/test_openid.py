@@ -1,0 +1,210 @@
+"""In by an OpenID provider: a real one, of oidc-provider-mock, on loopback."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import dataclasses
+import hashlib
+import io
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import httpx
+import pytest
+
+from service.access.oidc import oidc_of
+from service.access.roles import Role
+from service.errors import CannotStart
+from service.settings import Settings
+from tests.helpers import running_redis
+from tests.service.api.test_access import caller
+from tests.service.conftest import Service
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # of names that the provider's library will call otherwise
+    import oidc_provider_mock
+
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+
+PEOPLE = {
+    "1": {"preferred_username": "Anna", "groups": ["artists", "others"]},
+    "2": {"preferred_username": "ben", "groups": ["nobodies"]},
+    "3": {"preferred_username": "carl", "groups": ["artists"]},
+    "4": {"preferred_username": "owner", "groups": ["artists"]},
+    "5": {"preferred_username": "dora", "groups": "artists keepers"},
+}
+
+
+class Provider:
+    """The provider, and what it was asked."""
+
+    def __init__(self, server: Any) -> None:
+        self.url = f"http://127.0.0.1:{server.server_port}"
+        self.asked: list[tuple[str, dict[str, list[str]]]] = []
+        application = server.app
+
+        def listening(environ: dict[str, Any], start: Any) -> Any:
+            body = environ["wsgi.input"].read(int(environ.get("CONTENT_LENGTH") or 0))
+            environ["wsgi.input"] = io.BytesIO(body)
+            self.asked.append((environ["PATH_INFO"], parse_qs(environ["QUERY_STRING"] or body.decode())))
+            return application(environ, start)
+
+        server.app = listening
+
+
+@pytest.fixture(scope="module")
+def provider() -> Iterator[Provider]:
+    users = [oidc_provider_mock.User(sub=sub, claims=claims) for sub, claims in PEOPLE.items()]
+    with oidc_provider_mock.run_server_in_thread(user_claims=users, require_nonce=True) as server:
+        yield Provider(server)
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis, provider: Provider) -> Iterator[Service]:
+    secret = tmp_path_factory.mktemp("secret") / "secret"
+    secret.write_text("what the provider knows us by\n")
+    service = Service(
+        tmp_path_factory.mktemp("openid") / "data",
+        redis_server,
+        host="0.0.0.0",
+        oidc_discovery=f"{provider.url}/.well-known/openid-configuration",
+        oidc_client="rayfarm",
+        oidc_secret_file=secret,
+        oidc_name="Studio",
+        oidc_roles={"artists": "submit", "keepers": "admin"},
+        oidc_role="",
+    )
+    yield service
+    service.stop()
+
+
+@contextlib.contextmanager
+def browser(service: Service) -> Iterator[httpx.Client]:
+    with caller(service) as client:
+        yield client
+
+
+def sent_back(client: httpx.Client, sub: str) -> str:
+    """Begin, and log in at the provider: the address that it leads back to."""
+    begun = client.get("/api/login/openid")
+    assert begun.status_code == 302, begun.text
+    answer = httpx.post(begun.headers["location"], data={"sub": sub}, verify=False)
+    assert answer.status_code in (302, 303), answer.text
+    return str(answer.headers["location"])
+
+
+def log_in(client: httpx.Client, sub: str) -> httpx.Response:
+    return client.get(sent_back(client, sub))
+
+
+def why(answer: httpx.Response) -> str:
+    assert answer.status_code == 302, answer.text
+    assert "rayfarm-session" not in answer.headers.get("set-cookie", "")
+    return answer.headers["location"].partition("refused=")[2]
+
+
+def test_in_and_out_again(service: Service, provider: Provider) -> None:
+    with browser(service) as client:
+        assert client.get("/api/session").json()["provider"] == "Studio"
+        answer = log_in(client, "1")
+        assert (answer.status_code, answer.headers["location"]) == (302, "/#/")
+        cookies = answer.headers.get_list("set-cookie")
+        assert any("HttpOnly" in cookie and "SameSite=strict" in cookie and "rayfarm-session" in cookie for cookie in cookies)
+        session = client.get("/api/session").json()
+        assert (session["name"], session["role"], session["kind"]) == ("anna", "submit", "session")
+        assert client.get("/api/jobs").status_code == 200
+        assert client.post("/api/logout").status_code == 204
+        assert client.get("/api/jobs").status_code == 401
+    begun = next(asked for path, asked in reversed(provider.asked) if path.endswith("authorize") and "nonce" in asked)
+    token = next(asked for path, asked in reversed(provider.asked) if path.endswith("token"))
+    proof = base64.urlsafe_b64encode(hashlib.sha256(token["code_verifier"][0].encode()).digest()).rstrip(b"=").decode()
+    assert (begun["code_challenge"], begun["code_challenge_method"]) == ([proof], ["S256"])
+    assert begun["redirect_uri"] == [f"{service.url}/api/login/openid/answer"]
+    assert "openid" in begun["scope"][0]
+
+
+def test_roles_follow_the_claim_at_each_login(service: Service) -> None:
+    with browser(service) as client:
+        assert log_in(client, "5").status_code == 302
+        assert client.get("/api/session").json()["role"] == "admin", "groups as words"
+    with browser(service) as client:
+        assert why(log_in(client, "2")) == "role"
+        assert client.get("/api/session").json()["name"] is None
+    users = service.farm.access.users
+    users.set_role("anna", Role.VIEW)
+    with browser(service) as client:
+        log_in(client, "1")
+        assert client.get("/api/session").json()["role"] == "submit"
+    assert [user.name for user in users.listed()].count("anna") == 1
+
+
+def test_a_name_that_is_somebody_elses_is_given_to_nobody(service: Service) -> None:
+    service.farm.access.users.add("carl", Role.ADMIN, None)
+    for sub in ("3", "4"):
+        with browser(service) as client:
+            assert why(log_in(client, sub)) == "name"
+
+
+def test_an_answer_is_good_once_and_for_the_browser_that_asked(service: Service) -> None:
+    with browser(service) as client, browser(service) as other:
+        back = sent_back(client, "1")
+        assert why(other.get(back)) == "late", "somebody is led to log in as another (login CSRF)"
+        assert why(client.get(back)) == "late", "the state is used up"
+        back = sent_back(client, "1")
+        forged = back.replace("state=", "state=x")
+        assert why(client.get(forged)) == "late"
+        back = sent_back(client, "1")
+        assert client.get(back).headers["location"] == "/#/"
+        assert why(client.get(back)) == "late"
+
+
+def test_who_turns_back_at_the_provider_is_not_let_in(service: Service) -> None:
+    with browser(service) as client:
+        state = parse_qs(urlsplit(client.get("/api/login/openid").headers["location"]).query)["state"][0]
+        assert why(client.get("/api/login/openid/answer", params={"state": state, "error": "access_denied"})) == "cancelled"
+
+
+def test_a_token_for_another_login_is_not_believed(service: Service) -> None:
+    oidc = service.farm.access.oidc
+    assert oidc is not None
+    with browser(service) as client:
+        back = sent_back(client, "1")
+        (state,) = parse_qs(urlsplit(back).query)["state"]
+        oidc._waiting[state] = dataclasses.replace(oidc._waiting[state], nonce="another")
+        assert why(client.get(back)) == "provider"
+    oidc._client = ("another client", oidc._client[1])
+    try:
+        with browser(service) as client:
+            back = sent_back(client, "1")
+            oidc._client = ("rayfarm", oidc._client[1])
+            assert why(client.get(back)) == "provider", "its audience is another, or the code is not for us"
+    finally:
+        oidc._client = ("rayfarm", oidc._client[1])
+
+
+def test_a_provider_that_is_away_lets_nobody_in_and_the_page_says_so(service: Service) -> None:
+    oidc = service.farm.access.oidc
+    assert oidc is not None
+    known, oidc._known, discovery, oidc._discovery = oidc._known, None, oidc._discovery, "http://127.0.0.1:9/none"
+    try:
+        with browser(service) as client:
+            assert why(client.get("/api/login/openid")) == "provider"
+    finally:
+        oidc._known, oidc._discovery = known, discovery
+
+
+def test_what_is_set_wrongly_is_said_at_the_start(tmp_path: Path, service: Service) -> None:
+    url = "https://login.example/.well-known/openid-configuration"
+    for wrong, said in (
+        ({"oidc_discovery": url}, "OIDC_CLIENT"),
+        ({"oidc_discovery": "http://login.example/", "oidc_client": "x"}, "https://"),
+        ({"oidc_discovery": url, "oidc_client": "x", "oidc_roles": {"a": "king"}}, "king"),
+        ({"oidc_discovery": url, "oidc_client": "x", "oidc_secret_file": tmp_path / "none"}, "OIDC_SECRET_FILE"),
+    ):
+        with pytest.raises(CannotStart, match=said):
+            oidc_of(Settings(data=tmp_path, **wrong), service.farm.sessions)  # type: ignore[arg-type]
+    assert oidc_of(Settings(data=tmp_path), service.farm.sessions) is None

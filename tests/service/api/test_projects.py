@@ -1,0 +1,276 @@
+"""What is in a project its members alone see: by every route, and by every socket."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import re
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import httpx
+import pytest
+from PIL import Image
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+from service.api import gate
+from service.api.needs import NEEDS, THINGS, thing_of
+from tests.helpers import running_redis
+from tests.service.api.test_access import caller
+from tests.service.conftest import OBJ, Service, until
+from tests.service.peer_worker import PeerWorker
+
+HIDDEN = "moonlight"  # what all that is in the project is called
+# What has a parameter in its path, and is no thing that projects have.
+OTHERS = re.compile(r"/api/(farm|tokens|users|projects|shares|quotas|workers|hooks|examples)")
+ROLE = {"anna": "submit", "ben": "submit"}
+
+
+@dataclass
+class People:
+    """Programs that show tokens. anna: of the project's members; ben: of none; chief: an administrator."""
+
+    anna: httpx.Client
+    ben: httpx.Client
+    chief: httpx.Client
+    service: Service
+    ids: dict[str, str]
+
+
+@pytest.fixture(scope="module")
+def people(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[People]:
+    service = Service(tmp_path_factory.mktemp("projects") / "data", redis_server, host="0.0.0.0")
+    with contextlib.ExitStack() as ends:
+        ends.callback(service.stop)
+        token = (service.options["data"] / "owner-token").read_text().strip()
+        chief = ends.enter_context(caller(service, token))
+        found = People(*(ends.enter_context(shown(service, name)) for name in ROLE), chief, service, {})
+        made(chief.post("/api/projects", json={"name": "film"}), 201)
+        made(chief.put("/api/projects/film/members/anna"), 200)
+        ends.enter_context(PeerWorker(service.options["redis_url"], service.url, service.options["token"]))
+        found.ids = fill(found.anna)
+        yield found
+
+
+def shown(service: Service, name: str) -> httpx.Client:
+    """A client that shows a token of a new user's."""
+    from service.access.roles import Role
+
+    access = service.farm.access
+    access.users.add(name, Role.of(ROLE[name]), None)
+    return caller(service, access.keys.make("token", name, Role.of(ROLE[name]), "test")[0])
+
+
+def made(answer: httpx.Response, status: int) -> dict[str, Any]:
+    assert answer.status_code == status, answer.text
+    found: dict[str, Any] = answer.json()
+    return found
+
+
+def fill(anna: httpx.Client) -> dict[str, str]:
+    """One of each kind in the project, all with the same word in their names."""
+    into = {"project": "film"}
+    scene = made(anna.post("/api/scenes", params=into, files={"files": (f"{HIDDEN}.obj", OBJ)}), 201)
+    assert scene["project"] == "film"
+    until(lambda: anna.get(f"/api/scenes/{scene['id']}").json()["status"] == "ready", "it is prepared")
+    picture = made(anna.post("/api/references", params=into, files={"file": (f"{HIDDEN}.png", png(7))}), 201)
+    light = made(anna.post("/api/environments", params=into, files={"file": (f"{HIDDEN}.png", png(8))}), 201)
+    asked = {"scene": scene["id"], "width": 32, "height": 32, "spp": 4, "tile_size": 16, "name": HIDDEN}
+    asked["environment"] = {"image": light["id"]}
+    job = made(anna.post("/api/jobs", json=asked), 201)
+    assert (job["project"], job["user"]) == ("film", "anna")
+    until(lambda: anna.get(f"/api/jobs/{job['id']}").json()["state"] == "finished", "it is rendered")
+    return {"scene": scene["id"], "reference": picture["id"], "environment": light["id"], "job": job["id"]}
+
+
+def png(grey: int) -> bytes:
+    file = io.BytesIO()
+    Image.new("RGB", (8, 4), (grey, grey, grey)).save(file, "PNG")
+    return file.getvalue()
+
+
+def path_of(pattern: str, id: str) -> str:
+    for name, value in {"{id}": id, "{n}": "0", "{frame}": "0", "{extension}": "png", "{spp}": "4"}.items():
+        pattern = pattern.replace(name, value)
+    return pattern
+
+
+def test_every_path_that_names_something_names_a_thing_or_what_projects_do_not_have() -> None:
+    for method, pattern in NEEDS:
+        named = thing_of(pattern, pattern)
+        if "{" in pattern and named is None:
+            assert OTHERS.match(pattern), f"{method} {pattern}: whose is it? Say so in service/api/needs.py"
+        collection = pattern.split("/")[2] if pattern.startswith("/api/") else ""
+        assert collection not in THINGS or "{" not in pattern or named is not None, pattern
+
+
+def test_to_others_nothing_of_it_is_there(people: People) -> None:
+    asked = {"POST": {}, "PATCH": {"priority": 1}}
+    walked = 0
+    for method, pattern in NEEDS:
+        found = thing_of(pattern, pattern)
+        if found is None or method == "WS" or method == "DELETE":
+            continue
+        kind = found[0]
+        real, none = people.ids[kind], "0" * len(people.ids[kind])
+        query = {"x": 999, "y": 999} if pattern.endswith(("pixel", "explain")) else {}
+        answers = [people.ben.request(method, path_of(pattern, id), json=asked.get(method), params=query) for id in (real, none)]
+        assert [answer.status_code for answer in answers] == [404, 404], (method, pattern)
+        assert answers[0].text == answers[1].text.replace(none, real), (method, pattern)
+        of_hers = people.anna.request(method, path_of(pattern, real), json=asked.get(method), params=query)
+        assert "There is no" not in of_hers.text or of_hers.status_code != 404, (method, pattern, of_hers.text)
+        walked += 1
+    assert walked > 20
+    for kind, id in people.ids.items():
+        assert people.ben.delete(f"/api/{kind}s/{id}").status_code == 404
+        assert people.anna.get("/api/projects").json()[0]["counts"][kind] == 1
+
+
+def test_no_list_has_any_of_it(people: People) -> None:
+    told = 0
+    for method, pattern in NEEDS:
+        if method != "GET" or "{" in pattern or pattern == "/api/events" or pattern.startswith(("/docs", "/openapi")):
+            continue
+        for query in ({}, {"project": "film"}):
+            answer = people.ben.get(pattern, params=query)
+            assert HIDDEN not in answer.text, pattern
+            assert not any(id in answer.text for id in people.ids.values()), pattern
+            told += HIDDEN in people.anna.get(pattern, params=query).text
+    assert told >= 8  # scenes, jobs, environments, references
+    assert people.ben.get("/api/jobs/tallies").json()["finished"] == 0
+    assert people.anna.get("/api/jobs/tallies").json()["finished"] == 1
+    assert people.ben.get("/api/jobs", params={"search": HIDDEN, "ids": people.ids["job"]}).json() == []
+    assert people.ben.get("/api/projects").json() == []
+    assert people.anna.get("/api/jobs", params={"project": ""}).json() == []
+    assert HIDDEN in people.chief.get("/api/scenes").text
+
+
+def test_no_request_of_others_may_name_it(people: People) -> None:
+    ids, ben = people.ids, people.ben
+    size = {"width": 16, "height": 16, "spp": 1}
+    refused = ben.post("/api/jobs", json={"scene": ids["scene"], **size})
+    unknown = ben.post("/api/jobs", json={"scene": "0" * 20, **size})
+    assert refused.status_code == unknown.status_code == 404
+    assert refused.text == unknown.text.replace("0" * 20, ids["scene"])
+    own = made(ben.post("/api/scenes", files={"files": ("own.obj", OBJ)}), 201)
+    assert own["id"] != ids["scene"], "the same files elsewhere are another scene"
+    after = ben.post("/api/jobs", json={"scene": own["id"], "after": [ids["job"]], **size})
+    assert (after.status_code, "no job" in after.text) == (404, True)
+    lit = ben.post("/api/jobs", json={"scene": own["id"], "environment": {"image": ids["environment"]}, **size})
+    assert (lit.status_code, "no image" in lit.text) == (422, True)
+    added = ben.post("/api/scenes", files={"files": ("x.mtl", b"newmtl x")}, data={"base": ids["scene"]})
+    assert (added.status_code, "no scene" in added.text) == (404, True)
+    changed = made(ben.post("/api/jobs/changes", json={"jobs": [ids["job"], "0"], "state": "deleted"}), 200)
+    assert [len(changed["changed"]), len(changed["refused"])] == [0, 2]
+    for route in ("scenes", "references", "environments", "examples/cornell-box"):
+        files = {"files" if route == "scenes" else "file": ("x.png", png(9))}
+        answer = ben.post(f"/api/{route}", params={"project": "film"}, files=files)
+        assert (answer.status_code, "none of its members" in answer.text) == (404, True), route
+    key = {"Idempotency-Key": "hers"}
+    hers = made(people.anna.post("/api/jobs", json={"scene": ids["scene"], **size}, headers=key), 201)
+    probed = ben.post("/api/jobs", json={"scene": ids["scene"], **size}, headers=key)
+    assert (probed.status_code, hers["id"] in probed.text) == (409, False)
+    people.anna.delete(f"/api/jobs/{hers['id']}")
+
+
+def test_her_own_light_on_her_own_scene_with_more_files(people: People) -> None:
+    base = people.ids["scene"]
+    more = made(people.anna.post("/api/scenes", files={"files": ("x.mtl", b"newmtl x")}, data={"base": base}), 201)
+    assert (more["project"], more["id"] != base) == ("film", True)
+    assert people.ben.get(f"/api/scenes/{more['id']}").status_code == 404
+    assert people.anna.delete(f"/api/scenes/{more['id']}").status_code == 204
+
+
+def closing(people: People, who: httpx.Client, path: str) -> tuple[int, str]:
+    url = f"{people.service.url.replace('http', 'ws', 1)}{path}"
+    with connect(url, additional_headers={"Authorization": who.headers["authorization"]}) as socket:
+        with pytest.raises(ConnectionClosed) as closed:
+            while True:
+                socket.recv(timeout=20)
+        assert closed.value.rcvd is not None
+        return closed.value.rcvd.code, closed.value.rcvd.reason
+
+
+def test_sockets_of_others_are_closed_as_those_of_what_is_not_there(people: People) -> None:
+    for path, kind in (("/api/jobs/{}/live", "job"), ("/api/scenes/{}/viewport", "scene")):
+        none = "0" * len(people.ids[kind])
+        code, reason = closing(people, people.ben, path.format(people.ids[kind]))
+        assert (code, reason.replace(people.ids[kind], none)) == closing(people, people.ben, path.format(none))
+        assert code == 4404
+
+
+def test_who_is_put_out_is_so_at_once_and_what_is_open_ends(people: People, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gate, "AGAIN_S", 0.1)
+    made(people.chief.put("/api/projects/film/members/ben"), 200)
+    job = f"/api/jobs/{people.ids['job']}"
+    assert people.ben.get(job).status_code == 200
+    ended: list[tuple[int, str]] = []
+    thread = threading.Thread(target=lambda: ended.append(closing(people, people.ben, f"{job}/live")))
+    thread.start()
+    until(lambda: people.service.farm.broadcast.watchers == 1, "ben watches")
+    made(people.chief.delete("/api/projects/film/members/ben"), 200)
+    assert people.ben.get(job).status_code == 404
+    thread.join(30)
+    assert ended
+    assert ended[0][0] == gate.LOG_IN_AGAIN
+
+
+def test_events_tell_others_nothing(people: People) -> None:
+    told: dict[str, str] = {"anna": "", "ben": ""}
+
+    def listen(name: str, client: httpx.Client) -> None:
+        with client.stream("GET", "/api/events") as stream:
+            for text in stream.iter_text():
+                told[name] += text
+                if "the last" in told[name]:
+                    return
+
+    threads = [threading.Thread(target=listen, args=(name, getattr(people, name)), daemon=True) for name in told]
+    for thread in threads:
+        thread.start()
+    until(lambda: all("retry" in text for text in told.values()), "both listen")
+    asked = {"scene": people.ids["scene"], "width": 16, "height": 16, "spp": 1, "name": HIDDEN}
+    job = made(people.anna.post("/api/jobs", json=asked), 201)["id"]
+    until(lambda: people.anna.get(f"/api/jobs/{job}").json()["state"] == "finished", "it is rendered")
+    until(lambda: job in told["anna"], "she is told")
+    assert people.anna.delete(f"/api/jobs/{job}").status_code == 204
+    made(people.anna.post("/api/scenes", files={"files": ("the last.obj", OBJ + b"# the last\n")}), 201)
+    for thread in threads:
+        thread.join(20)
+        assert not thread.is_alive()
+    assert HIDDEN in told["anna"]
+    assert HIDDEN not in told["ben"]
+    assert job not in told["ben"]
+    assert not any(id in told["ben"] for id in people.ids.values())
+
+
+def test_a_worker_at_work_on_it_is_busy_and_says_no_more(people: People) -> None:
+    asked = {"scene": people.ids["scene"], "width": 64, "height": 64, "spp": 100_000, "tile_size": 16}
+    job = made(people.anna.post("/api/jobs", json=asked), 201)["id"]
+
+    def slots(client: httpx.Client) -> str:
+        return json.dumps([worker["current"] for worker in client.get("/api/workers").json()])
+
+    until(lambda: job in slots(people.anna), "a slot has it in hand")
+    until(lambda: '"hidden": true' in slots(people.ben), "he sees that one is busy")
+    assert job not in slots(people.ben)
+    assert people.anna.delete(f"/api/jobs/{job}").status_code == 204
+
+
+def test_projects_are_made_and_removed_by_who_keeps_the_farm(people: People) -> None:
+    assert people.anna.post("/api/projects", json={"name": "mine"}).status_code == 403
+    assert people.anna.put("/api/projects/film/members/ben").status_code == 403
+    for name in ("Film", "a b", "../x", ""):
+        assert people.chief.post("/api/projects", json={"name": name}).status_code == 422
+    assert people.chief.post("/api/projects", json={"name": "film"}).status_code == 409
+    assert people.chief.put("/api/projects/film/members/nobody").status_code == 404
+    assert people.chief.put("/api/projects/none/members/anna").status_code == 404
+    full = people.chief.delete("/api/projects/film")
+    assert (full.status_code, "1 scene" in full.text) == (409, True)
+    made(people.chief.post("/api/projects", json={"name": "short"}), 201)
+    assert people.chief.delete("/api/projects/short").status_code == 204
+    assert [found["name"] for found in people.chief.get("/api/projects").json()] == ["film"]

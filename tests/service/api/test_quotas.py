@@ -1,0 +1,149 @@
+"""How much somebody may have and do; what is answered beyond that, and what helps."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import zipfile
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+
+from service.access.roles import Role
+from tests.helpers import running_redis
+from tests.service.api.test_access import caller
+from tests.service.conftest import OBJ, Service, until
+from tests.service.peer_worker import PeerWorker
+
+SIZE = {"width": 32, "height": 32, "tile_size": 16}
+SAMPLES = 32 * 32 * 4  # of a job of 4 samples a pixel
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
+    service = Service(tmp_path_factory.mktemp("quotas") / "data", redis_server, host="0.0.0.0", quota_jobs=2)
+    with PeerWorker(service.options["redis_url"], service.url, service.options["token"]):
+        yield service
+    service.stop()
+
+
+@pytest.fixture(scope="module")
+def chief(service: Service) -> Iterator[httpx.Client]:
+    with caller(service, (service.options["data"] / "owner-token").read_text().strip()) as client:
+        yield client
+
+
+@contextlib.contextmanager
+def somebody(service: Service, name: str) -> Iterator[httpx.Client]:
+    access = service.farm.access
+    access.users.add(name, Role.SUBMIT, None)
+    with caller(service, access.keys.make("token", name, Role.SUBMIT, "test")[0]) as client:
+        yield client
+
+
+def scene_of(client: httpx.Client, content: bytes = OBJ) -> str:
+    id = str(client.post("/api/scenes", files={"files": ("a.obj", content)}).raise_for_status().json()["id"])
+    until(lambda: client.get(f"/api/scenes/{id}").json()["status"] == "ready", "it is prepared")
+    return id
+
+
+def asked(client: httpx.Client, scene: str, **more: Any) -> httpx.Response:
+    return client.post("/api/jobs", json={"scene": scene, "spp": 4, "fresh": True, **SIZE, **more})
+
+
+def may(chief: httpx.Client, whose: str, **limits: int) -> None:
+    assert chief.put(f"/api/quotas/{whose}", json=limits).status_code == 204
+
+
+def used(client: httpx.Client) -> dict[str, int]:
+    found: dict[str, int] = client.get("/api/quota").json()[0]["used"]
+    return found
+
+
+def test_jobs_at_a_time(service: Service, chief: httpx.Client) -> None:
+    with somebody(service, "anna") as anna:
+        scene = scene_of(anna)
+        long = {"spp": 1_000_000}
+        first, second = (asked(anna, scene, **long).raise_for_status().json()["id"] for _ in range(2))
+        third = asked(anna, scene, **long)
+        assert third.status_code == 429
+        assert float(third.headers["retry-after"]) >= 1
+        assert "unfinished jobs are 2, and 2 may be" in third.json()["detail"]
+        assert used(anna)["jobs"] == 2
+        chief.patch(f"/api/jobs/{first}", json={"state": "cancelled"}).raise_for_status()
+        third = asked(anna, scene, **long)
+        assert third.status_code == 201
+        again = anna.patch(f"/api/jobs/{first}", json={"state": "running"})
+        assert (again.status_code, anna.get(f"/api/jobs/{first}").json()["state"]) == (429, "cancelled")
+        many = anna.post("/api/jobs/changes", json={"jobs": [first], "state": "running"}).json()
+        assert "2 may be" in many["refused"][0]["why"]
+        may(chief, "users/anna", jobs=3)
+        assert anna.patch(f"/api/jobs/{first}", json={"state": "running"}).status_code == 200
+        assert chief.delete("/api/quotas/users/anna").status_code == 204
+        assert anna.get("/api/quota").json()[0]["limits"]["jobs"] == 2
+        assert asked(chief, scene).status_code == 201, "who keeps the farm has no limits"
+        for job in (first, second, third.json()["id"]):
+            anna.delete(f"/api/jobs/{job}").raise_for_status()
+        assert used(anna)["jobs"] == 0
+
+
+def test_samples_a_day_also_of_jobs_that_are_deleted(service: Service, chief: httpx.Client) -> None:
+    with somebody(service, "bea") as bea:
+        scene = scene_of(bea)
+        may(chief, "users/bea", samples_day=2 * SAMPLES + 1)
+        job = asked(bea, scene).raise_for_status().json()["id"]
+        until(lambda: bea.get(f"/api/jobs/{job}").json()["state"] == "finished", "it is rendered")
+        assert used(bea)["samples_day"] == SAMPLES
+        assert bea.patch(f"/api/jobs/{job}", json={"more": 8}).status_code == 429
+        assert bea.delete(f"/api/jobs/{job}").status_code == 204
+        assert used(bea)["samples_day"] == SAMPLES
+        refused = asked(bea, scene, spp=8)
+        assert (refused.status_code, f"{2 * SAMPLES:,} more" in refused.json()["detail"]) == (429, True)
+        assert asked(bea, scene).status_code == 201
+
+
+def test_bytes_of_uploads_and_films(service: Service, chief: httpx.Client) -> None:
+    with somebody(service, "cleo") as cleo:
+        scene = scene_of(cleo, OBJ + b"# cleo")
+        mine = used(cleo)["bytes"]
+        assert mine == len(OBJ) + 6
+        job = asked(cleo, scene).raise_for_status().json()["id"]
+        until(lambda: cleo.get(f"/api/jobs/{job}").json()["state"] == "finished", "it is rendered")
+        assert used(cleo)["bytes"] > mine + 1000, "its film"
+        may(chief, "users/cleo", bytes=used(cleo)["bytes"] + 20_000)
+        large = cleo.post("/api/scenes", files={"files": ("b.obj", OBJ + b"#" * 50_000)})
+        assert (large.status_code, "Delete jobs or scenes" in large.json()["detail"]) == (507, True)
+        packed = io.BytesIO()
+        with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("c.obj", OBJ + b"#" * 50_000)
+        assert len(packed.getvalue()) < 2000
+        assert cleo.post("/api/scenes", files={"files": ("c.zip", packed.getvalue())}).status_code == 507
+        for kind in ("references", "environments"):
+            assert cleo.post(f"/api/{kind}", files={"file": ("b.png", b"#" * 50_000)}).status_code == 507
+        may(chief, "users/cleo", bytes=0)
+        assert asked(cleo, scene).status_code == 507
+        assert cleo.delete(f"/api/jobs/{job}").status_code == 204, "what helps is never refused"
+        assert cleo.delete(f"/api/scenes/{scene}").status_code == 204
+
+
+def test_a_token_may_less_than_its_user(service: Service, chief: httpx.Client) -> None:
+    with somebody(service, "dora") as dora:
+        secret, row = service.farm.access.keys.make("token", "dora", Role.SUBMIT, "nightly")
+        may(chief, f"tokens/{row.id}", jobs=0)
+        scene = scene_of(dora)
+        with caller(service, secret) as nightly:
+            refused = asked(nightly, scene)
+            assert (refused.status_code, "This token's" in refused.json()["detail"]) == (429, True)
+            assert [found["whose"] for found in nightly.get("/api/quota").json()] == ["user:dora", f"token:{row.id}"]
+        assert asked(dora, scene).status_code == 201
+
+
+def test_what_is_said_of_nobody_is_refused(service: Service, chief: httpx.Client) -> None:
+    assert chief.put("/api/quotas/users/nobody", json={"jobs": 1}).status_code == 404
+    assert chief.put("/api/quotas/tokens/nothing", json={"jobs": 1}).status_code == 404
+    assert chief.put("/api/quotas/users/anna", json={"jobs": -1}).status_code == 422
+    assert chief.put("/api/quotas/users/anna", json={"cores": 1}).status_code == 422
+    assert {found["whose"] for found in chief.get("/api/quotas").json()} >= {"user:anna", "user:bea"}
+    assert chief.get("/api/quota").json() == []

@@ -1,0 +1,120 @@
+"""Who sent which samples of a film is known, however they were folded, and can be taken back."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.store.film_check import film_samples, rows_left
+from service.store.film_copy import copy_film
+from service.store.film_version import VERSION, FilmShape
+from service.store.films import FOLD_AT, MOST_APART, Film
+from service.store.parts import Part
+from service.store.senders import MOST, senders_of, senders_text
+from service.store.tile_cache import TileCache
+from tests.service.peer_worker import expected_sums
+from worker.sums import pack_sums
+
+SHAPE = FilmShape(8, 8, 8, 24)
+
+
+def make(path: Path) -> Film:
+    return Film(path, 8, 8, 8, 24, TileCache(1 << 20))
+
+
+@pytest.fixture
+def film(tmp_path: Path) -> Iterator[Film]:
+    film = make(tmp_path / "job.sqlite")
+    film.keeps_apart = True
+    yield film
+    film.close()
+
+
+def sent(film: Film, worker: str, first: int, count: int = 1) -> None:
+    sums = pack_sums(expected_sums(film.tiles[0], first, count, 0))
+    assert film.merge([Part(0, 0, first, count, sums, workers=(worker,))]) == [True]
+
+
+def rows(film: Film) -> list[tuple[str, int]]:
+    assert film._file is not None
+    return sorted((str(head.workers), head.count) for head in film._file.heads())
+
+
+def test_what_workers_sent_in_turn_is_folded_apart_and_taken_back_alone(film: Film, tmp_path: Path) -> None:
+    for first in range(2 * FOLD_AT):
+        sent(film, "ab"[first % 2], first)
+    assert rows(film) == [('["a"]', FOLD_AT), ('["b"]', FOLD_AT)]
+    again = make(tmp_path / "job.sqlite")  # as the service begins anew
+    for each in (film, again):
+        np.testing.assert_array_equal(each.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 2 * FOLD_AT, 0))
+        assert each.coverage(0, 0).ranges == [(0, 2 * FOLD_AT)]
+    with film.moment() as moment:
+        assert moment.coverage(0, 0).ranges == [(0, 2 * FOLD_AT)]
+    assert film_samples(tmp_path / "job.sqlite", SHAPE) == {0: 64 * 2 * FOLD_AT}
+    again.close()
+    assert film.take_back("b") == 64 * FOLD_AT
+    assert film.coverage(0, 0).ranges == [(first, first + 1) for first in range(0, 2 * FOLD_AT, 2)]
+    odd = [expected_sums(film.tiles[0], first, 1, 0) for first in range(0, 2 * FOLD_AT, 2)]
+    np.testing.assert_array_equal(film.tile_sums(0, 0), sum(odd))
+    for first in range(1, 2 * FOLD_AT, 2):
+        sent(film, "c", first)
+    np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 2 * FOLD_AT, 0))
+
+
+def test_a_folded_row_goes_over_into_copies_and_out_of_damaged_films(film: Film, tmp_path: Path) -> None:
+    for first in range(2 * FOLD_AT):
+        sent(film, "ab"[first % 2], first)
+    film.settle()
+    assert copy_film(tmp_path / "job.sqlite", tmp_path / "copy.sqlite", SHAPE, 2 * FOLD_AT) == 64 * 2 * FOLD_AT
+    saved = make(tmp_path / "saved.sqlite")
+    saved.take_over(rows_left(tmp_path / "copy.sqlite", SHAPE))
+    assert saved.coverage(0, 0).ranges == [(0, 2 * FOLD_AT)]
+    assert saved.take_back("a") == 64 * FOLD_AT
+    saved.close()
+
+
+def test_where_they_are_not_kept_apart_the_row_names_all_who_are_in_it(film: Film) -> None:
+    film.keeps_apart = False
+    for first in range(FOLD_AT):
+        sent(film, f"w{first % 3}", first)
+    assert rows(film) == [('["w0", "w1", "w2"]', FOLD_AT)]
+    assert film.take_back("w3") == 0
+    assert film.take_back("w1") == 64 * FOLD_AT
+    assert film.is_empty
+
+
+def test_the_rows_of_a_tile_are_bounded_however_many_workers_there_are(film: Film) -> None:
+    for first in range(MOST_APART + FOLD_AT):
+        sent(film, f"w{first}", first)
+    assert len(rows(film)) <= MOST_APART
+    np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, MOST_APART + FOLD_AT, 0))
+
+
+def test_of_more_workers_than_a_row_names_it_may_be_anybody() -> None:
+    few, many = senders_text([f"w{n}" for n in range(MOST)]), senders_text([f"w{n}" for n in range(MOST + 1)])
+    assert ("w1" in senders_of(few), "x" in senders_of(few)) == (True, False)
+    assert "x" in senders_of(many)
+    assert "x" in senders_of(senders_text([*senders_of(many), "y"])), "what is added to it stays anybody's"
+    assert senders_text([""]) is None
+    assert "x" not in senders_of(None)
+    assert "x" not in senders_of("{damaged")
+
+
+def test_a_film_of_the_version_before_is_read_and_goes_on(film: Film, tmp_path: Path) -> None:
+    sent(film, "", 0, 2)
+    film.close()
+    with sqlite3.connect(tmp_path / "job.sqlite") as database:
+        database.execute("ALTER TABLE part DROP COLUMN workers")
+        database.execute("ALTER TABLE part DROP COLUMN ranges")
+        database.execute(f"PRAGMA user_version = {VERSION - 1}")
+    database.close()
+    assert film_samples(tmp_path / "job.sqlite", SHAPE) == {0: 128}
+    again = make(tmp_path / "job.sqlite")
+    sent(again, "a", 2)
+    assert rows(again) == [("None", 2), ('["a"]', 1)]
+    assert again.take_back("a") == 64
+    again.close()

@@ -1,0 +1,31 @@
+"""How a worker reads its queue: what lies there and is no message is left out.
+
+Kombu raises whatever decoding raises, which ends the worker, and the next one that reads the queue: one after the other.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+from kombu.transport import redis
+
+__all__ = ["be_patient"]
+
+log = logging.getLogger(__name__)
+
+
+class PatientChannel(redis.Channel):
+    """Redis' channel, to whom garbage is as nothing."""
+
+    def _brpop_read(self, **options: Any) -> Any:
+        try:
+            return super()._brpop_read(**options)
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+            log.warning("what lay in the queue is no message, and is left out (%s: %.200s)", type(error).__name__, error)
+            return True  # something was read
+
+
+def be_patient() -> None:
+    """Have this process read all its queues so."""
+    redis.Transport.Channel = PatientChannel

@@ -1,0 +1,34 @@
+"""Redis over TLS: rediss:// addresses, and whom to believe where the machine does not trust Redis's certificate by itself.
+
+The authority's file lies elsewhere on every machine, so it is no part of the address that a farm tells its workers: each of them,
+and the service, has it in RAYFARM_REDIS_CA.
+"""
+
+from __future__ import annotations
+
+import os
+from urllib.parse import parse_qsl, urlencode, urlsplit
+
+__all__ = ["CA_VARIABLE", "as_told", "trusting"]
+
+CA_VARIABLE = "RAYFARM_REDIS_CA"
+OWN = ("ssl_ca_certs", "ssl_ca_path", "ssl_certfile", "ssl_keyfile")  # of an address: files of one machine
+
+
+def trusting(url: str) -> str:
+    """An address with the authority that this machine was told of; as it is where it is not over TLS, or names one itself."""
+    ca, parts = os.environ.get(CA_VARIABLE, ""), urlsplit(url)
+    query = dict(parse_qsl(parts.query))
+    if parts.scheme != "rediss":
+        return url
+    query.setdefault("ssl_cert_reqs", "required")
+    if ca:
+        query.setdefault("ssl_ca_certs", os.path.expanduser(ca))  # noqa: PTH111 - it stays text
+    return parts._replace(query=urlencode(query, safe="/")).geturl()
+
+
+def as_told(url: str) -> str:
+    """The address without what is of this machine alone, for others."""
+    parts = urlsplit(url)
+    query = [(name, value) for name, value in parse_qsl(parts.query) if name not in OWN]
+    return parts._replace(query=urlencode(query, safe="/")).geturl() if parts.scheme == "rediss" else url
