@@ -24,6 +24,7 @@ from tests.helpers import running_redis
 from tests.service.conftest import TOKEN, Service, until
 
 PASSWORD = "four quiet words here"
+NOBODY = {"login": True, "name": None, "role": None, "kind": None, "provider": None}
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +105,7 @@ def test_without_a_login_there_is_nothing_but_the_page(service: Service) -> None
                 assert ask(worker, method, pattern) == 403, (method, pattern)
         assert ask(nobody, "GET", "/api/nowhere") == 401
         assert nobody.get("/").status_code == 200
-        assert nobody.get("/api/session").json() == {"login": True, "name": None, "role": None, "kind": None, "provider": None}
+        assert nobody.get("/api/session").json() == NOBODY
         assert worker.get("/api/farm/join").json()["instance"]
         assert worker.get("/api/nowhere").status_code == 404
         answer = nobody.get("/api/jobs")
@@ -130,13 +131,7 @@ def test_a_link_lets_its_user_in_once(service: Service, owner: httpx.Client) -> 
     with caller(service) as browser, caller(service) as thief:
         assert browser.get("/api/jobs", headers={"Authorization": f"Bearer {link['code']}"}).status_code == 401
         answer = browser.post("/api/login", json={"link": link["code"]})
-        assert answer.json() | {"login": True} == {
-            "login": True,
-            "name": "lena",
-            "role": "submit",
-            "kind": "session",
-            "provider": None,
-        }
+        assert answer.json() | {"login": True} == {**NOBODY, "name": "lena", "role": "submit", "kind": "session"}
         cookie = answer.headers["set-cookie"]
         assert all(part in cookie for part in ("HttpOnly", "SameSite=strict", "Path=/", "Max-Age=2592000"))
         assert "Secure" not in cookie
@@ -347,11 +342,8 @@ def test_what_was_done_is_written_down_without_a_secret(service: Service, owner:
         ("owner", "POST /api/users", 201),
     } <= seen
     assert lines == sorted(lines, key=lambda line: line["at"], reverse=True)
-    kept = b"".join(
-        path.read_bytes()
-        for path in Path(service.options["data"]).glob("*")
-        if path.is_file() and path.suffix in (".jsonl", ".sqlite", ".sqlite-wal")
-    )
+    files = [path for path in Path(service.options["data"]).iterdir() if path.suffix in (".jsonl", ".sqlite", ".sqlite-wal")]
+    kept = b"".join(path.read_bytes() for path in files)
     assert b"anna" in kept
     assert not [secret for secret in secrets if secret.encode() in kept]
 
@@ -361,11 +353,11 @@ def test_on_loopback_all_is_open_but_who_else_is_let_in(tmp_path: Path, redis_se
     try:
         http = service.http
         assert http.get("/api/session").json() == {
+            **NOBODY,
             "login": False,
             "name": "this machine",
             "role": "admin",
             "kind": "open",
-            "provider": None,
         }
         assert http.get("/api/jobs").status_code == 200
         assert http.get("/api/jobs", headers={"Authorization": "Bearer of-another-service"}).status_code == 200
