@@ -158,6 +158,11 @@ class Job(_ShowsItself):
     after: list[str] = field(default_factory=list)  # ids of the jobs that it was to come after
     user: str | None = None  # who asked for it
     max_slots: int | None = None  # that render it at a time, at most
+    needs: list[str] = field(default_factory=list)  # of the workers that render it
+    deadline: float | None = None  # unix time by which it is wanted
+    expected: float | None = None  # when it is to be ready by the forecast, where it has a deadline
+    late: float | None = None  # since when it is expected to miss that
+    warning: str | None = None  # what somebody may want to do something about
     waits_for: list[Wait] = field(default_factory=list)  # those of them that are not finished
     taken: dict[str, Any] | None = None  # with what it began: `job` and its `spp`
 
@@ -165,6 +170,22 @@ class Job(_ShowsItself):
     def is_over(self) -> bool:
         """Whether nothing more happens by itself."""
         return self.state in ("finished", "failed", "cancelled")
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What a worker offers."""
+
+    tags: list[str] = field(default_factory=list)
+    memory: int = 0  # bytes that it may use
+    slots_most: int = 0  # it was started with so many
+    hours: str = ""  # empty: always
+    idle_minutes: float = 0.0
+    idle_by: list[str] = field(default_factory=list)  # how it knows that somebody works at its machine
+    nice: int = 0
+    memory_limit: int = 0  # bytes; 0: none
+    rests: str | None = None  # why it takes nothing at the moment, by its own hours or limits
+    trouble: str | None = None  # what was asked of it and it cannot do
 
 
 @dataclass(frozen=True)
@@ -183,6 +204,7 @@ class Worker:
     samples_per_s: float = 0.0  # of one slot
     current: list[dict[str, Any]] = field(default_factory=list)  # what each slot does
     denoises: bool = False
+    offer: Offer | None = None  # None: it is of an older release, and can only be paused
 
 
 def read(cls: type[T], data: Any) -> T:

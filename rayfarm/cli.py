@@ -26,6 +26,7 @@ from rayfarm.commands import (
     user,
     watch,
     worker,
+    workers,
 )
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, EXIT_INTERRUPTED
@@ -57,6 +58,7 @@ COMMANDS = (
     render,
     submit,
     jobs,
+    workers,
     shares,
     watch,
     user,

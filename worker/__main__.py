@@ -29,11 +29,13 @@ from worker.contract import WorkerReport
 from worker.errors import RefusedError, WorkerError
 from worker.files import memory_budget
 from worker.joining import Joining
+from worker.keeping import Keeping
 from worker.link import Link, check_redis_url
 from worker.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 from worker.pieces import Pieces
 from worker.ready import get_ready
 from worker.status import SlotBoard
+from worker.terms import TAG, Terms
 
 EXIT_REFUSED = 3
 
@@ -89,6 +91,7 @@ def _work(options: argparse.Namespace) -> int:
         board=SlotBoard(options.slots),
         started=started,
         tail=tail,
+        keeping=Keeping(options.slots, _tags(options, host, kind), _own_terms(options)),
         pieces=_pieces(log),
     )
     if lines is not None:
@@ -121,7 +124,24 @@ def _options() -> argparse.Namespace:
     )
     parser.add_argument("--cache", type=Path, default=default_cache_dir(), help="where fetched scenes are kept")
     parser.add_argument("--cache-bytes", type=int, default=32 << 30, help="how much they may take together")
+    parser.add_argument("--tag", action="append", default=[], help="what jobs may need of a worker; may be given several times")
+    parser.add_argument("--hours", default="", help="when it works, as Mon-Fri 19:00-07:00, Sat-Sun; always unless told")
+    parser.add_argument("--idle", type=float, default=0.0, help="minutes for which nobody must have worked at this machine")
+    parser.add_argument("--nice", type=int, default=None, help="0 to 19: how far it stands back for other programs")
+    parser.add_argument("--memory", type=float, default=0.0, help="GB that it may use; all that there is unless told")
     return parser.parse_args()
+
+
+def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:
+    """Those that it was given, and those that it has by itself."""
+    own = [f"host:{host.lower()}", *(["denoiser"] if denoise.is_available() else []), f"kind:{kind.lower()}"]
+    return tuple(dict.fromkeys([*options.tag, *own]))
+
+
+def _own_terms(options: argparse.Namespace) -> Terms:
+    """As it was started. Raises ValueError."""
+    memory = round(options.memory * 1e9)
+    return Terms(options.hours, options.idle, options.nice, memory=memory).checked()
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -131,6 +151,12 @@ def _check(options: argparse.Namespace) -> None:
             check_redis_url(options.redis)
     except ValueError as error:
         raise RefusedError(f"--redis or RAYFARM_REDIS_URL: {error}") from None
+    try:
+        _own_terms(options)
+    except ValueError as error:
+        raise RefusedError(str(error)) from None
+    if wrong := [tag for tag in options.tag if not TAG.fullmatch(tag)]:
+        raise RefusedError(f"--tag: {wrong[0]!r} is no tag; take small letters, digits and . _ : -")
     try:
         memory_budget()
     except ValueError:

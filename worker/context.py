@@ -13,6 +13,7 @@ from renderer import denoise
 from worker.cache import BlobCache
 from worker.contract import WorkerReport, denoise_queue, prepare_queue, render_queue
 from worker.joint import help_queue
+from worker.keeping import Keeping
 from worker.link import Link
 from worker.log_tail import LogTail
 from worker.pieces import Pieces
@@ -38,6 +39,7 @@ class WorkerContext:
     host: str = field(default_factory=socket.gethostname)
     started: float = field(default_factory=time.time)
     tail: LogTail | None = None  # of the log
+    keeping: Keeping | None = None  # what is asked of it at run time; the parent's
     pieces: Pieces | None = None  # none where this machine has no folder for them
     _results: ResultStream | None = None
 
@@ -57,11 +59,14 @@ class WorkerContext:
     def report(self, is_paused: bool = False) -> WorkerReport:
         """The worker of itself, ready or paused, and with what its slots do now."""
         doing, speed = self.board.read()
+        slots = self.keeping.slots_now if self.keeping else self.slots
+        if slots < self.slots:  # what is in hand is shown in any case
+            doing = sorted(doing, key=bool, reverse=True)[: max(slots, sum(map(bool, doing)))]
         return WorkerReport(
             name=self.name,
             host=self.host,
             pid=self.pid,
-            slots=self.slots,
+            slots=slots,
             cpu=cpu_name(),
             kind=self.kind,
             state="paused" if is_paused else "ready",

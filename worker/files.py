@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 from worker.context import WorkerContext
 from worker.contract import Manifest
 from worker.errors import MachineError, WorkError, is_of_machine
+from worker.keeping import memory_limit
 
 __all__ = ["memory_budget", "place_files"]
 
@@ -40,16 +41,18 @@ def _place(blob: Path, folder: Path, name: str) -> None:
 
 
 def memory_budget() -> int:
-    """Bytes that preparing one scene may take: $RAYFARM_PREPARE_MEMORY_MB, else three quarters of what is free now.
+    """Bytes that preparing one scene may take: $RAYFARM_PREPARE_MEMORY_MB, else three quarters of what is free now; never more
+    than the worker itself may use.
 
     Raises ValueError where the variable is no number.
     """
+    limit = memory_limit() or (1 << 60)
     if named := os.environ.get("RAYFARM_PREPARE_MEMORY_MB"):
-        return int(named) << 20
+        return min(int(named) << 20, limit)
     try:
         for line in Path("/proc/meminfo").read_text().splitlines():
             if line.startswith("MemAvailable:"):
-                return max(int(line.split()[1]) * 1024 * 3 // 4, 1 << 30)
+                return min(max(int(line.split()[1]) * 1024 * 3 // 4, 1 << 30), limit)
     except OSError:
         pass
-    return 8 << 30
+    return min(8 << 30, limit)

@@ -32,6 +32,7 @@ from worker.contract import (
 from worker.joint import help_queue
 from worker.jointly import ask_for_help
 from worker.log_tail import LogTail
+from worker.terms import OFFER_TTL_S, Offer, offer_key, terms_key
 from worker.vitals import LOG_TTL_S, VITALS_TTL_S, log_key, log_wanted_key, vitals_key
 
 __all__ = ["Heartbeat", "Reporter"]
@@ -68,6 +69,19 @@ class Reporter:
             return bool(self.redis.exists(order_key(name)))
         except redis.RedisError:
             return before
+
+    def terms(self, name: str, before: bytes | None) -> bytes | None:
+        """What is asked of this worker; as before where Redis does not say."""
+        try:
+            found: Any = self.redis.get(terms_key(name))
+        except redis.RedisError:
+            return before
+        return None if found is None else bytes(found)
+
+    def tell_offer(self, name: str, offer: Offer) -> None:
+        """Write down what the worker offers."""
+        with contextlib.suppress(redis.RedisError):
+            self.redis.set(offer_key(name), offer.to_bytes(), ex=OFFER_TTL_S)
 
     def tell_vitals(self, name: str) -> None:
         """Write down how the machine is."""
@@ -108,6 +122,8 @@ class Heartbeat(bootsteps.StartStopStep):
         self.reporter = Reporter(self.worker.redis_url)
         self.consumer = consumer
         self.is_paused = False
+        self.served: tuple[str, ...] = ()  # queues of needs
+        self.asked: bytes | None = None
         self.said = ""  # of what is in the way, once
         self.timer: Any = None
         self.idle_since = time.monotonic()
@@ -127,7 +143,10 @@ class Heartbeat(bootsteps.StartStopStep):
 
     def beat(self) -> None:
         """Report, wind the watchdog, and look whether tasks pass this worker by."""
+        self._keep()
         self._obey()
+        if self.worker.keeping is not None:
+            self.reporter.tell_offer(self.worker.name, self.worker.keeping.offer())
         report = self.worker.report(self.is_paused)
         if not self.reporter.beat(report):
             return
@@ -155,8 +174,10 @@ class Heartbeat(bootsteps.StartStopStep):
 
     def _obey(self) -> None:
         """Stop or begin to take tasks, as the service wants; what is in hand is finished in any case."""
-        wanted = self.reporter.is_paused(self.worker.name, self.is_paused)
+        keeping = self.worker.keeping
+        wanted = (keeping is not None and keeping.why is not None) or self.reporter.is_paused(self.worker.name, self.is_paused)
         if wanted == self.is_paused:
+            self._serve_needs(() if wanted or keeping is None else keeping.terms.queues)
             return
         try:
             for queue in self.worker.queues:
@@ -173,4 +194,32 @@ class Heartbeat(bootsteps.StartStopStep):
             return  # until the next beat
         self.is_paused = wanted
         self.said = ""
-        log.warning("paused by the service" if wanted else "taking tasks again")
+        why = keeping.why if keeping is not None else None
+        log.warning("%s", (why or "paused by the service") if wanted else "taking tasks again")
+        self._serve_needs(() if wanted or keeping is None else keeping.terms.queues)
+
+    def _serve_needs(self, queues: tuple[str, ...]) -> None:
+        """Take from these queues beside its own, and from no others."""
+        try:
+            for queue in self.served:
+                if queue not in queues:
+                    self.consumer.cancel_task_queue(queue)
+            for queue in queues:
+                if queue not in self.served:
+                    self.consumer.add_task_queue(queue)
+        except redis.RedisError as error:
+            log.warning("queues cannot be changed now: %s", error)
+            return  # until the next beat: to take from a queue twice, or to leave it twice, is harmless
+        self.served = queues
+
+    def _keep(self) -> None:
+        """Do as is asked: what is in hand is finished in any case."""
+        if (keeping := self.worker.keeping) is None:
+            return
+        self.asked = self.reporter.terms(self.worker.name, self.asked)
+        keeping.ask(self.asked)
+        keeping.look()
+        # Tasks are acknowledged when they are done: so many that are not are as many as may be in hand.
+        if missing := keeping.slots_now - self.consumer.qos.value:
+            change = self.consumer.qos.increment_eventually if missing > 0 else self.consumer.qos.decrement_eventually
+            change(abs(missing))

@@ -1,5 +1,5 @@
 """From which queue a worker takes next: views that somebody looks at come first, then pieces of a batch that this machine has
-begun, and the others have their turn.
+begun, then batches that need something that not every worker has, and the others have their turn.
 
 Preparing has a turn after each view: what is looked at may wait for it, as a scene under another light does.
 """
@@ -10,6 +10,7 @@ from kombu.utils.scheduling import round_robin_cycle
 
 from worker.contract import prepare_queue
 from worker.joint import HELP_QUEUES
+from worker.terms import NEEDS
 from worker.view_parts import VIEW_QUEUES
 
 __all__ = ["STRATEGY", "ViewsFirst"]
@@ -33,5 +34,6 @@ class ViewsFirst(round_robin_cycle):
         """The queues in the order in which they are looked into."""
         first = (PREPARE_QUEUES, VIEW_QUEUES, HELP_QUEUES) if self._was_view else (VIEW_QUEUES, HELP_QUEUES)
         return sorted(
-            super().consume(n), key=lambda queue: next((i for i, name in enumerate(first) if queue.startswith(name)), 9)
+            super().consume(n),
+            key=lambda queue: next((i for i, name in enumerate(first) if queue.startswith(name)), 8 if NEEDS in queue else 9),
         )

@@ -64,5 +64,5 @@ def jobs(
         table.add_row(row.id, row.state, done, frames, size, str(row.spp or ""), escape(row.name or row.scene))
     out.print(table)
     for row in rows:
-        if why := row.error or row.message:
+        if why := row.error or row.warning or row.message:
             out.print(f"{row.id}: {why}", markup=False, soft_wrap=True)

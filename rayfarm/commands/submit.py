@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +20,7 @@ from rayfarm.picture import Picture, takes_picture
 from rayfarm.scene_files import belonging, is_numbered
 from rayfarm.shot import FarmShot, fetch_shot
 from renderer.frames import frames_text
+from service.clock import deadline_of
 from service.watching.movie import MOVIES
 
 __all__ = ["register"]
@@ -62,6 +64,20 @@ def submit(
     after: Annotated[
         list[str] | None,
         typer.Option(metavar="JOB", help="Begin when this job is finished; may be given several times.", rich_help_panel=QUEUE),
+    ] = None,
+    deadline: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="By when it is wanted: 08:00, the next, or an ISO time as 2026-05-01T08:00. Warns when the forecast says no.",
+            rich_help_panel=QUEUE,
+        ),
+    ] = None,
+    need: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NEED", help="Of the workers: a tag, or memory_gb=32; may be given several times.", rich_help_panel=QUEUE
+        ),
     ] = None,
     max_slots: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Slots that render it at a time, at most.", rich_help_panel=QUEUE)
@@ -121,6 +137,7 @@ def submit(
         err.print(f"{kept} of {len(shot.all_frames)} frames are there and kept; --overwrite renders them again", markup=False)
     if is_numbered(scene) and frames is None:
         raise CommandError(f"{scene.name} is a file for each frame: say which, by --frames, or name one of them")
+    wanted = _deadline(deadline)
     environment = picture.environment().image
     with farm_client(server) as farm:
         uploaded = farm.upload(
@@ -136,7 +153,7 @@ def submit(
             asked["variant"] = variant
         if shot is not None:
             asked |= {**shot.request, "frames": frames_text(shot.frames)}
-        queue = {"after": after, "max_slots": max_slots}
+        queue = {"after": after, "max_slots": max_slots, "deadline": wanted, "needs": need}
         asked |= {name: value for name, value in queue.items() if value}
         if fresh:
             asked["fresh"] = True
@@ -152,6 +169,14 @@ def submit(
             _wait(farm, job.id, output, aov, denoise, shot)
         else:
             err.print(f"Watch it at {farm.url}/#/jobs/{job.id}", markup=False, soft_wrap=True)
+
+
+def _deadline(text: str | None) -> str | None:
+    """With this machine's zone: the farm's may be another."""
+    try:
+        return None if text is None else datetime.fromtimestamp(deadline_of(text)).astimezone().isoformat()
+    except ValueError as error:
+        raise CommandError(f"--deadline: {error}") from None
 
 
 def _prepared(farm: Client, uploaded: Scene) -> Scene:

@@ -21,6 +21,9 @@ from worker.foreign import is_address
 __all__ = ["register"]
 
 
+NIGHT = "When, and for what"
+
+
 def register(app: typer.Typer) -> None:
     """Add the command."""
     app.command("worker")(worker)
@@ -37,6 +40,28 @@ def worker(
     ] = None,
     slots: Annotated[int | None, typer.Option(min=1, help="Batches rendered at a time; one per core unless told.")] = None,
     name: Annotated[str | None, typer.Option(help="What the farm calls this machine; its host name unless told.")] = None,
+    tag: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TAG", help="What jobs may need, as gpu; may be given several times.", rich_help_panel=NIGHT),
+    ] = None,
+    hours: Annotated[
+        str,
+        typer.Option(
+            metavar="WEEK", help="When it works, as 'Mon-Fri 19:00-07:00, Sat-Sun'; always by itself.", rich_help_panel=NIGHT
+        ),
+    ] = "",
+    idle: Annotated[
+        float,
+        typer.Option(
+            min=0, metavar="MINUTES", help="Work only when nobody has worked at this machine for so long.", rich_help_panel=NIGHT
+        ),
+    ] = 0.0,
+    nice: Annotated[
+        int | None, typer.Option(min=0, max=19, help="How far it stands back for other programs.", rich_help_panel=NIGHT)
+    ] = None,
+    memory: Annotated[
+        float, typer.Option(min=0, metavar="GB", help="Memory that it may use; all by itself.", rich_help_panel=NIGHT)
+    ] = 0.0,
     log_format: options.LogFormat = None,
 ) -> None:
     """Join a farm: render its batches with this machine's cores until Ctrl-C.
@@ -48,6 +73,8 @@ def worker(
 
       rayfarm worker --join http://studio.local:8000 --token-file ~/farm.token
       RAYFARM_TOKEN=T rayfarm worker --join studio.local:8000 --slots 4 --name attic
+      rayfarm worker --join studio.local:8000 --token-file T --hours "Mon-Fri 19:00-07:00, Sat-Sun" --nice 10
+      rayfarm worker --join studio.local:8000 --token-file T --idle 15 --tag bigmem
     """
     from rayfarm.local.state import ROOT
     from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
@@ -72,6 +99,9 @@ def worker(
     command = [sys.executable, "-m", "worker", "--service", join, "--slots", str(slots or cores())]
     if name:
         command += ["--name", name]
+    said = {"hours": hours, "idle": idle or None, "nice": nice, "memory": memory or None}
+    command += [f"--{option}={value}" for option, value in said.items() if value is not None and value != ""]
+    command += [f"--tag={each}" for each in tag or ()]
     log = cache_home() / "logs" / f"worker-{os.getpid()}.log"
     supervisor = Supervisor(ROOT, lambda sentence: err.print(sentence, markup=False, soft_wrap=True))
     env = {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}

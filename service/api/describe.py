@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, cast
 
 from sqlalchemy import select
@@ -14,7 +15,7 @@ from sqlalchemy.orm import Session
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_number, frames_text
 from renderer.settings import RenderSettings
-from service.api.queue_fields import WaitOut, waits_of, waits_sentence
+from service.api.queue_fields import WaitOut, waits_of, waits_sentence, warning_of
 from service.api.schemas import (
     BadSampleOut,
     FrameOut,
@@ -25,19 +26,19 @@ from service.api.schemas import (
     SceneStatus,
     ShotOut,
     TakenOut,
-    WorkerOut,
 )
+from service.api.worker_fields import worker_out
 from service.errors import FarmError
 from service.scheduling.active_frame import FrameNumbers
 from service.scheduling.engine import Engine
+from service.scheduling.needs import Needs
 from service.scheduling.snapshot import JobNumbers, Snapshot
 from service.scheduling.workers import Roster
 from service.shot import Shot
 from service.store.models import ACTIVE, Frame, Job, Scene
-from worker.contract import WorkerReport
 from worker.reproduce import sample_command
 
-__all__ = ["UNREADABLE", "frame_out", "frames_out", "job_out", "jobs_out", "scene_out", "snapshot", "worker_out"]
+__all__ = ["UNREADABLE", "frame_out", "frames_out", "job_out", "jobs_out", "scene_out", "snapshot"]
 
 log = logging.getLogger(__name__)
 
@@ -161,13 +162,17 @@ def _job_out(job: Job, recorded: Recorded, view: Snapshot, waits: list[WaitOut])
             name: getattr(job, name)
             for name in (
                 *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
-                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "user", "max_slots"),
+                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings"),
+                *("user", "max_slots", "deadline", "late"),
             )
         },
         project=job.project or "",
         message=_message(job, view, waits) or _holes(job, about),
         after=job.request.get("after") or [],
         waits_for=waits,
+        needs=needs.texts if (needs := Needs.of(job.needs)) else [],
+        expected=live.expected if live else None,
+        warning=warning_of(job, live.expected if live else None, time.time()),
         active_s=live.active_s if live else max(job.active_s, known.active_s if known else 0.0),
         progress=live.progress if live and about else sums.progress / max(about.count if about else len(frames), 1),
         eta_s=live.eta_s if live and job.state == "running" else 0.0 if job.state == "finished" else None,
@@ -289,25 +294,6 @@ def _bad_samples(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut
     return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b)) for b in bad[:BAD_SHOWN]]
 
 
-def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerOut:
-    """A worker. One that is told to pause (why) counts as paused, though it may still finish what it has in hand."""
-    current = [{**doing, "frame": frame_number(doing["frame"])} if _counts(doing) else doing for doing in report.current]
-    vitals = view.roster.vitals.get(report.name)
-    return WorkerOut(
-        **{**asdict(report), "current": current, "state": report.state if why is None else "paused"},
-        message=why,
-        memory_used=vitals.memory_used if vitals else None,
-        memory_total=vitals.memory_total if vitals else None,
-        failures=view.failures.get(report.name, 0),
-        speeds=list(view.roster.speeds.get(report.name, ())),
-    )
-
-
-def _counts(doing: dict[str, Any]) -> bool:
-    """Whether it names a frame, which workers count in halves."""
-    return isinstance(doing.get("frame"), int)
-
-
 def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, Any] | None:
     """A job, scene or worker as JSON-ready data; None where it is gone."""
     view = engine.snapshot
@@ -333,6 +319,8 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
         return "Waits for its scene to be prepared."
     if why := _in_the_way(view.roster):
         return why
+    if job.needs and (why := _unmet(job, view.roster)):
+        return why
     if job.lit in view.preparing:
         return "Its scene is prepared under its light."
     if job.shot is not None and view.roster.shooting_kind() is None:
@@ -349,6 +337,13 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
     if ahead := view.ahead.get(job.id):
         return f"Waits for {ahead} job{'s'[: ahead > 1]} of a higher priority."
     return None
+
+
+def _unmet(job: Job, roster: Roster) -> str | None:
+    """Why no worker that could render a job has what it needs."""
+    needs = Needs.of(job.needs)
+    able = [report.name for report in roster.ready() if job.kind in (None, report.kind)]
+    return needs.lacking(map(roster.offers.get, able)) if needs else None
 
 
 def _holes(job: Job, shot: ShotOut | None) -> str | None:

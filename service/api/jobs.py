@@ -23,9 +23,10 @@ from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_m
 from service.api.job_list import MOST_JOBS, Choice, Order
 from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
-from service.api.queue_fields import wait_for, wait_for_fewer
+from service.api.queue_fields import needs_of, wait_for, wait_for_fewer
 from service.api.schemas import JobIn, JobOut, JobPatch, JobState
 from service.api.visit import VisitDependency
+from service.clock import deadline_of
 from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
@@ -52,7 +53,9 @@ class HistoryEvent(BaseModel):
     """Something that happened."""
 
     at: float = Field(description="unix time")
-    kind: str = Field(description="begun, picture (every tile has a sample), worker, left, paused, resumed, lost, failed, healed")
+    kind: str = Field(
+        description="begun, picture (every tile has a sample), worker, left, paused, resumed, lost, failed, healed, late, in-time"
+    )
     words: str = Field(description="of whom, or why")
 
 
@@ -109,6 +112,8 @@ def create_job(
         user=visit.user,
         key=visit.token,
         max_slots=request.max_slots,
+        needs=needs_of(request.needs),
+        deadline=None if request.deadline is None else deadline_of(request.deadline),
     )
     try:
         with (
@@ -250,6 +255,10 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency, visit: VisitDepe
             focus_on(job, change.focus)
         if "max_slots" in change.model_fields_set:
             job.max_slots = change.max_slots
+        if "deadline" in change.model_fields_set:
+            job.deadline, job.late = None if change.deadline is None else deadline_of(change.deadline), None
+        if change.needs is not None:
+            job.needs = needs_of(change.needs)
         if change.after is not None:
             wait_for_fewer(id, change.after, session)
         if change.state is not None:

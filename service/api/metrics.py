@@ -11,7 +11,7 @@ from sqlalchemy import func, select
 
 from service.farm import Farm
 from service.scheduling.snapshot import Snapshot
-from service.store.models import Frame, Job, Scene
+from service.store.models import ACTIVE, Frame, Job, Scene
 
 __all__ = ["render"]
 
@@ -25,8 +25,10 @@ class _Collector:
         with self._farm.sessions() as session:
             jobs = session.execute(select(Job.state, func.count()).group_by(Job.state)).all()
             scenes = session.execute(select(Scene.status, func.count()).group_by(Scene.status)).all()
+            late = session.scalar(select(func.count()).where(Job.state.in_(ACTIVE), Job.late.is_not(None))) or 0
             samples, bad = session.execute(select(func.sum(Frame.samples), func.sum(Frame.bad_samples))).one()
         yield _gauge("rayfarm_jobs", "Jobs by state", "state", {row[0]: row[1] for row in jobs})
+        yield GaugeMetricFamily("rayfarm_jobs_late", "Unfinished jobs that are expected after their deadline", late)
         yield _gauge("rayfarm_scenes", "Scenes by status", "status", {row[0]: row[1] for row in scenes})
         reports = list(view.roster.reports.values())
         yield _gauge("rayfarm_worker_slots", "Slots by worker", "worker", {r.name: r.slots for r in reports})

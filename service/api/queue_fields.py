@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.api.strict import Strict
+from service.clock import deadline_of
 from service.errors import Conflict, NotFound
+from service.scheduling.needs import Needs
 from service.store.models import ACTIVE, Job, Wait
 
-__all__ = ["QueueIn", "QueueOut", "QueuePatch", "WaitOut", "wait_for", "wait_for_fewer", "waits_of", "waits_sentence"]
+__all__ = [
+    "QueueIn",
+    "QueueOut",
+    "QueuePatch",
+    "WaitOut",
+    "needs_of",
+    "wait_for",
+    "wait_for_fewer",
+    "waits_of",
+    "waits_sentence",
+    "warning_of",
+]
 
 MOST_BEFORE = 1000
 MOST_NAMED = 500  # jobs in one query
@@ -25,6 +38,34 @@ JobIds = Annotated[list[Annotated[str, Field(max_length=100)]], Field(max_length
 MaxSlots = Annotated[int | None, Field(ge=1, le=1_000_000, description="slots that render it at a time, at most; null: no limit")]
 
 
+def _checked(text: str | None) -> str | None:
+    if text is not None:
+        deadline_of(text)
+    return text
+
+
+Deadline = Annotated[
+    str | None,
+    Field(
+        max_length=60,
+        description="by when it is wanted: an ISO time, or the next 08:00; of the service's zone where it names none",
+    ),
+    AfterValidator(_checked),
+]
+
+
+def _possible(texts: list[str]) -> list[str]:
+    Needs.parse(texts)
+    return texts
+
+
+Wants = Annotated[
+    list[Annotated[str, Field(max_length=100)]],
+    Field(max_length=50, description="of the workers that render it: tags, as gpu, and memory_gb=32; [] for any worker"),
+    AfterValidator(_possible),
+]
+
+
 class QueueIn(Strict):
     """Of a request for a picture."""
 
@@ -34,12 +75,16 @@ class QueueIn(Strict):
     )
 
     max_slots: MaxSlots = None
+    deadline: Deadline = None
+    needs: Wants = Field([])
 
 
 class QueuePatch(Strict):
     """Of what can change in a job."""
 
     max_slots: MaxSlots = None
+    deadline: Deadline = None
+    needs: Wants | None = None
     after: JobIds | None = Field(None, description="which of the jobs that it waits for it is to wait for on; []: none of them")
 
 
@@ -57,7 +102,28 @@ class QueueOut(BaseModel):
     after: list[str] = Field(description="ids of the jobs that it was to come after, as it was asked for")
     user: str | None = Field(description="who asked for it; null where the farm asks nobody who they are")
     max_slots: int | None = Field(description="that render it at a time, at most")
+    needs: list[str] = Field(description="of the workers that render it")
+    deadline: float | None = Field(description="by when it is wanted, in unix time")
+    expected: float | None = Field(description="when it is to be ready by the forecast, where it has a deadline and is not over")
+    late: float | None = Field(description="since when it is expected to miss its deadline, or has missed it; null: it is not")
+    warning: str | None = Field(description="what somebody may want to do something about, in a sentence")
     waits_for: list[WaitOut] = Field(description="those of them that are not finished")
+
+
+def needs_of(texts: Sequence[str]) -> dict[str, Any] | None:
+    """For the job's row."""
+    needs = Needs.parse(texts)
+    return None if needs is None else needs.to_json()
+
+
+def warning_of(job: Job, expected: float | None, now: float) -> str | None:
+    """That an unfinished job is late, and by how much."""
+    if job.deadline is None or job.late is None or job.state not in ACTIVE:
+        return None
+    if now > job.deadline:
+        return f"Its deadline passed {_roughly(now - job.deadline)} ago."
+    by = f"{_roughly(expected - job.deadline)} " if expected is not None and expected > job.deadline else ""
+    return f"By the forecast it is ready {by}after its deadline."
 
 
 def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
@@ -105,6 +171,13 @@ def waits_sentence(waits: Sequence[WaitOut]) -> str | None:
     named = ", ".join(wait.name or wait.id for wait in waits[:SHOWN])
     more = f" and {len(waits) - SHOWN} more" if len(waits) > SHOWN else ""
     return f"Waits until {named}{more} {'is' if len(waits) == 1 else 'are'} finished."
+
+
+def _roughly(seconds: float) -> str:
+    for size, unit in ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute")):
+        if seconds >= 1.5 * size:
+            return f"{seconds / size:.0f} {unit}s"
+    return "a minute" if seconds >= 45 else f"{max(seconds, 1.0):.0f} s"
 
 
 def _ended(state: str) -> str:

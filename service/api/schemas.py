@@ -33,8 +33,6 @@ __all__ = [
     "SkyIn",
     "TakenOut",
     "ViewModel",
-    "WorkerOut",
-    "WorkerPatch",
 ]
 
 SceneStatus = Literal["preparing", "ready", "failed"]
@@ -356,30 +354,3 @@ class JobOut(QueueOut):
     taken: TakenOut | None = Field(description="null: all of its samples were rendered for it")
     frames: list[FrameOut] = Field(description="of a shot only its first: all are at /api/jobs/{id}/frames")
     shot: ShotOut | None = Field(description="null: a still")
-
-
-class WorkerPatch(Strict):
-    """What can change in a worker."""
-
-    state: Literal["running", "paused"]
-
-
-class WorkerOut(BaseModel):
-    """A worker, by its own report."""
-
-    name: str
-    host: str
-    pid: int
-    slots: int
-    cpu: str
-    kind: str
-    state: Literal["starting", "ready", "paused"]
-    message: str | None = Field(description="why it is paused")
-    started: float
-    samples_per_s: float = Field(description="of one slot")
-    current: list[dict[str, Any]]
-    denoises: bool = Field(description="whether it has Open Image Denoise")
-    memory_used: int | None = Field(description="of its machine, in bytes; null where it does not tell")
-    memory_total: int | None
-    failures: int = Field(description="batches that failed there since the service started")
-    speeds: list[float] = Field(description="samples a second of all its slots: a mean a minute, of the last hour, newest last")

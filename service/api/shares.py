@@ -75,7 +75,7 @@ def reset_share(share: Share, farm: FarmDependency) -> ShareOut:
 
 
 def _changed(share: str, farm: Farm) -> ShareOut:
-    farm.engine.changed("shares", "")
+    farm.engine.changed("terms", "")
     found = next((each for each in list_shares(farm) if each.share == share), None)
     return found or _out(share, Terms(), Counter(), {})
 

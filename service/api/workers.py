@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import redis
 from fastapi import APIRouter
 
 from service.api.closed import seen_slots
-from service.api.describe import worker_out
-from service.api.schemas import WorkerOut, WorkerPatch
 from service.api.visit import VisitDependency
-from service.errors import NotFound, Unavailable
-from service.farm import FarmDependency
+from service.api.worker_fields import WorkerOut, WorkerPatch, worker_out
+from service.errors import Conflict, NotFound, Unavailable
+from service.farm import Farm, FarmDependency
 from service.scheduling.workers import BY_A_PERSON
+from service.store.models import WorkerTerms
 
 __all__ = ["router"]
 
@@ -34,16 +36,35 @@ def list_workers(farm: FarmDependency, visit: VisitDependency) -> list[WorkerOut
 
 @router.patch("/{name}", response_model=WorkerOut)
 def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> WorkerOut:
-    """Pause a worker: it finishes what it has in hand and takes no more. Or let it go on, also one that was set aside."""
-    report = farm.engine.snapshot.roster.reports.get(name)
+    """Pause a worker: it finishes what it has in hand and takes no more. Or let it go on, also one that was set aside.
+
+    Its hours, limits and nice level are told to it within a second or two; what it has in hand it finishes in any case. They are
+    kept by its name, also for when it comes back. The answer has what it keeps now.
+    """
+    roster = farm.engine.snapshot.roster
+    report = roster.reports.get(name)
     if report is None:
         raise _no_worker(name)
-    why = None if change.state == "running" else BY_A_PERSON
-    try:
-        farm.engine.order(name, why)
-    except redis.RedisError as error:
-        raise Unavailable(f"Redis does not answer ({error}). Try again when it does.") from None
+    if change.terms:
+        if name not in roster.offers:
+            raise Conflict(f"The worker {name} is of an older release: it can only be paused. Run this release there.")
+        _ask(name, change.terms, farm)
+    why = roster.orders.get(name)
+    if change.state is not None:
+        why = None if change.state == "running" else BY_A_PERSON
+        try:
+            farm.engine.order(name, why)
+        except redis.RedisError as error:
+            raise Unavailable(f"Redis does not answer ({error}). Try again when it does.") from None
     return worker_out(report, why, farm.engine.snapshot)
+
+
+def _ask(name: str, terms: dict[str, Any], farm: Farm) -> None:
+    with farm.sessions.begin() as session:
+        row = session.get(WorkerTerms, name, with_for_update=True)
+        asked = {**(row.terms if row is not None else {}), **terms}
+        session.merge(WorkerTerms(name=name, terms={key: value for key, value in asked.items() if value is not None}))
+    farm.engine.changed("terms", "")
 
 
 @router.get("/{name}/log")

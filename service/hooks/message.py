@@ -1,17 +1,20 @@
-"""What is told of a job that has ended."""
+"""What is told of a job that has ended, or is late."""
 
 from __future__ import annotations
 
 from datetime import UTC, datetime
 from typing import Any
 
-from service.store.models import Job
+from service.store.models import FINAL, Job
 
 __all__ = ["about", "set_aside", "trial"]
 
 
 def about(job: Job, public_url: str) -> dict[str, Any]:
-    """The message about a job in one of the states finished, failed, cancelled. public_url: where the page is; may be empty."""
+    """The message about a job that has ended, or of one that has not: that it is expected after its deadline.
+
+    public_url: where the page is; may be empty.
+    """
     told: dict[str, Any] = {
         "id": job.id,
         "name": job.name,
@@ -23,7 +26,10 @@ def about(job: Job, public_url: str) -> dict[str, Any]:
     }
     if public_url:
         told["page"] = f"{public_url.rstrip('/')}/#/jobs/{job.id}"
-    return _event(f"job.{job.state}", job.finished or 0.0, told)
+    if job.deadline is not None:
+        told["deadline"] = datetime.fromtimestamp(job.deadline, UTC).isoformat()
+    is_over = job.state in FINAL
+    return _event(f"job.{job.state}" if is_over else "job.late", (job.finished if is_over else job.late) or 0.0, told)
 
 
 def set_aside(at: float, told: dict[str, Any]) -> dict[str, Any]:

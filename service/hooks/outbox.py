@@ -1,6 +1,7 @@
-"""Tells hooks of every job that ends, at least once, also across restarts: each message is a row until it has arrived.
+"""Tells hooks of every job that ends or is late, at least once, also across restarts: each message is a row until it has arrived.
 
-What was told already is known by the row's (hook, job, when it ended): a job that goes on and ends again is told again.
+What was told already is known by the row's (hook, job, when it ended or became late): a job that goes on and ends again is told
+again.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from service.hooks.deliver import RefusedError, UndeliveredError, post, run, sho
 from service.hooks.message import about, set_aside
 from service.settings import Settings
 from service.store.database import Sessions
-from service.store.models import FINAL, Delivery, Job
+from service.store.models import ACTIVE, FINAL, Delivery, Job
 
 __all__ = ["RETRIES_S", "Outbox"]
 
@@ -93,10 +94,13 @@ class Outbox:
                 told = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.finished)
                 ended = select(Job).where(Job.finished >= max(begun, since - OVERLAP_S), Job.state.in_(FINAL), ~told)
                 news = list(session.scalars(ended.order_by(Job.finished).limit(AT_A_TIME)))
+                told = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.late)
+                late = select(Job).where(Job.late >= max(begun, since - OVERLAP_S), Job.state.in_(ACTIVE), ~told)
+                news += session.scalars(late.order_by(Job.late).limit(AT_A_TIME))
             if news:
                 with self._sessions.begin() as session:
                     session.add_all(self._row(hook, job) for job in news)
-                since = max(job.finished or 0.0 for job in news)
+                since = max(_at(job) for job in news)
             self._since[hook] = since
 
     def _begun(self, hook: str) -> float:
@@ -113,7 +117,7 @@ class Outbox:
 
     def _row(self, hook: str, job: Job) -> Delivery:
         message = about(job, self._settings.public_url)
-        return Delivery(id=f"msg_{uuid.uuid4().hex}", hook=hook, job=job.id, ended=job.finished, message=message, due=time.time())
+        return Delivery(id=f"msg_{uuid.uuid4().hex}", hook=hook, job=job.id, ended=_at(job), message=message, due=time.time())
 
     def _send_due(self) -> None:
         for hook in self.hooks:
@@ -143,3 +147,8 @@ class Outbox:
                 session.merge(row)
             if row.done is None:
                 return
+
+
+def _at(job: Job) -> float:
+    """When that was of which is told."""
+    return (job.finished if job.state in FINAL else job.late) or 0.0

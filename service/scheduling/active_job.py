@@ -12,12 +12,14 @@ from renderer.settings import MAX_SPP, RenderSettings, Tile
 from service.scheduling.active_frame import ActiveFrame, FrameNumbers
 from service.scheduling.agenda import Agenda
 from service.scheduling.history import History
+from service.scheduling.needs import Needs
 from service.scheduling.plan import Range
 from service.scheduling.shares import share_of
 from service.scheduling.totals import Totals
 from service.shot import IN_TURN, Shot
 from service.store.films import Film
 from service.store.models import Frame, Job, blobs_of
+from worker.contract import render_queue
 
 __all__ = ["FAILURES_ALLOWED", "LOSSES_ALLOWED", "ActiveJob", "Trouble"]
 
@@ -61,7 +63,11 @@ class ActiveJob:
         self.priority = row.priority
         self.share = share_of(row.user)
         self.max_slots = row.max_slots
-        self.urgency = math.inf  # its deadline, where it is expected to miss that
+        self.needs = Needs.of(row.needs)
+        self.deadline = row.deadline
+        self.expected: float | None = None  # when it is to be ready, where it has a deadline
+        self.urgency = math.inf if row.late is None or row.deadline is None else row.deadline  # which it is expected to miss
+        self.foretold_s = 0.0  # of a slot, for a sample of a pixel, by the scene's latest picture; 0: there was none
         self.kind = row.kind
         self.spp, self.noise, self.seconds = row.spp, row.noise, row.seconds
         self.shot = Shot.of(row.shot)
@@ -170,6 +176,20 @@ class ActiveJob:
             return by_time
         by_samples = max(self.target_samples - self.samples, 0) / self.samples_per_s
         return by_samples if by_time is None else min(by_time, by_samples)
+
+    def queue(self, kind: str) -> str:
+        """Where its batches for workers of a kind wait."""
+        return render_queue(kind) if self.needs is None else self.needs.queue(kind)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether it is expected to miss its deadline, or has missed it."""
+        return self.urgency < math.inf
+
+    @property
+    def sample_s(self) -> float:
+        """What a slot takes for a sample of a pixel; 0 where nobody knows."""
+        return self._pixel_cost or self.foretold_s
 
     @property
     def slots_wanted(self) -> int:

@@ -6,7 +6,7 @@ import queue
 
 __all__ = ["Changes"]
 
-Change = tuple[str, str]  # what ("job", "scene", "worker", "shares") and which
+Change = tuple[str, str]  # what ("job", "scene", "worker", "terms") and which
 
 
 class Changes:

@@ -73,24 +73,24 @@ class Dispatcher:
         except _AWAY as error:
             raise QueueError(str(error)) from error
 
-    def send_batch(self, batch: RenderBatch, kind: str) -> None:
+    def send_batch(self, batch: RenderBatch, queue: str) -> None:
         """Hand out a batch. Raises QueueError."""
-        self._send(RENDER_BATCH, {"batch": batch.to_json()}, render_queue(kind), batch.batch, ("job", batch.job))
+        self._send(RENDER_BATCH, {"batch": batch.to_json()}, queue, batch.batch, ("job", batch.job))
 
-    def send_batches(self, batches: Sequence[RenderBatch], kind: str, message: str) -> None:
+    def send_batches(self, batches: Sequence[RenderBatch], queue: str, message: str) -> None:
         """Hand out batches to be rendered in turn, under the name of the message. Raises QueueError."""
         self._send(
             RENDER_BATCHES,
             {"batches": [batch.to_json() for batch in batches]},
-            render_queue(kind),
+            queue,
             message,
             ("job", batches[0].job),
         )
 
-    def send_joint(self, joint: JointBatch, kind: str) -> None:
+    def send_joint(self, joint: JointBatch, queue: str) -> None:
         """Hand out batches of a tile for the slots of one machine. Raises QueueError."""
         whole = joint.whole
-        self._send(RENDER_JOINTLY, {"joint": joint.to_json()}, render_queue(kind), whole.batch, ("job", whole.job))
+        self._send(RENDER_JOINTLY, {"joint": joint.to_json()}, queue, whole.batch, ("job", whole.job))
 
     def send_prepare(self, scene: str, kind: str, lease: str) -> None:
         """Ask for a scene to be prepared. Raises QueueError."""

@@ -22,6 +22,7 @@ from service.scheduling.answers import Answers, TellTiles
 from service.scheduling.aside import MadeAside
 from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.changes import Changes
+from service.scheduling.deadlines import Deadlines
 from service.scheduling.denoising import Denoising
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.environments import Environments
@@ -45,6 +46,7 @@ from service.store.film_snapshots import FilmSnapshots
 from service.store.film_store import FilmStore
 from service.store.films import Film
 from worker.contract import DenoiseFrame, FrameVectors, ShowEnvironment
+from worker.terms import Terms
 
 __all__ = ["Engine"]
 
@@ -106,6 +108,7 @@ class Engine:
             let_go=let_go,
             suspect=suspect,
         )
+        self._deadlines = Deadlines(records, self._with_database, change)
         self._keeper = SnapshotKeeper(snapshots, settings.data / "tmp", self._scheduler.jobs.__contains__)
         self._answers = Answers(
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
@@ -115,6 +118,7 @@ class Engine:
             logs=self.logs,
         )
         self._asked: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # scenes, each for a kind of workers
+        self._terms: dict[str, Terms] = {}  # that workers are asked for, by name
         self._has_begun = False
         self._looked_around = 0.0
         self._stop = threading.Event()
@@ -240,7 +244,7 @@ class Engine:
         self.trust.begin()
         self.films.sweep(jobs := self._records.all_jobs())
         self.logs.sweep(jobs)
-        self._changes.note("shares", "")
+        self._changes.note("terms", "")
         for scene in self._records.preparing_scenes():
             self._changes.note("scene", scene)
         for job in self._records.active_jobs():
@@ -254,8 +258,8 @@ class Engine:
                 if id not in self._workers.roster.orders:
                     self._scheduler.suspicion.forgive(id)
                     self._scheduler.distrusted.discard(id)
-            elif what == "shares":
-                if not self._bulkheads.run(what, Step.CHANGE, self._renew_shares, needs_database=True):
+            elif what == "terms":
+                if not self._bulkheads.run(what, Step.CHANGE, self._renew_terms, needs_database=True):
                     continue
             elif id in self._bulkheads.verdicts:
                 continue  # it is to be ended first: what was changed meanwhile, also a deletion, counts on top
@@ -265,8 +269,13 @@ class Engine:
             if what == "job" and (job := self._scheduler.jobs.get(id)) is not None:
                 self._keeper.look(job)  # a picture that goes on was the job's own until now
 
-    def _renew_shares(self) -> None:
+    def _with_database(self, id: str, action: Callable[[], object]) -> bool:
+        return self._bulkheads.run(id, Step.RECORD, action, needs_database=True)
+
+    def _renew_terms(self) -> None:
+        """What an administrator has said of shares and workers."""
         self._scheduler.shares.terms = self._records.shares()
+        self._terms = self._records.worker_terms()
 
     def _each_second(self) -> None:
         self._refused = self._fault_of(self._write)
@@ -282,6 +291,9 @@ class Engine:
             self._lifecycle.lost_while_preparing(scene, kind)
         for job, frame in self._moments.review(self._scheduler.jobs, self._results):
             self._lifecycle.frame_lost(job, frame)
+        self._workers.ask(self._terms, [job.needs for job in self._scheduler.jobs.values() if job.needs is not None])
+        slots = sum(report.slots for report in self._workers.roster.ready())
+        self._deadlines.review(list(self._scheduler.jobs.values()), slots, time.time())
         for job in list(self._scheduler.jobs.values()):
             job.tick(job.state == "running" and bool(self._scheduler.leases.of(job.id)))
             if job.state == "running" or job.done:
@@ -296,7 +308,9 @@ class Engine:
         """The shots that are being rendered, in turn, and for which kind of workers."""
         jobs = [job for job in self._scheduler.jobs.values() if job.shot is not None and job.state in ("queued", "running")]
         jobs = [job for job in jobs if job.id not in self._bulkheads.verdicts and not job.done]
-        return [(job, self._scheduler.kind_for(job)) for job in sorted(jobs, key=lambda job: (-job.priority, job.created))]
+        return [
+            (job, self._scheduler.line_up.kind_for(job)) for job in sorted(jobs, key=lambda job: (-job.priority, job.created))
+        ]
 
     def _publish(self) -> None:
         self._board.publish(self._scheduler.jobs, self._look)
@@ -306,7 +320,7 @@ class Engine:
             fault=self._fault or self._bulkheads.database_fault,
             roster=self._workers.roster,
             jobs=numbers,
-            ahead=self._scheduler.ahead(),
+            ahead=self._scheduler.line_up.ahead(),
             waits={**self.trust.sentences(), **self._bulkheads.sentences()},
             preparing=dict(self._preparing.progress),
             counts={**self._answers.counts, **self.trust.counts, "lost": self._scheduler.lost},

@@ -34,6 +34,7 @@ class Lease:
     answered_by: Position | None = None  # the results' end when it was plainly unseen: its answer, if there is one, lies before
     has_arrived: bool = False  # its answer was read, and is stored as soon as the film takes it
     doubled: bool = False
+    queue: str = ""  # in which its message waits, or waited
     charged_s: float = 0.0  # to its share, for what it takes of a slot
     message: str = ""  # with which it was sent: its own, unless it went with others
     is_joint: bool = False  # those in its message are rendered at a time, by slots of one machine, and not in turn by one slot
@@ -96,6 +97,11 @@ class Leases:
         """How many slots what is out of each job takes, that whose results were not read yet included."""
         out = {(lease.owner, lease.turn) for lease in self._all.values() if lease.batch is not None and not lease.has_arrived}
         return Counter(owner for owner, _ in out)
+
+    def waiting_in(self, queue: str) -> int:
+        """How many slots what went into a queue takes, as `turns`."""
+        out = (lease for lease in self._all.values() if lease.queue == queue and not lease.has_arrived)
+        return len({lease.turn for lease in out})
 
     def turns(self, kind: str) -> int:
         """How many slots of workers of a kind all that is out takes, that whose results were not read yet included: where it

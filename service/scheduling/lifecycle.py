@@ -5,6 +5,7 @@ All of it runs in the engine's thread. The database decides: what a person chang
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
@@ -26,6 +27,7 @@ from service.scheduling.job_log import JobLogs
 from service.scheduling.measured import measured
 from service.scheduling.messages import FrameFailed, FramePrepared
 from service.scheduling.moments import Moments
+from service.scheduling.needs import Needs
 from service.scheduling.preparing import Preparing
 from service.scheduling.records import Records
 from service.scheduling.reproduce import reproduce
@@ -130,6 +132,11 @@ class Lifecycle:
         if row.state != job.state and "paused" in (row.state, job.state):
             job.history.happened("paused" if row.state == "paused" else "resumed")
         job.state, job.priority, job.max_slots = row.state, row.priority, row.max_slots
+        if (needs := Needs.of(row.needs)) != job.needs:
+            self._scheduler.withdraw(job)
+            job.needs = needs
+        if row.deadline != job.deadline:
+            job.deadline, job.expected, job.urgency = row.deadline, None, math.inf
         job.focus_on(row.focus)
         if shot is None and row.spp and job.asks_for(row.spp, row.noise, row.seconds):
             self._scheduler.withdraw(job)
@@ -166,6 +173,8 @@ class Lifecycle:
         job.checks = self._scheduler.checks
         asked = {"env": row.light or scene.environment, "variant": scene.variant}
         job.scene_words = [f"--{name}={value}" for name, value in asked.items() if value]
+        upload = self._records.scene(row.scene) if row.lit else scene
+        job.foretold_s = float(((upload and upload.measured) or {}).get("sample_s") or 0.0)
         job.history = History.of(self._records.history(row.id))
         job.history.log = self._logs.of(row.id)
         job.history.log.say(_taken_up(job, scene))

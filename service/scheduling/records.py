@@ -3,7 +3,9 @@ in the meantime: a job that was cancelled stays so."""
 
 from __future__ import annotations
 
+import json
 import time
+from contextlib import suppress
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -17,7 +19,9 @@ from service.scheduling.shares import Terms
 from service.shot import Shot
 from service.store.database import Sessions
 from service.store.models import ACTIVE, FINAL, Environment, Frame, Job, Reference, Scene, ShareTerms, Wait
+from service.store.models import WorkerTerms as Asked
 from worker.contract import SceneInfo
+from worker.terms import Terms as WorkerTerms
 
 __all__ = ["Records"]
 
@@ -110,10 +114,31 @@ class Records:
         with self._sessions() as session:
             return {row.name: Terms(row.weight, row.max_slots) for row in session.scalars(select(ShareTerms))}
 
+    def worker_terms(self) -> dict[str, WorkerTerms]:
+        """What is asked of workers, by name; what another release wrote and this one does not understand is left out."""
+        found = {}
+        with self._sessions() as session:
+            for row in session.scalars(select(Asked)):
+                with suppress(ValueError):
+                    found[row.name] = WorkerTerms.from_bytes(json.dumps(row.terms).encode())
+        return found
+
     def waited(self, other: str) -> None:
         """A job is finished: none waits for it any more."""
         with self._sessions.begin() as session:
             session.execute(delete(Wait).where(Wait.other == other))
+
+    def late(self, id: str, since: float | None) -> bool:
+        """Write down since when a job is expected to miss its deadline; None: it is not. False where it is over or gone."""
+        with self._sessions.begin() as session:
+            changed = session.execute(update(Job).where(Job.id == id, Job.state.in_(ACTIVE)).values(late=since))
+            return bool(changed.rowcount)  # type: ignore[attr-defined]
+
+    def overdue(self, now: float) -> list[str]:
+        """The unfinished jobs whose deadline has passed and that are not known to be late."""
+        with self._sessions() as session:
+            query = select(Job.id).where(Job.state.in_(ACTIVE), Job.deadline < now, Job.late.is_(None))
+            return list(session.scalars(query))
 
     def frames(self, job: str) -> list[Frame]:
         """The frames of a job, in their order."""
@@ -204,6 +229,8 @@ class Records:
             if measured is not None:
                 session.execute(update(Scene).where(Scene.id == row.scene).values(measured=measured))
             row.state, row.finished, row.active_s = "finished", time.time(), job.active_s
+            if row.deadline is not None:
+                row.late = None if row.finished <= row.deadline else row.late or row.finished
             if job.shot is not None and all(frame.state == "failed" for frame in job.frames.values()):
                 first = next(iter(job.frames.values()))
                 row.state, row.error = "failed", f"No frame can be rendered. {first.error}"

@@ -4,11 +4,11 @@ back."""
 from __future__ import annotations
 
 import logging
-import math
 import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache, partial
 from itertools import count
 
@@ -20,6 +20,7 @@ from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.held import Held
 from service.scheduling.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.line_up import LineUp
 from service.scheduling.pace import Pace
 from service.scheduling.plan import Range
 from service.scheduling.reproduce import reproduce
@@ -29,7 +30,6 @@ from service.scheduling.suspicion import Suspicion
 from service.scheduling.together import Handful, Hands, joint_work_of, together, work_of
 from service.scheduling.workers import Workers
 from service.settings import Settings
-from worker.contract import render_queue
 from worker.log_lines import ids
 
 __all__ = ["Scheduler", "named"]
@@ -37,12 +37,19 @@ __all__ = ["Scheduler", "named"]
 STRAGGLER_S = 3.0
 PATIENCE_WITH_FEW_S = 5.0
 UNMEASURED = 32  # batches, before anybody knows how long one takes; a first sample of every tile in any case
-AHEAD_EVERY_S = 1.0
 REST_S = 1.0  # before the only worker is given again what it has handed back
 
 log = logging.getLogger(__name__)
 
 Start = Callable[[ActiveJob, str], bool]
+
+
+@dataclass
+class Pool:
+    """Of the workers that serve a queue: their slots, and how many messages more they may have."""
+
+    slots: int
+    room: int
 
 
 class Scheduler:
@@ -57,13 +64,13 @@ class Scheduler:
         self._bulkheads = bulkheads
         self.leases = Leases()
         self.jobs: dict[str, ActiveJob] = {}
+        self.line_up = LineUp(workers, self.jobs)
         self.shares = Shares()
         self.suspicion = Suspicion()
         self.distrusted: set[str] = set()  # workers of which nothing goes into a film: service/scheduling/trust.py
         self.checks: Counter[str] = Counter()  # of a job: decisions about its batches that are not made yet
         self._sent: list[Lease] = []  # of this filling
         self._turn = count(1)
-        self._ahead: tuple[float, dict[str, int]] = (-math.inf, {})  # and when that was found out
         self.lost = 0  # batches that were handed out again
 
     def fill(self, start: Start) -> None:
@@ -74,7 +81,7 @@ class Scheduler:
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
             room = self._pace.room(self._pace.window(slots, self._settings.window_per_slot) - self.leases.turns(kind))
-            turns = self._by_priority(kind) if room > 0 else {}
+            turns = self.line_up.by_priority(kind) if room > 0 else {}
             if not turns:
                 continue
             self._sent.clear()
@@ -82,9 +89,10 @@ class Scheduler:
                 with self._dispatcher.at_once():
                     held = self.leases.held()
                     shares_held = self.held_by_shares(held)
+                    pools: dict[str, Pool] = {}
                     for priority in sorted(turns, reverse=True):
                         line = self.shares.line(kind, turns[priority], held, shares_held)
-                        room -= self._serve(line, kind, slots, room, start)
+                        room -= self._serve(line, kind, slots, room, start, pools)
                         if room <= 0:
                             break
             except QueueError:
@@ -99,22 +107,34 @@ class Scheduler:
                 self.shares.correct(lease.kind, job.share, -lease.charged_s)
                 job.lose(lease.batch)
 
-    def _serve(self, line: Line[ActiveJob], kind: str, slots: int, room: int, start: Start) -> int:
-        """Hand out work for up to `room` slots to jobs of one priority; returns for how many."""
+    def _serve(self, line: Line[ActiveJob], kind: str, slots: int, room: int, start: Start, pools: dict[str, Pool]) -> int:
+        """Hand out work for up to `room` slots to jobs of one priority; returns for how many. pools: of queues of needs."""
         handed_out = 0
         while handed_out < room and (job := line.next()) is not None:
             if not self._bulkheads.may_render(job.id) or time.monotonic() < job.rests_until or job.done:
                 continue
+            pool = Pool(slots, room) if job.needs is None else self._pool(job.needs.queue(kind), kind, pools)
+            if pool.room <= 0:
+                continue
             if not job.knows_cost and line.held >= max(UNMEASURED, len(job.film.tiles)):
                 continue  # of many slots, one sample each: they would cost more than they are worth
             sent = len(self._sent)
-            hand_out = partial(self._hand_out, job, kind, slots, start, line.left)
+            hand_out = partial(self._hand_out, job, kind, pool.slots, start, min(line.left, pool.room))
             self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
             if new := self._sent[sent:]:
                 taken = len({lease.turn for lease in new})
                 handed_out += taken
+                pool.room -= taken
                 line.gave(job, taken, sum(lease.charged_s for lease in new))
         return handed_out
+
+    def _pool(self, queue: str, kind: str, known: dict[str, Pool]) -> Pool:
+        """The workers that serve a queue of needs."""
+        if queue not in known:
+            slots = self._workers.roster.serving(queue).get(kind, 0)
+            window = self._pace.window(slots, self._settings.window_per_slot) if slots else 0
+            known[queue] = Pool(slots, window - self.leases.waiting_in(queue))
+        return known[queue]
 
     def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: Start, most: int) -> None:
         """Hand out the next batch of a job, or some of them, for at most so many slots, if it has any for workers of this kind.
@@ -142,15 +162,18 @@ class Scheduler:
             trouble = job.trouble.get(batch)
             patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
             leases.append(Lease(job.id, kind, batch, patience, expected, is_joint=handful.is_joint))
+            leases[-1].queue = job.queue(kind)
             leases[-1].charged_s = job.expected_s(batch) or self._settings.batch_seconds
             leases[-1].message = leases[0].id
         if handful.is_joint:
-            self._dispatcher.send_joint(joint_work_of(job, leases, batches, self._pace.hold_s(expected / len(batches))), kind)
+            self._dispatcher.send_joint(
+                joint_work_of(job, leases, batches, self._pace.hold_s(expected / len(batches))), leases[0].queue
+            )
         elif len(leases) == 1:
-            self._dispatcher.send_batch(work_of(job, leases[0], batches[0]), kind)
+            self._dispatcher.send_batch(work_of(job, leases[0], batches[0]), leases[0].queue)
         else:
             works = [work_of(job, lease, batch) for lease, batch in zip(leases, batches, strict=True)]
-            self._dispatcher.send_batches(works, kind, leases[0].id)
+            self._dispatcher.send_batches(works, leases[0].queue, leases[0].id)
         self._sent += leases
         for lease in leases:
             self.leases.add(lease)
@@ -224,9 +247,9 @@ class Scheduler:
         mine = [
             lease for lease in self.leases.of(job.id) if frame is None or (lease.batch is not None and lease.batch.frame == frame)
         ]
-        for kind in {lease.kind for lease in mine}:
+        for queue in {lease.queue for lease in mine}:
             try:
-                taken = self._dispatcher.take_back(render_queue(kind), {lease.message for lease in mine})
+                taken = self._dispatcher.take_back(queue, {lease.message for lease in mine})
                 mine += [lease for lease in self.leases.of(job.id) if lease.message in taken and lease not in mine]
             except redis.RedisError as error:
                 log.warning("batches of job %s stay in the queue: %s", job.id, error, extra=ids(job=job.id))
@@ -239,7 +262,7 @@ class Scheduler:
         """Once a second: find batches that are overdue or lost, and hand them out again; one that is lost too often stops its
         job. A batch whose answer may lie among results that were not read yet is not lost. Raises redis.RedisError.
         """
-        waiting = {id for kind in self._kinds() for id in self._dispatcher.waiting(render_queue(kind))}
+        waiting = {id for queue in self._queues() for id in self._dispatcher.waiting(queue)}
         held = Held(self._workers.roster)
         end, is_late, idle = cache(results.end), cache(self._workers.are_late), cache(self._has_idle_slots)
         for lease in self.leases:
@@ -325,46 +348,12 @@ class Scheduler:
                 found[job.share] += messages
         return found
 
-    def ahead(self) -> dict[str, int]:
-        """Of every job that waits for others: how many jobs of a higher priority are rendered before it. At most a second old."""
-        if time.monotonic() - self._ahead[0] > AHEAD_EVERY_S:
-            self._ahead = time.monotonic(), self._find_ahead()
-        return self._ahead[1]
-
-    def _find_ahead(self) -> dict[str, int]:
-        found = {}
-        for kind in {report.kind for report in self._workers.roster.ready()}:
-            before = 0
-            for _, equals in sorted(self._by_priority(kind).items(), reverse=True):
-                same = [job.id for job in equals if not job.done]
-                found.update(dict.fromkeys(same, before))
-                before += len(same)
-        return {id: before for id, before in found.items() if before}
-
     def busy(self) -> set[tuple[str, int]]:
         """The frames of jobs of which batches are out."""
         return {(lease.owner, lease.batch.frame) for lease in self.leases if lease.batch is not None}
 
-    def kind_for(self, job: ActiveJob) -> str | None:
-        """The kind of the workers that are to render a job: that with which it began, or the one with most slots."""
-        roster = self._workers.roster
-        if job.kind is not None or job.shot is None:
-            return job.kind or roster.best_kind()
-        return roster.blurring_kind() if job.settings.shutter else roster.shooting_kind()
-
-    def _kinds(self) -> set[str]:
-        return {lease.kind for lease in self.leases}
-
-    def _by_priority(self, kind: str) -> dict[int, list[ActiveJob]]:
-        """The jobs that workers of a kind may render."""
-        found: dict[int, list[ActiveJob]] = {}
-        best = self._workers.roster.best_kind()
-        for job in self.jobs.values():
-            if job.state in ("queued", "running"):
-                of = best if job.kind is None and job.shot is None else self.kind_for(job)
-                if of == kind:
-                    found.setdefault(job.priority, []).append(job)
-        return found
+    def _queues(self) -> set[str]:
+        return {lease.queue for lease in self.leases}
 
 
 def named(batch: Range) -> str:

@@ -35,6 +35,7 @@ class JobNumbers:
     forecast: float | None = None  # and at its end
     handed_back: str | None = None  # why a worker gave its batch back, where none was rendered since
     slots_wanted: int = 0  # that would have enough to do for it to be worth starting them
+    expected: float | None = None  # when it is to be ready, in unix time, where it has a deadline
 
     @classmethod
     def of(cls, job: ActiveJob) -> JobNumbers:
@@ -52,6 +53,7 @@ class JobNumbers:
             job.forecast if job.shot else None,
             job.handed_back,
             job.slots_wanted,
+            job.expected,
         )
 
 

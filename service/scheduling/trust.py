@@ -206,9 +206,10 @@ class Trust:
             self._close(check)
             return
         lease = Lease(job.id, check.kind, check.batch, check.patience_s)  # of our own: the plan has this batch already
+        lease.queue = job.queue(check.kind)
         check.asked.add(lease.id)
         check.waits_since = time.monotonic()
-        self._dispatcher.send_batch(work_of(job, lease, check.batch), check.kind)
+        self._dispatcher.send_batch(work_of(job, lease, check.batch), lease.queue)
 
     def _ready(self, kind: str) -> set[str]:
         ready = {report.name for report in self._workers.roster.ready() if report.kind == kind}

@@ -6,15 +6,17 @@ import json
 import logging
 import math
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import redis
 from pydantic import TypeAdapter
 
+from service.scheduling.needs import Needs
 from service.scheduling.speeds import Speeds
 from worker.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, WorkerReport, order_key, worker_key
+from worker.terms import Offer, Terms, offer_key, terms_key
 from worker.vitals import LOG_TTL_S, Vitals, log_key, log_wanted_key, vitals_key
 
 __all__ = ["BY_A_PERSON", "Roster", "Workers"]
@@ -42,6 +44,7 @@ class Roster:
     orders: Mapping[str, str] = field(default_factory=dict)  # why a worker is paused, by its name
     vitals: Mapping[str, Vitals] = field(default_factory=dict)  # of those that tell
     speeds: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # as Speeds has them
+    offers: Mapping[str, Offer] = field(default_factory=dict)  # of those that tell
 
     def ready(self) -> list[WorkerReport]:
         """The workers that take work."""
@@ -50,6 +53,14 @@ class Roster:
     def slots(self, kind: str) -> int:
         """The slots of the ready workers of a kind."""
         return sum(report.slots for report in self.ready() if report.kind == kind)
+
+    def serving(self, queue: str) -> dict[str, int]:
+        """The slots by kind of the ready workers that say that they take from a queue of needs."""
+        found: dict[str, int] = {}
+        for report in self.ready():
+            if (offer := self.offers.get(report.name)) is not None and queue in offer.queues:
+                found[report.kind] = found.get(report.kind, 0) + report.slots
+        return found
 
     def best_kind(self) -> str | None:
         """The kind with most slots; None where no worker is ready."""
@@ -133,11 +144,27 @@ class Workers:
         orders = {name: why.decode(errors="replace") for name, why in zip(names, whys, strict=True) if why is not None}
         told: Any = self._redis.mget([vitals_key(name) for name in names]) if names else []
         vitals = {name: one for name, value in zip(names, told, strict=True) if (one := _vitals(value)) is not None}
+        said: Any = self._redis.mget([offer_key(name) for name in names]) if names else []
+        offers = {name: offer for name, value in zip(names, said, strict=True) if (offer := _offer(value)) is not None}
         self._speeds.note(reports.values())
-        before, self.roster = self.roster, Roster(reports, orders, vitals, self._speeds.latest)
+        before, self.roster = self.roster, Roster(reports, orders, vitals, self._speeds.latest, offers)
         for name in sorted(before.reports.keys() | reports.keys()):
-            if (before.reports.get(name), before.orders.get(name)) != (reports.get(name), orders.get(name)):
+            had, has = ((each.reports.get(name), each.orders.get(name), each.offers.get(name)) for each in (before, self.roster))
+            if had != has:
                 self._on_change(name)
+
+    def ask(self, terms: Mapping[str, Terms], needs: Iterable[Needs]) -> None:
+        """Tell workers what is asked of them, where they do not keep it yet. Raises redis.RedisError.
+
+        terms: by name. needs: of the jobs that are not over: those that a worker meets, it is to serve.
+        """
+        different = {each.text: each for each in needs}
+        for name, offer in self.roster.offers.items():
+            kind = self.roster.reports[name].kind
+            queues = tuple(sorted(each.queue(kind) for each in different.values() if each.are_met(offer)))
+            wanted = replace(terms.get(name, Terms()), queues=queues)
+            if wanted.digest != offer.keeps:
+                self._redis.set(terms_key(name), wanted.to_bytes())
 
     def are_late(self) -> bool:
         """Whether a worker has not reported itself for so long that nobody knows what it has in hand. Raises redis.RedisError."""
@@ -195,6 +222,13 @@ class Workers:
 def _vitals(value: bytes | None) -> Vitals | None:
     try:
         return Vitals.from_bytes(value) if value is not None else None
+    except ValueError:
+        return None
+
+
+def _offer(value: bytes | None) -> Offer | None:
+    try:
+        return Offer.from_bytes(value) if value is not None else None
     except ValueError:
         return None
 

@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Literal
 
 import httpx
 import numpy as np
@@ -42,6 +42,7 @@ from worker.contract import (
 )
 from worker.explained import ExplainPixel, explained_key
 from worker.sums import pack_sums
+from worker.terms import Offer, Terms, offer_key, terms_key
 from worker.view_parts import ANSWERS_TTL_S, VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
 
 __all__ = ["PeerWorker", "expected_digest", "expected_sums"]
@@ -92,7 +93,10 @@ class PeerWorker:
         several: bool = True,
         views: bool = True,
         explains: bool = True,
+        tags: tuple[str, ...] | None = None,
+        memory: int = 8 << 30,
     ) -> None:
+        """tags: None: it is of a release that knows none, and is asked for nothing."""
         self.redis = redis.Redis.from_url(redis_url)
         self.http = httpx.Client(base_url=service, headers={"Authorization": f"Bearer {token}"}, verify=False)
         self.name = name
@@ -105,6 +109,10 @@ class PeerWorker:
         self.several = several
         self.views = views
         self.explains = explains
+        self.tags = tags
+        self.memory = memory
+        self.terms = Terms()
+        self.rests: str | None = None  # why it takes nothing by itself, as it says
         self.on_explain: Callable[[ExplainPixel], list[dict[str, Any]]] = lambda work: []  # what is answered
         self.explained: list[ExplainPixel] = []  # asked for
         self.on_part: Callable[[ViewParts, Part], bool | None] = lambda work, part: None  # False: it is never answered
@@ -143,14 +151,20 @@ class PeerWorker:
         self._stop.set()
         for thread in self._threads:
             thread.join()
-        self.redis.delete(worker_key(self.name))
+        self.redis.delete(worker_key(self.name), offer_key(self.name))
         self.redis.close()
         self.http.close()
 
     def report(self) -> None:
+        if self.tags is not None:
+            asked: Any = self.redis.get(terms_key(self.name))
+            self.terms = Terms() if asked is None else Terms.from_bytes(asked)
+            offer = Offer(self.tags, self.memory, self.slots, self.terms.digest, queues=self.terms.queues, why=self.rests)
+            self.redis.set(offer_key(self.name), offer.to_bytes(), ex=HEARTBEAT_TTL_S)
         current = [self.current, *[{}] * (self.slots - 1)]
+        state: Literal["ready", "paused"] = "paused" if self.rests else "ready"
         report = WorkerReport(
-            *(self.name, "host", 1, self.slots, "a peer", self.kind, "ready", time.time(), 1e6, current, self.denoises),
+            *(self.name, "host", 1, self.slots, "a peer", self.kind, state, time.time(), 1e6, current, self.denoises),
             frames=self.knows_frames,
             blurs=self.blurs,
             vectors=self.knows_vectors,
@@ -186,11 +200,11 @@ class PeerWorker:
     def _work(self) -> None:
         while not self._stop.is_set():
             try:
-                if self.redis.exists(order_key(self.name)):
+                if self.rests or self.redis.exists(order_key(self.name)):
                     time.sleep(0.05)
                     continue
                 queues = [view_queue(self.kind)] * self.views + [denoise_queue(self.kind)] * self.denoises
-                queues += [prepare_queue(self.kind), render_queue(self.kind)]
+                queues += [prepare_queue(self.kind), *self.terms.queues, render_queue(self.kind)]
                 found: Any = self.redis.brpop(queues, timeout=0.1)
             except redis.RedisError:
                 time.sleep(0.1)

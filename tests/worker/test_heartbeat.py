@@ -51,7 +51,7 @@ def test_what_redis_refuses_is_tried_again_at_the_next_beat_and_said_once(
         taken.append(queue)
 
     consumer = SimpleNamespace(add_task_queue=add, cancel_task_queue=taken.remove)
-    worker = SimpleNamespace(redis_url=redis_url, name="w", kind="k", queues=["render", "prepare"])
+    worker = SimpleNamespace(redis_url=redis_url, name="w", kind="k", queues=["render", "prepare"], keeping=None)
     monkeypatch.setattr(context, "_current", worker)
     heartbeat = Heartbeat(consumer)
     heartbeat.is_paused = True

@@ -5,10 +5,13 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import signal
 import socket
 import threading
+import time
 from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -17,6 +20,7 @@ import pytest
 
 from service.hooks import deliver, outbox
 from service.hooks.signing import headers
+from service.scheduling import deadlines
 from tests.service.conftest import Service, until
 
 SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
@@ -211,3 +215,32 @@ def test_a_fault_in_one_message_is_no_reason_to_send_it_for_ever(
     monkeypatch.setattr(outbox, "post", lambda *_: [][0])
     told.patch(told.submit(told.upload()), state="cancelled")
     until(lambda: told.http.get("/api/hooks").json()[0]["given_up"] == 1, "the message is given up")
+
+
+def test_a_job_that_is_expected_after_its_deadline_is_told_while_it_is_rendered(
+    told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(deadlines, "SURE_AFTER_S", 0.5)
+    soon = datetime.now(UTC) + timedelta(hours=1)
+    with told.worker() as worker:
+        worker.on_batch = lambda batch: time.sleep(0.05)
+        job = told.submit(told.ready_scene(), spp=100_000, deadline=soon.isoformat())
+        until(lambda: told.job(job)["late"] is not None, "it is late", 60, lambda: told.job(job))
+        until(lambda: len(receiver.got) == 1, "the hook is told")
+        (message,) = receiver.messages
+        assert (message["type"], message["data"]["state"]) == ("job.late", "running")
+        assert datetime.fromisoformat(message["data"]["deadline"]) == soon
+        now = told.job(job)
+        assert now["expected"] > now["deadline"] == soon.timestamp()
+        assert re.fullmatch(r"By the forecast it is ready .*(hours|minutes|days) after its deadline\.", now["warning"])
+        assert "rayfarm_jobs_late 1.0" in told.http.get("/metrics").text
+        assert any(event["kind"] == "late" for event in told.http.get(f"/api/jobs/{job}/history").json()["events"])
+        later = (soon + timedelta(days=3600)).isoformat()
+        changed = told.patch(job, deadline=later)
+        assert (changed["late"], changed["warning"], changed["deadline"]) == (None, None, soon.timestamp() + 3600 * 86400)
+        assert told.patch(job, deadline=None, state="cancelled")["deadline"] is None
+        until(lambda: len(receiver.got) == 2, "the hook is told of its end")
+    assert [message["type"] for message in receiver.messages] == ["job.late", "job.cancelled"]
+    assert "rayfarm_jobs_late 0.0" in told.http.get("/metrics").text
+    refused = told.http.post("/api/jobs", json={"scene": told.upload(), "deadline": "2001-01-01"})
+    assert (refused.status_code, "has passed already" in refused.text) == (422, True)

@@ -14,7 +14,7 @@ from service.errors import Unavailable
 from service.scheduling.records import Records
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from tests.service.scheduling.test_faults import film_file, film_of, locked, rendered_once, slow, under_way
+from tests.service.scheduling.test_faults import film_of, locked, rendered_once, slow, under_way
 from worker.contract import RESULTS
 
 
@@ -104,8 +104,7 @@ def test_a_job_that_is_deleted_before_its_end_is_written_down_leaves_no_film(
     away = threading.Event()
     away.set()
     monkeypatch.setattr(Records, "failed", away_while(away, Records.failed))
-    film_file(service, job)._database.execute("PRAGMA query_only=ON")
-    until(lambda: job in service.farm.engine._bulkheads.verdicts, "the job cannot go on")
+    service.farm.engine._bulkheads.condemn(job, "The film of this job is lost.")
     service.http.delete(f"/api/jobs/{job}").raise_for_status()
     time.sleep(0.5)  # meanwhile the engine hears of it
     away.clear()

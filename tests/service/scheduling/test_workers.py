@@ -35,7 +35,7 @@ def test_what_makes_no_sense_is_refused(service: Service, worker: PeerWorker) ->
     until(lambda: bool(service.http.get("/api/workers").json()), "the worker is there")
     assert "GET /api/workers" in service.http.patch("/api/workers/nobody", json={"state": "paused"}).json()["detail"]
     assert service.http.patch("/api/workers/nobody", json={"state": "paused"}).status_code == 404
-    for change in ({}, {"state": "tired"}, {"state": "paused", "slots": 3}):
+    for change in ({}, {"state": "tired"}, {"state": "paused", "slots": 0}, {"state": None}):
         assert service.http.patch("/api/workers/peer", json=change).status_code == 422
 
 

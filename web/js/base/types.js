@@ -76,6 +76,12 @@
  * @property {EnvironmentRequest | null} [environment] as it was asked for
  * @property {string | null} [variant] as it was asked for
  * @property {boolean} [pinned] kept, whatever its age
+ * @property {string | null} [user] who asked for it
+ * @property {number | null} [max_slots] that render it at a time, at most
+ * @property {string[]} [needs] of the workers that render it
+ * @property {number | null} [deadline] by when it is wanted, unix seconds
+ * @property {number | null} [expected] when it is to be ready by the forecast, where it has a deadline
+ * @property {number | null} [late] since when it is expected to miss that
  * @property {Wait[]} [waits_for] the jobs that it comes after and that are not finished
  * @property {{job: string, spp: number} | null} [taken] with what of an earlier one of the same picture it began
  *
@@ -173,7 +179,20 @@
  * @property {number | null} [memory_used] bytes
  * @property {number | null} [memory_total]
  * @property {number} [failures] of batches
+ * @property {Offer | null} [offer] null: it is of an older release, and can only be paused
  * @property {number[]} [speeds] samples a second of all its slots, a minute each
+ *
+ * @typedef {object} Offer what a worker offers
+ * @property {string[]} tags
+ * @property {number} memory bytes that it may use
+ * @property {number} slots_most it was started with so many
+ * @property {string} hours empty: always
+ * @property {number} idle_minutes
+ * @property {string[]} idle_by how it knows that somebody works at its machine
+ * @property {number} nice
+ * @property {number} memory_limit bytes; 0: none
+ * @property {string | null} rests why it takes nothing at the moment, by its own hours or limits
+ * @property {string | null} trouble what was asked of it and it cannot do
  *
  * @typedef {{name: string, label: string, help: string}} Choice
  *

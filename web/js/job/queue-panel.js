@@ -1,37 +1,70 @@
-/** A job's place among the others: what it waits for. */
+/** A job's place among the others: what it waits for, by when it is wanted, and how much of the farm it may have. */
 
 import { change } from "./job-panel.js";
-import { fill, h } from "../base/dom.js";
+import { fill, h, setText } from "../base/dom.js";
+import { roughly } from "../base/format.js";
+import { icon } from "../base/icons.js";
+import { t } from "../base/words.js";
+import { field, numberOf } from "../forms/fields.js";
 import { linkTo } from "../shell/router.js";
 import { stateChip } from "../shell/state-chip.js";
-import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
+
+const OPEN = ["queued", "running", "paused"];
 
 /** @returns {{element: HTMLElement, update: (job: Job) => void}} */
 export function queuePanel() {
   /** @type {Job | null} */
   let latest = null;
-  const begin = () => latest && void change(latest, { after: [] }, t("The job was not changed"));
-  const waits = h("ul", { class: "waits" });
-  const element = h(
-    "section",
-    { class: "side-section queue stack tight", "aria-label": t("Waits for"), hidden: true },
+  /** @param {Parameters<typeof change>[1]} asked */
+  const ask = (asked) => latest && void change(latest, asked, t("The job was not changed"));
+
+  const late = h("div", { class: "notice warning", role: "status", hidden: true });
+  const lateText = h("div", { class: "grow" });
+  late.append(icon("clock"), lateText);
+  const waitList = h("ul", { class: "waits" });
+  const waits = h(
+    "div",
+    { class: "stack tight", hidden: true },
     h("h2", null, t("Waits for")),
-    waits,
-    h("button", { class: "button small", type: "button", onclick: begin }, t("Begin without waiting")),
+    waitList,
+    h("button", { class: "button small", type: "button", onclick: () => ask({ after: [] }) }, t("Begin without waiting")),
   );
+  const deadline = h("input", { type: "datetime-local", onchange: () => deadline.validity.valid && ask({ deadline: isoOf(deadline.value) }) });
+  const priority = h("input", { type: "number", min: -100, max: 100, step: 1, required: true, onchange: () => priority.validity.valid && ask({ priority: numberOf(priority, 0) }) });
+  const slots = h("input", { type: "number", min: 1, max: 1000000, step: 1, placeholder: t("no limit"), onchange: () => slots.validity.valid && ask({ max_slots: slots.value ? Number(slots.value) : null }) });
+  const needs = h("input", { type: "text", placeholder: t("any worker"), maxLength: 500, spellcheck: "false", autocomplete: "off", onchange: () => ask({ needs: needs.value.split(",").map((need) => need.trim()).filter(Boolean) }) });
+  const ready = h("p", { class: "quiet small number", hidden: true });
+  const more = h(
+    "details",
+    { class: "among" },
+    h("summary", null, h("h2", null, t("Among other jobs"))),
+    h("div", { class: "stack" }, field(t("Wanted by"), deadline, t("Warns when the forecast says no.")), field(t("Priority"), priority, t("Higher is sooner.")), field(t("Slots at most"), slots), field(t("Needs"), needs, t("Tags of workers, as gpu, and memory_gb=32; commas between them."))),
+  );
+  const element = h("section", { class: "side-section queue stack", "aria-label": t("Among other jobs") }, late, waits, ready, more);
   let shown = "";
   return {
     element,
     update(job) {
       latest = job;
+      const isOpen = OPEN.includes(job.state);
+      element.hidden = !isOpen;
+      if (!isOpen) return;
+      late.hidden = job.late == null;
+      setText(lateText, lateWords(job));
+      setText(ready, readyWords(job));
+      ready.hidden = !ready.textContent;
+      put(deadline, job.deadline ? localOf(job.deadline) : "");
+      put(priority, String(job.priority));
+      put(slots, job.max_slots ? String(job.max_slots) : "");
+      put(needs, (job.needs ?? []).join(", "));
       const all = job.waits_for ?? [];
-      element.hidden = !all.length;
+      waits.hidden = !all.length;
       const key = JSON.stringify(all);
       if (key === shown) return;
       shown = key;
-      fill(waits, ...all.map(waitRow));
+      fill(waitList, ...all.map(waitRow));
     },
   };
 }
@@ -41,3 +74,39 @@ function waitRow({ id, name, state }) {
   const label = name ?? t("A picture");
   return h("li", null, h("a", { href: linkTo("jobs", id), title: label }, label), state && stateChip(state).element);
 }
+
+/** Not while somebody types there. @param {HTMLInputElement} input @param {string} value */
+function put(input, value) {
+  if (input !== document.activeElement && input.value !== value) input.value = value;
+}
+
+/** @param {Job} job */
+function lateWords({ deadline, expected, late }) {
+  if (deadline == null || late == null) return "";
+  const over = Date.now() / 1000 - deadline;
+  if (over > 0) return t("Its deadline has passed: {time}.", { time: dayAndTime(deadline) });
+  const by = (expected ?? 0) - deadline;
+  return by > 0
+    ? t("Wanted by {time}, and ready {late} after that by the forecast.", { time: dayAndTime(deadline), late: roughly(by) })
+    : t("Wanted by {time}, and not ready by then by the forecast.", { time: dayAndTime(deadline) });
+}
+
+/** @param {Job} job */
+function readyWords({ deadline, expected, late }) {
+  if (deadline == null || late != null) return "";
+  return expected == null
+    ? t("Wanted by {time}.", { time: dayAndTime(deadline) })
+    : t("Wanted by {time}; ready at {ready} by the forecast.", { time: dayAndTime(deadline), ready: dayAndTime(expected) });
+}
+
+/** @param {number} at unix seconds */
+const dayAndTime = (at) => new Date(at * 1000).toLocaleString([], { weekday: "short", day: "numeric", month: "short", hour: "2-digit", minute: "2-digit" });
+
+/** As the field has it: of this browser's zone. @param {number} at unix seconds */
+function localOf(at) {
+  const zone = new Date(at * 1000).getTimezoneOffset() * 60;
+  return new Date((at - zone) * 1000).toISOString().slice(0, 16);
+}
+
+/** @param {string} local as the field has it */
+const isoOf = (local) => (local ? new Date(local).toISOString() : null);

@@ -18,6 +18,10 @@ import { t } from "../base/words.js";
  * @typedef {object} JobChange of frames as text: 10-20 or 7,9
  * @property {"running" | "paused" | "cancelled"} [state]
  * @property {string[]} [after] the jobs that it goes on waiting for
+ * @property {string | null} [deadline] an ISO time
+ * @property {number | null} [max_slots]
+ * @property {string[]} [needs]
+ * @property {number} [priority]
  * @property {number} [spp]
  * @property {number} [more]
  * @property {string} [frames] that spp or more are for
@@ -164,6 +168,14 @@ export const getWorkers = () => call("GET", "/workers");
 
 /** @param {string} name @param {"running" | "paused"} state @returns {Promise<Worker>} */
 export const changeWorker = (name, state) => call("PATCH", `/workers/${encodeURIComponent(name)}`, { json: { state } });
+
+/**
+ * @param {string} name
+ * @param {{hours?: string | null, idle_minutes?: number | null, slots?: number | null, memory_gb?: number | null, nice?: number | null}} terms
+ *     null: as it was started
+ * @returns {Promise<Worker>} as it is until it obeys
+ */
+export const askWorker = (name, terms) => call("PATCH", `/workers/${encodeURIComponent(name)}`, { json: terms });
 
 /** @param {string} name @returns {Promise<string[]>} its last lines */
 export const getWorkerLog = (name) => call("GET", `/workers/${encodeURIComponent(name)}/log`);

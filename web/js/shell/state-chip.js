@@ -16,6 +16,7 @@ const STATES = {
   cancelled: ["stop", t("Cancelled")],
   starting: ["clock", t("Starting")],
   draining: ["clock", t("Draining")],
+  resting: ["clock", t("Resting")],
   "set-aside": ["warning", t("Set aside")],
 };
 

@@ -186,6 +186,7 @@ function details(job, life) {
     [t("Size"), `${job.width}×${job.height}`],
     [t("Field of view"), job.settings && `${Number(job.settings.view.fov.toFixed(1))}°`],
     ...told(job.settings),
+    [t("Asked for by"), job.user],
     [t("Job"), h("code", null, job.id)],
   ];
   return h(

@@ -6,6 +6,7 @@ import { jobs } from "../news/farm.js";
 import { bytes, compact } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { linkTo } from "../shell/router.js";
+import { machineTerms } from "./machine-terms.js";
 import { sparkline } from "./sparkline.js";
 import { stateChip } from "../shell/state-chip.js";
 import { showError } from "../shell/tray.js";
@@ -33,17 +34,19 @@ export function machineCard() {
     (/** @type {{key: string, slot: Slot}} */ { key }) => key,
     () => slotTile(),
   );
+  const terms = machineTerms();
   const button = h("button", { class: "button small", type: "button", onclick: () => turn() });
   const log = h("details", { class: "log", ontoggle: () => showLog() }, h("summary", null, t("Log")), h("pre", { tabindex: "0" }));
   const lines = /** @type {HTMLElement} */ (log.lastElementChild);
   /** @type {Worker | null} */
   let latest = null;
+  let isPaused = false; // by somebody, and not by its own hours
 
   const turn = async () => {
     if (!latest) return;
     button.disabled = true;
     try {
-      update(await changeWorker(latest.name, latest.state === "paused" ? "running" : "paused"));
+      update(await changeWorker(latest.name, isPaused ? "running" : "paused"));
     } catch (error) {
       showError(t("{name} could not be told", { name: latest.name }), error, { ofPage: true });
     } finally {
@@ -66,7 +69,10 @@ export function machineCard() {
     latest = worker;
     const busy = worker.current.filter((slot) => Object.keys(slot).length > 0).length;
     const isAside = worker.state === "paused" && Boolean(worker.message?.startsWith("Set aside"));
-    const state = isAside ? "set-aside" : worker.state === "paused" && busy ? "draining" : worker.state;
+    const rests = worker.state === "paused" && Boolean(worker.offer?.rests) && worker.message === worker.offer?.rests;
+    const state = isAside ? "set-aside" : worker.state === "paused" && busy ? "draining" : rests ? "resting" : worker.state;
+    isPaused = worker.state === "paused" && !rests;
+    terms.update(worker);
     setText(name, worker.name);
     setText(cpu, worker.cpu);
     cpu.title = worker.cpu;
@@ -86,8 +92,8 @@ export function machineCard() {
     failures.classList.toggle("bad", (worker.failures ?? 0) > 0);
     const all = Array.from({ length: worker.slots }, (_, i) => ({ key: String(i), slot: worker.current[i] ?? {} }));
     showSlots(all);
-    fill(button, icon(worker.state === "paused" ? "play" : "pause"), worker.state === "paused" ? t("Take back") : t("Pause"));
-    button.title = worker.state === "paused" ? t("It takes work again") : t("It finishes what it has in hand and takes no more");
+    fill(button, icon(isPaused ? "play" : "pause"), isPaused ? t("Take back") : t("Pause"));
+    button.title = isPaused ? t("It takes work again") : t("It finishes what it has in hand and takes no more");
   };
   const fact = (/** @type {string} */ title, /** @type {HTMLElement[]} */ ...said) => h("div", null, h("dt", null, title), ...said);
   return {
@@ -105,6 +111,7 @@ export function machineCard() {
         fact(t("Failures"), failures),
       ),
       slots,
+      terms.element,
       h("footer", null, button, log),
     ),
     update,

@@ -8,6 +8,7 @@ import { addMachineHint, emptyState } from "../shell/hints.js";
 import { setTitle } from "../shell/router.js";
 import { Disposer } from "../base/store.js";
 import { machineCard } from "./machine.js";
+import { sharesSection } from "./shares-section.js";
 import { t, tn } from "../base/words.js";
 
 /** @type {Set<string>} */
@@ -77,6 +78,7 @@ export function workersView() {
     summary,
     list,
     empty,
+    sharesSection(life),
     h("section", { class: "section" }, h("header", null, h("h2", null, t("Add a machine"))), addMachineHint()),
   );
   return { element, dispose: () => life.dispose() };

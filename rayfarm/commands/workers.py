@@ -1,0 +1,88 @@
+"""`rayfarm workers`: who renders, and what is asked of them while they run."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+from urllib.parse import quote
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from rayfarm import options
+from rayfarm.answers import Worker
+from rayfarm.console import out
+from rayfarm.errors import CommandError
+from rayfarm.login import farm_client
+
+__all__ = ["register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("workers")(workers)
+
+
+def workers(
+    name: Annotated[str | None, typer.Argument(help="The one to change; all are listed, if none.")] = None,
+    hours: Annotated[
+        str | None, typer.Option(metavar="WEEK", help="When it works, as 'Mon-Fri 19:00-07:00, Sat-Sun'; '' for always.")
+    ] = None,
+    idle: Annotated[
+        float | None,
+        typer.Option(min=0, metavar="MINUTES", help="Only when nobody has worked there for so long; 0: always."),
+    ] = None,
+    nice: Annotated[int | None, typer.Option(min=0, max=19, help="How far it stands back for other programs.")] = None,
+    slots: Annotated[int | None, typer.Option(min=1, help="At most; never more than it was started with.")] = None,
+    memory: Annotated[float | None, typer.Option(min=0, metavar="GB", help="That it may use; 0: no limit.")] = None,
+    pause: Annotated[bool, typer.Option("--pause", help="It finishes what it has in hand and takes no more.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="It takes work again, also one that was set aside.")] = False,
+    reset: Annotated[bool, typer.Option("--reset", help="Hours, limits and nice level as it was started.")] = False,
+    server: options.Server = None,
+) -> None:
+    """List a farm's workers, or change one while it runs. It obeys within seconds, and finishes what it has in hand.
+
+    [bold]Examples[/bold]
+
+      rayfarm workers
+      rayfarm workers attic --hours "Mon-Fri 19:00-07:00, Sat-Sun" --nice 10
+      rayfarm workers attic --slots 4 --memory 16
+      rayfarm workers attic --reset --resume
+    """
+    said: dict[str, Any] = {"hours": hours, "idle_minutes": idle, "nice": nice, "slots": slots, "memory_gb": memory}
+    asked = dict.fromkeys(said) if reset else {}
+    asked |= {key: value for key, value in said.items() if value is not None}
+    if pause and resume:
+        raise CommandError("Give --pause or --resume, not both")
+    if pause or resume:
+        asked["state"] = "paused" if pause else "running"
+    if asked and name is None:
+        raise CommandError("Say which worker: `rayfarm workers NAME --slots 4`")
+    with farm_client(server) as farm:
+        if name is not None and asked:
+            farm.call("PATCH", f"/api/workers/{quote(name, safe='')}", **asked)
+            out.print(f"{name} is told; it obeys within seconds.", markup=False)
+            return
+        rows = [row for row in farm.workers() if name in (None, row.name)]
+    if not rows:
+        raise CommandError(f"There is no worker {name!r}") if name else CommandError("No worker is connected")
+    table = Table("WORKER", "STATE", "SLOTS", "WORKS", "NICE", "MEMORY", "TAGS", box=None, pad_edge=False)
+    for row in rows:
+        table.add_row(*map(escape, _cells(row)))
+    out.print(table)
+    for row in rows:
+        for why in (row.message, row.offer.trouble if row.offer else "is of an older release: it can only be paused"):
+            if why:
+                out.print(f"{row.name}: {why}", markup=False, soft_wrap=True)
+
+
+def _cells(row: Worker) -> list[str]:
+    offer = row.offer
+    if offer is None:
+        return [row.name, row.state, str(row.slots), "always", "", "", ""]
+    works = offer.hours or "always"
+    if offer.idle_minutes:
+        works += f", idle {offer.idle_minutes:g} min"
+    slots = str(row.slots) if row.slots == offer.slots_most else f"{row.slots} of {offer.slots_most}"
+    tags = " ".join(tag for tag in offer.tags if not tag.startswith(("kind:", "host:")))
+    return [row.name, row.state, slots, works, str(offer.nice), f"{offer.memory / 1e9:.1f} GB", tags]

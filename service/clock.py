@@ -1,0 +1,34 @@
+"""Times as people write them."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+
+__all__ = ["deadline_of"]
+
+FURTHEST = timedelta(days=3660)
+
+
+def deadline_of(text: str, now: datetime | None = None) -> float:
+    """A deadline in unix time: an ISO time, or the next time that a clock says 08:00; in this machine's zone unless it says one.
+
+    now: with a zone. Raises ValueError with a sentence.
+    """
+    now = now or datetime.now().astimezone()
+    text = text.strip()
+    try:
+        if len(text) <= 5 and ":" in text:
+            hour, minute = map(int, text.split(":"))
+            found = now.replace(hour=hour, minute=minute, second=0, microsecond=0)
+            found += timedelta(days=found <= now)
+        else:
+            found = datetime.fromisoformat(text)
+            found = found if found.tzinfo else found.replace(tzinfo=now.tzinfo)
+        seconds = found.timestamp()
+    except (ValueError, OverflowError, OSError):
+        raise ValueError(f"{text[:60]!r} is no time; give 08:00, 2026-05-01T08:00 or 2026-05-01T08:00+02:00") from None
+    if found <= now:
+        raise ValueError(f"{text} has passed already")
+    if found > now + FURTHEST:
+        raise ValueError(f"{text} is more than ten years from now")
+    return seconds

@@ -1,0 +1,84 @@
+"""What a job needs of the workers that render it: tags that they have, and memory that they offer.
+
+Batches of a job with needs wait in a queue of their own, and the service tells each worker that has all of them to take from it
+(worker/terms.py). A worker that does not say that it does gets none.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from worker.terms import TAG, Offer, needs_queue
+
+__all__ = ["Needs"]
+
+MOST = 20
+MEMORY = re.compile(r"memory_gb=(\d{1,6}(?:\.\d{1,3})?)")
+
+
+@dataclass(frozen=True)
+class Needs:
+    """tags: each, in order. memory_gb: at least; 0: any."""
+
+    tags: tuple[str, ...]
+    memory_gb: float = 0.0
+
+    @classmethod
+    def parse(cls, texts: Sequence[str]) -> Needs | None:
+        """Tags, and one memory_gb=32; None where nothing is needed. Raises ValueError with a sentence."""
+        tags, memory = set(), 0.0
+        for text in texts:
+            if found := MEMORY.fullmatch(text):
+                memory = max(memory, float(found[1]))
+            elif TAG.fullmatch(text):
+                tags.add(text)
+            else:
+                raise ValueError(f"{text[:60]!r} is no need; give a tag in small letters, or memory_gb=32")
+        if len(tags) > MOST:
+            raise ValueError(f"a job has at most {MOST} needs")
+        return cls(tuple(sorted(tags)), memory) if tags or memory else None
+
+    @classmethod
+    def of(cls, row: Mapping[str, Any] | None) -> Needs | None:
+        """What `to_json` wrote."""
+        return cls(tuple(map(str, row.get("tags", ()))), float(row.get("memory_gb", 0.0))) if row else None
+
+    def to_json(self) -> dict[str, Any]:
+        """For the job's row."""
+        return {"tags": list(self.tags), "memory_gb": self.memory_gb}
+
+    @property
+    def texts(self) -> list[str]:
+        """As `parse` takes them."""
+        return [*self.tags, *([f"memory_gb={self.memory_gb:g}"] if self.memory_gb else [])]
+
+    @cached_property
+    def text(self) -> str:
+        """The same for the same needs."""
+        return ",".join(self.texts)
+
+    def queue(self, kind: str) -> str:
+        """Where batches for workers of a kind wait."""
+        return needs_queue(kind, self.text)
+
+    def are_met(self, offer: Offer) -> bool:
+        """Whether a worker has all of it."""
+        return set(self.tags) <= set(offer.tags) and offer.memory >= self.memory_gb * 1e9
+
+    def lacking(self, offers: Iterable[Offer | None]) -> str | None:
+        """Why none of the workers can serve it, in a sentence; None where one can. None among them: one that does not say."""
+        known = [offer for offer in offers if offer is not None]
+        if any(self.are_met(offer) for offer in known):
+            return None
+        missing = [tag for tag in self.tags if not any(tag in offer.tags for offer in known)]
+        most = max((offer.memory for offer in known), default=0)
+        if missing:
+            named = f"the tag {missing[0]}" if len(missing) == 1 else f"the tags {', '.join(missing)}"
+            return f"Waits for a worker with {named}: none that is connected has {'it' if len(missing) == 1 else 'them'}."
+        if most < self.memory_gb * 1e9:
+            return f"Waits for a worker with {self.memory_gb:g} GB of memory: the most that one offers is {most / 1e9:.1f} GB."
+        return f"Waits for a worker that has all of {', '.join(self.texts)}: none that is connected does."

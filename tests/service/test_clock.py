@@ -1,0 +1,44 @@
+"""Times as people write them."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta, timezone
+
+import pytest
+
+from service.clock import deadline_of
+
+EVENING = datetime(2026, 3, 1, 22, 30, 15, tzinfo=timezone(timedelta(hours=1)))
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("08:00", "2026-03-02T08:00+01:00"),
+        ("8:00", "2026-03-02T08:00+01:00"),
+        ("22:31", "2026-03-01T22:31+01:00"),
+        ("22:30", "2026-03-02T22:30+01:00"),
+        ("2026-03-01T23:00", "2026-03-01T23:00+01:00"),
+        ("2026-03-02T08:00:30Z", "2026-03-02T09:00:30+01:00"),
+        ("2026-03-05", "2026-03-05T00:00+01:00"),
+    ],
+)
+def test_the_time_that_is_meant(text: str, found: str) -> None:
+    assert deadline_of(text, EVENING) == datetime.fromisoformat(found).timestamp()
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("tomorrow", "'tomorrow' is no time; give 08:00"),
+        ("25:00", "is no time"),
+        ("-1:00", "is no time"),
+        ("", "is no time"),
+        ("0001-01-01T00:00:00+23:00", "is no time|has passed already"),
+        ("2026-03-01T22:30", "has passed already"),
+        ("2046-03-01", "more than ten years"),
+    ],
+)
+def test_what_is_none(text: str, why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        deadline_of(text, EVENING)

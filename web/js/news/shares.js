@@ -1,0 +1,18 @@
+/** What each user's jobs get of the slots. */
+
+import { call } from "./api.js";
+
+/**
+ * @typedef {object} Share
+ * @property {string} share everybody, or user:NAME
+ * @property {number} weight
+ * @property {number | null} max_slots null: no limit
+ * @property {number} slots that work on its jobs now
+ * @property {number} jobs that are not over
+ */
+
+/** @returns {Promise<Share[]>} by name */
+export const getShares = () => call("GET", "/shares");
+
+/** @param {string} share @param {{weight: number, max_slots: number | null}} terms @returns {Promise<Share>} */
+export const setShare = (share, terms) => call("PUT", `/shares/${encodeURIComponent(share)}`, { json: terms });

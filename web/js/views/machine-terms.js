@@ -1,0 +1,88 @@
+/** When a machine works and with how much of itself: told to it while it runs. Folded, as it is set once. */
+
+import { askWorker } from "../news/api.js";
+import { h, setText } from "../base/dom.js";
+import { field } from "../forms/fields.js";
+import { may } from "../news/session.js";
+import { t } from "../base/words.js";
+import { announce, showError } from "../shell/tray.js";
+
+/** @typedef {import("../base/types.js").Worker} Worker */
+
+const GB = 1e9;
+
+/** @returns {{element: HTMLElement, update: (worker: Worker) => void}} */
+export function machineTerms() {
+  /** @type {Worker | null} */
+  let latest = null;
+  const hours = h("input", { type: "text", placeholder: t("always"), maxLength: 500, spellcheck: "false", autocomplete: "off" });
+  const idle = h("input", { type: "number", min: 0, max: 1000000, step: "any", placeholder: t("in any case") });
+  const slots = h("input", { type: "number", min: 1, max: 4096, step: 1 });
+  const memory = h("input", { type: "number", min: 0, max: 1000000, step: "any", placeholder: t("no limit") });
+  const nice = h("input", { type: "number", min: 0, max: 19, step: 1 });
+  /** @type {[HTMLInputElement, () => Parameters<typeof askWorker>[1]][]} */
+  const asks = [
+    [hours, () => ({ hours: hours.value.trim() })],
+    [idle, () => ({ idle_minutes: Number(idle.value) })],
+    [slots, () => ({ slots: slots.value ? Number(slots.value) : null })],
+    [memory, () => ({ memory_gb: Number(memory.value) })],
+    [nice, () => ({ nice: nice.value ? Number(nice.value) : null })],
+  ];
+  for (const [input, terms] of asks) {
+    input.disabled = !may("admin");
+    input.addEventListener("change", () => {
+      if (!latest || !input.validity.valid) return;
+      askWorker(latest.name, terms()).then(
+        () => announce(t("It obeys within seconds")),
+        (error) => showError(t("{name} could not be told", { name: latest?.name ?? "" }), error, { ofPage: true }),
+      );
+    });
+  }
+  const tags = h("p", { class: "small tags" });
+  const by = h("p", { class: "quiet small" });
+  const trouble = h("p", { class: "small trouble", role: "status" });
+  const fields = h(
+    "div",
+    { class: "terms" },
+    field(t("Works"), hours, t("As Mon-Fri 19:00-07:00, Sat-Sun, by its own clock.")),
+    field(t("Idle for, minutes"), idle, t("Works only when nobody has there.")),
+    field(t("Slots at most"), slots),
+    field(t("Memory at most, GB"), memory),
+    field(t("Nice level"), nice, t("0 to 19: how far it stands back for other programs.")),
+    by,
+  );
+  const old = h("p", { class: "quiet small", hidden: true }, t("It is of an older release: it can only be paused."));
+  const element = h("details", { class: "machine-terms" }, h("summary", null, t("Hours and limits")), fields, old);
+  const whole = h("div", { class: "stack tight" }, tags, trouble, element);
+  return {
+    element: whole,
+    update(worker) {
+      latest = worker;
+      const { offer } = worker;
+      fields.hidden = !offer;
+      old.hidden = Boolean(offer);
+      const named = offer?.tags.filter((tag) => !/^(kind|host):/.test(tag)) ?? [];
+      tags.hidden = named.length === 0;
+      setText(tags, named.length ? t("Tags: {tags}", { tags: named.join(", ") }) : "");
+      setText(trouble, offer?.trouble ?? "");
+      trouble.hidden = !offer?.trouble;
+      if (!offer) return;
+      put(hours, offer.hours);
+      put(idle, offer.idle_minutes ? String(offer.idle_minutes) : "");
+      put(slots, String(worker.slots));
+      slots.max = String(offer.slots_most);
+      put(memory, offer.memory_limit ? String(offer.memory_limit / GB) : "");
+      put(nice, String(offer.nice));
+      by.hidden = !offer.idle_minutes;
+      setText(by, offer.idle_by.length ? t("It knows of people by: {ways}", { ways: offer.idle_by.map((way) => WAYS[way] ?? way).join(", ") }) : t("It has no means to know whether somebody works there."));
+    },
+  };
+}
+
+/** @type {Record<string, string>} */
+const WAYS = { load: t("what other programs take"), terminals: t("terminals"), screen: t("screen and keyboard") };
+
+/** Not while somebody types there. @param {HTMLInputElement} input @param {string} value */
+function put(input, value) {
+  if (input !== document.activeElement && input.value !== value) input.value = value;
+}

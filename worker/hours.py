@@ -1,0 +1,70 @@
+"""When a worker works, as people write it: "Mon-Fri 19:00-07:00, Sat-Sun". By the clock of its own machine."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+__all__ = ["Hours"]
+
+DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
+MOST = 50
+_PART = re.compile(r"(?:(?P<days>[a-z]{3}(?:\s*-\s*[a-z]{3})?))?\s*(?:(?P<begin>\d{1,2}:\d\d)\s*-\s*(?P<end>\d{1,2}:\d\d))?")
+
+
+@dataclass(frozen=True)
+class Hours:
+    """Parts of the week: the days on which each begins (0: Monday), from and to which minute of the day. One whose end is not
+    after its begin goes on into the next day."""
+
+    parts: tuple[tuple[frozenset[int], int, int], ...]
+
+    @classmethod
+    def parse(cls, text: str) -> Hours:
+        """Parts with commas between them: days, hours, or both. Days alone are whole, hours alone of every day.
+
+        Raises ValueError with a sentence.
+        """
+        pieces = text.lower().split(",")
+        if len(pieces) > MOST:
+            raise ValueError(f"hours have at most {MOST} parts")
+        return cls(tuple(_part(piece.strip()) for piece in pieces))
+
+    def are_now(self, now: datetime) -> bool:
+        """Whether a moment lies within them."""
+        minute, day = 60 * now.hour + now.minute, now.weekday()
+        before = (now - timedelta(days=1)).weekday()
+        for days, begin, end in self.parts:
+            if end > begin:
+                if day in days and begin <= minute < end:
+                    return True
+            elif (day in days and minute >= begin) or (before in days and minute < end):
+                return True
+        return False
+
+
+def _part(text: str) -> tuple[frozenset[int], int, int]:
+    found = _PART.fullmatch(text)
+    if found is None or not text:
+        raise ValueError(f"{text[:40]!r} is no part of a week; give hours as Mon-Fri 19:00-07:00, Sat-Sun")
+    begin, end = (_minute(found[name]) if found[name] else None for name in ("begin", "end"))
+    return _days(found["days"]), begin or 0, 24 * 60 if end is None else end
+
+
+def _days(text: str | None) -> frozenset[int]:
+    if text is None:
+        return frozenset(range(7))
+    names = [name.strip() for name in text.split("-")]
+    unknown = [name for name in names if name not in DAYS]
+    if unknown:
+        raise ValueError(f"{unknown[0]!r} is no day; days are Mon, Tue, Wed, Thu, Fri, Sat, Sun")
+    first, last = DAYS.index(names[0]), DAYS.index(names[-1])
+    return frozenset((first + i) % 7 for i in range((last - first) % 7 + 1))
+
+
+def _minute(text: str) -> int:
+    hour, minute = map(int, text.split(":"))
+    if minute > 59 or hour > 24 or (hour == 24 and minute):
+        raise ValueError(f"{text} is no time of a day")
+    return 60 * hour + minute
