@@ -13,6 +13,9 @@ import { stateChip } from "../shell/state-chip.js";
 
 const OPEN = ["queued", "running", "paused"];
 
+/** A forecast beyond that says no more than "too late": seconds. */
+const FORESEEN_S = 30 * 86400;
+
 /** @returns {{element: HTMLElement, update: (job: Job) => void}} */
 export function queuePanel() {
   /** @type {Job | null} */
@@ -86,7 +89,7 @@ function lateWords({ deadline, expected, late }) {
   const over = Date.now() / 1000 - deadline;
   if (over > 0) return t("Its deadline has passed: {time}.", { time: dayAndTime(deadline) });
   const by = (expected ?? 0) - deadline;
-  return by > 0
+  return by > 0 && by < FORESEEN_S
     ? t("Wanted by {time}, and ready {late} after that by the forecast.", { time: dayAndTime(deadline), late: roughly(by) })
     : t("Wanted by {time}, and not ready by then by the forecast.", { time: dayAndTime(deadline) });
 }
