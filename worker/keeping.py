@@ -80,7 +80,10 @@ class Keeping:
         terms = self.terms
         struct.pack_into("q", _limit, 0, terms.memory or 0)
         self._be_nice(terms.nice)
-        self.why = self._outside(terms) or self._at_work(terms) or self._too_large(terms)
+        somebody = self._at_work(
+            terms
+        )  # looked for outside its hours too: how long nobody has been there is known when they begin
+        self.why = self._outside(terms) or somebody or self._too_large(terms)
         self._beats += 1
 
     def offer(self) -> Offer:

@@ -175,7 +175,11 @@ def _job_out(job: Job, recorded: Recorded, view: Snapshot, waits: list[WaitOut])
         warning=warning_of(job, live.expected if live else None, time.time()),
         active_s=live.active_s if live else max(job.active_s, known.active_s if known else 0.0),
         progress=live.progress if live and about else sums.progress / max(about.count if about else len(frames), 1),
-        eta_s=live.eta_s if live and job.state == "running" else 0.0 if job.state == "finished" else None,
+        eta_s=live.eta_s
+        if live and job.state == "running" and not _in_the_way(view.roster)
+        else 0.0
+        if job.state == "finished"
+        else None,
         samples=sums.samples,
         samples_per_s=round(live.samples_per_s, 1) if live else 0.0,
         bad_samples=sums.bad_samples,
@@ -367,5 +371,6 @@ def _in_the_way(roster: Roster) -> str | None:
     if not roster.reports:
         return "Waits for a worker: none is connected."
     if all(report.state == "paused" or name in roster.orders for name, report in roster.reports.items()):
-        return "Waits: all workers are paused."
+        rest = any(offer.why for name, offer in roster.offers.items() if name in roster.reports and name not in roster.orders)
+        return "Waits: all workers rest or are paused." if rest else "Waits: all workers are paused."
     return "Waits for the workers to load their kernels; the first time that takes half a minute or more."

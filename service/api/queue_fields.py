@@ -168,7 +168,7 @@ def waits_sentence(waits: Sequence[WaitOut]) -> str | None:
     """What a job waits for, in words; None where that is nothing."""
     if not waits:
         return None
-    named = ", ".join(wait.name or wait.id for wait in waits[:SHOWN])
+    named = ", ".join(f'"{wait.name}"' if wait.name else wait.id for wait in waits[:SHOWN])
     more = f" and {len(waits) - SHOWN} more" if len(waits) > SHOWN else ""
     return f"Waits until {named}{more} {'is' if len(waits) == 1 else 'are'} finished."
 

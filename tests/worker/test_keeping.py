@@ -119,6 +119,15 @@ def test_it_rests_while_somebody_is_there() -> None:
     assert (kept.why, kept.offer().idle_by) == (None, ("load",))
 
 
+def test_whether_somebody_is_there_is_known_when_its_hours_begin() -> None:
+    kept = Keeping(1, clock=lambda: MONDAY_NOON)
+    looked = []
+    kept.presence = SimpleNamespace(idle_s=lambda: looked.append(1) or 0.0, by=("load",))  # type: ignore[assignment, func-returns-value]
+    kept.ask(Terms(hours="Tue", idle_minutes=2.0).to_bytes())
+    kept.look()
+    assert (kept.why, looked) == ("Outside its hours: Tue.", [1])
+
+
 def test_over_its_memory_it_rests_until_it_has_let_go_of_some(monkeypatch: pytest.MonkeyPatch) -> None:
     used = {"bytes": 900}
     monkeypatch.setattr(keeping, "_memory_of_family", lambda: used["bytes"])

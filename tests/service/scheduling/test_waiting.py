@@ -28,7 +28,7 @@ def test_a_job_begins_when_those_before_it_are_finished(service: Service, worker
     asked = service.job(second)
     assert asked["after"] == [first, over]
     assert asked["waits_for"] == [{"id": first, "name": "the first", "state": "paused"}], "one is finished"
-    assert asked["message"] == "Waits until the first is finished."
+    assert asked["message"] == 'Waits until "the first" is finished.'
     service.restart()
     service.wait_for(service.submit(scene, seed=5), "finished")
     assert service.job(second)["state"] == service.job(third)["state"] == "queued"

@@ -178,7 +178,7 @@ export function actionsPanel() {
   more.title = t("Goes on from here: the same picture as if they had been asked for at once");
   const keep = button("keep", t("Keep"), (job) => change(job, { pinned: !job.pinned }, t("The job was not changed")));
   keep.title = t("Stays whatever its age: its picture, and its scene's files");
-  const element = h("div", { class: "row actions" }, resume, pause, cancel, more, keep);
+  const element = h("div", { class: "row actions for-submit" }, resume, pause, cancel, more, keep);
   return {
     element,
     update(job) {

@@ -6,12 +6,16 @@ import { roughly } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { t } from "../base/words.js";
 import { field, numberOf } from "../forms/fields.js";
+import { may } from "../news/session.js";
 import { linkTo } from "../shell/router.js";
 import { stateChip } from "../shell/state-chip.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
 const OPEN = ["queued", "running", "paused"];
+
+/** A forecast beyond that says no more than "too late": seconds. */
+const FORESEEN_S = 30 * 86400;
 
 /** @returns {{element: HTMLElement, update: (job: Job) => void}} */
 export function queuePanel() {
@@ -29,12 +33,13 @@ export function queuePanel() {
     { class: "stack tight", hidden: true },
     h("h2", null, t("Waits for")),
     waitList,
-    h("button", { class: "button small", type: "button", onclick: () => ask({ after: [] }) }, t("Begin without waiting")),
+    h("button", { class: "button small for-submit", type: "button", onclick: () => ask({ after: [] }) }, t("Begin without waiting")),
   );
   const deadline = h("input", { type: "datetime-local", onchange: () => deadline.validity.valid && ask({ deadline: isoOf(deadline.value) }) });
   const priority = h("input", { type: "number", min: -100, max: 100, step: 1, required: true, onchange: () => priority.validity.valid && ask({ priority: numberOf(priority, 0) }) });
   const slots = h("input", { type: "number", min: 1, max: 1000000, step: 1, placeholder: t("no limit"), onchange: () => slots.validity.valid && ask({ max_slots: slots.value ? Number(slots.value) : null }) });
   const needs = h("input", { type: "text", placeholder: t("any worker"), maxLength: 500, spellcheck: "false", autocomplete: "off", onchange: () => ask({ needs: needs.value.split(",").map((need) => need.trim()).filter(Boolean) }) });
+  for (const input of [deadline, priority, slots, needs]) input.disabled = !may("submit");
   const ready = h("p", { class: "quiet small number", hidden: true });
   const more = h(
     "details",
@@ -86,7 +91,7 @@ function lateWords({ deadline, expected, late }) {
   const over = Date.now() / 1000 - deadline;
   if (over > 0) return t("Its deadline has passed: {time}.", { time: dayAndTime(deadline) });
   const by = (expected ?? 0) - deadline;
-  return by > 0
+  return by > 0 && by < FORESEEN_S
     ? t("Wanted by {time}, and ready {late} after that by the forecast.", { time: dayAndTime(deadline), late: roughly(by) })
     : t("Wanted by {time}, and not ready by then by the forecast.", { time: dayAndTime(deadline) });
 }

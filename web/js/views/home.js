@@ -86,7 +86,7 @@ export function homeView() {
 function dropZone() {
   return h(
     "section",
-    { class: "drop-zone", "aria-labelledby": "drop-title" },
+    { class: "drop-zone for-submit", "aria-labelledby": "drop-title" },
     icon("upload"),
     h("h2", { id: "drop-title" }, t("Drop a scene anywhere on this page")),
     h(
@@ -96,7 +96,7 @@ function dropZone() {
     ),
     h(
       "div",
-      { class: "row for-submit" },
+      { class: "row" },
       h(
         "button",
         { class: "button primary", type: "button", onclick: () => choose({ folder: false }) },

@@ -41,7 +41,7 @@ export function jobRow(job, lead) {
   image.addEventListener("error", () => (image.hidden = true));
   const remove = h(
     "button",
-    { class: "icon-button danger delete", type: "button", onclick: () => removeJob(latest) },
+    { class: "icon-button danger delete for-submit", type: "button", onclick: () => removeJob(latest) },
     icon("trash"),
   );
   let latest = job;

@@ -44,10 +44,10 @@ export function machineTerms() {
   const fields = h(
     "div",
     { class: "terms" },
-    field(t("Works"), hours, t("As Mon-Fri 19:00-07:00, Sat-Sun, by its own clock.")),
-    field(t("Idle for, minutes"), idle, t("Works only when nobody has there.")),
+    field(t("Works"), hours, t("For example Mon-Fri 19:00-07:00, Sat-Sun; by its own clock.")),
+    field(t("Idle for, minutes"), idle, t("Works only when nobody has been at the machine for so long.")),
     field(t("Slots at most"), slots),
-    field(t("Memory at most, GB"), memory),
+    field(t("Memory, GB"), memory),
     field(t("Nice level"), nice, t("0 to 19: how far it stands back for other programs.")),
     by,
   );
