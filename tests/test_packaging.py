@@ -157,7 +157,7 @@ def test_where_the_data_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
 def test_a_slim_image_installs_what_it_imports(image: str, runs: list[str]) -> None:
     lines = (ROOT / image / "requirements.txt").read_text().splitlines()
     wanted = [Requirement(line) for line in lines if line and not line.startswith("#")]
-    extras = [each for name in ("postgres", "s3") for each in PROJECT["optional-dependencies"][name]]
+    extras = [each for name in ("postgres", "s3", "otel", "oidc", "ktx2") for each in PROJECT["optional-dependencies"][name]]
     known = {normal(Requirement(line).name) for line in PROJECT["dependencies"] + extras}
     assert {normal(each.name) for each in wanted} <= known, "the image wants what a whole farm does not have"
 

@@ -150,9 +150,19 @@ def test_an_http_server_is_no_redis() -> None:
 
 
 def test_settings_that_only_the_first_work_would_find_wrong_are_refused_at_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(RefusedError, match="RAYFARM_REDIS_URL"):
-        program._check(argparse.Namespace(redis="nonsense"))
-    program._check(argparse.Namespace(redis=None))
+    def check(**changed: object) -> None:
+        plain = {"redis": None, "tag": [], "hours": "", "idle": 0.0, "nice": None, "memory": 0.0}
+        program._check(argparse.Namespace(**{**plain, **changed}))
+
+    check()
+    for name, value, sentence in (
+        ("redis", "nonsense", "RAYFARM_REDIS_URL"),
+        ("hours", "at noon", "noon"),
+        ("tag", ["two words"], "--tag: 'two words' is no tag"),
+        ("memory", -1.0, "memory"),
+    ):
+        with pytest.raises(RefusedError, match=sentence):
+            check(**{name: value})
     monkeypatch.setenv("RAYFARM_PREPARE_MEMORY_MB", "much")
     with pytest.raises(RefusedError, match="RAYFARM_PREPARE_MEMORY_MB"):
-        program._check(argparse.Namespace(redis="redis://127.0.0.1/0"))
+        check(redis="redis://127.0.0.1/0")
