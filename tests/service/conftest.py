@@ -57,7 +57,7 @@ class Service:
         self.thread = threading.Thread(target=self.server.run, daemon=True)
         self.thread.start()
         until(lambda: self.server.started, "the service starts")
-        self.http = httpx.Client(base_url=self.url, timeout=20, verify=False)  # to read certificates takes long
+        self.http = httpx.Client(base_url=self.url, timeout=60, verify=False)  # to read certificates takes long
 
     @property
     def farm(self) -> Farm:

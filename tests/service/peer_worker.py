@@ -98,7 +98,7 @@ class PeerWorker:
     ) -> None:
         """tags: None: it is of a release that knows none, and is asked for nothing."""
         self.redis = redis.Redis.from_url(redis_url)
-        self.http = httpx.Client(base_url=service, headers={"Authorization": f"Bearer {token}"}, verify=False)
+        self.http = httpx.Client(base_url=service, headers={"Authorization": f"Bearer {token}"}, timeout=60, verify=False)
         self.name = name
         self.kind = kind
         self.slots = slots
