@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib.util
 import threading
 from collections.abc import Callable, Generator, Iterable
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -54,8 +54,6 @@ def _images(what: Any, farm: Any, settings: dict[str, Any]) -> Generator[Image]:
 
 
 def _of_farm(what: Job | Scene, farm: Any, settings: dict[str, Any]) -> Generator[Image]:
-    from contextlib import ExitStack
-
     from rayfarm.library.asked import asked
     from rayfarm.library.on_farm import images, requested
     from rayfarm.login import farm_client
