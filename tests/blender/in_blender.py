@@ -10,10 +10,12 @@ from __future__ import annotations
 import json
 import os
 import sys
+import time
 from pathlib import Path
 
 import bpy
-from blender_scenes import add, background, empty, lamp, leaves, painted, principled, table, textured, world_node
+import numpy as np
+from blender_scenes import SIZE, add, background, empty, lamp, leaves, look, painted, principled, table, textured, world_node
 
 FOLDER, URL, TASK = Path(sys.argv[1]), sys.argv[2], sys.argv[3]
 TOKEN = sys.argv[4] if len(sys.argv) > 4 else ""
@@ -257,7 +259,113 @@ def cancelled() -> dict:
     return {"tiles": len(shown)}
 
 
-TASKS = {each.__name__: each for each in (lamps, surroundings, cameras, moving, passes, changes, animation, refused, cancelled)}
+class Region:
+    """What Blender tells of a window's region, looked through the scene's camera."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self.width, self.height = SIZE
+        self.scene = scene
+        self.region, self.region_data, self.space_data = self, self, self
+        self.view_perspective, self.camera = "PERSP", None
+
+    @property
+    def view_matrix(self):
+        return self.scene.camera.matrix_world.inverted()
+
+    @property
+    def window_matrix(self):
+        return self.scene.camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=self.width, y=self.height)
+
+
+class Engine:
+    """Of an engine in a window what a viewport asks for."""
+
+    redraws = 0
+
+    def tag_redraw(self) -> None:
+        self.redraws += 1
+
+    def update_stats(self, *_: str) -> None:
+        pass
+
+
+def viewport() -> dict:
+    """All of a viewport but its drawing, for which there must be a window: what it reads, sends and gets."""
+    from rayfarm_addon.ui.viewport import Viewport
+
+    scene = empty()
+    table(scene)
+    for i in range(3):
+        bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=6, location=(i, 9, 1))
+    lamp("AREA", 400.0, (2, -3, 5), size=2.0)
+    use("RAYFARM", scene, 256)
+    scene.rayfarm.view_samples = 256
+    region = Region(scene)
+    view = Viewport(Engine(), URL, TOKEN, "", "test")
+    longest, sent = [0.0], []
+    bpy.app.handlers.depsgraph_update_post.append(lambda scene, depsgraph: view.update(depsgraph))
+    view.update(bpy.context.evaluated_depsgraph_get())
+
+    def seen() -> np.ndarray:
+        """The picture, when there is nothing to add to it."""
+        until = time.monotonic() + 120
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        while time.monotonic() < until:
+            begun = time.monotonic()
+            view.read(depsgraph)
+            view.look(region, depsgraph)
+            longest[0] = max(longest[0], time.monotonic() - begun)
+            shown, text = view._watching.state
+            rests = view._reading is None and not view._waits and view._watching.is_settled
+            if rests and shown is not None and shown.id == view._watching.number and text.endswith("done"):
+                sent.append(sent_bytes())
+                return shown.rgb
+            time.sleep(0.02)
+        raise SystemExit(f"no picture came: {view._watching.state[1]}")
+
+    first = seen()
+    scene.camera.location[0] += 0.7
+    look(scene.camera)
+    bpy.context.view_layer.update()
+    turned = seen()
+    bpy.data.materials["red"].node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.1, 0.1, 0.9, 1)
+    bpy.context.view_layer.update()
+    painted = seen()
+    bpy.data.objects["Cube"].location[2] += 1
+    bpy.context.view_layer.update()
+    lifted = seen()
+    view.end()
+    bpy.app.handlers.depsgraph_update_post.clear()
+    picture("viewport.exr", scene, "RAYFARM")
+    np.savez(FOLDER / "viewport.npz", first=first, turned=turned, painted=painted, lifted=lifted)
+    return {"sent": sent, "longest": longest[0]}
+
+
+def large() -> dict:
+    """Seconds for a million triangles with normals and UVs, from Blender to the files."""
+    from rayfarm_addon.scene.files import digest_of, scene_files
+    from rayfarm_addon.scene.gather import gather
+
+    scene = empty()
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=1000, y_subdivisions=500)
+    bpy.ops.object.shade_smooth()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    begun = time.perf_counter()
+    *_, found = gather(depsgraph, {})
+    read = time.perf_counter()
+    files = scene_files(found.scene)
+    for content in files.values():
+        digest_of(content)
+    triangles = sum(len(corners) // 3 for mesh in found.scene.meshes.values() for _, corners in mesh.parts)
+    ends = time.perf_counter()
+    size = sum(len(content) for content in files.values())
+    return {"triangles": triangles, "read": read - begun, "written": ends - read, "bytes": size, "engine": scene.render.engine}
+
+
+TASKS = {
+    each.__name__: each
+    for each in (lamps, surroundings, cameras, moving, passes, changes, animation, refused, cancelled, viewport, large)
+}
 
 
 def main() -> None:
