@@ -118,6 +118,12 @@ def test_a_viewport_shows_what_f12_does(own_farm: Farm, tmp_path: Path) -> None:
     assert lifted < first / 50
 
 
+def test_a_million_triangles_are_read_in_a_second_of_one_core(own_farm: Farm, tmp_path: Path) -> None:
+    told = blender(tmp_path, own_farm.url, "large")["large"]
+    assert told["triangles"] == 1_000_000
+    assert told["read"] + told["written"] < 2, told  # 0.35 where nothing else runs
+
+
 def test_an_animation_is_a_picture_of_each_frame(own_farm: Farm, tmp_path: Path) -> None:
     frames = [image(tmp_path / name) for name in blender(tmp_path, own_farm.url, "animation")["animation"]]
     assert all(np.abs(a - b).mean() > 0.01 for a, b in pairwise(frames))
