@@ -73,6 +73,7 @@ class Engine:
         tell_tiles: TellTiles,
         let_go: LetGo,
         suspect: Callable[[str], None],
+        is_watched: Callable[[], bool],
     ) -> None:
         self.films = films
         self._records = records
@@ -96,7 +97,7 @@ class Engine:
         self._vectors = Vectors(self._dispatcher, self._workers, blobs)
         self._environments = Environments(self._dispatcher, self._workers, blobs)
         self.logs = JobLogs(settings.data / "logs-of-jobs")
-        self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes)
+        self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes, is_watched)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads, self._pace)
         self.trust = Trust(self._scheduler, self._workers, self._dispatcher, settings.batch_deadline)
         self._waiting = Waiting(records, self._bulkheads, self._changes)

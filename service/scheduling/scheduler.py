@@ -141,7 +141,7 @@ class Scheduler:
         Raises QueueError."""
         if not start(job, kind):
             return
-        roster, batch_s = self._workers.roster, self._pace.batch_s(slots)
+        roster, batch_s = self._workers.roster, self._pace.batch_s(slots, job.rendered_s / max(slots, 1))
         several, joint = roster.takes_several(kind), roster.takes_joint(kind)
         handfuls = together(job, Hands(kind, slots, batch_s, several, joint, self._pace.of_a_tile(slots, joint), most))
         try:
