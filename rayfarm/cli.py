@@ -11,6 +11,7 @@ import typer
 from rayfarm.commands import (
     backup,
     bench,
+    blender_addon,
     compare,
     doctor,
     gc,
@@ -67,6 +68,7 @@ COMMANDS = (
     token,
     info,
     compare,
+    blender_addon,
     backup,
     doctor,
     gc,

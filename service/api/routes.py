@@ -3,6 +3,7 @@
 from fastapi import APIRouter
 
 from service.api import (
+    addon,
     environments,
     events,
     examples,
@@ -51,6 +52,7 @@ for module in (
     hooks,
     examples,
     info,
+    addon,
     farm,
     kernels,
     retention,
