@@ -20,6 +20,7 @@ from rayfarm.commands import (
     quota,
     render,
     shares,
+    site,
     submit,
     token,
     up,
@@ -55,6 +56,7 @@ app = typer.Typer(
 COMMANDS = (
     up,
     worker,
+    site,
     render,
     submit,
     jobs,
