@@ -21,6 +21,7 @@ from rayfarm.commands import (
     quota,
     render,
     shares,
+    site,
     submit,
     token,
     up,
@@ -56,6 +57,7 @@ app = typer.Typer(
 COMMANDS = (
     up,
     worker,
+    site,
     render,
     submit,
     jobs,

@@ -22,11 +22,13 @@ BEHIND_S = 0.75  # a backlog of so long a time is none that comes with a burst
 MOST_STRETCH = 20.0
 GROWTH = 1 / 16  # of what a job has taken each slot so far: so a batch adds at most that share to a picture
 MOST_GROWN = 3.0  # times the shortest: who comes later waits for a slot so long
+FIRST_GUESS_S = 0.001  # of a core a batch: until some have come, a farm of thousands of slots must not begin with short ones
 FEW = 8  # batches or results: less say nothing
 AHEAD_S = 1.0
 SLOTS_ALONE = 32  # so many take batches of as many tiles
 MOST_OF_A_TILE = 8
 MOST_JOINT = 16
+MOST_OF_A_SITE = 64
 SHORTEST_HOLD_S = 1.0
 GATHERED_FROM = 40.0  # results a second: fewer are taken in one by one, as they come
 GATHER_S = 0.15
@@ -97,7 +99,8 @@ class Pace:
         return slots + math.ceil(slots * (per_slot - 1) * min(1.0, AHEAD_S / self._long_s(slots, self._grown_s)))
 
     def _long_s(self, slots: int, shortest_s: float) -> float:
-        return min(max(shortest_s, slots * self.batch_cost_s / SHARE) * self._stretch, self._longest_s)
+        cost_s = self.batch_cost_s or FIRST_GUESS_S
+        return min(max(shortest_s, slots * cost_s / SHARE) * self._stretch, self._longest_s)
 
     def of_a_tile(self, slots: int, joint: bool = False) -> int:
         """How many batches of a tile are handed out one after the other: they come back together, and are added up to one row.
@@ -112,6 +115,16 @@ class Pace:
         """How long a batch's sums may wait on a machine for those of the batches with which they are added up, where each is
         expected to take so long."""
         return max(SHORTEST_HOLD_S, batch_s)
+
+    @staticmethod
+    def of_a_site(slots: int) -> int:
+        """How many batches of a tile follow each other to a site of so many slots, whose machines add up their sums."""
+        return max(2, min(slots, MOST_OF_A_SITE))
+
+    @staticmethod
+    def site_hold_s(batch_s: float) -> float:
+        """How long a batch's sums may wait at a site: some of its run wait for a slot while the first are rendered."""
+        return SHORTEST_HOLD_S + 2 * batch_s
 
     def room(self, room: int) -> int:
         """Of that much room, what is left while results wait unread: less and less, and none at the limit."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from service.scheduling import pace
-from service.scheduling.pace import MOST_JOINT, MOST_OF_A_TILE, SHARE, Pace
+from service.scheduling.pace import FIRST_GUESS_S, MOST_JOINT, MOST_OF_A_TILE, SHARE, Pace
 
 
 class Clock:
@@ -36,7 +36,7 @@ def take_in(of: Pace, clock: Clock, results: int, result_s: float, seconds: floa
 
 def test_batches_grow_with_the_slots_and_with_what_a_result_costs(clock: Clock) -> None:
     of = Pace(0.5, 10.0, 1 << 20)
-    assert of.batch_s(10_000) == 0.5, "nothing is known"
+    assert (of.batch_s(100), of.batch_s(1000)) == (0.5, pytest.approx(1000 * FIRST_GUESS_S / SHARE)), "nothing is known"
     for _ in range(5):
         take_in(of, clock, 200, 0.002)
     assert of.batch_s(10) == of.batch_s(100) == 0.5
