@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from rayfarm import options
+from rayfarm.blender import Program, Wanted, program_for
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
 from rayfarm.machine import StopSignals, cores
@@ -62,6 +63,8 @@ def worker(
     memory: Annotated[
         float, typer.Option(min=0, metavar="GB", help="Memory that it may use; all by itself.", rich_help_panel=NIGHT)
     ] = 0.0,
+    blender: Wanted = False,
+    blender_program: Program = None,
     log_format: options.LogFormat = None,
 ) -> None:
     """Join a farm: render its batches with this machine's cores until Ctrl-C.
@@ -75,6 +78,7 @@ def worker(
       RAYFARM_TOKEN=T rayfarm worker --join studio.local:8000 --slots 4 --name attic
       rayfarm worker --join studio.local:8000 --token-file T --hours "Mon-Fri 19:00-07:00, Sat-Sun" --nice 10
       rayfarm worker --join studio.local:8000 --token-file T --idle 15 --tag bigmem
+      rayfarm worker --join studio.local:8000 --token-file T --blender
     """
     from rayfarm.local.state import ROOT
     from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
@@ -102,6 +106,8 @@ def worker(
     said = {"hours": hours, "idle": idle or None, "nice": nice, "memory": memory or None}
     command += [f"--{option}={value}" for option, value in said.items() if value is not None and value != ""]
     command += [f"--tag={each}" for each in tag or ()]
+    if (program := program_for(blender, blender_program, lambda text: err.print(text, markup=False, soft_wrap=True))) is not None:
+        command.append(f"--blender={program}")
     log = cache_home() / "logs" / f"worker-{os.getpid()}.log"
     supervisor = Supervisor(ROOT, lambda sentence: err.print(sentence, markup=False, soft_wrap=True))
     env = {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}
