@@ -96,6 +96,7 @@ class Farm:
             *(settings, self.records, self.films, self.snapshots, self.blobs),
             *(self.broadcast.tell, self.broadcast.tell_tiles, self._let_go),
             suspect=lambda job: self.patrol.suspect(job),
+            is_watched=lambda: self.desk.is_watched,
         )
         self.engine.trust.report = lambda worker, told: self._in_background(lambda: self.outbox.set_aside(worker, told))
         self.patrol = Patrol(self.sessions, self.films, self.lit_again, self.changed, settings.film_check_days)
