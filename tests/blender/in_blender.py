@@ -88,7 +88,9 @@ def background(scene: bpy.types.Scene) -> bpy.types.Node:
 def table(scene: bpy.types.Scene) -> None:
     """Things of several principled materials on a floor."""
     add("plane", principled("floor", Base_Color=(0.6, 0.55, 0.5, 1), Roughness=0.8), 1, size=12)
-    add("uv_sphere", principled("red", Base_Color=(0.7, 0.08, 0.05, 1), Roughness=0.35), 2, location=(-1.2, -0.3, 0.7), radius=0.7)
+    add(
+        "uv_sphere", principled("red", Base_Color=(0.7, 0.08, 0.05, 1), Roughness=0.35), 2, location=(-1.2, -0.3, 0.7), radius=0.7
+    )
     gold = principled("gold", Base_Color=(0.9, 0.6, 0.2, 1), Metallic=1, Roughness=0.3)
     add("uv_sphere", gold, 3, location=(0.5, 0.6, 0.8), radius=0.8)
     coated = principled("coated", Base_Color=(0.05, 0.2, 0.5, 1), Roughness=0.6, Coat_Weight=1)
