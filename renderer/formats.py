@@ -9,12 +9,14 @@ from renderer.errors import SceneError
 
 __all__ = [
     "ARCHIVE_SUFFIXES",
+    "BLENDER",
     "FOREIGN",
     "FORMATS",
     "LONG_TAIL",
     "MESH_FORMATS",
     "NAMING_SUFFIXES",
     "SCENE_SUFFIXES",
+    "WITHOUT_BLENDER",
     "Format",
     "is_junk",
     "pick_main",
@@ -50,6 +52,7 @@ FORMATS = (
     Format(".pbrt", "pbrt", is_mesh_file=False, names_files=True, moves=True),
     Format(".xml", "mitsuba", is_mesh_file=False, names_files=True),
     Format(".dae", "collada", names_files=True, moves=True),
+    Format(".blend", "blend", is_mesh_file=False, names_files=True, moves=True),
     Format(".obj", "obj", names_files=True),
     Format(".3mf", "threemf"),
     Format(".ply", "other", names_files=True),
@@ -62,11 +65,15 @@ SCENE_SUFFIXES = tuple(format.suffix for format in FORMATS)
 ARCHIVE_SUFFIXES = (".zip",)
 NAMING_SUFFIXES = (*(format.suffix for format in FORMATS if format.names_files), ".mtl")
 
+# Blender itself opens its files, where it is: renderer/blender. Else this helps.
+BLENDER = ".blend"
+WITHOUT_BLENDER = (
+    'in Blender, choose File > Export > glTF 2.0, with "Punctual Lights" and "Cameras" ticked, and give what that writes'
+)
+
 # What other programs keep their scenes in, and how to get out of each what can be read.
-_FROM_BLENDER = 'In Blender, open it and choose File > Export > glTF 2.0, with "Punctual Lights" and "Cameras" ticked'
 _BY_BLENDER = "In Blender, choose File > Import for it, then File > Export > glTF 2.0"
 FOREIGN = {
-    ".blend": _FROM_BLENDER,
     ".max": "In 3ds Max, choose File > Export > glTF (2023 and later)",
     ".c4d": "In Cinema 4D, choose File > Export > glTF",
     **dict.fromkeys((".ma", ".mb"), "In Maya, choose File > Export All, and FBX there"),

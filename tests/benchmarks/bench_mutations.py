@@ -60,6 +60,8 @@ def outcome(folder: Path, main: str) -> dict[str, Any]:
         return run_bounded(lambda _: read(folder, main), lambda _: None, MEMORY, SECONDS, subject=main)
     except WorkError as error:
         sentence = str(error)
+    if "made its reader crash" in sentence:
+        return {"outcome": "child crashed", "sentence": sentence}
     if "GiB that this worker" in sentence:
         return {"outcome": "too large", "sentence": sentence}
     if "took longer" in sentence:

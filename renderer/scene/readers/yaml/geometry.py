@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from renderer.formats import MESH_FORMATS
-from renderer.scene.animation import Moment
+from renderer.scene.animation import Clip, Moment
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.files import SceneFiles
 from renderer.scene.geometry import MAX_TRIANGLES
@@ -56,6 +56,7 @@ class Shapes:
         ] = {}  # of mesh files read before
         self._triangles = 0
         self._places = 0
+        self.clips: list[Clip] = []  # of the mesh files that are placed
 
     def _is_restless(self, material: str) -> bool:
         """Whether something may shine, or be bent, at another moment only."""
@@ -173,6 +174,7 @@ class Shapes:
         if key not in self._parts:
             part = self._files.recall(("mesh file", *wanted), lambda: self._still(*wanted)) or self._part(*wanted)
             self._description.moves |= part.moves
+            self.clips += part.clips if clip is None else [each for each in part.clips if each.name == clip]
             first = len(self._description.meshes)
             self._parts[key] = merge(part, self._description, material)
             for mesh in self._description.meshes[first:]:
