@@ -341,7 +341,7 @@ class Lifecycle:
         elif scene.status == "preparing":
             base = self._records.scene(scene.of) if scene.of else None
             if base is None or base.status != "preparing":  # else it is looked at again when that one is prepared
-                self._preparing.want(id, None)
+                self._preparing.want(id, None, by_blender=self._records.is_to_be_opened(scene))
         self._tell("scene", id)
 
     def _drop(self, job: ActiveJob) -> None:

@@ -77,13 +77,16 @@ class Scene(Base):
 
     @property
     def blobs(self) -> set[str]:
-        """The hashes of the blobs that it refers to: its files, what it was compiled to, its thumbnail.
+        """The hashes of the blobs that it refers to: its files, what Blender wrote, what it was compiled to, its thumbnail.
 
         Those that can be made out: a damaged row, or one of another release, must not keep others from being deleted.
         """
         files = self.files if isinstance(self.files, list) else []
         compiled = self.compiled if isinstance(self.compiled, dict) else {}
         info = self.info if isinstance(self.info, dict) else {}
+        blend = info.get("blend")
+        written = blend.get("files") if isinstance(blend, dict) else None
+        files = [*files, *(written if isinstance(written, list) else ())]
         refs = [ref for ref in (*files, *compiled.values(), info.get("thumbnail")) if isinstance(ref, dict)]
         return blobs_of(refs)
 

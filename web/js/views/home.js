@@ -98,7 +98,7 @@ function dropZone() {
     h(
       "p",
       { class: "quiet" },
-      t("GLB, glTF, USD, FBX, OBJ with its MTL and textures, 3MF, PLY, STL, DAE, 3DS and more, or a scene YAML; its folder or a zip will do."),
+      t("GLB, glTF, USD, FBX, BLEND, OBJ with its MTL and textures, 3MF, PLY, STL, DAE, 3DS and more, or a scene YAML; its folder or a zip will do."),
     ),
     h(
       "div",

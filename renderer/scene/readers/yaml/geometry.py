@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from renderer.formats import MESH_FORMATS
-from renderer.scene.animation import Moment
+from renderer.scene.animation import Clip, Moment
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.files import SceneFiles
 from renderer.scene.geometry import MAX_TRIANGLES
@@ -54,6 +54,7 @@ class Shapes:
         self._parts: dict[tuple[str, str | None, str | None, int | None, bool], list[Instance]] = {}  # of mesh files read before
         self._triangles = 0
         self._places = 0
+        self.clips: list[Clip] = []  # of the mesh files that are placed
 
     def _is_restless(self, material: str) -> bool:
         """Whether something may shine, or be bent, at another moment only."""
@@ -170,6 +171,7 @@ class Shapes:
             part = self._files.recall(("mesh file", name, variant, clip), lambda: self._still(name, variant, clip))
             part = part or self._part(name, variant, clip)
             self._description.moves |= part.moves
+            self.clips += part.clips if clip is None else [each for each in part.clips if each.name == clip]
             first = len(self._description.meshes)
             self._parts[key] = merge(part, self._description, material)
             for mesh in self._description.meshes[first:]:
