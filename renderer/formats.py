@@ -48,6 +48,7 @@ FORMATS = (
     Format(".gltf", "gltf", names_files=True, has_variants=True, moves=True),
     *(Format(suffix, "usd", names_files=True, has_variants=True, moves=True) for suffix in (".usdz", ".usd", ".usda", ".usdc")),
     Format(".fbx", "fbx", names_files=True, moves=True),
+    Format(".pbrt", "pbrt", is_mesh_file=False, names_files=True, moves=True),
     Format(".xml", "mitsuba", is_mesh_file=False, names_files=True),
     Format(".dae", "collada", names_files=True, moves=True),
     Format(".blend", "blend", is_mesh_file=False, names_files=True, moves=True),
@@ -78,12 +79,15 @@ FOREIGN = {
     ".skp": "In SketchUp, choose File > Export > 3D Model, and COLLADA (.dae) or glTF there",
     **dict.fromkeys((".step", ".stp", ".iges", ".igs"), "Export STL or glTF from the CAD program"),
     ".abc": _BY_BLENDER.replace("for it", "> Alembic"),
-    ".pbrt": "Scenes of pbrt are not read yet: export glTF or OBJ from the program it was made in",
     **dict.fromkeys((".rar", ".7z", ".tar", ".gz"), "Unpack it, and give the folder or a .zip of it"),
 }
 
 # What a name holds where the file stands for another one: the cage of a subdivision surface, a shape for collisions.
 _AUXILIARY = ("control", "cage", "collision", "collider", "proxy", "lowpoly", "low_poly")
+
+
+# What files of pbrt are called that a scene's main file includes.
+_INCLUDED = ("geometry", "materials", "material", "mats", "textures", "lights", "camera", "objects", "models", "mesh", "meshes")
 
 
 def is_junk(name: str) -> bool:
@@ -106,6 +110,7 @@ def pick_main(names: list[str]) -> tuple[str, list[str]]:
         path = PurePosixPath(name)
         if path.suffix.lower() in rank and not is_junk(name):
             auxiliary = any(word in path.stem.lower() for word in _AUXILIARY)
+            auxiliary |= _is_included(name)
             found.append((rank[path.suffix.lower()], len(path.parts), auxiliary, len(name), name))
     if not found:
         for name in sorted(names):
@@ -117,7 +122,19 @@ def pick_main(names: list[str]) -> tuple[str, list[str]]:
         )
     found.sort()
     main = found[0][-1]
-    rivals = [f[-1] for f in found[1:] if f[0] == found[0][0]]
+    rivals = [f[-1] for f in found[1:] if f[0] == found[0][0] and not _is_included(f[-1])]
+    # What a scene may be made of is none; beside a file that names no others, every scene is one.
+    alone = _format_of(main).is_mesh_file
+    rivals += [f[-1] for f in found[1:] if f[0] != found[0][0] and (alone or not _format_of(f[-1]).is_mesh_file)]
     if not rivals:
         return main, []
     return main, [f"Several scene files were given; {main} is used. To use another, name it as `main`: {', '.join(rivals[:8])}."]
+
+
+def _format_of(name: str) -> Format:
+    return next(format for format in FORMATS if format.suffix == PurePosixPath(name).suffix.lower())
+
+
+def _is_included(name: str) -> bool:
+    path = PurePosixPath(name.lower())
+    return path.suffix == ".pbrt" and path.stem in _INCLUDED

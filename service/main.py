@@ -23,6 +23,7 @@ from service.api.gate import Gate
 from service.api.security import Door
 from service.errors import CannotStart
 from service.farm import Farm
+from service.health_port import HealthPort
 from service.pages import Pages, WebPages
 from service.settings import Settings
 from service.watching.broadcast import Broadcast
@@ -44,13 +45,18 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         keep_one_heap()
+        health = None
         try:
             farm = app.state.farm = Farm(settings)
+            if settings.health_port:
+                health = HealthPort(settings.host, settings.health_port, lambda: farm.engine.is_alive)
         except CannotStart as error:
             app.state.refusal = str(error)
             raise
         tracing.begin("rayfarm-service", farm.instance, __version__)
         farm.start(asyncio.get_running_loop())
+        if health is not None:
+            health.start(asyncio.get_running_loop())
         if settings.print_link and farm.access.needs_login:
             where = f"http://{socket.gethostname()}:{settings.port}"
             said = f"Log in, once, within a day, at {where} or another of its addresses: /#/login?code={farm.access.owner_link()}"
@@ -61,6 +67,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
                 yield
             finally:
                 gc.unfreeze()
+                if health is not None:
+                    health.stop()
                 await asyncio.to_thread(farm.stop)
                 await asyncio.to_thread(tracing.end)
 

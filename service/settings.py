@@ -39,6 +39,9 @@ class Settings(BaseSettings):
     host: str = "127.0.0.1"
     published: str = ""  # the address by which it is reached, where that is not `host`: a container's
     port: int = 8000
+    health_port: int = Field(
+        default=0, ge=0, le=65535
+    )  # where a thread of its own answers /healthz, whatever the event loop does; 0: nowhere
     login: Literal["auto", "always", "never"] = "auto"  # auto: where other machines reach it
     print_link: bool = False  # to standard output, at the start: the one that lets the owner in
     oidc_discovery: str = ""  # https://.../.well-known/openid-configuration of a provider that lets people in; empty: none
@@ -51,6 +54,7 @@ class Settings(BaseSettings):
     oidc_role_claim: str = "groups"
     oidc_roles: dict[str, str] = Field(default_factory=dict)  # the claim's values, and the role that each gives
     oidc_role: Literal["", "view", "submit", "admin"] = "view"  # of whom none of them gives one; empty: they are not let in
+    oidc_logout: bool = True  # who logs out here does so at the provider too, where it publishes how
     allowed_hosts: list[str] = Field(default_factory=list)  # more names this service answers to, beside loopback's
     web: Path = shipped("web")
     examples: Path = shipped("scenes")

@@ -36,6 +36,7 @@ from worker.link import Link, check_redis_url
 from worker.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 from worker.pieces import Pieces
 from worker.ready import get_ready
+from worker.site import SITE, SITE_NAME
 from worker.status import SlotBoard
 from worker.terms import TAG, Terms
 
@@ -134,6 +135,7 @@ def _options() -> argparse.Namespace:
         help="open .blend files: by this program, or a Python with bpy; unless told, by what is found",
     )
     parser.add_argument("--tag", action="append", default=[], help="what jobs may need of a worker; may be given several times")
+    parser.add_argument("--site", default="", help="where it is: its sums are added up there, where `rayfarm site` runs")
     parser.add_argument("--hours", default="", help="when it works, as Mon-Fri 19:00-07:00, Sat-Sun; always unless told")
     parser.add_argument("--idle", type=float, default=0.0, help="minutes for which nobody must have worked at this machine")
     parser.add_argument("--nice", type=int, default=None, help="0 to 19: how far it stands back for other programs")
@@ -144,7 +146,8 @@ def _options() -> argparse.Namespace:
 def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:
     """Those that it was given, and those that it has by itself."""
     able = [*(["denoiser"] if denoise.is_available() else []), *([blends.TAG] if options.blender is not None else [])]
-    own = [f"host:{host.lower()}", *able, f"kind:{kind.lower()}"]
+    where = [f"host:{host.lower()}", *([f"{SITE}{options.site}"] if options.site else [])]
+    own = [*where, *able, f"kind:{kind.lower()}"]
     return tuple(dict.fromkeys([*options.tag, *own]))
 
 
@@ -165,6 +168,8 @@ def _check(options: argparse.Namespace) -> Blender | None:
         _own_terms(options)
     except ValueError as error:
         raise RefusedError(str(error)) from None
+    if options.site and not SITE_NAME.fullmatch(options.site):
+        raise RefusedError(f"--site: {options.site!r} is no name of a site; take small letters, digits and . _ -")
     if wrong := [tag for tag in options.tag if not TAG.fullmatch(tag)]:
         raise RefusedError(f"--tag: {wrong[0]!r} is no tag; take small letters, digits and . _ : -")
     if blends.TAG in options.tag and options.blender is None:

@@ -20,6 +20,7 @@ from worker.link import Link
 from worker.log_tail import LogTail
 from worker.pieces import Pieces
 from worker.results import ResultStream
+from worker.site_link import SiteLink
 from worker.status import SlotBoard
 from worker.view_parts import view_queue
 
@@ -45,6 +46,7 @@ class WorkerContext:
     blender: Blender | None = None  # where it has one, to open .blend files
     pieces: Pieces | None = None  # none where this machine has no folder for them
     _results: ResultStream | None = None
+    _sites: SiteLink | None = None
 
     @property
     def queues(self) -> list[str]:
@@ -59,6 +61,13 @@ class WorkerContext:
         if self._results is None:
             self._results = ResultStream(self.redis_url)
         return self._results
+
+    @property
+    def sites(self) -> SiteLink:
+        """The way to its site's reducer; a connection of this process."""
+        if self._sites is None:
+            self._sites = SiteLink(self.redis_url)
+        return self._sites
 
     def report(self, is_paused: bool = False) -> WorkerReport:
         """The worker of itself, ready or paused, and with what its slots do now."""
@@ -97,7 +106,7 @@ class WorkerContext:
     def after_fork(self) -> None:
         """Leave the parent's connections to the parent."""
         self.link.forget_connections()
-        self._results = None
+        self._results = self._sites = None
 
 
 _current: WorkerContext | None = None

@@ -66,6 +66,8 @@ class _Collector:
         yield CounterMetricFamily("rayfarm_workers_distrusted", text, view.counts.get("distrusted", 0))
         text = "Results of workers, each of a batch or of some whose sums they added up"
         yield CounterMetricFamily("rayfarm_results", text, view.counts.get("results", 0))
+        text = "Bytes of their sums, as they came"
+        yield CounterMetricFamily("rayfarm_result_bytes", text, view.counts.get("result_bytes", 0))
         yield GaugeMetricFamily("rayfarm_engine_up", "1 while the engine works", 0.0 if view.fault else 1.0)
 
 

@@ -91,6 +91,11 @@ class Records:
         with self._sessions() as session:
             return session.get(Frame, (job, frame)) is not None
 
+    def believed(self, job: str) -> None:
+        """All that was doubted of its film is taken out of it."""
+        with self._sessions.begin() as session:
+            session.execute(update(Job).where(Job.id == job).values(doubted=None))
+
     def waits(self, job: str) -> bool:
         """Whether a job waits for others."""
         with self._sessions() as session:

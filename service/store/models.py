@@ -143,6 +143,7 @@ class Job(Base):
     taken: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # what it began with: keeping/reuse.py
     project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # its scene's
     key: Mapped[str | None] = mapped_column(String(20))  # by which token it was asked for
+    doubted: Mapped[list[str] | None] = mapped_column(JSON(none_as_null=True))  # whose samples in its film: keeping/doubts.py
 
     @property
     def stage(self) -> str:
@@ -278,6 +279,7 @@ class Member(Base):
 
     project: Mapped[str] = mapped_column(ForeignKey("projects.name", ondelete="CASCADE"), primary_key=True)
     user: Mapped[str] = mapped_column(String(64), primary_key=True, index=True)
+    role: Mapped[str] = mapped_column(String(16), default="submit", server_default="submit")  # view | submit: at most this, there
 
 
 class Quota(Base):

@@ -35,6 +35,13 @@ def test_a_mac_zip_gives_the_model_and_names_its_rivals():
     assert "__MACOSX" not in warnings[0]
 
 
+def test_several_scenes_are_named_and_what_one_is_made_of_is_not():
+    assert "b.fbx" in pick_main(["a.glb", "b.fbx"])[1][0]
+    assert pick_main(["a.yaml", "b.obj", "c.glb"])[1] == []
+    assert "b.xml" in pick_main(["a.pbrt", "b.xml", "c.ply"])[1][0]
+    assert pick_main(["geometry.pbrt", "materials.pbrt", "kitchen-scene.pbrt", "c.ply"]) == ("kitchen-scene.pbrt", [])
+
+
 @pytest.mark.parametrize("names", [[], ["readme.txt", "t.png"], [".hidden.glb"], ["__MACOSX/a.glb"]])
 def test_no_scene_is_an_error_that_names_what_is_one(names):
     with pytest.raises(SceneError, match=r"\.glb"):
