@@ -113,8 +113,8 @@ def moving(folder: Path) -> dict[str, object]:
         moved.data.keyframe_insert("energy", frame=frame)
     world = bpy.data.worlds.new("sky")
     world.use_nodes = True
-    node = world.node_tree.nodes.new("ShaderNodeTexGradient")
-    world.node_tree.links.new(node.outputs["Color"], world.node_tree.nodes["Background"].inputs["Color"])
+    node = world.node_tree.nodes.new("ShaderNodeTexCoord")  # each direction in the colour of its coordinates
+    world.node_tree.links.new(node.outputs["Generated"], world.node_tree.nodes["Background"].inputs["Color"])
     scene.world = world
     odd = bpy.data.materials.new("odd")
     odd.use_nodes = True

@@ -142,8 +142,22 @@ def test_what_is_not_taken_over_is_named(shot: Shot) -> None:
     said = " ".join(found.warnings)
     assert "Material odd: what Noise Texture would make of it is not taken over; bake it to an image" in said
     assert "Area lights are surfaces here" in said
-    assert found.environment is not None
-    assert found.environment.image is not None  # the world's gradient, as Cycles sees it
+
+
+def test_the_world_is_a_picture_of_what_cycles_sees(shot: Shot) -> None:
+    """blend_kit.py's is in each direction of the colour of that direction, in Blender's axes."""
+    environment = shot.at(Moment(1)).environment
+    assert environment is not None
+    assert environment.image is not None
+    pixels = shot.at(Moment(1)).images[environment.image].pixels
+    height, width = pixels.shape[:2]
+    for row, column, expected in (
+        (height // 2, width // 2, (0, 1, 0)),  # ahead, our -Z
+        (height // 2, 3 * width // 4, (1, 0, 0)),  # to the right
+        (0, 0, (0, 0, 1)),  # up
+        (height // 4, 5 * width // 8, (0.5, 0.5, 0.7071)),
+    ):
+        np.testing.assert_allclose(pixels[row, column, :3], expected, atol=0.01)
 
 
 def test_the_same_file_gives_the_same_bytes(made: Path, tmp_path: Path) -> None:
