@@ -192,7 +192,7 @@ def test_whoever_lost_the_farm_in_the_middle_of_a_merge_adds_nothing(
             job = service.submit(service.ready_scene(), spp=64)
             assert in_the_middle.wait(60)
             old._moves = lambda: False  # it is taken for hanging
-            until(lambda: standby.http.get("/readyz").is_success, "the other takes over", 60)
+            until(lambda: standby.http.get("/readyz").json().get("status") == "ready", "the other takes over", 60)
             standby.wait_for(job, "finished", 60)
             expected = standby.digest(job)
             go_on.set()
