@@ -11,6 +11,7 @@ import typer
 from rayfarm.commands import (
     backup,
     bench,
+    blender_addon,
     compare,
     doctor,
     gc,
@@ -20,6 +21,7 @@ from rayfarm.commands import (
     quota,
     render,
     shares,
+    site,
     submit,
     token,
     up,
@@ -55,6 +57,7 @@ app = typer.Typer(
 COMMANDS = (
     up,
     worker,
+    site,
     render,
     submit,
     jobs,
@@ -67,6 +70,7 @@ COMMANDS = (
     token,
     info,
     compare,
+    blender_addon,
     backup,
     doctor,
     gc,

@@ -95,6 +95,7 @@ class Farm:
             *(self.broadcast.tell, self.broadcast.tell_tiles, self._let_go),
             suspect=lambda job: self.patrol.suspect(job),
             guard=self.owning.guard,
+            is_watched=lambda: self.desk.is_watched,
         )
         self.engine.trust.report = lambda worker, told: self._in_background(lambda: self.outbox.set_aside(worker, told))
         self.patrol = Patrol(self.sessions, self.films, self.lit_again, self.changed, settings.film_check_days)

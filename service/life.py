@@ -69,8 +69,9 @@ class Life:
 
     @property
     def is_alive(self) -> bool:
-        """Whether it goes on by itself."""
-        return self._task is not None and not self._task.done()
+        """Whether it goes on by itself: as the farm its engine does."""
+        goes_on = self._task is not None and not self._task.done()
+        return goes_on and (self._farm is None or self._farm.engine.is_alive)
 
     @property
     def why(self) -> str:

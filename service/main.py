@@ -22,6 +22,7 @@ from service.api.security import Door
 from service.api.standing_by import StandingBy
 from service.errors import CannotStart
 from service.farm import Farm
+from service.health_port import HealthPort
 from service.life import Life
 from service.pages import Pages, WebPages
 from service.settings import Settings
@@ -48,17 +49,24 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             app.state.farm = farm
 
         life = app.state.life = Life(settings, take_over)
+        health = None
         try:
+            if settings.health_port:
+                health = HealthPort(settings.host, settings.health_port, lambda: life.is_alive)
             await life.begin()
         except CannotStart as error:
             app.state.refusal = str(error)
             raise
+        if health is not None:
+            health.start(asyncio.get_running_loop())
         gc.freeze()  # modules and routes: each full collection looked through them for 100 ms, while every request waited
         with _streams_end_with_the_server(life.close_streams):
             try:
                 yield
             finally:
                 gc.unfreeze()
+                if health is not None:
+                    health.stop()
                 await life.end()
                 await asyncio.to_thread(tracing.end)
 

@@ -41,6 +41,9 @@ class Settings(BaseSettings):
     host: str = "127.0.0.1"
     published: str = ""  # the address by which it is reached, where that is not `host`: a container's
     port: int = 8000
+    health_port: int = Field(
+        default=0, ge=0, le=65535
+    )  # where a thread of its own answers /healthz, whatever the event loop does; 0: nowhere
     login: Literal["auto", "always", "never"] = "auto"  # auto: where other machines reach it
     print_link: bool = False  # to standard output, at the start: the one that lets the owner in
     oidc_discovery: str = ""  # https://.../.well-known/openid-configuration of a provider that lets people in; empty: none

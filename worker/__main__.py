@@ -34,6 +34,7 @@ from worker.link import Link, check_redis_url
 from worker.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 from worker.pieces import Pieces
 from worker.ready import get_ready
+from worker.site import SITE, SITE_NAME
 from worker.status import SlotBoard
 from worker.terms import TAG, Terms
 
@@ -125,6 +126,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--cache", type=Path, default=default_cache_dir(), help="where fetched scenes are kept")
     parser.add_argument("--cache-bytes", type=int, default=32 << 30, help="how much they may take together")
     parser.add_argument("--tag", action="append", default=[], help="what jobs may need of a worker; may be given several times")
+    parser.add_argument("--site", default="", help="where it is: its sums are added up there, where `rayfarm site` runs")
     parser.add_argument("--hours", default="", help="when it works, as Mon-Fri 19:00-07:00, Sat-Sun; always unless told")
     parser.add_argument("--idle", type=float, default=0.0, help="minutes for which nobody must have worked at this machine")
     parser.add_argument("--nice", type=int, default=None, help="0 to 19: how far it stands back for other programs")
@@ -134,7 +136,12 @@ def _options() -> argparse.Namespace:
 
 def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:
     """Those that it was given, and those that it has by itself."""
-    own = [f"host:{host.lower()}", *(["denoiser"] if denoise.is_available() else []), f"kind:{kind.lower()}"]
+    own = [
+        f"host:{host.lower()}",
+        *([f"{SITE}{options.site}"] if options.site else []),
+        *(["denoiser"] if denoise.is_available() else []),
+        f"kind:{kind.lower()}",
+    ]
     return tuple(dict.fromkeys([*options.tag, *own]))
 
 
@@ -155,6 +162,8 @@ def _check(options: argparse.Namespace) -> None:
         _own_terms(options)
     except ValueError as error:
         raise RefusedError(str(error)) from None
+    if options.site and not SITE_NAME.fullmatch(options.site):
+        raise RefusedError(f"--site: {options.site!r} is no name of a site; take small letters, digits and . _ -")
     if wrong := [tag for tag in options.tag if not TAG.fullmatch(tag)]:
         raise RefusedError(f"--tag: {wrong[0]!r} is no tag; take small letters, digits and . _ : -")
     try:

@@ -18,6 +18,7 @@ from worker.link import Link
 from worker.log_tail import LogTail
 from worker.pieces import Pieces
 from worker.results import ResultStream
+from worker.site_link import SiteLink
 from worker.status import SlotBoard
 from worker.view_parts import view_queue
 
@@ -42,6 +43,7 @@ class WorkerContext:
     keeping: Keeping | None = None  # what is asked of it at run time; the parent's
     pieces: Pieces | None = None  # none where this machine has no folder for them
     _results: ResultStream | None = None
+    _sites: SiteLink | None = None
 
     @property
     def queues(self) -> list[str]:
@@ -55,6 +57,13 @@ class WorkerContext:
         if self._results is None:
             self._results = ResultStream(self.redis_url)
         return self._results
+
+    @property
+    def sites(self) -> SiteLink:
+        """The way to its site's reducer; a connection of this process."""
+        if self._sites is None:
+            self._sites = SiteLink(self.redis_url)
+        return self._sites
 
     def report(self, is_paused: bool = False) -> WorkerReport:
         """The worker of itself, ready or paused, and with what its slots do now."""
@@ -93,7 +102,7 @@ class WorkerContext:
     def after_fork(self) -> None:
         """Leave the parent's connections to the parent."""
         self.link.forget_connections()
-        self._results = None
+        self._results = self._sites = None
 
 
 _current: WorkerContext | None = None

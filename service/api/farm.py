@@ -43,7 +43,7 @@ def join(farm: FarmDependency, visit: VisitDependency) -> dict[str, str]:
     redis_url, key = farm.settings.worker_redis_url, visit.caller.key if visit.caller is not None else None
     if key is not None:
         redis_url = farm.redis_users.address_for(key, redis_url)
-    return {"redis_url": redis_url, "instance": farm.instance, "data_dir": data}
+    return {"redis_url": redis_url, "instance": farm.instance, "data_dir": data, "reduces": "yes"}
 
 
 @router.get("/scenes/{id}/manifest")

@@ -77,6 +77,8 @@ class _Collector:
         asked_at = owner.asked_at if owner is not None else None
         is_there = asked_at is not None and time.time() - asked_at < STANDBY_LATELY_S
         yield GaugeMetricFamily("rayfarm_standby", "1 while another service stands by", float(is_there))
+        text = "Bytes of their sums, as they came"
+        yield CounterMetricFamily("rayfarm_result_bytes", text, view.counts.get("result_bytes", 0))
         yield GaugeMetricFamily("rayfarm_engine_up", "1 while the engine works", 0.0 if view.fault else 1.0)
 
 

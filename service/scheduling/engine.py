@@ -75,6 +75,7 @@ class Engine:
         let_go: LetGo,
         suspect: Callable[[str], None],
         guard: Callable[[], None],
+        is_watched: Callable[[], bool],
     ) -> None:
         """guard: raises FarmError where this service may not act as the farm."""
         self._guard = guard
@@ -100,7 +101,7 @@ class Engine:
         self._vectors = Vectors(self._dispatcher, self._workers, blobs)
         self._environments = Environments(self._dispatcher, self._workers, blobs)
         self.logs = JobLogs(settings.data / "logs-of-jobs")
-        self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes)
+        self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes, is_watched)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads, self._pace)
         self.trust = Trust(self._scheduler, self._workers, self._dispatcher, settings.batch_deadline)
         self._waiting = Waiting(records, self._bulkheads, self._changes)
@@ -301,11 +302,12 @@ class Engine:
             self._lifecycle.lost_while_preparing(scene, kind)
         for job, frame in self._moments.review(self._scheduler.jobs, self._results):
             self._lifecycle.frame_lost(job, frame)
-        self._workers.ask(self._terms, [job.needs for job in self._scheduler.jobs.values() if job.needs is not None])
+        needs = [job.needs for job in self._scheduler.jobs.values() if job.needs is not None]
+        self._workers.ask(self._terms, [*needs, *self._scheduler.sites.needs()])
         slots = sum(report.slots for report in self._workers.roster.ready())
         self._deadlines.review(list(self._scheduler.jobs.values()), slots, time.time())
         for job in list(self._scheduler.jobs.values()):
-            job.tick(job.state == "running" and bool(self._scheduler.leases.of(job.id)))
+            job.tick(job.state == "running" and self._scheduler.leases.has(job.id))
             if job.state == "running" or job.done:
                 self._lifecycle.record(job)
                 self._board.change("job", job.id)
@@ -334,7 +336,7 @@ class Engine:
             waits={**self.trust.sentences(), **self._bulkheads.sentences()},
             preparing=dict(self._preparing.progress),
             counts={**self._answers.counts, **self.trust.counts, "lost": self._scheduler.lost},
-            batches_out=sum(1 for _ in self._scheduler.leases),
+            batches_out=len(self._scheduler.leases),
             results_unread=self._pace.waiting,
             batch_cost_s=self._pace.batch_cost_s,
             failures=dict(self._scheduler.suspicion.failures),

@@ -73,6 +73,7 @@ class Piece(NamedTuple):
     first: Number
     count: Annotated[int, Field(ge=1, le=LARGE)]  # type: ignore[assignment]  # hides tuple.count, which nobody needs
     seconds: Seconds
+    worker: Id = ""  # that rendered it, where several have
 
 
 class BatchDone(_Batch):
@@ -92,6 +93,11 @@ class BatchDone(_Batch):
     def pieces(self) -> list[Piece]:
         """What was handed out, each by itself."""
         return self.parts or [Piece(self.batch, self.first, self.count, self.seconds)]
+
+    @property
+    def senders(self) -> tuple[str, ...]:
+        """Who rendered it, each once."""
+        return tuple(dict.fromkeys(piece.worker or self.worker for piece in self.pieces))
 
     @model_validator(mode="after")
     def _all_of_it(self) -> BatchDone:

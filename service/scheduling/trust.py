@@ -79,9 +79,9 @@ class Trust:
         kept = []
         for message, sums in answers:
             check = next((each for each in self._open if message.batch in each.asked), None)
-            if message.worker in self._scheduler.distrusted:
+            if not self._scheduler.distrusted.isdisjoint(message.senders):
                 for piece in message.pieces:
-                    self._scheduler.came_back(job, piece.batch, None, 0.0, message.worker)
+                    self._scheduler.came_back(job, piece.batch, None, 0.0, piece.worker or message.worker)
             elif check is not None:
                 self._answered(job, check, message, sums)
             else:
@@ -90,13 +90,20 @@ class Trust:
 
     def taken(self, job: ActiveJob, message: BatchDone, batch: Range, sums: bytes) -> None:
         """The film took a batch: it may be one that is looked at."""
-        if not job.verify or self._chance.random() >= job.verify or len(self._open) >= MOST_OPEN or job.kind is None:
+        if (
+            not job.verify
+            or len(message.senders) != 1
+            or self._chance.random() >= job.verify
+            or len(self._open) >= MOST_OPEN
+            or job.kind is None
+        ):
             return
-        if not self._ready(job.kind) - {message.worker} or not message.worker:
+        (sender,) = message.senders
+        if not self._ready(job.kind) - {sender} or not sender:
             return
         patience = max(self._deadline_s, 10 * job.expected_s(batch))
         check = _Check(job.id, job.kind, batch, Votes(job.film.tiles[batch.tile]), patience)
-        check.votes.add(message.worker, sums)
+        check.votes.add(sender, sums)
         self._open.append(check)
         self._count()
         with suppress(QueueError):  # the next review asks
