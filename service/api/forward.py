@@ -102,7 +102,7 @@ class Forward:
                 await _between(far, over, receive, send)
         except InvalidStatus as error:
             told = error.response
-            await refuse(Problem(told.status_code, _text(told.body or b"")[:300]), scope, receive, send)
+            await refuse(Problem(told.status_code, _text(bytes(told.body or b""))[:300]), scope, receive, send)
         except (InvalidHandshake, OSError, TimeoutError) as error:
             raise Unavailable(f"{AWAY} ({type(error).__name__}).", 1.0) from error
 
