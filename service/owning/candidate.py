@@ -98,7 +98,8 @@ class Candidate:
         return self._has_table
 
     def _is_free(self, row: Owner, has_lock: bool) -> bool:
-        is_of_this_folder = row.folder == self._me.folder
+        # A database that lies in the folder may be a copy, whose row tells of the farm that it was copied from.
+        is_of_this_folder = row.folder == self._me.folder or not self._settings.database_url
         if row.owner is None or (has_lock and row.locked and is_of_this_folder) or is_gone(row.process):
             return True
         if self._silence.is_broken(row):
