@@ -127,6 +127,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/workers"): Need(Role.VIEW, workers=True),
     ("PATCH", "/api/workers/{name}"): ADMIN,
     ("GET", "/api/workers/{name}/log"): ADMIN,
+    ("GET", "/api/sites"): VIEW,
     ("GET", "/api/shares"): VIEW,
     ("PUT", "/api/shares/{share}"): ADMIN,
     ("DELETE", "/api/shares/{share}"): ADMIN,
