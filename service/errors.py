@@ -3,6 +3,7 @@
 FarmError           a sentence that a person can act on
 ├── NotFound        it is not there, or not any more
 ├── Conflict        it cannot be done in the state that things are in
+├── NotAllowed      who asks may see it, and not do that to it
 ├── Invalid         what is asked for makes no sense
 ├── TooLarge        it is beyond a limit of this farm
 ├── UnknownFormat   it comes in a format that this farm does not read
@@ -30,6 +31,7 @@ __all__ = [
     "FilmWaits",
     "Invalid",
     "NoRoom",
+    "NotAllowed",
     "NotFound",
     "NotOwner",
     "OverQuota",
@@ -50,6 +52,10 @@ class NotFound(FarmError):  # noqa: N818 - these are named as what they say
 
 class Conflict(FarmError):  # noqa: N818
     """It cannot be done in the state that things are in."""
+
+
+class NotAllowed(FarmError):  # noqa: N818
+    """Who asks may see it, and not do that to it."""
 
 
 class Invalid(FarmError):  # noqa: N818

@@ -23,6 +23,7 @@ from service.access.redis_users import RedisUsers
 from service.errors import CannotStart, Conflict, FarmError
 from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
+from service.keeping.doubts import Doubts
 from service.keeping.patrol import Patrol
 from service.keeping.retention import Retention, Rules
 from service.keeping.reuse import Reuse
@@ -98,6 +99,8 @@ class Farm:
             is_watched=lambda: self.desk.is_watched,
         )
         self.engine.trust.report = lambda worker, told: self._in_background(lambda: self.outbox.set_aside(worker, told))
+        self.doubts = Doubts(self.sessions, self.films, self.changed)
+        self.engine.trust.doubt = self.doubts.look
         self.patrol = Patrol(self.sessions, self.films, self.lit_again, self.changed, settings.film_check_days)
         kept = settings.model_dump(include={f"keep_{each.name}" for each in fields(Rules)})
         self.rules = Rules(**{name.removeprefix("keep_"): value for name, value in kept.items()})
@@ -124,6 +127,7 @@ class Farm:
         self.desk.start()
         self.outbox.start()
         self.patrol.start()
+        self.doubts.start()
         self.retention.start()
 
     def stop(self) -> None:
@@ -132,6 +136,7 @@ class Farm:
         self.redis_users.stop()
         self.outbox.stop()
         self.patrol.stop()
+        self.doubts.stop()
         self.retention.stop()
         self.desk.stop()
         self.explaining.stop()

@@ -56,6 +56,7 @@ class Settings(BaseSettings):
     oidc_role_claim: str = "groups"
     oidc_roles: dict[str, str] = Field(default_factory=dict)  # the claim's values, and the role that each gives
     oidc_role: Literal["", "view", "submit", "admin"] = "view"  # of whom none of them gives one; empty: they are not let in
+    oidc_logout: bool = True  # who logs out here does so at the provider too, where it publishes how
     allowed_hosts: list[str] = Field(default_factory=list)  # more names this service answers to, beside loopback's
     web: Path = shipped("web")
     examples: Path = shipped("scenes")

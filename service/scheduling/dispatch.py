@@ -96,9 +96,9 @@ class Dispatcher:
         whole = joint.whole
         self._send(RENDER_JOINTLY, {"joint": joint.to_json()}, queue, whole.batch, ("job", whole.job))
 
-    def send_prepare(self, scene: str, kind: str, lease: str) -> None:
+    def send_prepare(self, scene: str, queue: str, lease: str) -> None:
         """Ask for a scene to be prepared. Raises QueueError."""
-        self._send(PREPARE, {"scene": scene}, prepare_queue(kind), lease, ("scene", scene))
+        self._send(PREPARE, {"scene": scene}, queue, lease, ("scene", scene))
 
     def send_frames(self, work: PrepareFrames, kind: str) -> None:
         """Ask for frames of a shot to be prepared. Raises QueueError."""

@@ -27,6 +27,7 @@ from service.scheduling.denoising import Denoising
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.environments import Environments
 from service.scheduling.film_snapshots import SnapshotKeeper
+from service.scheduling.forecast import Forecaster
 from service.scheduling.job_log import JobLogs
 from service.scheduling.lifecycle import LetGo, Lifecycle
 from service.scheduling.moments import Moments
@@ -114,6 +115,7 @@ class Engine:
             suspect=suspect,
         )
         self._deadlines = Deadlines(records, self._with_database, change)
+        self._forecaster = Forecaster(self._scheduler.line_up, self._scheduler.shares)
         self._keeper = SnapshotKeeper(snapshots, settings.data / "tmp", self._scheduler.jobs.__contains__)
         self._answers = Answers(
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
@@ -286,6 +288,8 @@ class Engine:
     def _renew_terms(self) -> None:
         """What an administrator has said of shares and workers."""
         self._scheduler.shares.terms = self._records.shares()
+        for job in self._scheduler.jobs.values():
+            job.share = self._scheduler.shares.name_of(job.user, job.project)
         self._terms = self._records.worker_terms()
 
     def _each_second(self) -> None:
@@ -304,8 +308,7 @@ class Engine:
             self._lifecycle.frame_lost(job, frame)
         needs = [job.needs for job in self._scheduler.jobs.values() if job.needs is not None]
         self._workers.ask(self._terms, [*needs, *self._scheduler.sites.needs()])
-        slots = sum(report.slots for report in self._workers.roster.ready())
-        self._deadlines.review(list(self._scheduler.jobs.values()), slots, time.time())
+        self._deadlines.review(list(self._scheduler.jobs.values()), self._forecaster.of, time.time())
         for job in list(self._scheduler.jobs.values()):
             job.tick(job.state == "running" and self._scheduler.leases.has(job.id))
             if job.state == "running" or job.done:

@@ -78,13 +78,16 @@ class Scene(Base):
 
     @property
     def blobs(self) -> set[str]:
-        """The hashes of the blobs that it refers to: its files, what it was compiled to, its thumbnail.
+        """The hashes of the blobs that it refers to: its files, what Blender wrote, what it was compiled to, its thumbnail.
 
         Those that can be made out: a damaged row, or one of another release, must not keep others from being deleted.
         """
         files = self.files if isinstance(self.files, list) else []
         compiled = self.compiled if isinstance(self.compiled, dict) else {}
         info = self.info if isinstance(self.info, dict) else {}
+        blend = info.get("blend")
+        written = blend.get("files") if isinstance(blend, dict) else None
+        files = [*files, *(written if isinstance(written, list) else ())]
         refs = [ref for ref in (*files, *compiled.values(), info.get("thumbnail")) if isinstance(ref, dict)]
         return blobs_of(refs)
 
@@ -141,6 +144,7 @@ class Job(Base):
     taken: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # what it began with: keeping/reuse.py
     project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # its scene's
     key: Mapped[str | None] = mapped_column(String(20))  # by which token it was asked for
+    doubted: Mapped[list[str] | None] = mapped_column(JSON(none_as_null=True))  # whose samples in its film: keeping/doubts.py
 
     @property
     def stage(self) -> str:
@@ -276,6 +280,7 @@ class Member(Base):
 
     project: Mapped[str] = mapped_column(ForeignKey("projects.name", ondelete="CASCADE"), primary_key=True)
     user: Mapped[str] = mapped_column(String(64), primary_key=True, index=True)
+    role: Mapped[str] = mapped_column(String(16), default="submit", server_default="submit")  # view | submit: at most this, there
 
 
 class Quota(Base):
