@@ -43,9 +43,8 @@ def main() -> None:
             ends.callback(server.stop)
             settings["database_url"] = server.new()
         taken = [round(seconds, 2) for seconds in takeovers(folder, settings, options, ends)]
-    print(
-        f"{options.how}, {options.database}: {len(taken)} times, median {statistics.median(taken):.1f} s, worst {max(taken):.1f} s"
-    )
+    told_of = f"median {statistics.median(taken):.1f} s, worst {max(taken):.1f} s"
+    print(f"{options.how}, {options.database}: {len(taken)} times, {told_of}")
 
 
 def takeovers(folder: Path, settings: dict[str, object], options: argparse.Namespace, ends: ExitStack) -> list[float]:
