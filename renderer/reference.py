@@ -24,7 +24,7 @@ _USED = ("nitems", "itemsize", "data", "shape", "strides")  # of an array, by ke
 class Reference(types.Type):
     """The type of a reference to a NamedTuple; `whole` is that one's type."""
 
-    def __init__(self, whole: types.NamedTuple) -> None:
+    def __init__(self, whole: types.NamedTuple | types.NamedUniTuple) -> None:
         self.whole = whole
         # Short, as it becomes a part of the names of all functions that take one.
         digest = hashlib.sha256(_written_out(whole).encode()).hexdigest()[:12]
@@ -68,7 +68,7 @@ def by_reference(typingctx: Any, whole: Any) -> Any:
 class _Fields(AttributeTemplate):
     key = Reference
 
-    def generic_resolve(self, reference: Reference, name: str) -> types.Type | None:
+    def generic_resolve(self, reference: Any, name: str) -> Any:  # type: ignore[override]
         return reference.field(name)
 
 
