@@ -195,9 +195,8 @@ def run_tests(python, arguments):
         arguments = [a for a in arguments if a != "--long"]
     else:
         arguments = ["-m", "not long", *arguments]
-    # As many processes of tests as processors: farms and browsers fill these, and what waits for them runs out of patience where
-    # there are more. How they share the work is in tests/conftest.py.
-    processes = min(max(os.cpu_count() or 1, 2), 4)
+    # Half of them for what fills a processor, half for what mostly waits: tests/spreading.py.
+    processes = 2 * min(max(os.cpu_count() or 1, 2), 4)
     environment = dict(os.environ)
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes of the same sources
     # Four thousand tests of real processes, on a machine that has other work too: one that fails is run once more, and is named

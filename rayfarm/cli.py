@@ -20,6 +20,7 @@ __all__ = ["COMMANDS", "main"]
 COMMANDS = (
     "up",
     "worker",
+    "site",
     "render",
     "submit",
     "jobs",
@@ -32,6 +33,7 @@ COMMANDS = (
     "token",
     "info",
     "compare",
+    "blender_addon",
     "backup",
     "doctor",
     "gc",
