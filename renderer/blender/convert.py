@@ -19,6 +19,7 @@ __all__ = ["SUFFIX", "convert"]
 
 SUFFIX = ".blend"
 HERE = Path(__file__).resolve().parent
+SCRIPT = HERE / "inside" / "export.py"
 WRITTEN = ("blender-scene.yaml", "blender-scene.glb", "blender-world.exr")
 OWN_MEMORY = 6 << 30  # address space that Blender takes before it has opened anything
 MOST_BYTES = 8 << 30
@@ -74,7 +75,7 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
 def _run(blender: Blender, folder: Path, room: Path, job: Path, memory: int, seconds: float) -> str:
     """Runs it to its end; a sentence about that. Raises _SlowError."""
     limits = {
-        "reads": [*SYSTEM, *blender.reads, str(HERE), str(folder.resolve()), str(job)],
+        "reads": [*SYSTEM, *blender.reads, str(HERE), str(SCRIPT.parent), str(folder.resolve()), str(job)],
         "writes": [str(room / "out"), str(room / "home"), "/dev/null"],
         "memory": memory,
         "seconds": int(seconds * (os.cpu_count() or 1)) + 1,
@@ -84,7 +85,7 @@ def _run(blender: Blender, folder: Path, room: Path, job: Path, memory: int, sec
         "-I",
         str(HERE / "confined.py"),
         json.dumps(limits),
-        *blender.command(HERE / "inside" / "export.py", str(job)),
+        *blender.command(SCRIPT, str(job)),
     ]
     home = str(room / "home")
     env = {

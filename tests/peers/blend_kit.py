@@ -2,7 +2,8 @@
 
     python blend_kit.py FOLDER
 
-hostile.blend: a driver, a registered script and a handler that would write FOLDER/ran-*; a library, a picture and a font outside.
+hostile.blend: a driver and a registered script that write FOLDER/ran-* where scripts are on; a library and a picture from
+FOLDER/outside.
 moving.blend: an arm that bends a tube, a camera with depth of field that follows, lights of every kind, modifiers, instances.
 told.json: where its vertices, cameras and lights are at some frames, in Blender's axes.
 """
@@ -51,8 +52,12 @@ def hostile(folder: Path) -> None:
     text.write(f"import pathlib\npathlib.Path({str(folder / 'ran-text')!r}).write_text('x')\n")
     text.use_module = True
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "hostile.blend"))
-    for ran in folder.glob("ran-*"):  # it did while it was made, as scripts are on here
-        ran.unlink()
+    bpy.context.preferences.filepaths.use_scripts_auto_execute = True
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "hostile.blend"), use_scripts=True)
+    ran = sorted(path.name for path in folder.glob("ran-*"))
+    assert ran == ["ran-driver", "ran-text"], f"where scripts are on, all of it runs: {ran}"
+    for path in folder.glob("ran-*"):
+        path.unlink()
 
 
 def made(name: str, size: float = 1.0):
@@ -108,8 +113,8 @@ def moving(folder: Path) -> dict[str, object]:
         moved.data.keyframe_insert("energy", frame=frame)
     world = bpy.data.worlds.new("sky")
     world.use_nodes = True
-    node = world.node_tree.nodes.new("ShaderNodeTexGradient")
-    world.node_tree.links.new(node.outputs["Color"], world.node_tree.nodes["Background"].inputs["Color"])
+    node = world.node_tree.nodes.new("ShaderNodeTexCoord")  # each direction in the colour of its coordinates
+    world.node_tree.links.new(node.outputs["Generated"], world.node_tree.nodes["Background"].inputs["Color"])
     scene.world = world
     odd = bpy.data.materials.new("odd")
     odd.use_nodes = True

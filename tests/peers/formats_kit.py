@@ -18,10 +18,14 @@ from cycles_render import as_we_have_it
 from mathutils import Vector
 
 WORLD = (0.35, 0.4, 0.5)
+WITH_PANELS = ("blend", "usdc")  # glTF and Collada have no area lights; Blender reads FBX's as points
+PLAIN = False  # matt surfaces alone: of others Blender's Collada says neither how rough nor how bright they are
 
 
-def build(folder: Path) -> None:
-    """A wavy floor with a chequered texture; a ring, balls and a block of five materials; a sun, a point, a spot and a panel."""
+def build(folder: Path, name: str) -> None:
+    """What a format can say. A wavy floor with a chequered texture, four bodies of materials of their own, four lights."""
+    global PLAIN
+    PLAIN = name == "dae"
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     floor = surface("floor", lambda u, v: (8 * u - 4, 8 * v - 4, 0.08 * math.sin(9 * u) * math.cos(7 * v)), 48, 48)
@@ -29,11 +33,11 @@ def build(folder: Path) -> None:
     ring = surface("ring", torus(0.9, 0.33), 64, 32)
     ring.location, ring.rotation_euler = (-1.1, 0.3, 1.0), (1.1, 0.2, 0.4)
     ring.data.materials.append(material("gold", (0.9, 0.6, 0.15), Metallic=1.0, Roughness=0.35))
-    for name, place, radius, made in (
+    for called, place, radius, made in (
         ("matt", (0.9, -0.9, 0.75), 0.65, material("clay", (0.7, 0.2, 0.12), Roughness=1.0)),
         ("gloss", (1.5, 0.9, 0.75), 0.65, material("plastic", (0.08, 0.25, 0.6), Roughness=0.3)),
     ):
-        ball = surface(name, sphere(radius), 64, 32)
+        ball = surface(called, sphere(radius), 64, 32)
         ball.location = place
         ball.data.materials.append(made)
     block = surface("block", sphere(0.8, 4), 4, 2)
@@ -44,7 +48,8 @@ def build(folder: Path) -> None:
     lamp("sun", "SUN", 1.5, (0, 0, 5), (-1.0, 0.5, -1.6), angle=0.0)
     lamp("point", "POINT", 120, (-2.5, -2.5, 2.8), (0, 0, -1), color=(1.0, 0.7, 0.4))
     lamp("spot", "SPOT", 500, (2.5, -2.0, 3.5), (-0.7, 0.7, -1.1), color=(0.5, 0.8, 1.0), spot_size=0.9, spot_blend=0.0)
-    lamp("panel", "AREA", 90, (0.5, 2.6, 2.4), (-0.1, -1.0, -0.9), shape="RECTANGLE", size=1.6, size_y=0.8)
+    if name in WITH_PANELS:  # out of sight: in Cycles the camera does not see it
+        lamp("panel", "AREA", 90, (-2.8, 1.0, 4.4), (2.6, -0.8, -3.6), shape="RECTANGLE", size=1.0, size_y=0.5)
     data = bpy.data.cameras.new("camera")
     data.angle = 0.7
     camera = bpy.data.objects.new("camera", data)
@@ -107,6 +112,8 @@ def sphere(radius, power=2):
 
 
 def material(name, color, **inputs):
+    if PLAIN:
+        inputs = {"Roughness": 1.0, "Specular IOR Level": 0.0}
     made = bpy.data.materials.new(name)
     made.use_nodes = True
     node = made.node_tree.nodes["Principled BSDF"]
@@ -204,7 +211,7 @@ if __name__ == "__main__":
     only = sys.argv[5:] or ["blend", *FORMATS]
     notes = {}
     for name in only:
-        build(folder)
+        build(folder, name)
         path = folder / f"scene.{name}"
         if name == "blend":
             bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = size

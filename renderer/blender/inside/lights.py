@@ -11,8 +11,7 @@ from .keys import keyed
 
 __all__ = ["Lights"]
 
-# Radiance of an area light of one watt and one square metre. Cycles counts pi / 4 of its power (kernel/light/area.h).
-AREA = 0.25
+AREA = 1 / math.pi  # radiance of an area light of one watt and one square metre
 # Where a cone begins to fall off: Cycles' smooth step and glTF's square send out as much.
 FALL = 0.75
 MOST = 1e9

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
+import weakref
 from pathlib import Path
 
 from renderer.blender.convert import convert
@@ -37,8 +39,8 @@ class _Written:
             raise SceneError(f"{name}: {MISSING}. Or {WITHOUT_BLENDER}.")
         path = files.path(name)
         root = path.parents[len(Path(name).parts) - 1]
-        self._room = tempfile.TemporaryDirectory(prefix="rayfarm-blend-", ignore_cleanup_errors=True)
-        folder = Path(self._room.name)
+        folder = Path(tempfile.mkdtemp(prefix="rayfarm-blend-"))
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         self.main = convert(blender, root, name, folder, _memory(), SECONDS)
         self.files = SceneFiles(folder)
 
