@@ -32,6 +32,7 @@ class Format(NamedTuple):
     names_files: bool = False  # whether it may need others beside it
     has_variants: bool = False  # of its materials
     moves: bool = False  # whether it may say how things move
+    has_lines: bool = False  # and points, which are shown where they are given a thickness
 
 
 # What assimp opens by the bytes of one file, and whose importers are kept up.
@@ -44,8 +45,8 @@ LONG_TAIL = (
 FORMATS = (
     Format(".yaml", "yaml", is_mesh_file=False, names_files=True, moves=True),
     Format(".yml", "yaml", is_mesh_file=False, names_files=True, moves=True),
-    Format(".glb", "gltf", names_files=True, has_variants=True, moves=True),
-    Format(".gltf", "gltf", names_files=True, has_variants=True, moves=True),
+    Format(".glb", "gltf", names_files=True, has_variants=True, moves=True, has_lines=True),
+    Format(".gltf", "gltf", names_files=True, has_variants=True, moves=True, has_lines=True),
     *(Format(suffix, "usd", names_files=True, has_variants=True, moves=True) for suffix in (".usdz", ".usd", ".usda", ".usdc")),
     Format(".fbx", "fbx", names_files=True, moves=True),
     Format(".pbrt", "pbrt", is_mesh_file=False, names_files=True, moves=True),

@@ -10,6 +10,7 @@ FarmError           a sentence that a person can act on
 ├── NoRoom          the disk is full, or what somebody may have of it
 ├── OverQuota       somebody has or does as much as they may at a time
 ├── Unavailable     a part of the farm is away or busy; the same may work later
+│   └── NotOwner        another service has taken the farm over
 ├── Failed          a worker could not do it
 ├── TooLate         a worker did not answer in time
 ├── CannotStart     the service, on this data folder or with these settings
@@ -32,6 +33,7 @@ __all__ = [
     "NoRoom",
     "NotAllowed",
     "NotFound",
+    "NotOwner",
     "OverQuota",
     "TooLarge",
     "TooLate",
@@ -86,6 +88,13 @@ class Unavailable(FarmError):  # noqa: N818
     def __init__(self, sentence: str, retry_after_s: float | None = None) -> None:
         super().__init__(sentence)
         self.retry_after_s = retry_after_s
+
+
+class NotOwner(Unavailable):
+    """Another service has taken the farm over: this one may do nothing in its name."""
+
+    def __init__(self) -> None:
+        super().__init__("Another service has taken this farm over. Ask again.", 1.0)
 
 
 class Failed(FarmError):  # noqa: N818

@@ -56,6 +56,7 @@ READ_BYTES = 1 << 20  # at a time, of results of some megabytes
 PAUSE_AFTER_FAULT_S = 0.5
 SERVICE_KEY = "rayfarm:service"  # when the service last wrote into Redis, in seconds since 1970
 SERVICE_KEY_TTL_S = 10
+STUCK_S = 60.0  # without a round: another service may try
 
 log = logging.getLogger(__name__)
 
@@ -74,8 +75,11 @@ class Engine:
         tell_tiles: TellTiles,
         let_go: LetGo,
         suspect: Callable[[str], None],
+        guard: Callable[[], None],
         is_watched: Callable[[], bool],
     ) -> None:
+        """guard: raises FarmError where this service may not act as the farm."""
+        self._guard = guard
         self.films = films
         self._records = records
         self._redis = redis.Redis.from_url(
@@ -85,8 +89,8 @@ class Engine:
             health_check_interval=30,
             socket_read_size=READ_BYTES,
         )
-        self._dispatcher = Dispatcher(settings.redis_url, self._redis)
-        self._results = Results(self._redis)
+        self._dispatcher = Dispatcher(settings.redis_url, self._redis, guard)
+        self._results = Results(self._redis, guard)
         self._board = Board(tell)
         self._changes = Changes()
         self._bulkheads = Bulkheads()
@@ -149,6 +153,11 @@ class Engine:
     def is_alive(self) -> bool:
         """Whether the thread runs."""
         return self._thread.is_alive()
+
+    @property
+    def moves(self) -> bool:
+        """Whether it comes round. While it begins it may be busy for long with what an earlier life left."""
+        return self.is_alive and (not self._has_begun or time.monotonic() - self.snapshot.made < STUCK_S)
 
     @property
     def snapshot(self) -> Snapshot:
@@ -218,6 +227,7 @@ class Engine:
         return None
 
     def _step(self) -> None:
+        self._guard()
         if not self._has_begun:
             self._begin()
         self._apply_changes()

@@ -18,6 +18,7 @@ __all__ = [
     "Job",
     "Key",
     "Member",
+    "Owner",
     "Project",
     "Quota",
     "Reference",
@@ -336,3 +337,24 @@ class Delivery(Base):
     due: Mapped[float | None] = mapped_column(Float)  # when it is sent next; None: it has arrived, or is given up
     done: Mapped[float | None] = mapped_column(Float)
     error: Mapped[str | None] = mapped_column(Text)  # of the latest attempt
+
+
+class Owner(Base):
+    """Which service works as the farm, where several were started for it. service/owning/ says how that changes."""
+
+    __tablename__ = "owners"
+
+    what: Mapped[str] = mapped_column(String(40), primary_key=True)
+    epoch: Mapped[int] = mapped_column(BigInteger)  # greater with each owner; what one of a lesser writes is refused
+    owner: Mapped[str | None] = mapped_column(String(40))  # a life of a service; None: it has given the farm up
+    place: Mapped[str] = mapped_column(String(300))  # its machine and port, for people
+    url: Mapped[str] = mapped_column(String(300))  # where other services reach it
+    folder: Mapped[str] = mapped_column(String(64))  # the id of its data folder, where its films lie
+    process: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # service/owning/process.py
+    locked: Mapped[bool] = mapped_column(Boolean)  # whether it holds the folder's lock: who gets that knows then that it is dead
+    since: Mapped[float] = mapped_column(Float)
+    takeovers: Mapped[int] = mapped_column(Integer)  # from owners that had not given up
+    asked: Mapped[int] = mapped_column(BigInteger)  # by services that stand by: each time one more
+    answered: Mapped[int] = mapped_column(BigInteger)  # by the owner, to which of these
+    asked_by: Mapped[str | None] = mapped_column(String(300))
+    asked_at: Mapped[float | None] = mapped_column(Float)  # unix time

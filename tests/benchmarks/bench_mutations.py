@@ -1,6 +1,6 @@
 """Damaged files of all formats, each read in the bounded child as the service does it: does any end more than its child?
 
-    python3 farm.py bench mutations [--count 10000] [--seed 1] [--formats WORDS] [--keep FOLDER] [--page]
+    python3 farm.py bench mutations [--count 10000] [--seed 1] [--formats WORDS] [--minutes M] [--keep FOLDER] [--page]
 
 A file of one of the formats is drawn, with its textures and what else it names; one of them is damaged in a way that is drawn
 too, and the scene is read and compiled in a forked child with bounds on memory and time (worker/bounded.py). What may come of
@@ -12,6 +12,7 @@ files of the last four kinds. Each number of a campaign is drawn by itself, so t
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import random
 import resource
@@ -59,6 +60,8 @@ def outcome(folder: Path, main: str) -> dict[str, Any]:
         return run_bounded(lambda _: read(folder, main), lambda _: None, MEMORY, SECONDS, subject=main)
     except WorkError as error:
         sentence = str(error)
+    if "made its reader crash" in sentence:
+        return {"outcome": "child crashed", "sentence": sentence}
     if "GiB that this worker" in sentence:
         return {"outcome": "too large", "sentence": sentence}
     if "took longer" in sentence:
@@ -83,9 +86,11 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--formats", nargs="*", default=[], help="parts of their names")
     parser.add_argument("--keep", type=Path)
+    parser.add_argument("--minutes", type=float, default=0.0, help="end after so many, with the table of those that were done")
+    parser.add_argument("--nice", type=int, default=10)
     parser.add_argument("--page", action="store_true", help=f"the table into {PAGE.relative_to(ROOT)}")
     options = parser.parse_args()
-    os.nice(10)
+    os.nice(options.nice)
     all_seeds = {k: v for k, v in seeds().items() if not options.formats or any(w.lower() in k.lower() for w in options.formats)}
     found: dict[str, Tally] = defaultdict(Tally)
     with tempfile.TemporaryDirectory(prefix="rayfarm-mutations-") as name:
@@ -98,9 +103,13 @@ def main() -> int:
                 result = read(folder, sound)
                 if result["outcome"] != "read":
                     sys.exit(f"The sound file {sound} of {kind} is not read: {result['sentence']}")
+        gc.freeze()  # so that no child copies what its collector touches
+        started = time.monotonic()
         before = psutil.Process().memory_info().rss
         for number in range(options.first, options.first + options.count):
             kind, sound, files, how = draw(number, options.seed, all_seeds)
+            if options.minutes and time.monotonic() > started + 60 * options.minutes:
+                break
             folder = _placed(Path(name) / "case", files)
             begun = time.monotonic()
             result = outcome(folder, sound)
@@ -111,7 +120,7 @@ def main() -> int:
                     _placed(options.keep / str(number), files)
             for path in folder.iterdir():
                 path.unlink()
-            if (number + 1) % 1000 == 0:
+            if (number + 1) % 250 == 0:
                 print(f"{number + 1} done", file=sys.stderr, flush=True)
         grown = psutil.Process().memory_info().rss - before
     text = table(found)

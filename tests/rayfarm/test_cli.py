@@ -168,6 +168,8 @@ def test_one_path_is_followed_again_and_gives_what_the_film_has(tmp_path: Path) 
 
 def test_info_is_for_people_and_programs() -> None:
     done = rayfarm("info", CORNELL)
+    counts = next(line for line in done.stdout.splitlines() if line.startswith("Holds")).removeprefix("Holds").split(",")
+    assert all(part.strip().endswith("s") != part.strip().startswith("1 ") for part in counts), counts
     assert done.returncode == 0, done.stderr
     assert "front" in done.stdout
     summary = json.loads(rayfarm("info", CORNELL, "--json").stdout)

@@ -43,6 +43,7 @@ class Watching:
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._scene: tuple[dict[str, Any], str, Light] | None = None
+        self._looks_at: Any = None  # the scene of which pictures come
         self._view: dict[str, Any] | None = None
         self._number = 0
         self._ended = False
@@ -70,6 +71,16 @@ class Watching:
         """The newest picture, and a line for a person."""
         with self._lock:
             return self._shown, self._text
+
+    @property
+    def number(self) -> int:
+        """Of the view that was asked for last."""
+        return self._number
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether what is shown is of the newest scene."""
+        return self._looks_at is not None and self._looks_at is self._scene
 
     def end(self) -> None:
         """Nobody looks any more."""
@@ -138,24 +149,25 @@ class Watching:
             with self._lock:
                 view = self._view
             if view is not None and view["id"] != sent:
-                sent = view["id"]
+                sent, done = view["id"], False
+                self._say("Rendering")
                 socket.send(json.dumps({**view, "environment": environment}))
             message = socket.receive(WAIT_S)
             if isinstance(message, bytes):
                 picture.take(message)
                 socket.send(json.dumps({"ack": picture.seq}))
-                self._keep(Shown(picture.rgb.copy(), picture.id, picture.whole, samples, done))
+                self._keep(Shown(picture.rgb.copy(), picture.id, picture.whole, samples, done), wanted)
             elif message is not None:
                 said = json.loads(message)
                 if said["type"] == "error":
                     self._say(str(said["detail"]))
-                elif said["type"] == "state":
+                elif said["type"] == "state" and said["id"] in (None, sent):
                     samples, done = float(said["mean"]), bool(said["done"])
                     self._say(said["message"] or f"{samples:.0f} samples" + (", done" if done else ""))
 
-    def _keep(self, shown: Shown) -> None:
+    def _keep(self, shown: Shown, scene: Any) -> None:
         with self._lock:
-            self._shown = shown
+            self._shown, self._looks_at = shown, scene
         self.is_fresh.set()
 
     def _let_go(self, scene: str) -> None:

@@ -6,11 +6,9 @@ import math
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from . import images
 from .model import Material, Scene, TextureUse
 from .nodes import At, Source, constant, followed, output_of
+from .pictures import Pictures
 from .textures import Value, Values
 
 __all__ = ["Surfaces"]
@@ -42,6 +40,7 @@ class _Reader:
         self._scene, self._source, self._colors = scene, material, colors
         self._name = material.name
         self._values = Values(scene, self._name, primary)
+        self._pictures = Pictures(scene, self._name)
         self._said: dict[str, Any] = {"doubleSided": True}
         self._more: dict[str, Any] = {}  # extensions
 
@@ -134,9 +133,10 @@ class _Reader:
             name = color.vertex if color.vertex is not None else alpha.vertex
             self._colors[self._source.name_full] = name or ""
         if alpha.image is not None and (color.image is None or alpha.image != color.image or alpha.channel != 3):
-            picture = self._packed([(color, 0), (color, 1), (color, 2), (alpha, 3)], color if color.image else alpha, True)
+            told = color if color.image is not None else alpha
+            picture = self._pictures.packed([(color, 0), (color, 1), (color, 2), (alpha, 3)], told, True)
         else:
-            picture = None if color.image is None else self._picture(color, True)
+            picture = None if color.image is None else self._pictures.used(color, True)
         if picture is not None:
             found["baseColorTexture"] = picture
         if opacity < 1 or alpha.image is not None:
@@ -155,9 +155,10 @@ class _Reader:
         )
         # What is no picture must not be scaled by the other's.
         is_packed = is_packed and roughness.image is not None and metallic.image is not None
-        picture = (
-            self._picture(told, False) if is_packed else self._packed([(None, 0), (roughness, 1), (metallic, 2)], told, False)
-        )
+        if is_packed:
+            picture = self._pictures.used(told, False)
+        else:
+            picture = self._pictures.packed([(None, 0), (roughness, 1), (metallic, 2)], told, False)
         if picture is not None:
             found["metallicRoughnessTexture"] = picture
 
@@ -221,7 +222,7 @@ class _Reader:
         if most > 1:
             self._extend("emissive_strength", emissiveStrength=most)
         if color.image is not None:
-            picture = self._picture(color, True)
+            picture = self._pictures.used(color, True)
             if picture is not None:
                 self._said["emissiveTexture"] = picture
 
@@ -254,7 +255,7 @@ class _Reader:
         strength = constant(source.input("Strength"))
         found = self._values.read(source.input("Color"), WHITE, "normal map")
         if found.image is not None:
-            picture = self._picture(found, False)
+            picture = self._pictures.used(found, False)
             if picture is not None:
                 owner[name] = replace(picture, strength=1.0 if strength is None else strength)
 
@@ -331,13 +332,13 @@ class _Reader:
         if opacity.image is None:
             return
         under: TextureUse | None = found.get("baseColorTexture")
-        if under is not None and opacity.channel == 3 and under.image == self._picture(opacity, True, check=True):
+        if under is not None and opacity.channel == 3 and under.image == self._pictures.name(opacity, True):
             return  # the same picture, whose alpha it is
         if under is not None:
             self._warn("the picture of its mix with transparency is left out")
             return
         white = Value(WHITE)
-        picture = self._packed([(white, 0), (white, 1), (white, 2), (opacity, 3)], opacity, True)
+        picture = self._pictures.packed([(white, 0), (white, 1), (white, 2), (opacity, 3)], opacity, True)
         if picture is not None:
             found["baseColorTexture"] = picture
 
@@ -355,45 +356,11 @@ class _Reader:
         if value.image is None:
             return
         if channel is None or (value.channel == channel and not value.inverted):
-            picture = self._picture(value, as_color)
+            picture = self._pictures.used(value, as_color)
         else:
-            picture = self._packed([(value, channel)], value, as_color)
+            picture = self._pictures.packed([(value, channel)], value, as_color)
         if picture is not None:
             self._more[extension][name] = picture
-
-    def _picture(self, value: Value, as_color: bool, check: bool = False) -> Any:
-        """How a picture is used as it is. check: its file's name alone."""
-        if value.inverted and not check:
-            return self._packed([(value, 0), (value, 1), (value, 2)], value, as_color)
-        name = images.register(self._scene, value.image, as_color)
-        if check:
-            return name
-        return None if name is None or value.use is None else replace(value.use, image=name)
-
-    def _packed(self, wanted: list[tuple[Value | None, int]], told: Value, as_color: bool) -> TextureUse | None:
-        """A new picture with a channel of each value's. told: whose place on the surface it takes."""
-        planes: dict[int, np.ndarray] = {}
-        names = []
-        for value, channel in wanted:
-            if value is None or value.image is None:
-                continue
-            found = images.pixels(value.image)
-            if found is None:
-                continue
-            names.append(value.image.name)
-            plane = found[..., channel if value.channel is None else value.channel]
-            planes[channel] = 1 - plane if value.inverted else plane
-            if value.use != told.use and value.image != told.image:
-                self._warn("pictures that lie differently are laid as one of them")
-        if not planes or told.use is None:
-            return None
-        height, width = max(plane.shape for plane in planes.values())
-        whole = np.ones((height, width, 4), np.float32)
-        for channel, plane in planes.items():
-            rows, columns = (np.arange(n) * plane.shape[i] // n for i, n in enumerate((height, width)))
-            whole[..., channel] = plane[rows][:, columns]
-        encoding = images.encoding_of(told.image, as_color)
-        return replace(told.use, image=images.add_pixels(self._scene, " ".join([self._name, *names]), whole, encoding))
 
 
 def number(value: Any) -> float:

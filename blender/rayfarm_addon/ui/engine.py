@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import time
 from pathlib import Path
 from typing import Any
 
@@ -68,11 +69,14 @@ class RayfarmEngine(bpy.types.RenderEngine):
     def _go_to(self, frame: float) -> None:
         self.frame_set(*split(frame))
 
+    def _is_broken_off(self) -> bool:
+        return bool(self.test_break())
+
     def _follow(self, rendering: Rendering, picture: Picture, layer: str, passes: list[Any]) -> None:
-        cancelled = False
-        while True:
-            if not cancelled and self.test_break():
-                cancelled = True
+        cancelled = 0.0  # when
+        while not cancelled or time.monotonic() < cancelled + PATIENCE_S:
+            if not cancelled and self._is_broken_off():
+                cancelled = time.monotonic()
                 rendering.cancel()
             try:
                 event = rendering.events.get(timeout=TICK_S)
@@ -121,7 +125,6 @@ class RayfarmEngine(bpy.types.RenderEngine):
         self.update_stats("", f"Rayfarm: done, {done.sent_bytes / 1e6:.1f} MB were sent")
 
     def _fail(self, sentence: str) -> None:
-        self.report({"ERROR"}, sentence)
         self.error_set(sentence)
 
     def view_update(self, context: Any, depsgraph: Any) -> None:

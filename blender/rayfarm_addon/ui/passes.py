@@ -76,7 +76,7 @@ def values(each: Pass, channels: Mapping[str, F32], shot: Shot, ids: Ids) -> F32
 
 
 def _depth(channels: Mapping[str, F32], shot: Shot) -> F32:
-    """Along the line of sight, as Cycles tells it; the farm tells how far it is from the eye."""
+    """Along the line of sight from the eye, as Cycles tells it; the farm tells it along the ray, from the near plane."""
     depth = channels["Depth.Z"]
     share = np.ones_like(depth)
     if "projection" not in shot.view:
@@ -85,4 +85,4 @@ def _depth(channels: Mapping[str, F32], shot: Shot) -> F32:
         y = (2 * (np.arange(height) + 0.5) / height - 1) * slope
         x = (2 * (np.arange(width) + 0.5) / width - 1) * slope * width / height
         share = 1 / np.sqrt(1 + x[None, :] ** 2 + y[:, None] ** 2)
-    return np.where(depth > 0, depth * share, FAR).astype(np.float32)[..., None]
+    return np.where(depth > 0, depth * share + shot.view.get("near", 0.0), FAR).astype(np.float32)[..., None]

@@ -15,7 +15,7 @@ from renderer.image.encode import encode
 from tests.peers.test_mitsuba_files import SHAPES, write_files
 from tests.renderer.scene import samples, usd_files
 from tests.renderer.scene.builders import full_gltf, moving_gltf
-from tests.renderer.scene.fbx_text import TRIANGLE, fbx, light, material, node
+from tests.renderer.scene.fbx_text import fbx, light, material, node
 from tests.renderer.scene.pbrt_files import BALL, SQUARE, world
 from tests.renderer.scene.test_assimp import chunk, collada
 from tests.renderer.scene.test_threemf import model, package, solid
@@ -112,7 +112,8 @@ def seeds() -> dict[str, list[Seed]]:
     parts = {each.removeprefix("parts/"): data for each, data in taken.items() if each.startswith("parts/")}
     painted = {each.removeprefix("painted/"): data for each, data in taken.items() if each.startswith("painted/")}
     peers = {each: taken[each] for each in ("m.obj", "m.ply", "t.png", "painted.xml")}
-    text = fbx([TRIANGLE, node(1, "tri"), material(2, "red", DiffuseColor=(0.8, 0.1, 0.1)), light(3)], [(1, 0), (10, 1), (2, 1)])
+    things = material(30, "red", DiffuseColor=(0.8, 0.1, 0.1), ShininessExponent=30.0) + node(50, "lamp", "Light")
+    text = fbx(things + light(60, Intensity=200.0, DecayType=2), [(30, 20), (60, 50), (50, 0)])
     sky = encode(np.ones((8, 8, 3), np.float32), "exr")
     beside = {"skin.png": png, "m.ply": taken["m.ply"], "sky.exr": sky, "more.pbrt": f'Material "dielectric" {BALL}'.encode()}
     group = '<object id="2"><components><component objectid="1" transform="0 1 0 -1 0 0 0 0 1 5 0 0"/></components></object>'

@@ -97,6 +97,8 @@ def add_camera(source: Parameters, to_world: Matrix, description: SceneDescripti
     width, height = (description.defaults.get(key, size) for key, size in zip(("width", "height"), _FILM, strict=True))
     right, up, forward, eye = (to_world[:3, k] for k in range(4))
     fields: dict[str, Any] = {"eye": _vec(eye), "target": _vec(eye + _unit(forward)), "up": _vec(_unit(up))}
+    axis = int(np.argmax(np.abs(up)))
+    description.up = _vec(np.sign(up[axis]) * np.eye(3)[axis])  # the world's axis that is most so
     _, _, low, high = _window(source, width / height, notes)
     source.used.update(("shutteropen", "shutterclose"))
     if source.type == "orthographic":
