@@ -16,6 +16,8 @@ from numba.core.ir_utils import get_definition, guard
 from numba.core.untyped_passes import InlineInlinables
 from numba.extending import intrinsic
 
+from renderer.reference import Reference
+
 __all__ = ["Compiler", "where_present"]
 
 
@@ -74,6 +76,8 @@ def _type_of(state: Any, value: Any) -> Any:
         return state.args[value.index]
     if _is_field(value):
         whole: Any = _type_of(state, guard(get_definition, state.func_ir, value.value))
+        if isinstance(whole, Reference):
+            whole = whole.whole
         if isinstance(whole, types.NamedTuple | types.NamedUniTuple) and value.attr in whole.fields:
             return whole.types[whole.fields.index(value.attr)]
     return None

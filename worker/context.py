@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from renderer import denoise
+from renderer.blender.program import Blender
+from worker.blends import blender_queue
 from worker.cache import BlobCache
 from worker.contract import WorkerReport, denoise_queue, prepare_queue, render_queue
 from worker.joint import help_queue
@@ -41,6 +43,7 @@ class WorkerContext:
     started: float = field(default_factory=time.time)
     tail: LogTail | None = None  # of the log
     keeping: Keeping | None = None  # what is asked of it at run time; the parent's
+    blender: Blender | None = None  # where it has one, to open .blend files
     pieces: Pieces | None = None  # none where this machine has no folder for them
     _results: ResultStream | None = None
     _sites: SiteLink | None = None
@@ -49,6 +52,7 @@ class WorkerContext:
     def queues(self) -> list[str]:
         """What this worker takes tasks from."""
         queues = [view_queue(self.kind), help_queue(self.name), render_queue(self.kind), prepare_queue(self.kind)]
+        queues += [blender_queue(self.kind)] if self.blender is not None else []
         return [*queues, denoise_queue(self.kind)] if denoise.is_available() else queues
 
     @property

@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 
 from rayfarm import options
+from rayfarm.blender import Program, Wanted, program_for
+from rayfarm.console import err
 from rayfarm.joining import farm_address, run, shown_token
 from rayfarm.machine import cores
 
@@ -59,6 +61,8 @@ def worker(
     site: Annotated[
         str, typer.Option(metavar="NAME", help="Where this machine is: `rayfarm site NAME` adds up what it renders.")
     ] = "",
+    blender: Wanted = False,
+    blender_program: Program = None,
     log_format: options.LogFormat = None,
 ) -> None:
     """Join a farm: render its batches with this machine's cores until Ctrl-C.
@@ -72,6 +76,7 @@ def worker(
       RAYFARM_TOKEN=T rayfarm worker --join studio.local:8000 --slots 4 --name attic
       rayfarm worker --join studio.local:8000 --token-file T --hours "Mon-Fri 19:00-07:00, Sat-Sun" --nice 10
       rayfarm worker --join studio.local:8000 --token-file T --idle 15 --tag bigmem
+      rayfarm worker --join studio.local:8000 --token-file T --blender
     """
     options.use_log_format(log_format)
     join = farm_address(join)
@@ -83,4 +88,6 @@ def worker(
     command += [f"--{option}={value}" for option, value in said.items() if value is not None and value != ""]
     command += [f"--tag={each}" for each in tag or ()]
     command += [f"--site={site}"] if site else []
+    if (program := program_for(blender, blender_program, lambda text: err.print(text, markup=False, soft_wrap=True))) is not None:
+        command.append(f"--blender={program}")
     run("worker", command, token, f"Joining {join} with {slots or cores()} slots. Ctrl-C leaves the farm.")

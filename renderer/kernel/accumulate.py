@@ -23,7 +23,7 @@ from renderer.film import (
     SAMPLES,
     SAMPLES_HALF,
 )
-from renderer.jit import device, entry, local_floats, template
+from renderer.jit import device, entry, local_floats, out_of_line, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.camera import camera_ray, moving_ray
 from renderer.kernel.fixed import fixed, in_half
@@ -35,6 +35,7 @@ from renderer.kernel.options import is_special, kernel_options
 from renderer.kernel.pool.trace import pool_for, render_with_pool, scatter_nothing
 from renderer.kernel.sampling.filter import filter_offset
 from renderer.kernel.sampling.sampler import Stream, draw4, pixel_key
+from renderer.reference import by_reference
 from renderer.settings import RenderSettings
 
 __all__ = ["MAX_BAD", "Batch", "Output", "half_of_pictures", "has_editions", "new_scratch", "renderer_of"]
@@ -166,29 +167,56 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
 # paths at once.
 
 
+# The scene is handed to what does the work by reference (renderer/reference.py).
+
+
+@subroutine
+def _with_pool(scene, pool, camera, options, batch, output):
+    out_of_line()
+    return render_with_pool(scene, pool, camera, options, batch, output)
+
+
+@subroutine
+def _by_path(scene, stack, camera, options, batch, output):
+    out_of_line()
+    return _render_tile(trace_path, scene, stack, camera, options, batch, output)
+
+
+@subroutine
+def _by_whitted(scene, stack, camera, options, batch, output):
+    out_of_line()
+    return _render_tile(trace_whitted, scene, stack, camera, options, batch, output)
+
+
+@subroutine
+def _by_ao(scene, stack, camera, options, batch, output):
+    out_of_line()
+    return _render_tile(trace_ao, scene, stack, camera, options, batch, output)
+
+
 @entry
 def _render_pool(scene, pool, camera, options, batch, output):
-    return render_with_pool(scene, pool, camera, options, batch, output)
+    return _with_pool(by_reference(scene), pool, camera, options, batch, output)
 
 
 @entry
 def _half_of_render_pool(scene, pool, options):
-    scatter_nothing(scene, pool, options)
+    scatter_nothing(by_reference(scene), pool, options)
 
 
 @entry
 def _render_special_path(scene, stack, camera, options, batch, output):
-    return _render_tile(trace_path, scene, stack, camera, options, batch, output)
+    return _by_path(by_reference(scene), stack, camera, options, batch, output)
 
 
 @entry
 def _render_whitted(scene, stack, camera, options, batch, output):
-    return _render_tile(trace_whitted, scene, stack, camera, options, batch, output)
+    return _by_whitted(by_reference(scene), stack, camera, options, batch, output)
 
 
 @entry
 def _render_ao(scene, stack, camera, options, batch, output):
-    return _render_tile(trace_ao, scene, stack, camera, options, batch, output)
+    return _by_ao(by_reference(scene), stack, camera, options, batch, output)
 
 
 def has_editions(settings: RenderSettings) -> bool:

@@ -136,6 +136,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("POST", "/api/hooks/{number}/test"): ADMIN,
     ("GET", "/api/events"): VIEW,
     ("GET", "/api/info"): VIEW,
+    ("GET", "/api/blender-addon.zip"): VIEW,
     ("GET", "/api/farm/join"): WORKER,
     ("GET", "/api/farm/scenes/{id}/manifest"): WORKER,
     ("GET", "/api/farm/blobs/{sha256}"): WORKER,

@@ -3,6 +3,7 @@
 from fastapi import APIRouter
 
 from service.api import (
+    addon,
     environments,
     events,
     examples,
@@ -53,6 +54,7 @@ for module in (
     hooks,
     examples,
     info,
+    addon,
     farm,
     kernels,
     retention,

@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError, field_valid
 
 from service.scheduling.results import Entry
 from service.store.blobs import is_sha256
+from worker.blends import written_of
 from worker.contract import BlobRef, FrameInfo, SceneInfo
 
 __all__ = [
@@ -219,7 +220,8 @@ class PrepareDone(_Prepare):
     @field_validator("info")
     @classmethod
     def _usable(cls, info: SceneInfo) -> SceneInfo:
-        for blob in (info.compiled, info.thumbnail):
+        written = written_of({"blend": info.blend})
+        for blob in (info.compiled, info.thumbnail, *(written[1] if written is not None else ())):
             _check_hashes(blob)
         if not all(math.isfinite(value) for corner in info.bounds for value in corner):
             raise ValueError("bounds are no numbers")

@@ -148,7 +148,7 @@ class Scheduler:
         Raises QueueError."""
         if not start(job, kind):
             return
-        roster, batch_s = self._workers.roster, self._pace.batch_s(slots)
+        roster, batch_s = self._workers.roster, self._pace.batch_s(slots, job.rendered_s / max(slots, 1))
         several, joint = roster.takes_several(kind), roster.takes_joint(kind)
         of_a_tile = self._pace.of_a_tile(slots, joint)
         place = self._place_for(job) if joint and of_a_tile > 1 else None

@@ -3,7 +3,8 @@
 The second is handed out as any other batch, through the same queue, so that no worker knows which of its answers is looked at.
 If the first takes it again, it is handed out once more. Where two workers differ, further answers decide: what two different
 workers agree on is right. Whoever has said otherwise is set aside, and all that it has sent is taken out of the films of jobs
-that are not over, and rendered again. While nobody can decide, the job goes on but does not end.
+that are not over, and rendered again; those that are over are marked (service/keeping/doubts.py). While nobody can decide, the
+job goes on but does not end.
 """
 
 from __future__ import annotations
@@ -67,11 +68,14 @@ class Trust:
         self._wrong: dict[str, tuple[str, str]] = {}  # workers that were found out, and not dealt with yet: a job, and why
         self._chance = random.Random()
         self.report: Report = lambda worker, told: None
+        self.doubt: Callable[[str], None] = lambda worker: None  # whoever looks after the films of jobs that are over
         self.counts: Counter[str] = Counter()  # batches verified, differed; workers distrusted
 
     def begin(self) -> None:
         """Know again whom an earlier life of the service has set aside. Raises redis.RedisError."""
         self._scheduler.distrusted |= {name for name, why in self._workers.all_orders().items() if why.startswith(SAID)}
+        for worker in sorted(self._scheduler.distrusted):
+            self.doubt(worker)
 
     def sort_out(self, job: ActiveJob, answers: list[Answer]) -> list[Answer]:
         """Of what came back for a job, what is to go into its film: neither what was only to be compared, nor what comes from a
@@ -146,6 +150,7 @@ class Trust:
             self.counts["distrusted"] += 1
             log.warning("%s is set aside: %s; jobs that are rendered again in part: %s", worker, why, partly)
             self._pause(worker, why)
+            self.doubt(worker)
             self.report(worker, {"worker": worker, "job": found_in, "why": f"{why}.", "rendered_again": partly})
             del self._wrong[worker]
         self._count()

@@ -15,6 +15,7 @@ from pydantic import TypeAdapter
 
 from service.scheduling.needs import Needs
 from service.scheduling.speeds import Speeds
+from worker.blends import TAG
 from worker.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, WorkerReport, order_key, worker_key
 from worker.site import SITE, SiteReport, site_key
 from worker.terms import Offer, Terms, offer_key, terms_key
@@ -96,6 +97,11 @@ class Roster:
         ready = self.ready()
         unable = {report.kind for report in ready if not report.views}
         return self._kind_of([report for report in ready if report.kind not in unable])
+
+    def blender_kind(self) -> str | None:
+        """The kind of the workers that open .blend files, with most slots; None where none is ready."""
+        able = {name for name, offer in self.offers.items() if TAG in offer.tags}
+        return self._kind_of([report for report in self.ready() if report.name in able])
 
     def takes_several(self, kind: str) -> bool:
         """Whether all workers of a kind take several batches in one message: whoever is free takes what waits for it."""
