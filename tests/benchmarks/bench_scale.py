@@ -73,9 +73,8 @@ def main() -> None:
             taken = run(load, sums, Path(name))
         if taken.pictures:
             own = f"{1e3 * max(taken.own_health_s):.0f} ms"
-            print(
-                f"pictures by status: {dict(taken.pictures)}, health at worst {1e3 * max(taken.health_s):.0f} ms, {own} at its own port"
-            )
+            at_worst = f"health at worst {1e3 * max(taken.health_s):.0f} ms, {own} at its own port"
+            print(f"pictures by status: {dict(taken.pictures)}, {at_worst}")
         if taken.repeated:
             whole = ", ".join(
                 f"{name} {taken.in_all.get(name, 0)}" for name in ("merged", "dropped", "lost", "doubled", "failed")
