@@ -121,6 +121,7 @@ from numba.extending import intrinsic  # noqa: E402
 from numba.np.arrayobj import populate_array  # noqa: E402
 
 from renderer.absent import Compiler  # noqa: E402
+from renderer.linking import stay_apart  # noqa: E402
 from renderer.machine_code import Kept, noted  # noqa: E402
 
 if TARGET == "x86-64-v3":
@@ -173,6 +174,7 @@ def out_of_line(typingctx: Any) -> Any:
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         builder.function.attributes.add("noinline")
+        stay_apart(context.active_code_library)
         return context.get_dummy_value()
 
     return types.void(), codegen

@@ -68,7 +68,7 @@ def by_reference(typingctx: Any, whole: Any) -> Any:
 class _Fields(AttributeTemplate):
     key = Reference
 
-    def generic_resolve(self, reference: Reference, name: str) -> types.Type | None:  # type: ignore[override]
+    def generic_resolve(self, reference: Any, name: str) -> Any:  # type: ignore[override]
         return reference.field(name)
 
 

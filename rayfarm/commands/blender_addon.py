@@ -35,4 +35,6 @@ def blender_addon(
 
     path = output / DEFAULT.name if output.is_dir() else output
     path.write_bytes(addon_zip())
-    err.print(f"{path}: install it in Blender's preferences, under Get Extensions, by Install from Disk.", markup=False)
+    err.print(
+        f"{path}: install it in Blender's preferences, under Get Extensions, by Install from Disk.", markup=False, soft_wrap=True
+    )

@@ -49,13 +49,14 @@ class Forward:
             await self._http.aclose()
             self._http = None
 
-    async def is_ready(self, url: str) -> bool:
-        """Whether the service at an address can work now."""
+    async def is_ready(self, url: str, over: asyncio.Event) -> bool:
+        """Whether the service at an address can work now; False where it is `over` before that is known."""
+        asking = self._client().get(f"{url}/readyz", headers={"Host": "localhost", PASSED_ON: "1"}, timeout=CONNECT_S)
         try:
-            answer = await self._client().get(f"{url}/readyz", headers={"Host": "localhost", PASSED_ON: "1"}, timeout=CONNECT_S)
+            answer = await _until(over, asking)
         except httpx.HTTPError:
             return False
-        return answer.is_success
+        return answer is not None and answer.is_success
 
     async def request(self, url: str, over: asyncio.Event, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on a request, until `over`. Raises Unavailable where nobody answers; then nothing was sent."""

@@ -8,7 +8,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from service.api.forward import PASSED_ON, Forward
 from service.api.problem import Problem
-from service.api.security import refuse
+from service.api.security import SAFE_METHODS, refuse
 from service.errors import NotOwner, Unavailable
 from service.life import Life
 
@@ -45,7 +45,10 @@ class StandingBy:
         try:
             await self._answer(life, scope, receive, send)
         except Unavailable as error:
-            await refuse(Problem(503, f"{life.why} {error}", AGAIN), scope, receive, send)
+            if not life.stands_by and scope["type"] == "http" and scope["method"] in SAFE_METHODS:
+                await self._app(scope, receive, send)  # it waited for an owner that is none any more
+            else:
+                await refuse(Problem(503, f"{life.why} {error}", AGAIN), scope, receive, send)
 
     async def _answer(self, life: Life, scope: Scope, receive: Receive, send: Send) -> None:
         path = scope["path"] if scope["type"] == "http" else ""
@@ -57,7 +60,7 @@ class StandingBy:
         elif not owner:
             await refuse(Problem(503, life.why, AGAIN), scope, receive, send)
         elif path == "/readyz":
-            if not await self._forward.is_ready(owner):
+            if not await self._forward.is_ready(owner, life.taken):
                 raise Unavailable("That one is not ready.")
             await JSONResponse({"status": "stands by"})(scope, receive, send)
         elif scope["type"] == "http":

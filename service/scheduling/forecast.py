@@ -86,7 +86,8 @@ class _Share:
 class Crowd:
     """The jobs that workers of one kind render, by what they still take."""
 
-    def __init__(self, lines: Mapping[int, Iterable[ActiveJob]], shares: Shares) -> None:
+    def __init__(self, lines: Mapping[int, Iterable[ActiveJob]], shares: Shares, slots: int) -> None:
+        """slots: that there are for them."""
         self._shares = shares
         self._of: dict[int, dict[str, _Share]] = {}
         self.is_known = True  # what each of them takes
@@ -98,7 +99,7 @@ class Crowd:
                     continue
                 self.jobs += 1
                 share = found.setdefault(job.share, _Share())
-                work = work_s(job)
+                work = work_s(job, slots)
                 self.is_known &= work is not None
                 if job.is_late:
                     share.urgent[job.id] = job.urgency, work or 0.0
@@ -138,7 +139,7 @@ class Forecaster:
         slots = self._lines.slots_for(job)
         if slots <= 0:
             return Forecast(None, NO_SLOTS)
-        work = work_s(job)
+        work = work_s(job, slots)
         most = [each for each in (job.max_slots, self._shares.of(job.share).max_slots) if each is not None]
         alone = None if work is None else work / min([slots, *most])
         measured = job.eta_s if job.state == "running" and job.samples_per_s > 0.0 else alone
@@ -146,23 +147,26 @@ class Forecaster:
             return Forecast(None, NO_COST)
         if work is None or alone is None or job.state == "paused":
             return Forecast(now + measured)
-        crowd = self._crowd(self._lines.kind_for(job) or "")
+        crowd = self._crowd(self._lines.kind_for(job) or "", slots)
         if crowd.jobs <= 1:
             return Forecast(now + measured)
         left = max(crowd.seconds(job, work, slots), alone)
         return Forecast(now + (left if crowd.is_known else max(left, measured)))
 
-    def _crowd(self, kind: str) -> Crowd:
+    def _crowd(self, kind: str, slots: int) -> Crowd:
         until, crowd = self._crowds.get(kind, (0.0, None))
         begins = time.monotonic()
         if crowd is None or begins > until:
-            crowd = Crowd(self._lines.by_priority(kind), self._shares)
+            crowd = Crowd(self._lines.by_priority(kind), self._shares, slots)
             ends = time.monotonic()
             self._crowds[kind] = ends + max(RENEWED_EVERY_S, RESTS * (ends - begins)), crowd
         return crowd
 
 
-def work_s(job: ActiveJob) -> float | None:
-    """Seconds of a slot that a job still takes; None where it is not known what a sample costs."""
+def work_s(job: ActiveJob, slots: int) -> float | None:
+    """Seconds of a slot that a job still takes of so many; None where it is not known what a sample costs."""
     cost = job.sample_s
-    return max(job.target_samples - job.samples, 0) * cost if cost > 0.0 else None
+    if cost <= 0.0:
+        return None
+    work = max(job.target_samples - job.samples, 0) * cost
+    return work if job.seconds is None else min(work, max(job.seconds - job.active_s, 0.0) * slots)

@@ -139,6 +139,45 @@ def test_a_scene_that_the_farm_forgot_is_sent_anew(server: Answering) -> None:
     assert bodies == [False, True, False], "once by what was there, then all of it"
 
 
+def test_a_scene_that_somebody_deleted_is_sent_anew(server: Answering) -> None:
+    uploads = Uploads(Client(server.url), digest_of)
+    said: list[str] = []
+
+    def ready() -> str:
+        found = uploads.ready({"scene.yaml": b"{}"}, "scene.yaml", "t", lambda done, size: None, lambda: False, said.append)
+        return str(found["id"])
+
+    server.answers["POST /api/scenes"] = 201, {"id": "one"}
+    server.answers["GET /api/scenes/one"] = 200, {"id": "one", "status": "ready"}
+    assert ready() == "one"
+    server.answers["POST /api/scenes"] = 201, {"id": "two"}
+    server.answers["GET /api/scenes/one"] = 404, {"detail": "There is no scene one."}
+    server.answers["GET /api/scenes/two"] = 200, {"id": "two", "status": "ready"}
+    assert ready() == "two"
+    server.answers["GET /api/scenes/two"] = 200, {"id": "two", "status": "failed", "error": "it is empty"}
+    with pytest.raises(FarmError, match="cannot read the scene: it is empty"):
+        ready()
+
+
+def test_without_a_live_channel_the_job_is_asked_for(server: Answering) -> None:
+    """As behind a proxy that lets none through; and what a job that failed says, is said."""
+    job = {"id": "j", "state": "failed", "error": "it is too dark", "progress": 0.0, "frames": [{"number": 0}]}
+    server.answers["POST /api/scenes"] = 201, {"id": "one"}
+    server.answers["GET /api/scenes/one"] = 200, {"id": "one", "status": "ready", "warnings": []}
+    server.answers["POST /api/jobs"] = 201, job
+    server.answers["GET /api/jobs/j/live?frame=0"] = 200, b""
+    server.answers["GET /api/jobs/j"] = 200, job
+    client = Client(server.url)
+    asked = Asked({"scene.yaml": b"{}"}, "scene.yaml", "t", Light([0.5] * 3), {"spp": 4})
+    rendering = Rendering(client, Uploads(client, digest_of), asked)
+    events = []
+    while not events or not isinstance(events[-1], Failed):
+        events.append(rendering.events.get(timeout=30))
+    assert events[-1].sentence == "The farm could not render it: it is too dark"
+    said = next(json.loads(body) for key, body, _ in server.asked if key == "POST /api/jobs")
+    assert said == {"spp": 4, "scene": "one", "environment": {"color": [0.5] * 3}, "name": "t"}
+
+
 def test_cancelled_while_the_farm_hangs(server: Answering) -> None:
     client = Client(server.url)
     server.answers["POST /api/scenes"] = 201, {"id": "one"}

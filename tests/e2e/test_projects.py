@@ -59,6 +59,16 @@ def test_the_switch_is_there_for_members_and_chooses_what_is_shown(
         expect(page.get_by_text("shared", exact=True).first).to_be_visible()
         expect(page.get_by_text("secret", exact=True)).to_have_count(0)
         expect(switch).to_be_hidden()
+        expect(page.get_by_role("heading", name="Examples")).to_be_visible()
+
+        owner.patch("/api/users/anna", json={"role": "view"}).raise_for_status()
+        page.reload()
+        expect(page.get_by_text("shared", exact=True).first).to_be_visible()
+        for what in (page.get_by_role("heading", name="Examples"), page.get_by_role("button", name="Choose files")):
+            expect(what).to_be_hidden()
+        scene = owner.get("/api/scenes", params={"project": ""}).json()[0]["id"]
+        owner.delete(f"/api/scenes/{scene}").raise_for_status()
+        expect(page.get_by_text("There is nothing to look at yet")).to_be_visible()
 
 
 def _projects(owner: httpx.Client) -> dict[str, str]:

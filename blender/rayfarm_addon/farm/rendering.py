@@ -22,10 +22,15 @@ __all__ = ["Rendering", "light_of"]
 
 WAIT_S = 0.1
 POLL_S = 0.5
-TRIES = 5  # to get back to a farm that went away while it rendered
+TRIES = 20  # to get back to a farm that went away while it rendered: most of a minute
+PAUSE_S = 3.0
 OVER = ("finished", "failed", "cancelled")
 
 Event = Said | Grown | Done | Failed
+
+
+class _OverError(FarmError):
+    """The job ended, and not well: there is nothing to ask for again."""
 
 
 def light_of(light: Light, uploads: Uploads, progress: Callable[[int, int], None]) -> dict[str, Any]:
@@ -65,6 +70,8 @@ class Rendering:
             self._call_off()
             self.events.put(Failed(None))
         except FarmError as error:
+            if error.status == 404:
+                self._uploads.forget()  # what was sent before is not there any more: next time all is sent
             self.events.put(Failed(str(error)))
         except Exception as error:
             self.events.put(Failed(f"The add-on failed: {error!r}."))
@@ -72,10 +79,9 @@ class Rendering:
     def _picture(self) -> Done:
         asked, uploads = self._asked, self._uploads
         self._say("Sending the scene")
-        scene = uploads.send(asked.files, asked.main, asked.title, self._sending)
-        sent = uploads.sent_bytes
+        found = uploads.ready(asked.files, asked.main, asked.title, self._sending, self._cancelled.is_set, self._say)
+        scene, sent = found["id"], uploads.sent_bytes
         environment = light_of(asked.light, uploads, self._sending)
-        found = uploads.wait(scene, self._cancelled.is_set, self._say)
         request = {**asked.request, "scene": scene, "environment": environment, "name": asked.title}
         uploads.rendered.add(scene)
         job = self._client.json("POST", "/api/jobs", request, Idempotency_Key=secrets.token_hex(16))
@@ -105,16 +111,20 @@ class Rendering:
             try:
                 if self._listen(number):
                     return
+            except _OverError:
+                raise
+            except (Closed, FarmError):
+                pass  # what is wrong, the question below is told; where only the live channel is cut, it goes on without
+            try:
+                if self._ends(self._client.json("GET", f"/api/jobs/{self._job}")):
+                    return
                 failures = 0
-            except (Closed, FarmError) as error:
-                if isinstance(error, FarmError) and error.status in (401, 403, 404, 410):
-                    raise
+            except FarmError as error:
                 failures += 1
-                if failures > TRIES:
-                    raise FarmError(f"The farm is gone: {error}") from None
-            if self._ends(self._client.json("GET", f"/api/jobs/{self._job}")):
-                return
-            self._pause(POLL_S * failures)
+                if isinstance(error, _OverError) or failures > TRIES or (error.status is not None and error.status < 500):
+                    raise
+                self._say("The farm does not answer; asking again")
+            self._pause(min(POLL_S * (1 + failures), PAUSE_S))
 
     def _pause(self, seconds: float) -> None:
         if self._cancelled.wait(seconds):
@@ -148,10 +158,10 @@ class Rendering:
     def _ends(self, job: dict[str, Any]) -> bool:
         state = job["state"]
         if state == "failed":
-            raise FarmError(f"The farm could not render it: {job['error']}")
+            raise _OverError(f"The farm could not render it: {job['error']}")
         if state == "cancelled":
             self._job = None
-            raise FarmError("The job was cancelled on the farm's page.")
+            raise _OverError("The job was cancelled on the farm's page.")
         text = {"queued": "Waiting for workers", "paused": "Paused on the farm's page"}.get(state, "Rendering")
         if job.get("message"):
             text = str(job["message"])

@@ -89,6 +89,27 @@ class Uploads:
         """The farm has it no more."""
         self.scene, self._there, self._images = None, {}, {}
 
+    def ready(
+        self,
+        files: Mapping[str, bytes | Path],
+        main: str,
+        title: str,
+        progress: Callable[[int, int], None],
+        is_over: Callable[[], bool],
+        say: Callable[[str], None],
+    ) -> dict[str, Any]:
+        """The scene that these files are, sent and prepared; one that somebody deleted meanwhile is sent anew.
+
+        Raises FarmError, Cancelled.
+        """
+        try:
+            return self.wait(self.send(files, main, title, progress), is_over, say)
+        except FarmError as error:
+            if error.status != 404:
+                raise
+        self.forget()
+        return self.wait(self.send(files, main, title, progress), is_over, say)
+
     def wait(self, scene: str, is_over: Callable[[], bool], say: Callable[[str], None]) -> dict[str, Any]:
         """The scene when it is ready. is_over: whether nobody waits any more. Raises FarmError, Cancelled."""
         while True:

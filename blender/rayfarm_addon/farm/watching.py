@@ -105,8 +105,6 @@ class Watching:
             except Cancelled:
                 continue
             except (FarmError, Closed) as error:
-                if isinstance(error, FarmError) and error.status == 404:
-                    self._uploads.forget()
                 self._say(str(error) or "The farm has ended the connection")
                 self._wake.wait(AGAIN_S)
                 self._wake.clear()
@@ -131,9 +129,12 @@ class Watching:
             return
         files, main, light = wanted
         before = self._uploads.scene
-        scene = self._uploads.send(files, main, f"{self._title} (viewport)", self._sending)
+        title = f"{self._title} (viewport)"
+        found = self._uploads.ready(
+            files, main, title, self._sending, lambda: self._ended or self._scene is not wanted, self._say
+        )
+        scene = str(found["id"])
         environment = light_of(light, self._uploads, self._sending)
-        self._uploads.wait(scene, lambda: self._ended or self._scene is not wanted, self._say)
         if before is not None and before != scene:
             self._let_go(before)
         socket = Socket(self._client, f"/api/scenes/{scene}/viewport")

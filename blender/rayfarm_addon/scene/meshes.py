@@ -31,7 +31,7 @@ def extract(source: Any, key: str, color: str | None = None) -> tuple[Mesh, Corn
     if not count:
         return None
     corners = _taken(source.loop_triangles, "loops", 3 * count, np.int32)
-    vertex_of = _taken(source.loops, "vertex_index", len(source.loops), np.int32)
+    vertex_of = _vertex_of(source)
     positions = _positions(source)
     domain = _domain(source)
     uvs = [_uv(layer, len(vertex_of)) for layer in _uv_layers(source)]
@@ -62,6 +62,14 @@ def _taken(collection: Any, name: str, count: int, kind: Any) -> npt.NDArray[Any
 
 def _positions(source: Any) -> F32:
     return _taken(source.vertices, "co", 3 * len(source.vertices), np.float32).reshape(-1, 3)
+
+
+def _vertex_of(source: Any) -> I32:
+    """The vertex of each corner; Blender's own array of it is copied as a block."""
+    own = source.attributes.get(".corner_vert")
+    if own is None:
+        return _taken(source.loops, "vertex_index", len(source.loops), np.int32)
+    return _taken(own.data, "value", len(source.loops), np.int32)
 
 
 def _domain(source: Any) -> str:

@@ -145,6 +145,9 @@ class RayfarmEngine(bpy.types.RenderEngine):
         viewport = getattr(self, "_viewport", None)
         if viewport is not None:
             viewport.end()
+        ends = getattr(super(), "__del__", None)  # since Blender 4.4
+        if ends is not None:
+            ends()
 
 
 def _put(result: Any, name: str, flat: Any) -> None:

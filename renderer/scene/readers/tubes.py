@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["BASES", "curve_weights", "tubes"]
+__all__ = ["BASES", "STEPS", "curve_weights", "tubes"]
 
 F64 = npt.NDArray[np.float64]
-_STEPS = 6  # lines that a cubic segment is cut into
+STEPS = 6  # lines that a cubic segment is cut into
 
 BASES = {
     "bezier": np.array([[1, 0, 0, 0], [-3, 3, 0, 0], [3, -6, 3, 0], [-1, 3, -3, 1]], np.float64),
@@ -36,7 +36,7 @@ def curve_weights(count: int, basis: str, wrap: str) -> tuple[F64, F64]:
     varying = segments if wrap == "periodic" else segments + 1
     for s in range(segments):
         last = s == segments - 1
-        for u in np.arange(_STEPS + last) / _STEPS:
+        for u in np.arange(STEPS + last) / STEPS:
             own = np.array([1, u, u * u, u**3]) @ BASES[basis]
             row, end = np.zeros(count), np.zeros(varying)
             for k in range(4):

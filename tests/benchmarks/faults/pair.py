@@ -44,11 +44,18 @@ class PairGround(Ground):
         """Of the service that works as the farm; of one that may come to, where neither does now."""
         urls = sorted(self._urls, key=lambda url: url != self._latest)
         for url in urls:
-            if said(url) == "ready":
+            if not self._stands_still(url) and said(url) == "ready":
                 self._latest = url
                 return url
         self._latest = urls[-1]  # that one is asked first the next time
         return urls[0]
+
+    def _stands_still(self, url: str) -> bool:
+        """Whether to ask it would be to wait in vain, which is no time that the farm takes."""
+        with contextlib.suppress(psutil.NoSuchProcess):
+            process = self.part("service") if url == self.farm.url else psutil.Process(self._second.pid if self._second else -1)
+            return process.status() == psutil.STATUS_STOPPED
+        return False
 
     def look_after(self) -> None:
         super().look_after()

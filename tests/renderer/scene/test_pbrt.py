@@ -167,6 +167,8 @@ def test_what_is_not_taken_over_is_named_with_its_line(pbrt, inside, sentence):
         (BALL + ' "float radius" 2 wide', "'wide' is no directive"),
         (BALL + ' "float radius" [ wide ]', "line 9: 'wide' is no number"),
         (BALL + ' "float radius" [ 1e999 ]', "infinite"),
+        (BALL + ' "float radius" [' + " 1" * 2000 + " wide 2 ]", "line 9: 'wide' is no number"),
+        (BALL + ' "float radius" [' + " 1" * 2000 + " nan ]", "infinite, or none"),
         (BALL + ' "float radius" "2"', "takes numbers"),
         (BALL + ' "point3 radius" [1 2 3]', "'radius' of shape 'sphere' is of type point3"),
         (BALL + ' "radius" 2', "takes a type and a name"),
@@ -227,3 +229,19 @@ def test_damaged_files_are_read_or_refused(tmp_path):
             assert "could not be read as" not in str(error), error
             outcomes.add("refused")
     assert outcomes == {"read", "refused"}
+
+
+def test_what_would_never_end_ends(pbrt):
+    """Textures of themselves, brackets in quotes, curves of very many points, shapes that are alike."""
+    squares = 'Texture "a" "spectrum" "checkerboard" '
+    doubled = "".join('Texture "a" "spectrum" "mix" "texture tex1" "a" "texture tex2" "a" ' for _ in range(6))
+    found = pbrt(f'{squares}{doubled}Material "diffuse" "texture reflectance" "a" {BALL}')
+    assert len(found.images) == 2
+    with pytest.raises(SceneError, match="nested too deep"):
+        pbrt(f'{squares}{doubled * 6}Material "diffuse" "texture reflectance" "a" {BALL}')
+    with pytest.raises(SceneError, match="does not end"):
+        pbrt(f'{BALL} "string a" [ "{"]" * 200_000}')
+    points = " ".join(f"{i} 0 0" for i in range(3 * 5000 + 1))
+    assert len(pbrt(f'Shape "curve" "point3 P" [{points}]').meshes[0].positions) > 5000
+    many = pbrt(f'{BALL} "float zmax" 0.5 ' * 50)
+    assert (len(many.meshes), len(many.instances)) == (1, 50)

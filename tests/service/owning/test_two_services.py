@@ -28,7 +28,7 @@ from worker.process import spawn_guard
 
 LEASE_S = 1.0
 PICTURE = {"width": 64, "height": 48, "tile_size": 16}
-SPP = 2000
+SPP = 3000
 
 
 class Started:
@@ -124,49 +124,44 @@ def begun(service: Started, worker: PeerWorker) -> str:
     return str(job)
 
 
-def test_the_second_takes_over_when_the_first_is_killed(pair: tuple[Started, Started], redis_server: running_redis) -> None:
+def test_one_that_hangs_and_one_that_is_killed_are_taken_over_from(
+    pair: tuple[Started, Started], redis_server: running_redis
+) -> None:
+    """The first stands still, and the second takes over; the first goes on, and does nothing; the second is killed, and the first
+    is the farm again. Meanwhile a job is rendered."""
     first, second = pair
     assert second.says("/healthz") == "stands by"
     assert "rayfarm_owner 0" in second.http.get("/metrics").text
     with PeerWorker(redis_server.url, second.url, TOKEN) as worker:
         job = begun(second, worker)  # which passes all of it on
+        assert second.job(job)["samples"] <= first.job(job)["samples"]
         with watched(second, job) as watcher:
-            assert second.job(job)["samples"] <= first.job(job)["samples"]
-            first.process.kill()
+            first.process.send_signal(signal.SIGSTOP)
+            assert second.http.get(f"/api/jobs/{job}").status_code == 200, "who asks waits for whoever takes over"
             assert code_of(watcher) == 1012, "who watched is told to come again"
         until(second.is_ready, "the second is ready", 60, second.says)
-        known = second.job(job)["samples"]
-        until(lambda: second.job(job)["samples"] > known, "it renders on", 60)
-        worker.on_batch = lambda batch: None
-        until(lambda: second.job(job)["state"] == "finished", "it is finished", 60, lambda: second.job(job))
-    assert second.http.get(f"/api/jobs/{job}/frames/0/digest").json()["digest"] == expected_digest(spp=SPP)
-    numbers = second.http.get("/metrics", headers={"Authorization": f"Bearer {TOKEN}"}).text
-    assert "rayfarm_owner 1.0" in numbers
-    assert "rayfarm_takeovers_total 1.0" in numbers
-
-
-def test_one_that_hangs_is_taken_over_from_and_does_nothing_when_it_goes_on(
-    pair: tuple[Started, Started], redis_server: running_redis
-) -> None:
-    first, second = pair
-    with PeerWorker(redis_server.url, first.url, TOKEN) as worker:
-        job = begun(first, worker)
-        first.process.send_signal(signal.SIGSTOP)
-        answer = second.http.get(f"/api/jobs/{job}")
-        assert answer.status_code in (200, 503), "who asked the one that hangs is not left waiting"
-        until(second.is_ready, "the second is ready", 60, second.says)
-        known = second.job(job)["samples"]
-        until(lambda: second.job(job)["samples"] > known, "it renders on", 60, lambda: second.job(job))
+        renders_on(second, job)
         first.process.send_signal(signal.SIGCONT)
         # Where it stood still in the middle of writing into SQLite, it was in the way and had to be ended.
         until(lambda: first.process.poll() is not None or first.stands_by(), "the first stands by", 60, first.says)
-        worker.on_batch = lambda batch: None
-        until(lambda: second.job(job)["state"] == "finished", "it is finished", 60, lambda: second.job(job))
-        assert second.http.get(f"/api/jobs/{job}/frames/0/digest").json()["digest"] == expected_digest(spp=SPP)
+        numbers = second.http.get("/metrics", headers={"Authorization": f"Bearer {TOKEN}"}).text
+        assert "rayfarm_owner 1.0" in numbers
+        assert "rayfarm_takeovers_total 1.0" in numbers
+        last = second
         if first.process.poll() is None:
             second.process.kill()
             until(first.is_ready, "the first is the farm again", 60, first.says)
-            assert first.job(job)["state"] == "finished"
+            renders_on(first, job)
+            last = first
+        worker.on_batch = lambda batch: None
+        until(lambda: last.job(job)["state"] == "finished", "it is finished", 60, lambda: last.job(job))
+    assert last.http.get(f"/api/jobs/{job}/frames/0/digest").json()["digest"] == expected_digest(spp=SPP)
+    assert last.job(job)["samples"] == SPP * PICTURE["width"] * PICTURE["height"]
+
+
+def renders_on(service: Started, job: str) -> None:
+    known = service.job(job)["samples"]
+    until(lambda: service.job(job)["samples"] > known, "it renders on", 60, lambda: service.job(job))
 
 
 def test_whoever_lost_the_farm_in_the_middle_of_a_merge_adds_nothing(

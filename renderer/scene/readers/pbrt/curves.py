@@ -8,7 +8,7 @@ import numpy.typing as npt
 from renderer.scene.description import Mesh
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
-from renderer.scene.readers.tubes import curve_weights, tubes
+from renderer.scene.readers.tubes import BASES, STEPS, tubes
 
 __all__ = ["Strand", "strand_of", "together"]
 
@@ -34,9 +34,19 @@ def strand_of(source: Parameters, notes: Notes) -> Strand:
     wide = np.array([source.number("width0", width), source.number("width1", width)])
     if degree == 2:
         points, basis = _cubic(points, basis), "bezier"
-    weights, _ = curve_weights(len(points), basis, "nonperiodic")
-    share = np.linspace(0, 1, len(weights))
-    return weights @ points, np.maximum(wide[0] * (1 - share) + wide[1] * share, 0) / 2
+    line = _line(points, basis)
+    share = np.linspace(0, 1, len(line))
+    return line, np.maximum(wide[0] * (1 - share) + wide[1] * share, 0) / 2
+
+
+def _line(points: F64, basis: str) -> F64:
+    """Points along a cubic curve."""
+    step = 3 if basis == "bezier" else 1
+    first = np.arange(0, len(points) - 3, step)
+    u = np.linspace(0, 1, STEPS + 1)
+    weights = np.stack([u**k for k in range(4)], axis=1) @ BASES[basis]
+    parts = np.einsum("uk,skx->sux", weights, points[first[:, None] + np.arange(4)])
+    return np.concatenate([parts[:, :-1].reshape(-1, 3), parts[-1:, -1]])
 
 
 def _cubic(points: F64, basis: str) -> F64:

@@ -92,6 +92,8 @@ def _patches(source: Parameters, notes: Notes) -> Mesh:
     skew = quads[:, 3] - quads[:, 1] - quads[:, 2] + quads[:, 0]  # 0 of a parallelogram, whose UVs two triangles show rightly
     even = np.linalg.norm(skew, axis=1) <= _FLAT * np.linalg.norm(quads[:, 3] - quads[:, 0], axis=1)
     steps = 1 if (away <= _FLAT * size).all() and (even.all() or uvs is None) else _PATCH
+    while steps > 1 and 2 * steps * steps * len(corners) > _MOST_TRIANGLES:
+        steps //= 2
     side = np.linspace(0, 1, steps + 1)
     v, u = np.meshgrid(side, side, indexing="ij")
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v], axis=-1).reshape(-1, 4)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from renderer.scene.description import Mesh
 from renderer.scene.readers.pbrt.parameters import Parameters
 
-__all__ = ["QUADRICS", "Quadric", "quadric", "whole_sphere"]
+__all__ = ["QUADRICS", "Quadric", "quadric", "shape_key", "whole_sphere"]
 
 F64 = npt.NDArray[np.float64]
 QUADRICS = ("sphere", "cylinder", "disk")
@@ -33,6 +33,12 @@ def whole_sphere(source: Parameters) -> float | None:
     radius = _radius(source)
     low, high = source.number("zmin", -radius), source.number("zmax", radius)
     return radius if min(low, high) <= -radius and max(low, high) >= radius and source.number("phimax", 360.0) >= 360 else None
+
+
+def shape_key(source: Parameters) -> tuple[object, ...]:
+    """What tells shapes from each other."""
+    names = ("radius", "phimax", *(("height", "innerradius") if source.type == "disk" else ("zmin", "zmax")))
+    return (source.type, *((name, source.number(name, math.inf)) for name in names))
 
 
 def quadric(source: Parameters) -> Quadric:

@@ -17,7 +17,7 @@ from renderer.scene.readers.pbrt.materials import Emission, Materials, is_nothin
 from renderer.scene.readers.pbrt.meshes import MESHES, mesh_of, turned, with_uvs
 from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.parameters import Parameters
-from renderer.scene.readers.pbrt.quadrics import QUADRICS, quadric, whole_sphere
+from renderer.scene.readers.pbrt.quadrics import QUADRICS, quadric, shape_key, whole_sphere
 from renderer.scene.readers.pbrt.textures import Textures
 from renderer.scene.readers.pbrt.transforms import Ctm, between
 
@@ -64,6 +64,7 @@ class Shapes:
         self._description, self._notes, self._outer, self._time = description, notes, outer, time
         self.objects: dict[str, list[Part]] = {}
         self._open: list[Part] | None = None
+        self._quadrics: dict[tuple[object, ...], int] = {}  # the meshes of shapes that are alike
         self._strands: dict[tuple[int, bytes, bytes], tuple[list[Strand], Ctm]] = {}
 
     def begin(self, name: str) -> None:
@@ -114,10 +115,16 @@ class Shapes:
         if radius is not None and not looks.reverse and not self._is_textured(number) and self._is_round(looks.ctm):
             self._keep(Part(-1, looks.ctm, "sphere", radius, number))
             return
+        shared = (*shape_key(source), number, looks.reverse) if source.type in QUADRICS else None
+        if shared is not None and shared in self._quadrics:
+            self._keep(Part(self._quadrics[shared], looks.ctm, source.type))
+            return
         mesh = mesh if mesh is not None else quadric(source).mesh
         if self._is_textured(number):
             mesh = with_uvs(mesh)
         self._add_mesh(replace(mesh, material=number), looks.ctm)
+        if shared is not None:
+            self._quadrics[shared] = len(self._description.meshes) - 1
 
     def flush(self) -> None:
         """Makes meshes of the curves so far."""

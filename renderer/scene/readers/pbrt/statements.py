@@ -6,6 +6,7 @@ Lists of numbers, which are nearly all of a large file, are taken as a whole and
 from __future__ import annotations
 
 import re
+import warnings
 import zlib
 from collections.abc import Iterator
 from pathlib import PurePosixPath
@@ -27,7 +28,10 @@ MAX_FILES = 20_000
 MAX_STATEMENTS = 5_000_000
 MAX_TEXT = 2 << 30  # bytes of all files together
 _TOKEN = re.compile(r'\s+|#[^\n]*|"(?P<text>[^"\n]*)"|(?P<open>\[)|(?P<word>[^\s"\[\]#]+)')
+_LIST = re.compile(r'(?:[^"\]#]+|"[^"\n]*"|#[^\n]*)*+\]')
+_COMMENT = re.compile(r'("[^"\n]*")|#[^\n]*')
 _QUOTED = re.compile(r'"([^"\n]*)"')
+_LONG = 2000  # characters, from which a list is taken at once
 _TRUTHS = {"true": True, "false": False}
 
 
@@ -121,15 +125,18 @@ def _listed(text: str, start: int, place: Place) -> tuple[Argument, int]:
     """The list whose bracket opened before `start`, and where it ends."""
     end = text.find("]", start)
     inside = text[start:end]
-    while end >= 0 and (inside.count('"') % 2 or "#" in inside.rpartition("\n")[2].split('"')[0]):
-        end = text.find("]", end + 1)  # a bracket within quotes, or in a comment
+    if '"' in inside or "#" in inside:  # a bracket may stand within quotes, or in a comment
+        whole = _LIST.match(text, start)
+        end = whole.end() - 1 if whole is not None else -1
         inside = text[start:end]
     if end < 0:
         raise place.wrong("a list in brackets does not end; close it with ]")
+    if "#" in inside:
+        inside = _COMMENT.sub(lambda found: found[1] or "", inside)
     if '"' in inside:
         return tuple(_QUOTED.findall(inside)), end + 1
-    if "#" in inside:
-        inside = re.sub(r"#[^\n]*", "", inside)
+    if len(inside) > _LONG and (quick := _at_once(inside)) is not None:
+        return _finite(quick, place), end + 1
     words = inside.split()
     if words and words[0] in _TRUTHS:
         if any(word not in _TRUTHS for word in words):
@@ -144,6 +151,20 @@ def _numbers(words: list[str], place: Place) -> npt.NDArray[np.float64]:
     except ValueError:
         odd = next((word for word in words if not _is_number(word)), "")
         raise place.wrong(f"{odd[:40]!r} is no number; mend it there") from None
+    return _finite(found, place)
+
+
+def _at_once(text: str) -> npt.NDArray[np.float64] | None:
+    """Numbers with spaces between them; None where something else is among them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            return np.fromstring(text, np.float64, sep=" ")
+        except (ValueError, DeprecationWarning):
+            return None
+
+
+def _finite(found: npt.NDArray[np.float64], place: Place) -> npt.NDArray[np.float64]:
     if not np.isfinite(found).all():
         raise place.wrong("a number is infinite, or none; mend it there")
     return found

@@ -16,7 +16,7 @@ from renderer.scene.description import Image, SceneDescription, TexelFilter, UvT
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.pbrt.baked import SIZE, Grid, checks, grid, looked_up
 from renderer.scene.readers.pbrt.notes import Notes
-from renderer.scene.readers.pbrt.parameters import Parameter, Parameters
+from renderer.scene.readers.pbrt.parameters import Parameter, Parameters, text_of
 from renderer.scene.readers.pbrt.spectra import Colors
 from renderer.scene.textures import TextureShelf
 
@@ -24,15 +24,18 @@ __all__ = ["Definition", "Textures", "Varying"]
 
 _WRAPS: dict[str, Wrap] = {"repeat": "repeat", "clamp": "clamp", "black": "clamp"}
 _MAX_NESTED = 24
+_MOST_PARTS = 32  # of a texture that is worked out as a picture
 _SOLID = {"fbm": 0.0, "wrinkled": 0.3, "windy": 0.3}  # what varies in space, and a middling value of it
 _ONE: Vec3 = (1.0, 1.0, 1.0)
+_BLACK: Vec3 = (0.0, 0.0, 0.0)
 
 
 class Definition(NamedTuple):
-    """A texture as a file names it: of floats or of spectra."""
+    """A texture as a file names it: of floats or of spectra. parts: the textures that it may be made of, by kind and name."""
 
     kind: str
     parameters: Parameters
+    parts: dict[tuple[str, str], Definition]
 
 
 @dataclass(frozen=True)
@@ -57,10 +60,13 @@ class Textures:
         self.colors = colors
         self.named: dict[tuple[str, str], Definition] = {}
         self._known: dict[int, Varying] = {}
+        self._constants: dict[int, Vec3 | None] = {}
 
     def define(self, name: str, kind: str, parameters: Parameters) -> None:
         """A name for a texture; kind: float or spectrum."""
-        self.named["float" if kind == "float" else "spectrum", name] = Definition(kind, parameters)
+        wanted = [text_of(each) for each in parameters.values.values() if each.type == "texture"]
+        parts = {(k, n): self.named[k, n] for n in wanted for k in ("float", "spectrum") if (k, n) in self.named}
+        self.named["float" if kind == "float" else "spectrum", name] = Definition(kind, parameters, parts)
 
     def color(self, owner: Parameters, name: str, default: Vec3) -> Varying:
         """A colour of a surface."""
@@ -147,17 +153,18 @@ class Textures:
 
     def of(self, definition: Definition, default: Vec3 = _ONE) -> Varying:
         """A texture; the default where it shows nothing."""
-        key = id(definition.parameters)
-        if key not in self._known:
-            self._known[key] = self._made(definition, default, 0)
-        return self._known[key]
+        return self._made(definition, default, 0)
 
     def _made(self, definition: Definition, default: Vec3, depth: int) -> Varying:
-        kind, source = definition
+        key = id(definition.parameters)
+        if key not in self._known:
+            self._known[key] = self._make(definition, default, depth)
+        return self._known[key]
+
+    def _make(self, definition: Definition, default: Vec3, depth: int) -> Varying:
+        kind, source, _ = definition
         if depth > _MAX_NESTED:
             raise source.place.wrong(f"{source} is made of textures that are nested too deep")
-        if source.type == "constant":
-            return Varying(self._value(source, "value", kind, _ONE))
         if source.type == "imagemap":
             return self._image(source, default)
         if source.type in _SOLID or source.type in ("marble", "ptex"):
@@ -165,40 +172,55 @@ class Textures:
             self._notes.add(source.place, f"{source} is not read: one value stands for all of it")
             source.used.update(source.values)
             return Varying((value,) * 3)
-        parts = self._parts(definition, depth)
-        if source.type == "scale" and parts is not None:
-            first, second = parts
-            if first.is_constant or second.is_constant:
-                return Varying(_times(first.value, second.value), first.texture if second.is_constant else second.texture)
-        if source.type == "mix" and parts is not None and all(part.is_constant for part in parts):
-            amount = self._amount(source, depth)
-            if amount.is_constant:
-                share = amount.value[0]
-                a, b = (np.array(part.value) for part in parts)
-                return Varying(_vec(a * (1 - share) + b * share))
-        even = parts is not None and all(part.is_constant for part in parts)
-        if parts is not None and even and source.type == "checkerboard" and source.integer("dimension", 2) == 2:
-            return self._checks(source, parts[0].value, parts[1].value)
+        constant = self._constant(definition, depth)
+        if constant is not None:
+            return Varying(constant)
+        if source.type == "scale":
+            for name, of, other, kind_of_other in (("scale", "float", "tex", kind), ("tex", kind, "scale", "float")):
+                factor = self._constant_part(definition, name, of, _ONE, depth)
+                if factor is not None:
+                    scaled = self._made(self._child(definition, other, kind_of_other), _ONE, depth + 1)
+                    return Varying(_times(scaled.value, factor), scaled.texture)
+        if source.type == "checkerboard" and source.integer("dimension", 2) == 2:
+            first = self._constant_part(definition, "tex1", kind, _ONE, depth)
+            second = self._constant_part(definition, "tex2", kind, _BLACK, depth)
+            if first is not None and second is not None:
+                return self._checks(source, first, second)
         return self._baked(definition, depth)
 
-    def _parts(self, definition: Definition, depth: int) -> tuple[Varying, Varying] | None:
-        source = definition.parameters
-        names = {"scale": ("tex", "scale"), "mix": ("tex1", "tex2"), "checkerboard": ("tex1", "tex2")}.get(source.type)
-        if names is None:
+    def _constant(self, definition: Definition, depth: int) -> Vec3 | None:
+        """The value of a texture that is the same everywhere; None of another."""
+        key = id(definition.parameters)
+        if key not in self._constants:
+            self._constants[key] = self._same_everywhere(definition, depth)
+        return self._constants[key]
+
+    def _same_everywhere(self, definition: Definition, depth: int) -> Vec3 | None:
+        kind, source, _ = definition
+        if depth > _MAX_NESTED:
+            raise source.place.wrong(f"{source} is made of textures that are nested too deep")
+        if source.type == "constant":
+            return self._value(source, "value", kind, _ONE)
+        if source.type == "scale":
+            parts = [self._constant_part(definition, n, k, _ONE, depth) for n, k in (("tex", kind), ("scale", "float"))]
+            return None if parts[0] is None or parts[1] is None else _times(parts[0], parts[1])
+        if source.type != "mix":
             return None
-        defaults = (_ONE, _ONE) if source.type == "scale" else ((0.0,) * 3, _ONE) if source.type == "mix" else (_ONE, (0.0,) * 3)
-        kinds = (definition.kind, "float" if source.type == "scale" else definition.kind)
-        found = [self._part(source, n, k, d, depth) for n, k, d in zip(names, kinds, defaults, strict=True)]
-        return found[0], found[1]
+        first, second = (self._constant_part(definition, n, kind, d, depth) for n, d in (("tex1", _BLACK), ("tex2", _ONE)))
+        amount = self._constant_part(definition, "amount", "float", (0.5,) * 3, depth)
+        if first is None or second is None or amount is None:
+            return None
+        return _vec(np.array(first) * (1 - amount[0]) + np.array(second) * amount[0])
 
-    def _part(self, source: Parameters, name: str, kind: str, default: Vec3, depth: int) -> Varying:
-        if source.names_texture(name):
-            return self._made(self._child(source, name, kind), default, depth + 1)
-        return Varying(self._value(source, name, kind, default))
+    def _constant_part(self, definition: Definition, name: str, kind: str, default: Vec3, depth: int) -> Vec3 | None:
+        if definition.parameters.names_texture(name):
+            return self._constant(self._child(definition, name, kind), depth + 1)
+        return self._value(definition.parameters, name, kind, default)
 
-    def _child(self, source: Parameters, name: str, kind: str) -> Definition:
+    def _child(self, definition: Definition, name: str, kind: str) -> Definition:
+        source = definition.parameters
         wanted = source.text(name)
-        found = self.named.get(("float" if kind == "float" else "spectrum", wanted))
+        found = definition.parts.get(("float" if kind == "float" else "spectrum", wanted))
         if found is None:
             raise source.place.wrong(f"{source} is made of the texture {wanted[:60]!r}, which does not stand before")
         return found
@@ -210,9 +232,6 @@ class Textures:
         if found.type == "float":
             return (source.number(name, 1.0),) * 3
         return self.colors.albedo(found) if found.type != "blackbody" else self.colors.light(found)
-
-    def _amount(self, source: Parameters, depth: int) -> Varying:
-        return self._part(source, "amount", "float", (0.5,) * 3, depth)
 
     def _place(self, source: Parameters) -> UvTransform:
         """How our UVs become those of an image or of squares, both counted from above."""
@@ -263,33 +282,41 @@ class Textures:
 
     def _baked(self, definition: Definition, depth: int) -> Varying:
         source = definition.parameters
-        pixels = self._on_grid(definition, grid(), depth)
+        pixels = self._on_grid(definition, grid(), depth, {})
         image = self.shelf.add(
             Image(f"{source.type} {len(self._description.images)}", np.ascontiguousarray(pixels, np.float32), False)
         )
         self._notes.add(source.place, f"{source} is worked out as a picture of {SIZE} x {SIZE}, which repeats with the UVs")
         return Varying(_ONE, self.shelf.texture(image))
 
-    def _on_grid(self, definition: Definition, at: Grid, depth: int) -> np.ndarray:
-        """(SIZE, SIZE, 3) a texture over the unit square."""
-        kind, source = definition
+    def _on_grid(self, definition: Definition, at: Grid, depth: int, known: dict[int, np.ndarray]) -> np.ndarray:
+        """(SIZE, SIZE, 3) a texture over the unit square. known: those that were worked out for the same picture."""
+        key = id(definition.parameters)
+        if key not in known:
+            if len(known) >= _MOST_PARTS:
+                raise definition.parameters.place.wrong(f"a texture is made of more than {_MOST_PARTS} others; make it of fewer")
+            known[key] = np.asarray(self._on_new_grid(definition, at, depth, known), np.float32)
+        return known[key]
+
+    def _on_new_grid(self, definition: Definition, at: Grid, depth: int, known: dict[int, np.ndarray]) -> np.ndarray:
+        kind, source, _ = definition
         if depth > _MAX_NESTED:
             raise source.place.wrong(f"{source} is made of textures that are nested too deep")
 
         def part(name: str, of: str, default: Vec3) -> np.ndarray:
             if source.names_texture(name):
-                return self._on_grid(self._child(source, name, of), at, depth + 1)
+                return self._on_grid(self._child(definition, name, of), at, depth + 1, known)
             return np.broadcast_to(np.array(self._value(source, name, of, default)), (SIZE, SIZE, 3))
 
         if source.type == "scale":
             return part("tex", kind, _ONE) * part("scale", "float", _ONE)
         if source.type == "mix":
             amount = part("amount", "float", (0.5,) * 3)
-            return part("tex1", kind, (0.0,) * 3) * (1 - amount) + part("tex2", kind, _ONE) * amount
+            return part("tex1", kind, _BLACK) * (1 - amount) + part("tex2", kind, _ONE) * amount
         if source.type == "checkerboard":
             if source.integer("dimension", 2) != 2:
                 self._notes.add(source.place, f"{source} of cubes in space is laid on as squares, by UVs")
-            return np.where(checks(at, self._place(source)), part("tex1", kind, _ONE), part("tex2", kind, (0.0,) * 3))
+            return np.where(checks(at, self._place(source)), part("tex1", kind, _ONE), part("tex2", kind, _BLACK))
         if source.type == "bilerp":
             corners = [np.array(self._value(source, f"v{k}", kind, (float(k[1]),) * 3)) for k in ("00", "01", "10", "11")]
             x, y = at.moved(self._place(source))
