@@ -8,9 +8,10 @@ import tomllib
 import zipfile
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
-from rayfarm.cli import app
+from rayfarm.commands import blender_addon
 from renderer import __version__
 from service.addon import FOLDER, addon_zip
 from tests.helpers import ROOT
@@ -64,7 +65,9 @@ def test_equal_sources_are_equal_bytes() -> None:
 
 
 def test_the_command_writes_it(tmp_path) -> None:
+    program = typer.Typer()
+    blender_addon.register(program)
     for output in (tmp_path / "addon.zip", tmp_path):
-        done = CliRunner().invoke(app, ["blender-addon", "-o", str(output)])
+        done = CliRunner().invoke(program, ["-o", str(output)])
         assert done.exit_code == 0, done.output
     assert (tmp_path / "addon.zip").read_bytes() == (tmp_path / "rayfarm-blender.zip").read_bytes() == addon_zip()

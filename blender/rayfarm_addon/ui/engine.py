@@ -125,6 +125,7 @@ class RayfarmEngine(bpy.types.RenderEngine):
         self.update_stats("", f"Rayfarm: done, {done.sent_bytes / 1e6:.1f} MB were sent")
 
     def _fail(self, sentence: str) -> None:
+        self.report({"ERROR"}, sentence)
         self.error_set(sentence)
 
     def view_update(self, context: Any, depsgraph: Any) -> None:

@@ -23,6 +23,7 @@ __all__ = ["Changes", "Viewport"]
 
 TICK_S = 0.015  # of the main thread, at a time
 LOOK_S = 0.05
+BEHIND = 1000.0
 SETTLED_S = 0.15  # after the last change, so that a hand that moves something does not send each of its places
 
 
@@ -145,6 +146,9 @@ class Viewport:
         seen = context.region_data
         place = np.array(seen.view_matrix.inverted(), np.float64)
         projection = np.array(seen.window_matrix, np.float64)
+        if projection[3, 3] != 0 and seen.view_perspective != "CAMERA":
+            # Blender shows what is behind the eye of an orthographic view, too.
+            place[:3, 3] += place[:3, 2] * min(float(space.clip_end), BEHIND)
         camera = space.camera if seen.view_perspective == "CAMERA" else None
         lens = Lens() if camera is None or camera.type != "CAMERA" else lens_of(None, camera.evaluated_get(depsgraph))
         try:
