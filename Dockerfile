@@ -19,6 +19,7 @@ COPY renderer renderer
 COPY worker worker
 COPY service service
 COPY scenes service/scenes
+COPY blender service/blender
 COPY web service/web
 USER rayfarm
 ENV RAYFARM_DATA=/data RAYFARM_PRINT_LINK=true

@@ -9,13 +9,14 @@
     python3 farm.py film                   our shot as a film, by the farm that runs here
     python3 farm.py page-pictures          pictures of the page while that farm renders
     python3 farm.py peers [...]            our pictures beside Mitsuba's and Blender's (installs Blender: 1 GB)
-    python3 farm.py bench [name ...]       the benchmarks
+    python3 farm.py bench [name ...]       the benchmarks; --help lists them
     python3 farm.py bench peers [--quick]  against Mitsuba, Embree and Cycles, by a table (hours; installs Embree and Blender)
 
 Needs Python 3.11 or 3.12 and nothing else. Only the standard library is used here, and only what every Python 3 parses,
 so that a wrong version gets a sentence and not a traceback.
 """
 
+import ast
 import hashlib
 import os
 import shutil
@@ -55,7 +56,7 @@ def main():
     if command == "peers":
         return run_peers(install(FOR_TESTS), rest)
     if command == "bench":
-        return run_benchmarks(install(FOR_BENCHMARKS), rest)
+        return run_benchmarks(rest)
     install()
     program = str(VENV / "bin" / "rayfarm")
     return os.execve(program, [program, *arguments], dict(os.environ, RAYFARM_PROGRAM="python3 farm.py"))
@@ -194,9 +195,8 @@ def run_tests(python, arguments):
         arguments = [a for a in arguments if a != "--long"]
     else:
         arguments = ["-m", "not long", *arguments]
-    # As many processes of tests as processors: farms and browsers fill these, and what waits for them runs out of patience where
-    # there are more. How they share the work is in tests/conftest.py.
-    processes = min(max(os.cpu_count() or 1, 2), 4)
+    # Half of them for what fills a processor, half for what mostly waits: tests/spreading.py.
+    processes = 2 * min(max(os.cpu_count() or 1, 2), 4)
     environment = dict(os.environ)
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes of the same sources
     # Four thousand tests of real processes, on a machine that has other work too: one that fails is run once more, and is named
@@ -250,7 +250,7 @@ def install_apart(folder, maker, package):
     return python
 
 
-def run_benchmarks(python, arguments):
+def run_benchmarks(arguments):
     """The benchmarks, one after the other; with names, only those: `peers` has to be asked for, as it takes hours."""
     folder = ROOT / "tests" / "benchmarks"
     names = next((i for i, a in enumerate(arguments) if a.startswith("-")), len(arguments))
@@ -259,6 +259,12 @@ def run_benchmarks(python, arguments):
     unknown = [name for name in wanted if name not in known]
     if unknown:
         fail("There is no benchmark " + ", ".join(unknown) + "; known are " + ", ".join(known) + ".")
+    if options and not wanted:
+        print("python3 farm.py bench [name ...] [its options]; each tells its own by --help. Without a name: all but peers.\n")
+        for name, path in known.items():
+            print(f"  {name:<10}{ast.get_docstring(ast.parse(path.read_text())).splitlines()[0]}")
+        return 0 if {"-h", "--help"} & set(options) else 2
+    python = install(FOR_BENCHMARKS)
     results = []
     for name in wanted or [name for name in known if name != "peers"]:
         path = known[name]

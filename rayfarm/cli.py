@@ -4,79 +4,71 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
+from importlib import import_module
 from typing import Annotated
 
 import typer
 
-from rayfarm.commands import (
-    backup,
-    bench,
-    compare,
-    doctor,
-    gc,
-    info,
-    jobs,
-    project,
-    quota,
-    render,
-    shares,
-    submit,
-    token,
-    up,
-    user,
-    watch,
-    worker,
-    workers,
-)
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, EXIT_INTERRUPTED
 from renderer.errors import RayfarmError
 
-__all__ = ["app", "main"]
+__all__ = ["COMMANDS", "main"]
 
-app = typer.Typer(
-    name="rayfarm",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-    context_settings={"help_option_names": ["-h", "--help"]},
-    help="""A render farm that starts with one command.
-
-    [bold]On this machine[/bold]   rayfarm up                                the farm and its page
-    [bold]On another[/bold]        rayfarm worker --join URL                 adds its cores to the farm
-    [bold]Without a farm[/bold]    rayfarm render scene.glb -o out.png       in this process
-    [bold]With one[/bold]          rayfarm submit scene.glb --wait -o out.exr
-    [bold]To see it grow[/bold]    rayfarm watch                             in the terminal
-    [bold]To keep it[/bold]        rayfarm backup /mnt/nas/rayfarm           also while it runs
-    [bold]Is it well?[/bold]       rayfarm doctor                            what is wrong here, in sentences
-    """,
-)
-
+# As the help lists them. A command's module has its name.
 COMMANDS = (
-    up,
-    worker,
-    render,
-    submit,
-    jobs,
-    workers,
-    shares,
-    watch,
-    user,
-    project,
-    quota,
-    token,
-    info,
-    compare,
-    backup,
-    doctor,
-    gc,
-    bench,
+    "up",
+    "worker",
+    "site",
+    "render",
+    "submit",
+    "jobs",
+    "workers",
+    "shares",
+    "watch",
+    "user",
+    "project",
+    "quota",
+    "token",
+    "info",
+    "compare",
+    "blender_addon",
+    "backup",
+    "doctor",
+    "gc",
+    "bench",
 )
-for command in COMMANDS:
-    command.register(app)
+BESIDE = {"restore": "backup"}  # commands in another one's module
+
+HELP = """A render farm that starts with one command.
+
+[bold]On this machine[/bold]   rayfarm up                                the farm and its page
+[bold]On another[/bold]        rayfarm worker --join URL                 adds its cores to the farm
+[bold]Without a farm[/bold]    rayfarm render scene.glb -o out.png       in this process
+[bold]With one[/bold]          rayfarm submit scene.glb --wait -o out.exr
+[bold]To see it grow[/bold]    rayfarm watch                             in the terminal
+[bold]To keep it[/bold]        rayfarm backup /mnt/nas/rayfarm           also while it runs
+[bold]Is it well?[/bold]       rayfarm doctor                            what is wrong here, in sentences
+"""
 
 
-@app.callback()
+def _program(commands: Iterable[str]) -> typer.Typer:
+    """The program with these of its commands."""
+    app = typer.Typer(
+        name="rayfarm",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="rich",
+        context_settings={"help_option_names": ["-h", "--help"]},
+        help=HELP,
+        callback=_all,
+    )
+    for name in commands:
+        import_module(f"rayfarm.commands.{name}").register(app)
+    return app
+
+
 def _all(
     debug: Annotated[bool, typer.Option("--debug", help="Show where in the program an error came from.")] = False,
 ) -> None:
@@ -84,10 +76,18 @@ def _all(
         os.environ["RAYFARM_DEBUG"] = "1"
 
 
+def _asked_for() -> Iterable[str]:
+    """The one command that is typed: to import them all takes longer than most of them do. All, where it is none of them."""
+    words = [word for word in sys.argv[1:] if word != "--debug"]
+    name = words[0].replace("-", "_") if words else ""
+    name = BESIDE.get(name, name)
+    return (name,) if name in COMMANDS else COMMANDS
+
+
 def main() -> None:
     """Run a command. Faults that a person can mend are one sentence on standard error and exit code 1."""
     try:
-        app()
+        _program(_asked_for())()
     except RayfarmError as error:
         if os.environ.get("RAYFARM_DEBUG"):
             raise

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote
 
+from rayfarm.console import err
 from rayfarm.errors import CommandError
 from renderer.formats import ARCHIVE_SUFFIXES, NAMING_SUFFIXES, SCENE_SUFFIXES, is_junk, pick_main
 from renderer.frames import frame_name, numbers_of
@@ -71,7 +72,13 @@ def opened(scene: Path, environment: Path | None = None) -> Iterator[tuple[Path,
         if environment is not None:
             inside = f"rayfarm-environment{environment.suffix.lower()}"
             _link(environment, folder / inside)
-        yield folder, pick_main(names)[0], inside
+        main, rivals = pick_main(names)
+        if rivals:
+            first = "unpack it and name" if scene.suffix.lower() in ARCHIVE_SUFFIXES else "name"
+            err.print(
+                f"note: {scene.name} holds several scenes; {main} is taken. To take another, {first} that file.", markup=False
+            )
+        yield folder, main, inside
 
 
 def _link(path: Path, target: Path) -> None:

@@ -11,10 +11,15 @@ from typing import Any
 
 from numba.core import ir, types
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
-from numba.core.compiler_machinery import FunctionPass, register_pass
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.compiler_machinery import FunctionPass, PassManager, _pass_registry, register_pass
 from numba.core.ir_utils import get_definition, guard
+from numba.core.typed_passes import AnnotateTypes, IRLegalization
 from numba.core.untyped_passes import InlineInlinables
 from numba.extending import intrinsic
+
+from renderer.linking import ChooseLibrary
+from renderer.reference import Reference
 
 __all__ = ["Compiler", "where_present"]
 
@@ -42,13 +47,36 @@ class KnowWhatIsAbsent(FunctionPass):
         return found
 
 
+class _Steps(PassManager):
+    """Numba's, which tells nobody of each step: to describe twenty for each of four hundred functions takes a twentieth of the
+    time.
+    """
+
+    @global_compiler_lock
+    def run(self, state: Any) -> None:
+        """All of them, in their order."""
+        for kind, _ in self.passes:
+            step = _pass_registry.get(kind).pass_inst
+            step.analysis = self._analysis
+            step.run_initialization(state)
+            step.run_pass(state)
+            step.run_finalizer(state)
+
+
 class Compiler(CompilerBase):
-    """Numba's own, with that step after the templates are written into their callers, and before branches are pruned."""
+    """Numba's own, with that step after the templates are written into their callers, and before branches are pruned.
+
+    Nothing is annotated: nobody reads it, and it is kept with the machine code.
+    """
 
     def define_pipelines(self) -> list[Any]:
         """The steps of one way to compile."""
-        steps = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        steps = _Steps("nopython")
+        steps.passes = [
+            step for step in DefaultPassBuilder.define_nopython_pipeline(self.state).passes if step[0] is not AnnotateTypes
+        ]
         steps.add_pass_after(KnowWhatIsAbsent, InlineInlinables)
+        steps.add_pass_after(ChooseLibrary, IRLegalization)
         steps.finalize()
         return [steps]
 
@@ -74,6 +102,8 @@ def _type_of(state: Any, value: Any) -> Any:
         return state.args[value.index]
     if _is_field(value):
         whole: Any = _type_of(state, guard(get_definition, state.func_ir, value.value))
+        if isinstance(whole, Reference):
+            whole = whole.whole
         if isinstance(whole, types.NamedTuple | types.NamedUniTuple) and value.attr in whole.fields:
             return whole.types[whole.fields.index(value.attr)]
     return None

@@ -9,12 +9,14 @@ from renderer.errors import SceneError
 
 __all__ = [
     "ARCHIVE_SUFFIXES",
+    "BLENDER",
     "FOREIGN",
     "FORMATS",
     "LONG_TAIL",
     "MESH_FORMATS",
     "NAMING_SUFFIXES",
     "SCENE_SUFFIXES",
+    "WITHOUT_BLENDER",
     "Format",
     "is_junk",
     "pick_main",
@@ -30,6 +32,7 @@ class Format(NamedTuple):
     names_files: bool = False  # whether it may need others beside it
     has_variants: bool = False  # of its materials
     moves: bool = False  # whether it may say how things move
+    has_lines: bool = False  # and points, which are shown where they are given a thickness
 
 
 # What assimp opens by the bytes of one file, and whose importers are kept up.
@@ -42,12 +45,14 @@ LONG_TAIL = (
 FORMATS = (
     Format(".yaml", "yaml", is_mesh_file=False, names_files=True, moves=True),
     Format(".yml", "yaml", is_mesh_file=False, names_files=True, moves=True),
-    Format(".glb", "gltf", names_files=True, has_variants=True, moves=True),
-    Format(".gltf", "gltf", names_files=True, has_variants=True, moves=True),
+    Format(".glb", "gltf", names_files=True, has_variants=True, moves=True, has_lines=True),
+    Format(".gltf", "gltf", names_files=True, has_variants=True, moves=True, has_lines=True),
     *(Format(suffix, "usd", names_files=True, has_variants=True, moves=True) for suffix in (".usdz", ".usd", ".usda", ".usdc")),
     Format(".fbx", "fbx", names_files=True, moves=True),
+    Format(".pbrt", "pbrt", is_mesh_file=False, names_files=True, moves=True),
     Format(".xml", "mitsuba", is_mesh_file=False, names_files=True),
     Format(".dae", "collada", names_files=True, moves=True),
+    Format(".blend", "blend", is_mesh_file=False, names_files=True, moves=True),
     Format(".obj", "obj", names_files=True),
     Format(".3mf", "threemf"),
     Format(".ply", "other", names_files=True),
@@ -60,23 +65,30 @@ SCENE_SUFFIXES = tuple(format.suffix for format in FORMATS)
 ARCHIVE_SUFFIXES = (".zip",)
 NAMING_SUFFIXES = (*(format.suffix for format in FORMATS if format.names_files), ".mtl")
 
+# Blender itself opens its files, where it is: renderer/blender. Else this helps.
+BLENDER = ".blend"
+WITHOUT_BLENDER = (
+    'in Blender, choose File > Export > glTF 2.0, with "Punctual Lights" and "Cameras" ticked, and give what that writes'
+)
+
 # What other programs keep their scenes in, and how to get out of each what can be read.
-_FROM_BLENDER = 'In Blender, open it and choose File > Export > glTF 2.0, with "Punctual Lights" and "Cameras" ticked'
 _BY_BLENDER = "In Blender, choose File > Import for it, then File > Export > glTF 2.0"
 FOREIGN = {
-    ".blend": _FROM_BLENDER,
     ".max": "In 3ds Max, choose File > Export > glTF (2023 and later)",
     ".c4d": "In Cinema 4D, choose File > Export > glTF",
     **dict.fromkeys((".ma", ".mb"), "In Maya, choose File > Export All, and FBX there"),
     ".skp": "In SketchUp, choose File > Export > 3D Model, and COLLADA (.dae) or glTF there",
     **dict.fromkeys((".step", ".stp", ".iges", ".igs"), "Export STL or glTF from the CAD program"),
     ".abc": _BY_BLENDER.replace("for it", "> Alembic"),
-    ".pbrt": "Scenes of pbrt are not read yet: export glTF or OBJ from the program it was made in",
     **dict.fromkeys((".rar", ".7z", ".tar", ".gz"), "Unpack it, and give the folder or a .zip of it"),
 }
 
 # What a name holds where the file stands for another one: the cage of a subdivision surface, a shape for collisions.
 _AUXILIARY = ("control", "cage", "collision", "collider", "proxy", "lowpoly", "low_poly")
+
+
+# What files of pbrt are called that a scene's main file includes.
+_INCLUDED = ("geometry", "materials", "material", "mats", "textures", "lights", "camera", "objects", "models", "mesh", "meshes")
 
 
 def is_junk(name: str) -> bool:
@@ -99,6 +111,7 @@ def pick_main(names: list[str]) -> tuple[str, list[str]]:
         path = PurePosixPath(name)
         if path.suffix.lower() in rank and not is_junk(name):
             auxiliary = any(word in path.stem.lower() for word in _AUXILIARY)
+            auxiliary |= _is_included(name)
             found.append((rank[path.suffix.lower()], len(path.parts), auxiliary, len(name), name))
     if not found:
         for name in sorted(names):
@@ -110,7 +123,19 @@ def pick_main(names: list[str]) -> tuple[str, list[str]]:
         )
     found.sort()
     main = found[0][-1]
-    rivals = [f[-1] for f in found[1:] if f[0] == found[0][0]]
+    rivals = [f[-1] for f in found[1:] if f[0] == found[0][0] and not _is_included(f[-1])]
+    # What a scene may be made of is none; beside a file that names no others, every scene is one.
+    alone = _format_of(main).is_mesh_file
+    rivals += [f[-1] for f in found[1:] if f[0] != found[0][0] and (alone or not _format_of(f[-1]).is_mesh_file)]
     if not rivals:
         return main, []
     return main, [f"Several scene files were given; {main} is used. To use another, name it as `main`: {', '.join(rivals[:8])}."]
+
+
+def _format_of(name: str) -> Format:
+    return next(format for format in FORMATS if format.suffix == PurePosixPath(name).suffix.lower())
+
+
+def _is_included(name: str) -> bool:
+    path = PurePosixPath(name.lower())
+    return path.suffix == ".pbrt" and path.stem in _INCLUDED

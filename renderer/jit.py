@@ -57,13 +57,20 @@ def _target() -> tuple[str, str]:
 TARGET, _CPU = _target()
 
 
-def _hash(parts: Iterable[str]) -> str:
-    """Of what these sources mean, of the compiler and of the target."""
-    meaning = sources.kept_meaning(sources.files_of(parts), cache_home() / "sources")
-    return hashlib.sha256(f"{meaning} {version('numba')} {version('llvmlite')} {TARGET}".encode()).hexdigest()
+def _meaning(name: str, parts: Iterable[str]) -> str:
+    """What these sources mean: kept beside the files that Python compiles them to, so that no new cache has to find it."""
+    beside = sources.ROOT / "__pycache__"
+    folder = beside if os.access(beside, os.W_OK) else cache_home() / "sources"
+    return sources.kept_meaning(sources.files_of(parts), folder / f"{name}.meaning")
 
 
-_MACHINE_CODE = _hash(sources.MACHINE_CODE)
+def _hash(*meanings: str) -> str:
+    """Of what sources mean, of the compiler and of the target."""
+    return hashlib.sha256(f"{' '.join(meanings)} {version('numba')} {version('llvmlite')} {TARGET}".encode()).hexdigest()
+
+
+_MEANING = _meaning("machine-code", sources.MACHINE_CODE)
+_MACHINE_CODE = _hash(_MEANING)
 
 
 @functools.cache
@@ -72,7 +79,8 @@ def kind() -> str:
 
     It follows from all that decides machine code and the arrays that it reads, and from nothing else.
     """
-    return f"{__version__}-{_hash((*sources.MACHINE_CODE, *sources.ARRAYS))[:8]}-{TARGET}"
+    both = _hash(_MEANING, _meaning("arrays", sources.ARRAYS))
+    return f"{__version__}-{both[:8]}-{TARGET}"
 
 
 def cache_folder() -> Path:
@@ -113,6 +121,7 @@ from numba.extending import intrinsic  # noqa: E402
 from numba.np.arrayobj import populate_array  # noqa: E402
 
 from renderer.absent import Compiler  # noqa: E402
+from renderer.linking import stay_apart  # noqa: E402
 from renderer.machine_code import Kept, noted  # noqa: E402
 
 if TARGET == "x86-64-v3":
@@ -165,6 +174,7 @@ def out_of_line(typingctx: Any) -> Any:
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         builder.function.attributes.add("noinline")
+        stay_apart(context.active_code_library)
         return context.get_dummy_value()
 
     return types.void(), codegen
@@ -206,7 +216,7 @@ def _compiled(function: Function, *, heap: bool, inline: bool, from_python: bool
         "pipeline_class": Compiler,
     }
     made = njit(**options)(function)
-    made._cache = Kept(function)
+    made._cache = Kept(function, from_python)
     return made
 
 
@@ -261,8 +271,8 @@ def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[bo
     """Around the first call of a kernel of that name: of a machine's processes one compiles it, the others wait and load it.
     Gives whether it has to be compiled.
 
-    fetch: called by the one, before it compiles; it may put machine code from elsewhere into the folder. `<name>.done` lists what
-    there is of it, for those that hand it on.
+    fetch: called by the one, before it compiles; it may put machine code from elsewhere into the folder. `<name>.done` lists the
+    files that it is loaded from, for those that hand it on.
 
     A slot for each of 64 cores would otherwise compile the same kernel 64 times at once, and take the memory for it. Who waits
     in vain, because the one is stopped or the file system has no locks, compiles too.

@@ -27,7 +27,11 @@ _noted: set[Path] | None = None
 
 @contextlib.contextmanager
 def noted() -> Iterator[set[Path]]:
-    """The files that are read or written meanwhile, by any thread of this process."""
+    """The files of kernels that are read or written meanwhile, by any thread of this process.
+
+    Not those of the functions that kernels are made of: their code is in the kernels', and which of them are looked at depends on
+    what the process has compiled before.
+    """
     global _noted
     files: set[Path] = set()
     _noted = files
@@ -38,11 +42,15 @@ def noted() -> Iterator[set[Path]]:
 
 
 class Kept(FunctionCache):
-    """A function's machine code. Numba's, but for the files."""
+    """A function's machine code. Numba's, but for the files.
 
-    def __init__(self, function: Any) -> None:
+    is_kernel: whether Python calls it, so that it is `noted`.
+    """
+
+    def __init__(self, function: Any, is_kernel: bool) -> None:
         super().__init__(function)
-        self._cache_file = _Files(Path(self.cache_path), self._impl.filename_base, self._impl.locator.get_source_stamp())
+        stamp = self._impl.locator.get_source_stamp()
+        self._cache_file = _Files(Path(self.cache_path), self._impl.filename_base, stamp, is_kernel)
 
 
 class _Files:
@@ -51,10 +59,11 @@ class _Files:
     stamp: what else the code depends on.
     """
 
-    def __init__(self, folder: Path, stem: str, stamp: Any) -> None:
+    def __init__(self, folder: Path, stem: str, stamp: Any, is_kernel: bool = True) -> None:
         self._folder = folder
         self._stem = stem
         self._stamp = stamp
+        self._is_kernel = is_kernel
 
     def save(self, key: Any, data: Any) -> None:
         """Keep it, whole or not at all: where there is no room for it, the next process compiles it again."""
@@ -90,5 +99,5 @@ class _Files:
         return self._folder / f"{self._stem}.{name[:16]}{SUFFIX}"
 
     def _note(self, path: Path) -> None:
-        if _noted is not None:
+        if _noted is not None and self._is_kernel:
             _noted.add(path)

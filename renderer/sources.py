@@ -11,7 +11,7 @@ import ast
 import contextlib
 import hashlib
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 __all__ = ["ARRAYS", "MACHINE_CODE", "files_of", "kept_meaning", "meaning"]
@@ -22,7 +22,9 @@ ROOT = Path(__file__).parent
 MACHINE_CODE = (
     "jit.py",
     "absent.py",
+    "linking.py",
     "machine_code.py",
+    "reference.py",
     "settings.py",
     "view.py",
     "declared.py",
@@ -74,44 +76,53 @@ def meaning(files: Iterable[Path], root: Path = ROOT) -> str:
     return total.hexdigest()
 
 
-def kept_meaning(files: Iterable[Path], folder: Path, root: Path = ROOT) -> str:
-    """As `meaning`, which takes a second: its answer is kept in `folder` under a hash of the files' bytes, and of this one's."""
+def kept_meaning(files: Iterable[Path], kept: Path, root: Path = ROOT) -> str:
+    """As `meaning`, which takes a good part of a second: its answer is kept in a file beside a hash of the files' bytes, and of
+    this one's.
+    """
     files = list(files)
     raw = hashlib.sha256(Path(__file__).read_bytes())  # what is kept must not outlive the way it was found
     for path in files:
         raw.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
-    kept = folder / raw.hexdigest()
-    with contextlib.suppress(OSError):
-        if len(known := kept.read_text()) == 64:
-            return known
+    with contextlib.suppress(OSError, ValueError):
+        known, found = kept.read_text().split()
+        if known == raw.hexdigest() and len(found) == 64:
+            return found
     found = meaning(files, root)
-    with contextlib.suppress(OSError):  # a folder that cannot be written to costs a second, no more
-        folder.mkdir(parents=True, exist_ok=True)
+    with contextlib.suppress(OSError):  # where nothing can be written it takes that time again, no more
+        kept.parent.mkdir(parents=True, exist_ok=True)
         beside = kept.with_name(f"{kept.name}.{os.getpid()}")
-        beside.write_text(found)
+        beside.write_text(f"{raw.hexdigest()} {found}")
         beside.replace(kept)
     return found
 
 
-def _words(node: object) -> Iterator[str]:
+def _words(tree: ast.AST) -> list[str]:
     """The tree written out: only what is set, so that fields which newer Pythons add and nobody uses do not show."""
+    words: list[str] = []
+    _write(tree, words.append)
+    return words
+
+
+def _write(node: object, say: Callable[[str], None]) -> None:
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == WORDS:
-        yield WORDS
+        say(WORDS)
     elif isinstance(node, ast.AST):
-        yield type(node).__name__
-        for name, value in ast.iter_fields(node):
+        say(type(node).__name__)
+        for name in node._fields:
+            value = getattr(node, name, None)
             if isinstance(value, list):
                 value = [each for each in value if not _is_text(each)]
             if value is not None and value != [] and name not in ("ctx", "kind"):
-                yield name
-                yield from _words(value)
+                say(name)
+                _write(value, say)
     elif isinstance(node, list):
-        yield "["
+        say("[")
         for each in node:
-            yield from _words(each)
-        yield "]"
+            _write(each, say)
+        say("]")
     else:
-        yield repr(node)
+        say(repr(node))
 
 
 def _is_text(statement: object) -> bool:

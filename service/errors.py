@@ -3,12 +3,14 @@
 FarmError           a sentence that a person can act on
 ├── NotFound        it is not there, or not any more
 ├── Conflict        it cannot be done in the state that things are in
+├── NotAllowed      who asks may see it, and not do that to it
 ├── Invalid         what is asked for makes no sense
 ├── TooLarge        it is beyond a limit of this farm
 ├── UnknownFormat   it comes in a format that this farm does not read
 ├── NoRoom          the disk is full, or what somebody may have of it
 ├── OverQuota       somebody has or does as much as they may at a time
 ├── Unavailable     a part of the farm is away or busy; the same may work later
+│   └── NotOwner        another service has taken the farm over
 ├── Failed          a worker could not do it
 ├── TooLate         a worker did not answer in time
 ├── CannotStart     the service, on this data folder or with these settings
@@ -29,7 +31,9 @@ __all__ = [
     "FilmWaits",
     "Invalid",
     "NoRoom",
+    "NotAllowed",
     "NotFound",
+    "NotOwner",
     "OverQuota",
     "TooLarge",
     "TooLate",
@@ -48,6 +52,10 @@ class NotFound(FarmError):  # noqa: N818 - these are named as what they say
 
 class Conflict(FarmError):  # noqa: N818
     """It cannot be done in the state that things are in."""
+
+
+class NotAllowed(FarmError):  # noqa: N818
+    """Who asks may see it, and not do that to it."""
 
 
 class Invalid(FarmError):  # noqa: N818
@@ -80,6 +88,13 @@ class Unavailable(FarmError):  # noqa: N818
     def __init__(self, sentence: str, retry_after_s: float | None = None) -> None:
         super().__init__(sentence)
         self.retry_after_s = retry_after_s
+
+
+class NotOwner(Unavailable):
+    """Another service has taken the farm over: this one may do nothing in its name."""
+
+    def __init__(self) -> None:
+        super().__init__("Another service has taken this farm over. Ask again.", 1.0)
 
 
 class Failed(FarmError):  # noqa: N818

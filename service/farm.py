@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import fcntl
 import logging
-import os
-import time
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
-from pathlib import Path
-from typing import IO, Annotated
+from typing import Annotated
 
 import redis
 from anyio import CapacityLimiter
@@ -27,15 +23,17 @@ from service.access.redis_users import RedisUsers
 from service.errors import CannotStart, Conflict, FarmError
 from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
+from service.keeping.doubts import Doubts
 from service.keeping.patrol import Patrol
 from service.keeping.retention import Retention, Rules
 from service.keeping.reuse import Reuse
+from service.owning.candidate import own
+from service.owning.ownership import Ownership
 from service.scheduling.engine import Engine
 from service.scheduling.records import Records
 from service.scheduling.workers import Roster
 from service.settings import Settings
 from service.store.blobs import BlobFolder, BlobStore
-from service.store.database import connect
 from service.store.film_snapshots import FilmSnapshots
 from service.store.film_store import FilmFolder
 from service.store.films import Film
@@ -43,7 +41,6 @@ from service.store.garbage import Garbage
 from service.store.kernels import KernelStore
 from service.store.models import FINAL, Job, Scene
 from service.store.reserve import Reserve
-from service.store.whole import PRIVATE
 from service.viewing.desk import Desk
 from service.viewing.explaining import Explaining
 from service.watching.broadcast import Broadcast
@@ -61,16 +58,16 @@ OWN_PATIENCE_S = 10.0  # an earlier service may still be ending
 class Farm:
     """The parts of the service."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, owning: Ownership | None = None) -> None:
+        """owning: that this service works as the farm; None: it does from now on, or CannotStart."""
         self.settings = settings
-        settings.make_folders()
-        self._lock = _own(settings.data)
+        self.owning = owning or own(settings, OWN_PATIENCE_S)
+        self.database, self.sessions = self.owning.engine, self.owning.sessions
         self.instance = settings.instance()
         try:
-            self.database, self.sessions = connect(settings.database)
             self.access = Access(self.sessions, settings, self.instance)
         except BaseException:
-            self._lock.close()
+            self.owning.stop()
             raise
         queue = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
         self.redis_users = RedisUsers(queue, self.access.keys, settings.token, self.instance)
@@ -78,7 +75,9 @@ class Farm:
         self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline)
         self.reserve = Reserve(settings.data / "reserve")
         self.snapshots = FilmSnapshots(settings.data / "snapshots", settings.snapshot_bytes, settings.min_free_bytes)
-        self.films = FilmFolder(settings.data / "films", settings.film_cache_bytes, self.snapshots)
+        self.films = FilmFolder(
+            settings.data / "films", settings.film_cache_bytes, self.snapshots, self.owning.epoch, self.owning.guard
+        )
         self.kernels = KernelStore(settings.data / "kernels", settings.token)
         self.broadcast = Broadcast()
         self.shared = Shared(self.broadcast, settings.live_bytes)
@@ -96,8 +95,12 @@ class Farm:
             *(settings, self.records, self.films, self.snapshots, self.blobs),
             *(self.broadcast.tell, self.broadcast.tell_tiles, self._let_go),
             suspect=lambda job: self.patrol.suspect(job),
+            guard=self.owning.guard,
+            is_watched=lambda: self.desk.is_watched,
         )
         self.engine.trust.report = lambda worker, told: self._in_background(lambda: self.outbox.set_aside(worker, told))
+        self.doubts = Doubts(self.sessions, self.films, self.changed)
+        self.engine.trust.doubt = self.doubts.look
         self.patrol = Patrol(self.sessions, self.films, self.lit_again, self.changed, settings.film_check_days)
         kept = settings.model_dump(include={f"keep_{each.name}" for each in fields(Rules)})
         self.rules = Rules(**{name.removeprefix("keep_"): value for name, value in kept.items()})
@@ -110,8 +113,9 @@ class Farm:
         self.desk = Desk(settings, roster, self.engine.prepare, self._let_go)
         self.explaining = Explaining(settings, roster)
 
-    def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Clean up after an earlier life and begin."""
+    def start(self, loop: asyncio.AbstractEventLoop, on_lost: Callable[[], None] = lambda: None) -> None:
+        """Clean up after an earlier life and begin. on_lost: told, in some thread, where another service has taken over."""
+        self.owning.start(on_lost, lambda: self.engine.moves)
         self.broadcast.open(loop)
         self.reserve.fill()
         try:
@@ -123,6 +127,7 @@ class Farm:
         self.desk.start()
         self.outbox.start()
         self.patrol.start()
+        self.doubts.start()
         self.retention.start()
 
     def stop(self) -> None:
@@ -131,14 +136,14 @@ class Farm:
         self.redis_users.stop()
         self.outbox.stop()
         self.patrol.stop()
+        self.doubts.stop()
         self.retention.stop()
         self.desk.stop()
         self.explaining.stop()
         self.engine.stop()
         self._collector.shutdown()
         self.films.close()
-        self.database.dispose()
-        self._lock.close()
+        self.owning.stop()
 
     def changed(self, what: str, id: str) -> None:
         """A job's or a scene's row was written: the engine looks at it, and watchers are told."""
@@ -188,23 +193,6 @@ def open_blobs(settings: Settings) -> BlobStore:
     except ImportError as error:
         raise CannotStart("RAYFARM_BLOBS needs obstore. Install it: pip install 'rayfarm[s3]'.") from error
     return S3Blobs(settings.blobs, temporary)
-
-
-def _own(folder: Path) -> IO[str]:
-    """Hold the folder for this process, until it ends in whatever way: two engines on the same films would undo each other."""
-    lock = os.fdopen(os.open(folder / "service.lock", os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, PRIVATE), "w")
-    deadline = time.monotonic() + OWN_PATIENCE_S
-    while True:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return lock
-        except OSError:
-            if time.monotonic() > deadline:
-                lock.close()
-                raise CannotStart(
-                    f"Another service works on {folder}. Stop it, or set RAYFARM_DATA to a folder of its own."
-                ) from None
-            time.sleep(0.1)
 
 
 async def get_farm(connection: HTTPConnection) -> Farm:

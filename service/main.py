@@ -5,10 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
-import logging
 import signal
-import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -21,11 +19,13 @@ from renderer import __version__
 from service.api import problem, routes
 from service.api.gate import Gate
 from service.api.security import Door
+from service.api.standing_by import StandingBy
 from service.errors import CannotStart
 from service.farm import Farm
+from service.health_port import HealthPort
+from service.life import Life
 from service.pages import Pages, WebPages
 from service.settings import Settings
-from service.watching.broadcast import Broadcast
 from service.watching.memory import keep_one_heap
 from worker import tracing
 from worker.log_lines import as_json, by_json
@@ -44,24 +44,30 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         keep_one_heap()
+
+        def take_over(farm: Farm) -> None:
+            app.state.farm = farm
+
+        life = app.state.life = Life(settings, take_over)
+        health = None
         try:
-            farm = app.state.farm = Farm(settings)
+            if settings.health_port:
+                health = HealthPort(settings.host, settings.health_port, lambda: life.is_alive)
+            await life.begin()
         except CannotStart as error:
             app.state.refusal = str(error)
             raise
-        tracing.begin("rayfarm-service", farm.instance, __version__)
-        farm.start(asyncio.get_running_loop())
-        if settings.print_link and farm.access.needs_login:
-            where = f"http://{socket.gethostname()}:{settings.port}"
-            said = f"Log in, once, within a day, at {where} or another of its addresses: /#/login?code={farm.access.owner_link()}"
-            logging.getLogger("service").warning(said) if by_json() else print(said)
+        if health is not None:
+            health.start(asyncio.get_running_loop())
         gc.freeze()  # modules and routes: each full collection looked through them for 100 ms, while every request waited
-        with _streams_end_with_the_server(farm.broadcast):
+        with _streams_end_with_the_server(life.close_streams):
             try:
                 yield
             finally:
                 gc.unfreeze()
-                await asyncio.to_thread(farm.stop)
+                if health is not None:
+                    health.stop()
+                await life.end()
                 await asyncio.to_thread(tracing.end)
 
     app = FastAPI(
@@ -83,6 +89,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     else:
         app.add_api_route("/", lambda: RedirectResponse("/docs/"), include_in_schema=False)
     app.add_middleware(Gate)
+    app.add_middleware(StandingBy)
     app.add_middleware(Door, settings=settings)  # the outermost: who speaks to the service at all
     return app
 
@@ -92,12 +99,12 @@ def _operation_name(route: APIRoute) -> str:
 
 
 @contextlib.contextmanager
-def _streams_end_with_the_server(broadcast: Broadcast) -> Any:
+def _streams_end_with_the_server(close: Callable[[], None]) -> Any:
     """End event streams when the server is told to stop: it waits for open responses, and theirs never end by themselves."""
     previous: dict[signal.Signals, Any] = {}
 
     def end(number: int, frame: FrameType | None) -> None:
-        broadcast.close()
+        close()
         before = previous[signal.Signals(number)]
         if callable(before):
             before(number, frame)

@@ -1,8 +1,8 @@
-"""Where things lie: the page, the examples, the data.
+"""Where things lie: the page, the examples, Blender's add-on, the data.
 
-In a clone the page and the examples are folders at its top, and the data lies in the clone as well, so that removing the clone
-removes all of it. Where Rayfarm is installed, page and examples are inside this package, and the data lies in the user's data
-folder.
+In a clone the page, the examples and the add-on are folders at its top, and the data lies in the clone as well, so that
+removing the clone removes all of it. Where Rayfarm is installed, they are inside this package, and the data lies in the user's
+data folder.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ CLONE = _ABOVE if (_ABOVE / "farm.py").is_file() and (_ABOVE / "web").is_dir() e
 
 
 def shipped(name: str) -> Path:
-    """A folder that is shipped with Rayfarm: `web` or `scenes`."""
+    """A folder that is shipped with Rayfarm: `web`, `scenes` or `blender`."""
     return (CLONE or _PACKAGE) / name
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 import secrets
+import socket
 from pathlib import Path
 from typing import Literal
 
@@ -21,6 +22,7 @@ __all__ = ["OWNER_TOKEN", "Settings"]
 MIB = 1 << 20
 GIB = 1 << 30
 OWNER_TOKEN = "owner-token"  # in the data folder: who reads it owns the farm
+ANYWHERE = ("0.0.0.0", "::", "")
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -39,6 +41,9 @@ class Settings(BaseSettings):
     host: str = "127.0.0.1"
     published: str = ""  # the address by which it is reached, where that is not `host`: a container's
     port: int = 8000
+    health_port: int = Field(
+        default=0, ge=0, le=65535
+    )  # where a thread of its own answers /healthz, whatever the event loop does; 0: nowhere
     login: Literal["auto", "always", "never"] = "auto"  # auto: where other machines reach it
     print_link: bool = False  # to standard output, at the start: the one that lets the owner in
     oidc_discovery: str = ""  # https://.../.well-known/openid-configuration of a provider that lets people in; empty: none
@@ -51,6 +56,7 @@ class Settings(BaseSettings):
     oidc_role_claim: str = "groups"
     oidc_roles: dict[str, str] = Field(default_factory=dict)  # the claim's values, and the role that each gives
     oidc_role: Literal["", "view", "submit", "admin"] = "view"  # of whom none of them gives one; empty: they are not let in
+    oidc_logout: bool = True  # who logs out here does so at the provider too, where it publishes how
     allowed_hosts: list[str] = Field(default_factory=list)  # more names this service answers to, beside loopback's
     web: Path = shipped("web")
     examples: Path = shipped("scenes")
@@ -95,6 +101,8 @@ class Settings(BaseSettings):
     frame_scenes_bytes: int = 8 * GIB  # of disk, for what is compiled for single frames of shots
     snapshot_bytes: int = 4 * GIB  # of disk, for what jobs looked like on their way; 0: nothing of it is kept
     live_interval: float = 0.12
+    peer_url: str = ""  # where other services of this farm reach this one; concluded from host and port where empty
+    lease_s: float = Field(default=6.0, ge=1.0)  # an owner that does not answer for so long is taken over from
     live_bytes: int = 128 * MIB  # of memory, for tiles on their way to those who watch jobs
 
     @field_validator("data")
@@ -140,6 +148,14 @@ class Settings(BaseSettings):
         return as_told(self.public_redis_url or self.redis_url)
 
     @property
+    def own_url(self) -> str:
+        """Where other services of this farm reach this one."""
+        if self.peer_url:
+            return self.peer_url.rstrip("/")
+        host = self.host if self.host not in ANYWHERE else _own_address()
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
+
+    @property
     def is_loopback(self) -> bool:
         """Whether only this machine can reach the service."""
         return self.host in LOOPBACK
@@ -171,6 +187,14 @@ class Settings(BaseSettings):
     def instance(self) -> str:
         """The random id by which a worker recognises that it sees this very data folder."""
         return _kept(self.data / "instance")
+
+
+def _own_address() -> str:
+    """The address by which others in this network reach this machine, or this container."""
+    try:
+        return socket.gethostbyname(socket.gethostname())
+    except OSError:
+        return "127.0.0.1"
 
 
 def _kept(path: Path) -> str:

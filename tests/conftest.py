@@ -11,22 +11,14 @@ from contextlib import ExitStack
 import hypothesis
 import pytest
 from xdist.remote import Producer
-from xdist.scheduler import LoadScopeScheduling
 
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
 from tests.kernels import compiling_beside, ready_first, wait_for_farms
+from tests.spreading import SHARE_THE_FARM, Shares
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and what they start would ignore it too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# The files whose tests use `farm` or `browser`. Where the tests are spread over processes one of them runs all of these, so that
-# there is one farm, which nobody else disturbs.
-SHARE_THE_FARM = (
-    "tests/e2e/",
-    "tests/chaos/test_kernels.py",
-    "tests/rayfarm/test_with_farm.py",
-    "tests/rayfarm/library/test_on_farm.py",
-)
 # Begun first, in this order: what needs no kernel while they are compiled, then what takes longest.
 FIRST = (
     "tests/test_static.py",
@@ -99,21 +91,6 @@ def farm(tmp_path_factory: pytest.TempPathFactory, shared: ExitStack) -> Farm:
     made = start_farm(tmp_path_factory.mktemp("farm") / "data", 2)
     shared.callback(stop_farm, made)
     return made
-
-
-class Shares(LoadScopeScheduling):
-    """xdist's way with classes, for files: a file's tests run in one process, in the order of the collection.
-
-    Its own `loadgroup` writes a mark into a test's id, where pytest 9.1 and later do not look for it.
-    """
-
-    def _split_scope(self, nodeid: str) -> str:
-        path = nodeid.partition("::")[0]
-        if path.startswith(SHARE_THE_FARM):
-            return "farm"
-        if path.startswith("tests/service/") and "RAYFARM_TEST_DATABASE_URL" in os.environ:
-            return "database"  # there is one, and it is emptied
-        return path
 
 
 @pytest.hookimpl(optionalhook=True)  # without -n there is nothing to spread

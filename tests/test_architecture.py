@@ -51,7 +51,7 @@ import service.main
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("package", [*PACKAGES, "tests", "web/js"])
+@pytest.mark.parametrize("package", [*PACKAGES, "blender", "tests", "web/js"])
 def test_one_concept_a_file(package: str) -> None:
     tall = {
         str(path.relative_to(ROOT)): lines

@@ -15,7 +15,8 @@ from worker.__main__ import _options
 
 ROOT = Path(__file__).parents[1]
 CLUSTER = ROOT / "deploy" / "kubernetes"
-PARTS = [part for file in ("redis", "service", "worker") for part in yaml.safe_load_all((CLUSTER / f"{file}.yaml").read_text())]
+FILES = ("redis", "service", "worker", "standby/services")
+PARTS = [part for file in FILES for part in yaml.safe_load_all((CLUSTER / f"{file}.yaml").read_text())]
 
 
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: f"{part['kind']}-{part['metadata']['name']}")
@@ -32,9 +33,25 @@ def test_every_label_that_is_selected_by_is_worn() -> None:
 
 
 def test_every_variable_of_the_service_is_a_setting() -> None:
-    (service,) = [part for part in PARTS if part["kind"] == "StatefulSet"]
-    names = {one["name"] for one in service["spec"]["template"]["spec"]["containers"][0]["env"]}
-    assert names <= {f"RAYFARM_{name.upper()}" for name in Settings.model_fields}
+    known = {f"RAYFARM_{name.upper()}" for name in Settings.model_fields}
+    for service in (part for part in PARTS if part["metadata"]["name"] == "rayfarm-service" and "template" in part["spec"]):
+        names = {one["name"] for one in service["spec"]["template"]["spec"]["containers"][0]["env"]}
+        assert names - {"POD_IP"} <= known
+
+
+def test_two_services_differ_from_one_in_what_they_must() -> None:
+    one, two = (part for part in PARTS if part["metadata"]["name"] == "rayfarm-service" and "template" in part["spec"])
+    (alone,), (each,) = (part["spec"]["template"]["spec"]["containers"] for part in (one, two))
+    assert {key for key in alone if alone[key] != each[key]} == {"env"}
+    assert [entry for entry in each["env"] if entry not in alone["env"]] == [
+        {"name": "POD_IP", "valueFrom": {"fieldRef": {"fieldPath": "status.podIP"}}},
+        {"name": "RAYFARM_PEER_URL", "value": "http://$(POD_IP):8000"},
+    ]
+    claim = one["spec"]["volumeClaimTemplates"][0]
+    (volume,) = two["spec"]["template"]["spec"]["volumes"]
+    name = f"{claim['metadata']['name']}-{one['metadata']['name']}-0"
+    assert volume["persistentVolumeClaim"]["claimName"] == name
+    assert claim["spec"] in [part["spec"] for part in PARTS if part["metadata"]["name"] == name]
 
 
 def test_the_worker_of_the_cluster_is_started_with_options_that_there_are(monkeypatch: pytest.MonkeyPatch) -> None:

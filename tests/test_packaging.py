@@ -60,6 +60,8 @@ def test_the_wheel_has_all_that_runs_and_nothing_else(wheel: Path) -> None:
         assert {f"service/{name}" for name in shown} <= files
     scenes = {path.relative_to(ROOT).as_posix() for path in (ROOT / "scenes").rglob("*.yaml")}
     assert {f"service/{name}" for name in scenes} <= files
+    addon = {path.relative_to(ROOT).as_posix() for path in (ROOT / "blender").rglob("*") if path.suffix in (".py", ".toml")}
+    assert {f"service/{name}" for name in addon} <= files
     assert {"service/web/index.html", "service/docs_page/index.html", "renderer/scene/schema.json"} <= files
     assert any(name.endswith(".npy") for name in files)
     assert not [name for name in files if name.startswith("service/scenes/") and name.endswith(".py")]
@@ -153,6 +155,10 @@ def test_where_the_data_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
     assert not (tmp_path / "rayfarm").exists(), "asking makes no folder"
 
 
+# renderer/blender/inside runs in Blender's own Python, which has them.
+BLENDERS_OWN = {"bpy", "mathutils", "zstandard"}
+
+
 @pytest.mark.parametrize(("image", "runs"), [("service", ["service"]), ("worker", ["worker", "renderer"])])
 def test_a_slim_image_installs_what_it_imports(image: str, runs: list[str]) -> None:
     lines = (ROOT / image / "requirements.txt").read_text().splitlines()
@@ -164,7 +170,7 @@ def test_a_slim_image_installs_what_it_imports(image: str, runs: list[str]) -> N
     installed = with_their_own(wanted)
     graph = grimp.build_graph(*OURS, include_external_packages=True, cache_dir=None)
     imported = {name.partition(".")[0] for each in runs for name in graph.find_upstream_modules(each, as_package=True)}
-    foreign = imported - set(OURS) - sys.stdlib_module_names
+    foreign = imported - set(OURS) - sys.stdlib_module_names - BLENDERS_OWN
     owners = importlib.metadata.packages_distributions()
     missing = {name for name in foreign if not installed & {normal(owner) for owner in owners.get(name, [name])}}
     assert not missing, f"{image}/requirements.txt lacks what its sources import"

@@ -22,7 +22,9 @@ import time
 from pathlib import Path
 
 from renderer import denoise, jit
-from worker import app, logs
+from renderer.blender import program
+from renderer.blender.program import Blender
+from worker import app, blends, logs
 from worker.cache import BlobCache, default_cache_dir
 from worker.context import WorkerContext, cpu_name
 from worker.contract import WorkerReport
@@ -34,6 +36,7 @@ from worker.link import Link, check_redis_url
 from worker.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 from worker.pieces import Pieces
 from worker.ready import get_ready
+from worker.site import SITE, SITE_NAME
 from worker.status import SlotBoard
 from worker.terms import TAG, Terms
 
@@ -57,7 +60,7 @@ def main() -> int:
 
 def _work(options: argparse.Namespace) -> int:
     tail, lines = logs.set_up()
-    _check(options)
+    blender = _check(options)
     log = logging.getLogger("worker")
     stopping: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopping.append(number))
@@ -91,6 +94,7 @@ def _work(options: argparse.Namespace) -> int:
         board=SlotBoard(options.slots),
         started=started,
         tail=tail,
+        blender=blender,
         keeping=Keeping(options.slots, _tags(options, host, kind), _own_terms(options)),
         pieces=_pieces(log),
     )
@@ -124,7 +128,14 @@ def _options() -> argparse.Namespace:
     )
     parser.add_argument("--cache", type=Path, default=default_cache_dir(), help="where fetched scenes are kept")
     parser.add_argument("--cache-bytes", type=int, default=32 << 30, help="how much they may take together")
+    parser.add_argument(
+        "--blender",
+        nargs="?",
+        const="",
+        help="open .blend files: by this program, or a Python with bpy; unless told, by what is found",
+    )
     parser.add_argument("--tag", action="append", default=[], help="what jobs may need of a worker; may be given several times")
+    parser.add_argument("--site", default="", help="where it is: its sums are added up there, where `rayfarm site` runs")
     parser.add_argument("--hours", default="", help="when it works, as Mon-Fri 19:00-07:00, Sat-Sun; always unless told")
     parser.add_argument("--idle", type=float, default=0.0, help="minutes for which nobody must have worked at this machine")
     parser.add_argument("--nice", type=int, default=None, help="0 to 19: how far it stands back for other programs")
@@ -134,7 +145,9 @@ def _options() -> argparse.Namespace:
 
 def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:
     """Those that it was given, and those that it has by itself."""
-    own = [f"host:{host.lower()}", *(["denoiser"] if denoise.is_available() else []), f"kind:{kind.lower()}"]
+    able = [*(["denoiser"] if denoise.is_available() else []), *([blends.TAG] if options.blender is not None else [])]
+    where = [f"host:{host.lower()}", *([f"{SITE}{options.site}"] if options.site else [])]
+    own = [*where, *able, f"kind:{kind.lower()}"]
     return tuple(dict.fromkeys([*options.tag, *own]))
 
 
@@ -144,8 +157,8 @@ def _own_terms(options: argparse.Namespace) -> Terms:
     return Terms(options.hours, options.idle, options.nice, memory=memory).checked()
 
 
-def _check(options: argparse.Namespace) -> None:
-    """Raises RefusedError where a setting would only be found wrong by the first work."""
+def _check(options: argparse.Namespace) -> Blender | None:
+    """The Blender that was asked for. Raises RefusedError where a setting would only be found wrong by the first work."""
     try:
         if options.redis:
             check_redis_url(options.redis)
@@ -155,12 +168,32 @@ def _check(options: argparse.Namespace) -> None:
         _own_terms(options)
     except ValueError as error:
         raise RefusedError(str(error)) from None
+    if options.site and not SITE_NAME.fullmatch(options.site):
+        raise RefusedError(f"--site: {options.site!r} is no name of a site; take small letters, digits and . _ -")
     if wrong := [tag for tag in options.tag if not TAG.fullmatch(tag)]:
         raise RefusedError(f"--tag: {wrong[0]!r} is no tag; take small letters, digits and . _ : -")
+    if blends.TAG in options.tag and options.blender is None:
+        raise RefusedError(f"--tag {blends.TAG}: says that a worker opens .blend files; give --blender")
     try:
         memory_budget()
     except ValueError:
         raise RefusedError("RAYFARM_PREPARE_MEMORY_MB is a number of megabytes, as 4000") from None
+    return _blender(options.blender) if options.blender is not None else None
+
+
+def _blender(named: str) -> Blender:
+    """Raises RefusedError."""
+    try:
+        found = program.look_at(named) if named else program.find()
+    except program.BlenderError as error:
+        raise RefusedError(f"--blender: {error}") from None
+    if found is None:
+        raise RefusedError(
+            "--blender: there is no Blender here. Install it so that `blender` is on the PATH, or name it: --blender PROGRAM; "
+            "`rayfarm worker --blender` can fetch one"
+        )
+    os.environ[program.NAMED] = found.program  # for the slots
+    return found
 
 
 def _positive(text: str) -> int:

@@ -16,8 +16,9 @@ from renderer import __version__
 from worker import context, tasks, tracing
 from worker.broker import celery_config
 from worker.frames import forget_frames
-from worker.heartbeat import Heartbeat, Reporter
+from worker.heartbeat import Heartbeat
 from worker.jointly import hand_in
+from worker.leaving import Leaving
 from worker.log_lines import by_json
 from worker.process import die_with_parent
 from worker.queue_reading import be_patient
@@ -61,6 +62,8 @@ def run(worker: context.WorkerContext) -> int:
     signals.worker_process_init.connect(_child_starts)
     signals.worker_process_shutdown.connect(_child_ends)
     signals.worker_shutting_down.connect(_shutting_down)
+    leaving = Leaving(worker)
+    signals.worker_shutting_down.connect(leaving.begin)
     celery = make_app(worker).Worker(
         hostname=f"{worker.name}@{worker.host}",
         pool="prefork",
@@ -76,7 +79,7 @@ def run(worker: context.WorkerContext) -> int:
     tracing.begin("rayfarm-worker", worker.name, __version__)
     celery.start()
     hand_in(celery.app, worker)
-    Reporter(worker.redis_url).leave(worker.name)
+    leaving.end()
     if worker.pieces is not None:
         worker.pieces.close()
     tracing.end()

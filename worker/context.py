@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from renderer import denoise
+from renderer.blender.program import Blender
+from worker.blends import blender_queue
 from worker.cache import BlobCache
 from worker.contract import WorkerReport, denoise_queue, prepare_queue, render_queue
 from worker.joint import help_queue
@@ -18,6 +20,7 @@ from worker.link import Link
 from worker.log_tail import LogTail
 from worker.pieces import Pieces
 from worker.results import ResultStream
+from worker.site_link import SiteLink
 from worker.status import SlotBoard
 from worker.view_parts import view_queue
 
@@ -40,13 +43,16 @@ class WorkerContext:
     started: float = field(default_factory=time.time)
     tail: LogTail | None = None  # of the log
     keeping: Keeping | None = None  # what is asked of it at run time; the parent's
+    blender: Blender | None = None  # where it has one, to open .blend files
     pieces: Pieces | None = None  # none where this machine has no folder for them
     _results: ResultStream | None = None
+    _sites: SiteLink | None = None
 
     @property
     def queues(self) -> list[str]:
         """What this worker takes tasks from."""
         queues = [view_queue(self.kind), help_queue(self.name), render_queue(self.kind), prepare_queue(self.kind)]
+        queues += [blender_queue(self.kind)] if self.blender is not None else []
         return [*queues, denoise_queue(self.kind)] if denoise.is_available() else queues
 
     @property
@@ -55,6 +61,13 @@ class WorkerContext:
         if self._results is None:
             self._results = ResultStream(self.redis_url)
         return self._results
+
+    @property
+    def sites(self) -> SiteLink:
+        """The way to its site's reducer; a connection of this process."""
+        if self._sites is None:
+            self._sites = SiteLink(self.redis_url)
+        return self._sites
 
     def report(self, is_paused: bool = False) -> WorkerReport:
         """The worker of itself, ready or paused, and with what its slots do now."""
@@ -93,7 +106,7 @@ class WorkerContext:
     def after_fork(self) -> None:
         """Leave the parent's connections to the parent."""
         self.link.forget_connections()
-        self._results = None
+        self._results = self._sites = None
 
 
 _current: WorkerContext | None = None

@@ -170,6 +170,7 @@ class SceneInfo:
     clips: list[dict[str, Any]] = field(default_factory=list)  # of its animations: name, start and end in seconds
     names: dict[str, list[str]] = field(default_factory=dict)  # of `objects` and `materials`, in the order of their numbers
     lights_power: float | None = None  # what its own lights send out: renderer.scene.lit needs it
+    blend: dict[str, Any] | None = None  # what Blender wrote of it: the name of the `main` file, and `files`, a BlobRef each
 
     @classmethod
     def from_json(cls, data: Any) -> SceneInfo:
@@ -372,8 +373,7 @@ class Result:
         batch-failed     batch, job, frame, tile, first, count, worker, error (a sentence), reproduce (a command), trace
         batch-returned   the same but for reproduce: the worker's own trouble, to be handed out again without blaming the scene
         denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service told them)
-        denoise-failed   work, worker, error (a sentence)
-        vectors-made, environment-shown: work, worker, sha256 (of the blob); vectors-failed, environment-failed as denoise-failed
+        vectors-made, environment-shown: the first three; denoise-, vectors-, environment-failed: work, worker, error (a sentence)
         prepare-started  scene, kind, worker
         prepare-progress scene, kind, step (a phrase), fraction 0..1
         prepared         scene, kind, worker, info: SceneInfo

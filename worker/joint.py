@@ -5,7 +5,8 @@
     worker ---- stream RESULTS ------------> service   Result of type `batches`: sums of parts that follow each other
 
 `batches`: job, frame, tile, first, count, worker, parts: [[batch, first, count, seconds], ...], bad, bad_count. The parts are all
-of first ... first + count - 1, in order. Only for workers that say they add (WorkerReport.adds).
+of first ... first + count - 1, in order. Only for workers that say they add (WorkerReport.adds). Where machines of a site have
+added up theirs (worker/site.py), each part ends with the name of the worker that rendered it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any, NamedTuple
 
 from worker.contract import RenderBatch
 
-__all__ = ["HELP", "HELP_QUEUES", "RENDER_JOINTLY", "JointBatch", "Piece", "help_queue"]
+__all__ = ["HELP", "HELP_QUEUES", "RENDER_JOINTLY", "JointBatch", "Piece", "Run", "help_queue"]
 
 RENDER_JOINTLY = "rayfarm.render_jointly"
 HELP = "rayfarm.help"
@@ -36,6 +37,24 @@ class Piece(NamedTuple):
     count: int  # type: ignore[assignment]  # hides tuple.count, which nobody needs
 
 
+class Run(NamedTuple):
+    """Samples of a tile that the machines of one site render, in some messages; its reducer adds up their sums."""
+
+    site: str
+    first: int
+    count: int  # type: ignore[assignment]
+    hold_s: float  # how long what came of them may wait there for the rest
+
+    @classmethod
+    def of(cls, data: Any) -> Run | None:
+        """What a message has for one; None where that makes no sense: then nobody adds up more than a machine's sums."""
+        try:
+            site, first, count, hold_s = data
+            return cls(str(site), int(first), int(count), float(hold_s))
+        except (TypeError, ValueError):
+            return None
+
+
 @dataclass(frozen=True)
 class JointBatch:
     """Samples of a tile for the slots of one machine, a piece each; their sums come back added up."""
@@ -43,10 +62,13 @@ class JointBatch:
     whole: RenderBatch  # all pieces' samples; its `batch` is the message's id
     pieces: tuple[Piece, ...]
     hold_s: float  # how long the sums of a piece may wait for those of the others
+    queue: str = ""  # in which it waited, if not in that of all batches: what a machine cannot take goes back there
+    run: Run | None = None  # that it is a part of
 
     def to_json(self) -> dict[str, Any]:
         """A JSON-ready dict for the Celery message."""
-        return {"whole": self.whole.to_json(), "pieces": [list(piece) for piece in self.pieces], "hold_s": self.hold_s}
+        said = {"whole": self.whole.to_json(), "pieces": [list(piece) for piece in self.pieces], "hold_s": self.hold_s}
+        return said | {"queue": self.queue, "run": None if self.run is None else list(self.run)}
 
     @classmethod
     def from_json(cls, data: Any) -> JointBatch:
@@ -56,7 +78,8 @@ class JointBatch:
         pieces = tuple(Piece(str(batch), int(first), int(count)) for batch, first, count in data["pieces"])
         if not pieces:
             raise ValueError("a joint batch has pieces")
-        return cls(RenderBatch.from_json(data["whole"]), pieces, float(data["hold_s"]))
+        queue, run = str(data.get("queue") or ""), Run.of(data.get("run"))
+        return cls(RenderBatch.from_json(data["whole"]), pieces, float(data["hold_s"]), queue, run)
 
     def batch(self, number: int) -> RenderBatch:
         """A piece as a batch of its own."""

@@ -10,8 +10,6 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
-from collections import Counter
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -19,20 +17,16 @@ import redis
 from celery import Celery
 from kombu.exceptions import BatchPublishError, OperationalError
 
-from renderer.settings import Tile
+from worker.adding import joined
 from worker.context import WorkerContext
 from worker.contract import Result, render_queue
 from worker.joint import HELP, RENDER_JOINTLY, JointBatch, Piece, help_queue
 from worker.log_lines import about
 from worker.pieces import Taken
 from worker.slot import at_work
-from worker.sums import add_sums, pack_sums, unpack_sums
 from worker.told import named
 
-__all__ = ["ask_for_help", "hand_in", "help_out", "joined", "laid_out", "left_of"]
-
-BAD_SHOWN = 64
-MOST_LINES = 20  # that were warned of
+__all__ = ["ask_for_help", "hand_in", "help_out", "laid_out", "left_of"]
 
 _AWAY = (OperationalError, BatchPublishError, redis.RedisError, OSError)
 
@@ -105,22 +99,11 @@ def hand_in(app: Celery, worker: WorkerContext) -> None:
         log.warning("what is left of a batch is lost, and will be handed out again: %s", error)
 
 
-def joined(results: list[Result]) -> Iterator[Result]:
-    """Results of batches, each added to the one before it where its samples follow those."""
-    run: list[Result] = []
-    for result in results:
-        if run and _end(run[-1]) != (*_of(result), result.event["first"]):
-            yield _one(run)
-            run = []
-        run.append(result)
-    if run:
-        yield _one(run)
-
-
 def _put_back(app: Celery, worker: WorkerContext, joint: JointBatch, pieces: tuple[Piece, ...]) -> None:
     rest = replace(joint, pieces=pieces)
     options: dict[str, Any] = {"ignore_result": True, "retry": False, "task_id": joint.whole.batch}
-    app.send_task(RENDER_JOINTLY, kwargs={"joint": rest.to_json()}, queue=render_queue(worker.kind), **options)
+    queue = joint.queue or render_queue(worker.kind)
+    app.send_task(RENDER_JOINTLY, kwargs={"joint": rest.to_json()}, queue=queue, **options)
 
 
 def _render(worker: WorkerContext, taken: Taken) -> None:
@@ -130,6 +113,8 @@ def _render(worker: WorkerContext, taken: Taken) -> None:
     with about(**named(vars(work))), at_work(worker, work, joint.whole.batch) as do:
         result = do()
         if result.sums is not None:
+            if joint.run is not None:
+                result.event["run"] = list(joint.run)
             try:
                 worker.pieces.put(taken, result)
                 return
@@ -141,38 +126,5 @@ def _render(worker: WorkerContext, taken: Taken) -> None:
 
 def _send(worker: WorkerContext, results: list[Result]) -> None:
     for result in joined(results):
-        worker.results.send(result)
-
-
-def _one(run: list[Result]) -> Result:
-    if len(run) == 1:
-        return run[0]
-    first = run[0].event
-    tile = Tile(*first["tile"])
-    total = unpack_sums(run[0].sums or b"", tile)
-    for result in run[1:]:
-        add_sums(total, result.sums or b"", tile)
-    events = [result.event for result in run]
-    event = {
-        **{key: first[key] for key in ("job", "frame", "tile", "first", "worker")},
-        "type": "batches",
-        "count": sum(event["count"] for event in events),
-        "parts": [[event[key] for key in ("batch", "first", "count", "seconds")] for event in events],
-        "bad": [bad for event in events for bad in event["bad"]][:BAD_SHOWN],
-        "bad_count": sum(event["bad_count"] for event in events),
-    }
-    beside = {
-        "lines": [line for event in events for line in event.get("lines", ())][:MOST_LINES],
-        "took": dict(sum((Counter(event.get("took", {})) for event in events), Counter())),
-        "traceparents": [place for event in events for place in event.get("traceparents", ())],
-    }
-    event |= {name: value for name, value in beside.items() if value}
-    return Result(event, pack_sums(total))
-
-
-def _of(result: Result) -> tuple[Any, ...]:
-    return tuple(result.event[key] for key in ("job", "frame", "tile"))
-
-
-def _end(result: Result) -> tuple[Any, ...]:
-    return *_of(result), result.event["first"] + result.event["count"]
+        if not worker.sites.send(result):
+            worker.results.send(result)

@@ -22,16 +22,16 @@ from worker.process import spawn_guard
 __all__ = ["fetch_kernel", "hand_in", "hand_in_beside"]
 
 
-def fetch_kernel(link: Link, folder: Path, kernel: str) -> str:
-    """Fetch a kernel into this folder (renderer.jit.cache_folder), where the farm has it: a sentence on how that went."""
+def fetch_kernel(link: Link, folder: Path, kernel: str) -> tuple[bool, str]:
+    """Fetch a kernel into this folder (renderer.jit.cache_folder), if the farm has it: whether it is there, and a sentence."""
     with tempfile.TemporaryFile() as file:
         try:
             if not link.kernels(name_of(folder, kernel), file):
-                return f"the farm has no kernel {kernel} of this kind yet"
+                return False, f"the farm has no kernel {kernel} of this kind yet"
             file.seek(0)
-            return f"fetched the farm's kernel {kernel} ({unpack(file, link.token, folder)} files)"
+            return True, f"fetched the farm's kernel {kernel} ({unpack(file, link.token, folder)} files)"
         except (WorkerError, ArtefactError, OSError) as error:
-            return f"the farm's kernel {kernel} cannot be fetched: {error}"
+            return False, f"the farm's kernel {kernel} cannot be fetched: {error}"
 
 
 def hand_in(link: Link, folder: Path, kernel: str) -> None:
@@ -48,7 +48,13 @@ def hand_in_beside(link: Link, folder: Path, kernel: str) -> None:
     """As `hand_in`, in a process beside this one that ends with it."""
     command = [sys.executable, "-m", "worker.kernels", f"--service={link.service}", f"--folder={folder}", f"--kernel={kernel}"]
     environment = {**os.environ, "RAYFARM_TOKEN": link.token}
-    process = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, preexec_fn=spawn_guard())
+    guard = spawn_guard()
+
+    def stand_back() -> None:
+        guard()
+        os.nice(10)  # the worker has its first tile to render
+
+    process = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, preexec_fn=stand_back)
     threading.Thread(target=process.wait, name="kernels handed in", daemon=True).start()  # else it stays as a zombie
 
 

@@ -33,11 +33,13 @@ MAY_PASS = (408, 425, 429)
 
 @dataclass(frozen=True)
 class FarmAnswer:
-    """What a worker is told when it joins. `instance`: the service's id; `data_dir`: its data folder on its own machine."""
+    """What a worker is told when it joins. `instance`: the service's id; `data_dir`: its data folder on its own machine;
+    `reduces`: whether it understands sums of several workers (worker/site.py)."""
 
     redis_url: str
     instance: str
     data_dir: str
+    reduces: bool = False
 
 
 class Link:
@@ -89,7 +91,7 @@ class Link:
                 not_a_farm(self.service, f"the redis_url that it tells workers is none ({error})")
                 + " If it is one, correct its RAYFARM_REDIS_URL or RAYFARM_PUBLIC_REDIS_URL."
             ) from None
-        return FarmAnswer(redis_url, str(data["instance"]), str(data.get("data_dir") or ""))
+        return FarmAnswer(redis_url, str(data["instance"]), str(data.get("data_dir") or ""), bool(data.get("reduces")))
 
     def manifest(self, scene: str) -> Manifest:
         """The files of an uploaded scene."""

@@ -8,7 +8,7 @@ once.
     SINCE.HOLD.MESSAGE/about        the message, as JSON
                        todo-I       a piece that nobody has begun
                        doing-I-PID  one that a slot renders
-                       done-I       its result: the event's length, the event, the sums
+                       done-I       its result, as worker/result_bytes.py packs it
     sending.PID.MESSAGE.../done-I   results that this process adds up and sends
 """
 
@@ -17,12 +17,10 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import itertools
-import json
 import logging
 import os
 import re
 import shutil
-import struct
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
@@ -30,6 +28,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from worker.contract import Result
+from worker.result_bytes import result_bytes, result_of
 
 __all__ = ["Pieces", "Taken"]
 
@@ -37,7 +36,6 @@ PREFIX = "rayfarm-sums-"
 SENDING = "sending"
 STALE_S = 300.0  # since a message came: its pieces have long been handed out again
 
-_LENGTH = struct.Struct("<I")
 _MESSAGE = re.compile(r"[\w-]{1,100}")
 
 log = logging.getLogger(__name__)
@@ -90,12 +88,8 @@ class Pieces:
 
     def put(self, taken: Taken, result: Result) -> None:
         """Lay down the sums of a piece for whoever sends them."""
-        event = json.dumps(result.event).encode()
         written = taken.folder / f"written-{taken.number}-{os.getpid()}"
-        with written.open("wb") as file:
-            file.write(_LENGTH.pack(len(event)))
-            file.write(event)
-            file.write(result.sums or b"")
+        written.write_bytes(result_bytes(result))
         written.rename(taken.folder / f"done-{taken.number:04}")
         self.let_go(taken)
 
@@ -223,11 +217,8 @@ def _message(folder: Path) -> str:
 
 def _read(path: Path) -> Result | None:
     try:
-        data = path.read_bytes()
-        (length,) = _LENGTH.unpack_from(data)
-        end = _LENGTH.size + length
-        return Result(json.loads(data[_LENGTH.size : end]), data[end:])
-    except (OSError, ValueError, struct.error) as error:
+        return result_of(path.read_bytes())
+    except (OSError, ValueError) as error:
         log.warning("sums of a piece are dropped, and will be rendered again: %s", error)
         return None
 

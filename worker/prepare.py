@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from renderer.blender.convert import convert
+from renderer.blender.program import find
 from renderer.errors import SceneError
 from renderer.film import mean
 from renderer.image import encode
@@ -19,8 +22,9 @@ from renderer.scene.compiled import CompiledScene
 from renderer.scene.kept import Kept
 from renderer.scene.load import Shot
 from renderer.scene.parts import Saver
-from renderer.scene.readers import collada, fbx, gltf, obj, yaml  # noqa: F401 - imported before the fork, so that no scene waits for them
+from renderer.scene.readers import collada, fbx, gltf, mitsuba, obj, pbrt, yaml  # noqa: F401 - imported before the fork, so that no scene waits for them
 from renderer.settings import RenderSettings, View
+from worker.blends import is_blend
 from worker.bounded import Send, run_bounded
 from worker.context import WorkerContext
 from worker.contract import BlobRef, Manifest, SceneInfo
@@ -33,6 +37,8 @@ __all__ = ["prepare_scene"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
 MAX_NAMES = 10_000
+LEFT_S = 120.0  # of them, for what Blender wrote
+WRITTEN = "written"
 THUMBNAIL_WIDTH = 256
 THUMBNAIL_SPP = 32
 THUMBNAIL_SECONDS = 0.4  # passes double, so that it takes at most about twice this
@@ -75,6 +81,7 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
         fps=summary.get("fps", 24.0),
         clips=summary.get("clips", []),
         lights_power=summary.get("lights_power"),
+        blend=summary.get("blend"),
         names={kind: summary.get(kind, [])[:MAX_NAMES] for kind in ("objects", "materials")},
     )
 
@@ -98,6 +105,9 @@ def _prepared(
     )
     progress("storing", 0.95)
     compiled = store_scene(worker, out / summary["compiled"])
+    if written := summary.get("written"):
+        files = [replace(store(worker, out / WRITTEN / name), path=name) for name in written]
+        summary["blend"] = {"main": written[0], "files": [asdict(file) for file in files]}
     thumbnail: BlobRef | None = None
     if (out / "thumbnail.png").is_file():
         thumbnail = store(worker, out / "thumbnail.png")
@@ -110,18 +120,41 @@ def _work(folder: Path, manifest: Manifest, out: Path, send: Send) -> dict[str, 
     def progress(step: str, fraction: float) -> None:
         send({"step": step, "fraction": fraction})
 
+    main, written = manifest.main, list[str]()
+    if is_blend(main):
+        progress("opening in Blender", 0.02)
+        folder, written = _opened(folder, manifest, out / WRITTEN)
+        main = written[0]
     progress("reading", 0.05)
-    shot = Shot(folder, manifest.main, manifest.environment, manifest.variant)
+    shot = Shot(folder, main, manifest.environment, manifest.variant)
     description = shot.at(Moment(shot.start))
     kept = Kept()
     compiled = compile_scene(description, lambda step, fraction: progress(step, 0.3 + 0.5 * fraction), kept=kept)
     summary = summarise(description, compiled)
-    summary["lights_power"] = kept.lights_power
+    summary["lights_power"], summary["written"] = kept.lights_power, written
     assert kept.cuts is not None
     summary["compiled"] = Saver(out).save(compiled, kept.cuts).name  # other moments, and other lights, share most of it
     progress("thumbnail", 0.85)
     _thumbnail(compiled, summary, out / "thumbnail.png")
     return summary
+
+
+def _opened(folder: Path, manifest: Manifest, written: Path) -> tuple[Path, list[str]]:
+    """What Blender wrote of a scene: the folder that it lies in, with what lights it beside, and its files, the main one first.
+
+    Raises SceneError.
+    """
+    blender = find()
+    if blender is None:
+        raise SceneError(f"{manifest.main}: this worker has no Blender any more; start it anew with --blender")
+    written.mkdir()
+    main = convert(blender, folder, manifest.main, written, memory_budget(), SECONDS - LEFT_S)
+    files = [main, *sorted(path.name for path in written.iterdir() if path.name != main)]
+    if manifest.environment is not None and (folder / manifest.environment).is_file():
+        light = written / manifest.environment
+        light.parent.mkdir(parents=True, exist_ok=True)
+        os.link(folder / manifest.environment, light)
+    return written, files
 
 
 def _thumbnail(compiled: CompiledScene, summary: dict[str, Any], path: Path) -> None:

@@ -1,7 +1,8 @@
 """Whether somebody works at this machine: by what its other programs take of the processors, by what was typed in its terminals,
-and by the screen where `xprintidle` is installed and the worker runs in that session (X11 alone).
+by the desktop's own word to logind, under Wayland as under X11, and by the screen where `xprintidle` is installed and the worker
+runs in that session (X11 alone).
 
-What is not seen: somebody who reads, on a machine without xprintidle or with Wayland, and a program that waits.
+What is not seen: somebody who reads, where no desktop says a word; and a program that waits.
 """
 
 from __future__ import annotations
@@ -49,6 +50,9 @@ class Presence:
         if (typed := self._typed()) is not None:
             seen.append("terminals")
             self._present = max(self._present, min(typed, now))
+        if (desktop := _desktop(now)) is not None:
+            seen.append("desktop")
+            self._present = max(self._present, now - desktop)
         if (screen := _screen()) is not None:
             seen.append("screen")
             self._present = max(self._present, now - screen)
@@ -78,6 +82,42 @@ class Presence:
                 except OSError:
                     continue
         return max(times, default=None)
+
+
+def _desktop(now: float) -> float | None:
+    """For how long nobody has been at any graphical session, by what their desktops tell logind (IdleHint); None where none does.
+
+    A desktop sets the hint some minutes after the last touch, and takes it back at the next. One that has never set it since its
+    session began may be of those that never do, and says nothing.
+    """
+    program = shutil.which("loginctl")
+    if program is None:
+        return None
+    idle: list[float] = []
+    for session in _said([program, "list-sessions", "--no-legend"]).splitlines():
+        if not session.split():
+            continue
+        asked = [option for name in ("Type", "Class", "State", "IdleHint", "IdleSinceHint") for option in ("-p", name)]
+        lines = _said([program, "show-session", session.split()[0], *asked]).splitlines()
+        told = dict(line.partition("=")[::2] for line in lines)
+        if (
+            told.get("Type") not in ("wayland", "x11", "mir")
+            or told.get("Class", "user") != "user"
+            or told.get("State") == "closing"
+        ):
+            continue
+        since = told.get("IdleSinceHint", "")
+        if since.isdigit() and int(since) > 0:
+            idle.append(max(now - int(since) / 1e6, 0.0) if told.get("IdleHint") == "yes" else 0.0)
+    return min(idle, default=None)
+
+
+def _said(command: list[str]) -> str:
+    """What a program prints; nothing where it fails or takes long."""
+    try:
+        return subprocess.run(command, capture_output=True, text=True, timeout=SCREEN_PATIENCE_S, check=True).stdout
+    except (OSError, UnicodeError, subprocess.SubprocessError):
+        return ""
 
 
 def _screen() -> float | None:

@@ -18,7 +18,15 @@ _log = logging.getLogger("worker")
 def get_ready(link: Link, settings: RenderSettings | None = None, edition: str = PLAIN) -> None:
     """As `warm_up`, with the farm's help."""
     folder = jit.cache_folder()
-    took = warm_up(settings, edition, lambda kernel: _log.info(fetch_kernel(link, folder, kernel)))
+    farm_has_it = False
+
+    def fetch(kernel: str) -> None:
+        nonlocal farm_has_it
+        farm_has_it, sentence = fetch_kernel(link, folder, kernel)
+        _log.info(sentence)
+
+    took = warm_up(settings, edition, fetch)
     kernel = kernel_name(settings, edition)
     _log.info("kernel %s ready after %.1f s", kernel, took)
-    hand_in_beside(link, folder, kernel)
+    if not farm_has_it:
+        hand_in_beside(link, folder, kernel)

@@ -21,6 +21,7 @@ __all__ = ["NEEDS", "OFFER_TTL_S", "TAG", "Offer", "Terms", "needs_queue", "offe
 
 OFFER_TTL_S = 30
 MOST_NICE = 19
+MOST_MEMORY = 10**15  # bytes
 NEEDS = ".needs."  # in a queue's name: after its kind
 TAG = re.compile(r"[a-z0-9][a-z0-9._:-]{0,62}")
 
@@ -64,13 +65,14 @@ class Terms:
             ("idle_minutes", self.idle_minutes, 1e6),
             ("nice", self.nice, MOST_NICE),
             ("slots", self.slots, 4096),
-            ("memory", self.memory, 1 << 60),
+            ("memory", self.memory, MOST_MEMORY),
         ):
             least = name == "slots"
             if value is not None and not (
                 isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and least <= value <= most
             ):
-                raise ValueError(f"{name} lies between {int(least)} and {most:g}")
+                among = f"0 and {most / 1e9:,.0f} GB" if name == "memory" else f"{int(least)} and {most:,.0f}"
+                raise ValueError(f"{name} lies between {among}")
         return self
 
     def over(self, own: Terms) -> Terms:
@@ -89,7 +91,7 @@ class Offer:
     keeps: str  # the digest of the terms that it keeps
     hours: str = ""
     idle_minutes: float = 0.0
-    idle_by: tuple[str, ...] = ()  # by what it knows that somebody works at the machine: load, terminals, screen
+    idle_by: tuple[str, ...] = ()  # by what it knows that somebody works at the machine: load, terminals, desktop, screen
     nice: int = 0
     memory_limit: int = 0
     queues: tuple[str, ...] = ()  # of needs, that it takes from now

@@ -1,7 +1,10 @@
-"""`rayfarm compare`: does it agree with Mitsuba?"""
+"""`rayfarm compare`: does it agree with Mitsuba, or with pbrt?"""
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import tempfile
 import warnings
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,6 +20,10 @@ __all__ = ["register"]
 BLOCK = 8
 TOP = 0.5  # the relative difference that the brightest colour shows
 MISSING = 'Mitsuba is not installed in this Python: pip install "mitsuba>=3.5"'
+MISSING_PBRT = (
+    "There is no program pbrt on the PATH to compare with. Build pbrt-v4 (github.com/mmp/pbrt-v4) and put it there, or render "
+    "the scene by Rayfarm alone: rayfarm render {scene} -o picture.exr"
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -25,10 +32,10 @@ def register(app: typer.Typer) -> None:
 
 
 def compare(
-    scene: Annotated[Path, typer.Argument(help="A scene of Mitsuba: an .xml file, with what it names beside it.")],
+    scene: Annotated[Path, typer.Argument(help="A scene of Mitsuba (.xml) or pbrt-v4 (.pbrt), with what it names beside it.")],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="A .png: Rayfarm's picture, Mitsuba's, and where they differ.", metavar="FILE.png"),
+        typer.Option("--output", "-o", help="A .png: Rayfarm's picture, the other's, and where they differ.", metavar="FILE.png"),
     ] = None,
     spp: Annotated[int, typer.Option(min=1, help="Samples per pixel, of both.")] = 256,
     most: Annotated[
@@ -37,7 +44,7 @@ def compare(
     ] = None,
     exposure: Annotated[float, typer.Option(help="Stops, of the picture that is written.")] = 0.0,
 ) -> None:
-    """Render a scene of Mitsuba with Rayfarm and with Mitsuba, and say how far they agree.
+    """Render a scene of Mitsuba or pbrt with Rayfarm and with the program it is of, and say how far they agree.
 
     Differences have three sources: noise (more --spp lessens it), what Rayfarm does not read (told as notes), and models that are
     meant otherwise: rough metals give back here what a single bounce loses, smooth normals do not darken at the edge of shadow.
@@ -46,13 +53,15 @@ def compare(
 
       rayfarm compare cbox.xml --spp 512 -o cbox-compared.png
     """
-    if scene.suffix.lower() != ".xml":
-        raise CommandError(f"{scene.name} is no scene of Mitsuba; these are .xml files")
+    suffix = scene.suffix.lower()
+    if suffix not in (".xml", ".pbrt"):
+        raise CommandError(f"{scene.name} is no scene of Mitsuba or pbrt; these are .xml and .pbrt files")
+    name = "pbrt" if suffix == ".pbrt" else "Mitsuba"
     if output is not None:
         if output.suffix.lower() != ".png":
             raise CommandError(f"{output.name}: what is written is a .png; end the name so")
         check_writable(output)
-    mitsuba = _mitsuba()
+    peer = _pbrt(scene) if name == "pbrt" else _mitsuba()
     import numpy as np
 
     from rayfarm.library.render import render
@@ -63,13 +72,13 @@ def compare(
     for note in notes:
         err.print(f"note: {note.message}", markup=False, soft_wrap=True)
     with bar() as progress:
-        progress.add_task("Mitsuba is rendering", total=None)
-        theirs = _theirs(mitsuba, scene, spp)
+        progress.add_task(f"{name} is rendering", total=None)
+        theirs = _of_pbrt(peer, scene, spp) if name == "pbrt" else _theirs(peer, scene, spp)
     if theirs.shape != ours.shape:
         sizes = [f"{each.shape[1]}x{each.shape[0]}" for each in (theirs, ours)]
-        raise CommandError(f"Mitsuba's picture is {sizes[0]}, and ours {sizes[1]}")
+        raise CommandError(f"{name}'s picture is {sizes[0]}, and ours {sizes[1]}")
     ratio = ours.mean() / max(theirs.mean(), 1e-12)
-    out.print(f"mean        {ours.mean():.5g} of Rayfarm, {theirs.mean():.5g} of Mitsuba: {ratio - 1:+.2%}")
+    out.print(f"mean        {ours.mean():.5g} of Rayfarm, {theirs.mean():.5g} of {name}: {ratio - 1:+.2%}")
     for name, a, b in zip(("red", "green", "blue"), ours.mean((0, 1)), theirs.mean((0, 1)), strict=True):
         out.print(f"  {name:<9} {a:.5g}, {b:.5g}: {a / max(b, 1e-12) - 1:+.2%}")
     blocks = _blocks(ours, theirs)
@@ -104,6 +113,34 @@ def _theirs(mitsuba: Any, scene: Path, spp: int) -> Any:
         return np.array(mitsuba.render(mitsuba.load_file(str(scene)), spp=spp), np.float64)[..., :3]
     except RuntimeError as error:
         raise CommandError(f"Mitsuba cannot render {scene.name}: {' '.join(str(error).split())[:300]}") from None
+
+
+def _pbrt(scene: Path) -> str:
+    found = shutil.which("pbrt")
+    if found is None:
+        raise CommandError(MISSING_PBRT.format(scene=scene.name))
+    return found
+
+
+def _of_pbrt(program: str, scene: Path, spp: int) -> Any:
+    """pbrt's picture, (h, w, 3) float64."""
+    import numpy as np
+
+    from renderer.image.read import read
+
+    with tempfile.TemporaryDirectory(prefix="rayfarm-pbrt-") as folder:
+        picture = Path(folder) / "picture.exr"
+        ended = subprocess.run(
+            [program, "--quiet", "--spp", str(spp), "--outfile", str(picture), scene.name],
+            cwd=scene.parent,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if ended.returncode != 0 or not picture.is_file():
+            said = " ".join((ended.stderr or ended.stdout).split())[-300:]
+            raise CommandError(f"pbrt cannot render {scene.name}: {said or f'it ended with {ended.returncode}'}")
+        return np.asarray(read(picture.read_bytes(), picture.name), np.float64)[..., :3]
 
 
 def _blocks(ours: Any, theirs: Any) -> Any:

@@ -53,7 +53,7 @@ def _show(summary: dict[str, Any]) -> None:
         out.print(f"{title:<11} {text}", markup=False, soft_wrap=True)
 
     line("Scene", f"{summary['name']} ({summary['main']}, read and built in {summary['seconds']:.2f} s)")
-    line("Holds", ", ".join(f"{count:,} {noun}" for noun, count in summary["counts"].items() if count))
+    line("Holds", ", ".join(_counted(count, noun) for noun, count in summary["counts"].items() if count))
     lower, upper = summary["bounds"]
     line("Bounds", f"{_vector(lower)} to {_vector(upper)}")
     for number, camera in enumerate(summary["cameras"]):
@@ -68,6 +68,12 @@ def _show(summary: dict[str, Any]) -> None:
         line("Asks for", ", ".join(f"{key} {value}" for key, value in summary["defaults"].items()))
     for warning in summary["warnings"]:
         line("Note", warning)
+
+
+def _counted(count: int, plural: str) -> str:
+    """`1 mesh`, `2 meshes`: of nouns that a scene counts."""
+    singular = {"meshes": "mesh", "vertices": "vertex"}.get(plural, plural.removesuffix("s"))
+    return f"{count:,} {(singular if count == 1 else plural).replace('_', ' ')}"
 
 
 def _span(start: float, end: float, fps: float) -> str:

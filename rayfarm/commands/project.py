@@ -52,16 +52,24 @@ def show(server: options.Server = None) -> None:
     table = Table("PROJECT", "MEMBERS", "SCENES", "JOBS", box=None, pad_edge=False)
     for row in rows:
         counts = (str(row["counts"].get(kind, 0)) for kind in ("scene", "job"))
-        table.add_row(row["name"], ", ".join(row["members"]) or "none", *counts)
+        roles = row.get("roles", {})  # a farm of before does not know them
+        members = (f"{name} (looks)" if roles.get(name) == "view" else name for name in row["members"])
+        table.add_row(row["name"], ", ".join(members) or "none", *counts)
     out.print(table if rows else "No projects. `rayfarm project add NAME` makes one.")
 
 
 @projects.command("let-in")
-def let_in(name: Name, user: User, server: options.Server = None) -> None:
-    """Let a user see what is in a project, and add to it."""
+def let_in(
+    name: Name,
+    user: User,
+    only_look: Annotated[bool, typer.Option("--only-look", help="They see what is in it, and change nothing there.")] = False,
+    server: options.Server = None,
+) -> None:
+    """Let a user see what is in a project, and add to it; of a member, say so anew."""
+    asked = {"role": "view"} if only_look else {}
     with farm_client(server) as farm:
-        farm.call("PUT", f"/api/projects/{quote(name, safe='')}/members/{quote(user, safe='')}")
-    out.print(f"{user} sees what is in {name}.", markup=False)
+        farm.call("PUT", f"/api/projects/{quote(name, safe='')}/members/{quote(user, safe='')}", **asked)
+    out.print(f"{user} sees what is in {name}{' and changes nothing there' if only_look else ''}.", markup=False)
 
 
 @projects.command("put-out")

@@ -22,7 +22,9 @@ def register(app: typer.Typer) -> None:
 
 
 def shares(
-    share: Annotated[str | None, typer.Argument(help="user:NAME, or everybody: jobs that are nobody's. All, if none.")] = None,
+    share: Annotated[
+        str | None, typer.Argument(help="user:NAME, project:NAME, or everybody: jobs that are nobody's. All, if none.")
+    ] = None,
     weight: Annotated[
         float | None, typer.Option(metavar="W", help="Slots are shared in proportion to it; 1 unless told.")
     ] = None,
@@ -38,6 +40,7 @@ def shares(
 
       rayfarm shares
       rayfarm shares user:anna --weight 3
+      rayfarm shares project:feature --weight 2
       rayfarm shares user:ben --max-slots 8
       rayfarm shares user:ben --reset
     """

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rayfarm import options
+from rayfarm.blender import Program, Wanted, program_for
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
 from rayfarm.machine import StopSignals, cores, has_screen
@@ -57,6 +58,8 @@ def up(
         typer.Option(dir_okay=False, exists=True, help="Speak HTTPS: the certificate and those that sign it, as PEM."),
     ] = None,
     tls_key: Annotated[Path | None, typer.Option(dir_okay=False, exists=True, help="The certificate's key, as PEM.")] = None,
+    blender: Wanted = False,
+    blender_program: Program = None,
     log_format: options.LogFormat = None,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
 ) -> None:
@@ -67,6 +70,7 @@ def up(
     [bold]Examples[/bold]
 
       rayfarm up
+      rayfarm up --blender             .blend files may be given, too
       rayfarm up --port 9000 --workers 4 --data ~/farm
       rayfarm up --host 0.0.0.0        other machines may join; whoever opens the page logs in, first by the link it prints
       rayfarm up --host 0.0.0.0 --allow-host farm.example
@@ -88,7 +92,7 @@ def up(
             err.print(sentence, markup=False, soft_wrap=True)
 
     with locked(folder):
-        farm = LocalFarm(folder, host, port, slots, say, allow_host or (), tls)
+        farm = LocalFarm(folder, host, port, slots, say, allow_host or (), tls, program_for(blender, blender_program, say))
         try:
             farm.start(signals.stop)
             if farm.wait(farm.service_answers, "service", signals.stop):

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
-import os
 import sys
-import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from rayfarm import options
-from rayfarm.console import PROGRAM, err, out
-from rayfarm.errors import CommandError
-from rayfarm.machine import StopSignals, cores
-from worker.foreign import is_address
+from rayfarm.blender import Program, Wanted, program_for
+from rayfarm.console import err
+from rayfarm.joining import farm_address, run, shown_token
+from rayfarm.machine import cores
 
 __all__ = ["register"]
 
@@ -62,6 +58,11 @@ def worker(
     memory: Annotated[
         float, typer.Option(min=0, metavar="GB", help="Memory that it may use; all by itself.", rich_help_panel=NIGHT)
     ] = 0.0,
+    site: Annotated[
+        str, typer.Option(metavar="NAME", help="Where this machine is: `rayfarm site NAME` adds up what it renders.")
+    ] = "",
+    blender: Wanted = False,
+    blender_program: Program = None,
     log_format: options.LogFormat = None,
 ) -> None:
     """Join a farm: render its batches with this machine's cores until Ctrl-C.
@@ -75,72 +76,18 @@ def worker(
       RAYFARM_TOKEN=T rayfarm worker --join studio.local:8000 --slots 4 --name attic
       rayfarm worker --join studio.local:8000 --token-file T --hours "Mon-Fri 19:00-07:00, Sat-Sun" --nice 10
       rayfarm worker --join studio.local:8000 --token-file T --idle 15 --tag bigmem
+      rayfarm worker --join studio.local:8000 --token-file T --blender
     """
-    from rayfarm.local.state import ROOT
-    from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
-    from renderer.places import cache_home
-
     options.use_log_format(log_format)
-    if "://" not in join:
-        join = f"http://{join}"
-    if not is_address(join):
-        raise CommandError(f"{join!r} is no address of a farm; give one as http://host:8000")
-    if token:
-        err.print("rayfarm: everybody on this machine can read --token. Better: RAYFARM_TOKEN, or --token-file.")
-    elif token_file is not None:
-        token = token_file.expanduser().read_text().strip()
-    token = token or os.environ.get("RAYFARM_TOKEN", "")
-    if not token:
-        raise CommandError(
-            "A worker shows the farm's token. Set RAYFARM_TOKEN to it, or write it into a file and give --token-file; "
-            f"`{PROGRAM} up` prints the whole command."
-        )
-    signals = StopSignals()
+    join = farm_address(join)
+    token = shown_token("A worker", token, token_file)
     command = [sys.executable, "-m", "worker", "--service", join, "--slots", str(slots or cores())]
     if name:
         command += ["--name", name]
     said = {"hours": hours, "idle": idle or None, "nice": nice, "memory": memory or None}
     command += [f"--{option}={value}" for option, value in said.items() if value is not None and value != ""]
     command += [f"--tag={each}" for each in tag or ()]
-    log = cache_home() / "logs" / f"worker-{os.getpid()}.log"
-    supervisor = Supervisor(ROOT, lambda sentence: err.print(sentence, markup=False, soft_wrap=True))
-    env = {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}
-    part = Part("worker", command, log, env, grace_s=10.0, fatal_codes=(3,), steady_s=WORKER_STEADY_S)
-    try:
-        supervisor.start(part)
-    except OSError as error:
-        raise CommandError(
-            f"The worker's log {log} cannot be written ({error.strerror}). Set RAYFARM_CACHE to a folder of yours."
-        ) from error
-    out.print(f"Joining {join} with {slots or cores()} slots. Ctrl-C leaves the farm. Log: {log}", soft_wrap=True)
-    shown = 0
-    try:
-        while not signals.stop():
-            shown = _follow(log, shown)
-            if supervisor.tend() is not None:
-                raise CommandError(_sentence(part.last_words(1)))
-            time.sleep(0.2)
-    finally:
-        supervisor.stop(signals.hurry)
-        _follow(log, shown)
-        log.unlink(missing_ok=True)
-
-
-def _sentence(line: str) -> str:
-    """What a worker's last line says."""
-    with contextlib.suppress(ValueError, TypeError, KeyError):
-        return str(json.loads(line)["message"])
-    return line.removeprefix("rayfarm worker: ")
-
-
-def _follow(log: Path, shown: int) -> int:
-    """Show what the log has beyond `shown` bytes; how much is shown then."""
-    try:
-        with log.open("rb") as file:
-            file.seek(shown)
-            text = file.read()
-    except OSError:
-        return shown
-    if text:
-        err.print(text.decode(errors="replace").rstrip("\n"), markup=False, soft_wrap=True)
-    return shown + len(text)
+    command += [f"--site={site}"] if site else []
+    if (program := program_for(blender, blender_program, lambda text: err.print(text, markup=False, soft_wrap=True))) is not None:
+        command.append(f"--blender={program}")
+    run("worker", command, token, f"Joining {join} with {slots or cores()} slots. Ctrl-C leaves the farm.")

@@ -52,7 +52,8 @@ def _service(url: str) -> Iterator[Finding]:
         yield fault("Service", f"{url} does not answer ({type(error).__name__}).", "Look at logs/service.log of the data folder.")
         return
     if answer.is_success:
-        yield fine("Service", f"{url} is ready.")
+        stands_by = '"stands by"' in answer.text
+        yield fine("Service", f"{url} stands by: another service works as the farm." if stands_by else f"{url} is ready.")
     else:
         try:
             why = str(answer.json()["detail"])

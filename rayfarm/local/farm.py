@@ -47,7 +47,7 @@ class LocalFarm:
     """A farm of this machine on one data folder; hold `state.locked(data)` around it.
 
     port 0 takes a free one. slots 0 starts no worker. say: gets sentences about what happens. names: more that the service
-    answers to. tls: the service speaks HTTPS.
+    answers to. tls: the service speaks HTTPS. blender: what its worker opens .blend files with.
     """
 
     def __init__(
@@ -59,12 +59,14 @@ class LocalFarm:
         say: Callable[[str], None],
         names: Sequence[str] = (),
         tls: Tls | None = None,
+        blender: str | None = None,
     ) -> None:
         self.data = data
         self.host = host
         self.names = list(names)
         self.tls = tls
         self.slots = slots
+        self.blender = blender
         self.secrets = secrets_of(data)
         self.port = port or free_port(host)
         if port and not _is_free(host, port):
@@ -132,6 +134,7 @@ class LocalFarm:
         if self.slots:
             # The token goes by the environment: a command line is seen by everyone on the machine.
             worker = [sys.executable, "-m", "worker", "--service", self.url, "--slots", str(self.slots)]
+            worker += [f"--blender={self.blender}"] if self.blender is not None else []
             self._start(Part("worker", worker, self._log("worker"), env, steady_s=WORKER_STEADY_S))
         self._announce()
 

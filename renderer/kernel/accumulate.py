@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numba import typeof, types
 
 from renderer.absent import where_present
 from renderer.arrays.scene import CompiledScene
@@ -23,7 +24,7 @@ from renderer.film import (
     SAMPLES,
     SAMPLES_HALF,
 )
-from renderer.jit import device, entry, local_floats, template
+from renderer.jit import device, entry, local_floats, out_of_line, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.camera import camera_ray, moving_ray
 from renderer.kernel.fixed import fixed, in_half
@@ -32,9 +33,12 @@ from renderer.kernel.integrators.path import trace_path
 from renderer.kernel.integrators.transport import FIRST_HIT_SLOTS, TIME_BLOCK, first_hit
 from renderer.kernel.integrators.whitted import trace_whitted
 from renderer.kernel.options import is_special, kernel_options
-from renderer.kernel.pool.trace import pool_for, render_with_pool, scatter_nothing
+from renderer.kernel.pool.lamps import choose_lamps
+from renderer.kernel.pool.scatter import scatter
+from renderer.kernel.pool.trace import pool_for, render_with_pool
 from renderer.kernel.sampling.filter import filter_offset
 from renderer.kernel.sampling.sampler import Stream, draw4, draw_film, pixel_key
+from renderer.reference import Reference, by_reference
 from renderer.settings import RenderSettings
 
 __all__ = ["MAX_BAD", "Batch", "Output", "half_of_pictures", "has_editions", "new_scratch", "renderer_of"]
@@ -163,29 +167,51 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
 # paths at once.
 
 
-@entry
-def _render_pool(scene, pool, camera, options, batch, output):
+# The scene is handed to what does the work by reference (renderer/reference.py).
+
+
+@subroutine
+def _with_pool(scene, pool, camera, options, batch, output):
+    out_of_line()
     return render_with_pool(scene, pool, camera, options, batch, output)
 
 
+@subroutine
+def _by_path(scene, stack, camera, options, batch, output):
+    out_of_line()
+    return _render_tile(trace_path, scene, stack, camera, options, batch, output)
+
+
+@subroutine
+def _by_whitted(scene, stack, camera, options, batch, output):
+    out_of_line()
+    return _render_tile(trace_whitted, scene, stack, camera, options, batch, output)
+
+
+@subroutine
+def _by_ao(scene, stack, camera, options, batch, output):
+    out_of_line()
+    return _render_tile(trace_ao, scene, stack, camera, options, batch, output)
+
+
 @entry
-def _half_of_render_pool(scene, pool, options):
-    scatter_nothing(scene, pool, options)
+def _render_pool(scene, pool, camera, options, batch, output):
+    return _with_pool(by_reference(scene), pool, camera, options, batch, output)
 
 
 @entry
 def _render_special_path(scene, stack, camera, options, batch, output):
-    return _render_tile(trace_path, scene, stack, camera, options, batch, output)
+    return _by_path(by_reference(scene), stack, camera, options, batch, output)
 
 
 @entry
 def _render_whitted(scene, stack, camera, options, batch, output):
-    return _render_tile(trace_whitted, scene, stack, camera, options, batch, output)
+    return _by_whitted(by_reference(scene), stack, camera, options, batch, output)
 
 
 @entry
 def _render_ao(scene, stack, camera, options, batch, output):
-    return _render_tile(trace_ao, scene, stack, camera, options, batch, output)
+    return _by_ao(by_reference(scene), stack, camera, options, batch, output)
 
 
 def has_editions(settings: RenderSettings) -> bool:
@@ -207,11 +233,15 @@ def renderer_of(settings: RenderSettings) -> Renderer:
 
 
 def half_of_pictures(scene: CompiledScene, settings: RenderSettings) -> None:
-    """Compiles a part of the kernel for pictures, for a process beside the one that compiles the rest.
+    """Compiles about half of the kernel for pictures, for a process beside the one that compiles the rest: later stages, the one
+    first that has least in common with the rest.
 
     scene: of the edition that is wanted, with nothing in it.
     """
-    _half_of_render_pool(scene, pool_for(0, 0), kernel_options(settings, scene))
+    pool = pool_for(0, 0)
+    arguments = Reference(typeof(scene)), *(typeof(part) for part in (pool.rows, pool.lists, kernel_options(settings, scene)))
+    scatter.compile((*arguments, types.boolean))  # type: ignore[attr-defined]  # it is one of Numba's
+    choose_lamps.compile(arguments)  # type: ignore[attr-defined]
 
 
 def new_scratch(renderer: Renderer, width: int, height: int) -> Any:

@@ -18,6 +18,7 @@ from renderer.kernel.integrators.visibility import MAX_PASSED
 from renderer.kernel.material.material import is_transparent, opacity
 from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import surface_at
+from renderer.reference import by_reference
 
 __all__ = ["see_places"]
 
@@ -125,13 +126,9 @@ def _write(places, y, x, which, place, near):
     places[y, x, which, 3] = near
 
 
-@entry
-def see_places(scene, stack, camera, top, places):
-    """Fills `places`, (h, w, 3, 4) float64, for the pixels of so many rows from row `top` on.
-
-    At each of the three times: a point x y z of the world and 1, or where nothing is met the ray's direction and 0.
-    scene: as the edition of what moves is given it, with an odd number of keys. stack: from new_stack.
-    """
+@subroutine
+def _see_places(scene, stack, camera, top, places):
+    out_of_line()
     for y in range(places.shape[0]):
         for x in range(places.shape[1]):
             o, d = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, _HALF)
@@ -144,3 +141,13 @@ def see_places(scene, stack, camera, top, places):
                     _write(places, y, x, which, _of_triangle(scene, hit, time), 1.0)
                 else:
                     _write(places, y, x, which, _of_sphere(scene, hit, o, d, time), 1.0)
+
+
+@entry
+def see_places(scene, stack, camera, top, places):
+    """Fills `places`, (h, w, 3, 4) float64, for the pixels of so many rows from row `top` on.
+
+    At each of the three times: a point x y z of the world and 1, or where nothing is met the ray's direction and 0.
+    scene: as the edition of what moves is given it, with an odd number of keys. stack: from new_stack.
+    """
+    _see_places(by_reference(scene), stack, camera, top, places)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from typing import Any, Literal
-from urllib.parse import urlsplit
+from urllib.parse import urlencode, urlsplit
 
 import httpx
 from sqlalchemy import select
@@ -29,7 +29,7 @@ from service.settings import Settings
 from service.store.database import Sessions
 from service.store.models import User
 
-__all__ = ["Begun", "Oidc", "Refused", "Why", "oidc_of"]
+__all__ = ["Begun", "LetIn", "Oidc", "Refused", "Why", "oidc_of"]
 
 Why = Literal["cancelled", "late", "provider", "role", "name"]
 
@@ -56,6 +56,14 @@ class Begun:
 
     url: str
     browser: str
+
+
+@dataclass(frozen=True)
+class LetIn:
+    """Somebody whom the provider has sent. token: the ID token, by which the provider knows the session when it is to end."""
+
+    user: User
+    token: str
 
 
 @dataclass(frozen=True)
@@ -111,6 +119,7 @@ class Oidc:
         self._role_claim = settings.oidc_role_claim
         self._roles = settings.oidc_roles
         self._usual = Role.of(settings.oidc_role)
+        self._logs_out = settings.oidc_logout
         self._sessions = sessions
         self._lock = threading.Lock()
         self._waiting: OrderedDict[str, _Waiting] = OrderedDict()
@@ -131,7 +140,7 @@ class Oidc:
                 self._waiting.popitem(last=False)
         return Begun(url, browser)
 
-    def finish(self, state: str, code: str, error: str, browser: str) -> User:
+    def finish(self, state: str, code: str, error: str, browser: str) -> LetIn:
         """Whom the provider has sent back. browser: what it shows. Raises Refused; a state is good for once."""
         with self._lock:
             waiting = self._waiting.pop(state, None)
@@ -144,9 +153,28 @@ class Oidc:
             raise Refused("late", "an answer to a login that was not begun here, or too long ago")
         if error or not code:
             raise Refused("cancelled", f"the provider says {error[:200] or 'nothing'}")
-        return self._user(self._claims(code, waiting))
+        claims, token = self._claims(code, waiting)
+        return LetIn(self._user(claims), token)
 
-    def _claims(self, code: str, waiting: _Waiting) -> dict[str, Any]:
+    def way_out(self, token: str, back: str) -> str | None:
+        """Where a browser ends its session at the provider too (RP-Initiated Logout 1.0); None where that cannot be.
+
+        token: the ID token of the login; empty where it is not known any more. back: where the provider sends the browser then.
+        """
+        if not self._logs_out:
+            return None
+        try:
+            about, _ = self._provider()
+        except Refused:
+            return None
+        end = about.get("end_session_endpoint")
+        if not isinstance(end, str) or urlsplit(end).scheme not in ("https", urlsplit(self._discovery).scheme):
+            return None
+        asked = {"client_id": self._client[0], "post_logout_redirect_uri": back, "state": secrets.token_urlsafe(16)}
+        asked |= {"id_token_hint": token} if token else {}
+        return f"{end}{'&' if '?' in end else '?'}{urlencode(asked)}"
+
+    def _claims(self, code: str, waiting: _Waiting) -> tuple[dict[str, Any], str]:
         from authlib.common.errors import AuthlibBaseError
         from authlib.oidc.core import CodeIDToken
         from joserfc.errors import JoseError
@@ -155,7 +183,8 @@ class Oidc:
         try:
             with self._speaking(waiting.redirect) as client:
                 token = client.fetch_token(about["token_endpoint"], code=code, code_verifier=waiting.verifier)
-            read = self._decoded(str(token.get("id_token") or ""))
+            shown = str(token.get("id_token") or "")
+            read = self._decoded(shown)
             options = {
                 "iss": {"essential": True, "values": [about["issuer"]]},
                 "aud": {"essential": True, "value": self._client[0]},
@@ -168,7 +197,7 @@ class Oidc:
                 found |= self._told(about["userinfo_endpoint"], str(token.get("access_token") or ""), found["sub"])
         except (AuthlibBaseError, JoseError, httpx.HTTPError, ValueError, KeyError, TypeError) as error:
             raise Refused("provider", f"the provider's answer is not believed ({type(error).__name__}: {error})") from None
-        return found
+        return found, shown
 
     def _told(self, url: str, token: str, subject: str) -> dict[str, Any]:
         """What the provider tells of a user beside the token. Raises httpx.HTTPError and ValueError."""

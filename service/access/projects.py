@@ -1,7 +1,8 @@
 """Projects: scenes, jobs, environments and references that their members alone see.
 
-One rule, asked at two places: the gate asks it of what a path names, and lists, events and requests that name other things ask it
-of rows. What is in no project is seen by everybody who is let in; who keeps the farm sees all.
+One rule, asked at two places: the gate asks it of what a path names, and lists, events and requests that name other things ask
+it of rows. What is in no project is seen by everybody who is let in; who keeps the farm sees all. A member has a role in the
+project, which takes away from what the user may do elsewhere and never adds to it.
 """
 
 from __future__ import annotations
@@ -16,13 +17,14 @@ from sqlalchemy.exc import IntegrityError
 
 from service.access.roles import Caller
 from service.access.users import NAME
-from service.errors import Conflict, Invalid, NotFound
+from service.errors import Conflict, Invalid, NotAllowed, NotFound
 from service.store.database import Sessions
-from service.store.models import Environment, Job, Member, Project, Reference, Scene, User
+from service.store.models import Environment, Job, Member, Project, Reference, Scene, ShareTerms, User
 
-__all__ = ["EVERYTHING", "NOTHING", "Kind", "Projects", "Sight", "Summary"]
+__all__ = ["EVERYTHING", "NOTHING", "Kind", "MemberRole", "Projects", "Sight", "Summary", "only_looks"]
 
 Kind = Literal["scene", "job", "environment", "reference"]
+MemberRole = Literal["view", "submit"]
 ROWS: dict[Kind, Any] = {"scene": Scene, "job": Job, "environment": Environment, "reference": Reference}
 FRESH_S = 3.0  # for which a user's projects are not looked up again: another process may have changed them
 MOST_KNOWN = 65536
@@ -30,14 +32,19 @@ MOST_KNOWN = 65536
 
 @dataclass(frozen=True)
 class Sight:
-    """What a caller sees: everything; or what is in no project, and in these."""
+    """What a caller sees: everything; or what is in no project, and in these. looks: the ones where that is all it may."""
 
     everything: bool
     projects: frozenset[str] = frozenset()
+    looks: frozenset[str] = frozenset()
 
     def sees(self, project: str | None) -> bool:
         """Whether what is in this project is seen; None: what is not there at all, of which anybody may be told so."""
         return self.everything or not project or project in self.projects
+
+    def changes(self, project: str | None) -> bool:
+        """Whether what is seen in this project may be changed, and added to, by whom the farm lets change anything."""
+        return self.everything or project not in self.looks
 
     def clause(self, column: Any) -> ColumnElement[bool]:
         """As `sees`, of a table's column `project`."""
@@ -53,11 +60,12 @@ NOTHING = Sight(False)
 
 @dataclass(frozen=True)
 class Summary:
-    """A project: its members by name, and how many of each kind are in it."""
+    """A project: its members by name, their roles in it, and how many of each kind are in it."""
 
     name: str
     created: float
     members: list[str]
+    roles: dict[str, str]
     counts: dict[Kind, int]
 
 
@@ -86,7 +94,8 @@ class Projects:
         assert caller is not None
         read = time.monotonic()
         with self._sessions() as session:
-            sight = Sight(False, frozenset(session.scalars(select(Member.project).where(Member.user == caller.name))))
+            roles = {row.project: row.role for row in session.scalars(select(Member).where(Member.user == caller.name))}
+        sight = Sight(False, frozenset(roles), frozenset(name for name, role in roles.items() if role == "view"))
         with self._lock:
             if len(self._sights) >= MOST_KNOWN:
                 self._sights.clear()
@@ -130,16 +139,16 @@ class Projects:
         """Those that are seen, by name."""
         with self._sessions() as session:
             rows = session.scalars(select(Project).where(sight.clause(Project.name)).order_by(Project.name)).all()
-            members: dict[str, list[str]] = {row.name: [] for row in rows}
+            roles: dict[str, dict[str, str]] = {row.name: {} for row in rows}
             for each in session.scalars(select(Member).order_by(Member.user)):
-                members.get(each.project, []).append(each.user)
+                roles.get(each.project, {})[each.user] = each.role
             counts: dict[str, dict[Kind, int]] = {row.name: {} for row in rows}
             for kind, table in ROWS.items():
                 query = select(table.project, func.count()).where(table.project != "").group_by(table.project)
                 query = query.where(Scene.of.is_(None)) if table is Scene else query
                 for project, count in session.execute(query):
                     counts.get(project, {})[kind] = count
-        return [Summary(row.name, row.created, members[row.name], counts[row.name]) for row in rows]
+        return [Summary(row.name, row.created, list(roles[row.name]), roles[row.name], counts[row.name]) for row in rows]
 
     def find(self, name: str, sight: Sight = EVERYTHING) -> Summary:
         """One that is seen. Raises NotFound."""
@@ -149,24 +158,25 @@ class Projects:
         return found
 
     def check(self, name: str, sight: Sight) -> str:
-        """The name, where something may be put there: a project that is seen, or none. Raises NotFound."""
+        """The name, where something may be put there: a project that is seen, or none. Raises NotFound and NotAllowed."""
         if not name:
             return name
         with self._sessions() as session:
             is_there = "\0" not in name and session.get(Project, name) is not None
         if not (is_there and sight.sees(name)):
             raise no_project(name)
+        if not sight.changes(name):
+            raise only_looks(name)
         return name
 
-    def let_in(self, name: str, user: str) -> Summary:
-        """Make a user one of its members. Raises NotFound."""
+    def let_in(self, name: str, user: str, role: MemberRole = "submit") -> Summary:
+        """Make a user one of its members, or give one another role; it holds at once. Raises NotFound."""
         with self._sessions.begin() as session:
             if session.get(Project, name) is None:
                 raise no_project(name)
             if session.get(User, user) is None:
                 raise NotFound(f"There is no user {user[:64]!r}. GET /api/users lists them.")
-            if session.get(Member, (name, user)) is None:
-                session.add(Member(project=name, user=user))
+            session.merge(Member(project=name, user=user, role=role))
         self.forget()
         return self.find(name)
 
@@ -185,6 +195,7 @@ class Projects:
             raise Conflict(f"The project {name!r} still has {', '.join(left)}. Delete them first.")
         with self._sessions.begin() as session:
             session.execute(delete(Member).where(Member.project == name))
+            session.execute(delete(ShareTerms).where(ShareTerms.name == f"project:{name}"))
             session.execute(delete(Project).where(Project.name == name))
         self.forget()
 
@@ -197,3 +208,8 @@ class Projects:
 def no_project(name: str) -> NotFound:
     """There is none that is seen."""
     return NotFound(f"There is no project {name[:64]!r}, or you are none of its members. GET /api/projects lists yours.")
+
+
+def only_looks(name: str) -> NotAllowed:
+    """It is seen, and no more than that."""
+    return NotAllowed(f"In the project {name!r} you may look and change nothing. Ask who runs the farm.")

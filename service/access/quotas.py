@@ -46,11 +46,12 @@ NO_LIMITS = Limits()
 
 @dataclass(frozen=True)
 class Allowance:
-    """whose: user:NAME or token:ID."""
+    """whose: user:NAME or token:ID. is_own: an administrator has said so; else they are everybody's."""
 
     whose: str
     limits: Limits
     used: Limits
+    is_own: bool = False
 
 
 class Quotas:
@@ -74,7 +75,10 @@ class Quotas:
             users = {
                 f"user:{user.name}": NO_LIMITS if user.role == "admin" else self._usual for user in session.scalars(select(User))
             }
-            return [Allowance(whose, limits, self._used(whose, session)) for whose, limits in sorted((users | rows).items())]
+            return [
+                Allowance(whose, limits, self._used(whose, session), whose in rows)
+                for whose, limits in sorted((users | rows).items())
+            ]
 
     def set(self, whose: str, limits: Limits | None) -> None:
         """Say what somebody may; None: what everybody may. Raises NotFound."""

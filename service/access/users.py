@@ -12,7 +12,7 @@ from service.access.passwords import check_strength, hashed, is_right
 from service.access.roles import OPEN, OWNER, Role
 from service.errors import Conflict, Invalid, NotFound
 from service.store.database import Sessions
-from service.store.models import Key, Member, Quota, User
+from service.store.models import Key, Member, Quota, ShareTerms, User
 
 __all__ = ["Users"]
 
@@ -86,6 +86,7 @@ class Users:
             session.execute(delete(Key).where(Key.user == name, Key.kind != "worker"))
             session.execute(delete(Member).where(Member.user == name))
             session.execute(delete(Quota).where(Quota.whose == f"user:{name}"))
+            session.execute(delete(ShareTerms).where(ShareTerms.name == f"user:{name}"))
         self._keys.forget()
 
     def log_in(self, name: str, password: str) -> User | None:

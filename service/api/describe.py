@@ -172,6 +172,7 @@ def _job_out(job: Job, recorded: Recorded, view: Snapshot, waits: list[WaitOut])
         waits_for=waits,
         needs=needs.texts if (needs := Needs.of(job.needs)) else [],
         expected=live.expected if live else None,
+        unforeseen=live.unforeseen if live else None,
         warning=warning_of(job, live.expected if live else None, time.time()),
         active_s=live.active_s if live else max(job.active_s, known.active_s if known else 0.0),
         progress=live.progress if live and about else sums.progress / max(about.count if about else len(frames), 1),
@@ -189,6 +190,7 @@ def _job_out(job: Job, recorded: Recorded, view: Snapshot, waits: list[WaitOut])
         variant=job.request.get("variant"),
         pinned=bool(job.pinned),
         taken=TakenOut(**job.taken) if job.taken else None,
+        doubted=job.doubted or [],
         frames=frames,
         shot=about,
     )

@@ -22,9 +22,11 @@ from service.errors import Conflict, Invalid, NotFound, TooLarge
 from service.farm import FarmDependency
 from service.intake.uploads import gathered
 from service.store.bands import bands
+from service.store.blends import blend_of
 from service.store.blobs import is_sha256, no_blob
 from service.store.models import Scene
 from service.store.room import disk_checker, full_disk
+from worker.blends import written_of
 from worker.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 
 __all__ = ["router"]
@@ -43,23 +45,26 @@ def join(farm: FarmDependency, visit: VisitDependency) -> dict[str, str]:
     redis_url, key = farm.settings.worker_redis_url, visit.caller.key if visit.caller is not None else None
     if key is not None:
         redis_url = farm.redis_users.address_for(key, redis_url)
-    return {"redis_url": redis_url, "instance": farm.instance, "data_dir": data}
+    return {"redis_url": redis_url, "instance": farm.instance, "data_dir": data, "reduces": "yes"}
 
 
 @router.get("/scenes/{id}/manifest")
 def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
-    """The files of a scene, by hash."""
+    """The files of a scene, by hash; of a .blend what Blender wrote of it, as soon as it did."""
     with farm.sessions() as session:
         scene = session.get(Scene, id)
         base = session.get(Scene, scene.of) if scene is not None and scene.of else None
+        blend = blend_of(session, scene) if scene is not None else None
     if scene is None:
         raise NotFound("There is no such scene; it may have been deleted.")
     if not scene.files:
         raise Conflict(UNREADABLE.format(what="scene"))
-    files = [BlobRef(**ref) for ref in scene.files]
+    main, files = scene.main, [BlobRef(**ref) for ref in scene.files]
+    if (written := written_of({"blend": blend})) is not None:
+        main, files = written[0], [*written[1], *(file for file in files if file.path == scene.environment)]
     is_alike = base is not None and base.variant == scene.variant and base.main == scene.main
     known = base.info if base is not None and is_alike else None
-    return asdict(Manifest(id, scene.main, files, scene.environment, scene.variant, known))
+    return asdict(Manifest(id, main, files, scene.environment, scene.variant, known))
 
 
 @router.get("/blobs/{sha256}", response_class=StreamingResponse)

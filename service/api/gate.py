@@ -15,8 +15,8 @@ from starlette.requests import HTTPConnection, cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.access.access import Access
-from service.access.projects import EVERYTHING, Kind, Sight
-from service.access.roles import OPEN, Caller
+from service.access.projects import EVERYTHING, Kind, Sight, only_looks
+from service.access.roles import OPEN, Caller, Role
 from service.api.hosts import LOOPBACK_NAMES, name_of
 from service.api.lookup import no_thing
 from service.api.needs import Need, need_of, thing_of
@@ -43,6 +43,7 @@ AGAIN_S = 5.0
 LOG_IN_AGAIN = 4401  # a WebSocket's close codes
 NOT_THERE = 4404
 LONGEST_REASON = 120
+CLOSED_SINCE = "It is no longer yours to see: you are no member of its project any more."
 
 
 class Gate:
@@ -87,6 +88,10 @@ class Gate:
             if caller is not None and caller.is_known and method != "WS" and method not in SAFE_METHODS:
                 await _write_down(access, caller, address, f"{method} {pattern}", path, 404)
             await _not_there(thing, scope, receive, send)
+            return
+        project = access.projects.known(*thing) if thing is not None else None  # it was looked up just now
+        if need.role is not None and need.role > Role.VIEW and project is not None and not sight.changes(project):
+            await refuse(Problem(403, str(only_looks(project)), {"Connection": "close"}), scope, receive, send)
             return
         if method == "WS" or pattern in STAYS_OPEN:
             lasting = _Lasting(access, shown, need, visit, thing, receive, send)
@@ -222,6 +227,7 @@ class _Lasting:
         self._looks = visit.caller is not None and visit.caller.is_known
         self._looked = time.monotonic()
         self._is_over = False
+        self._why = LOG_IN_AGAIN, "You are logged out. Log in again."  # of a WebSocket that ends: code and reason
 
     async def receive(self) -> Message:
         """What comes in, or that nobody is there any more."""
@@ -229,7 +235,7 @@ class _Lasting:
         if message["type"] == "websocket.receive" and not await self._may_go_on():
             await self._end("websocket")
         if self._is_over and message["type"] == "websocket.receive":
-            return {"type": "websocket.disconnect", "code": LOG_IN_AGAIN}
+            return {"type": "websocket.disconnect", "code": self._why[0]}
         return message
 
     async def send(self, message: Message) -> None:
@@ -244,7 +250,8 @@ class _Lasting:
             return
         self._is_over = True
         if kind == "websocket":
-            await self._send({"type": "websocket.close", "code": LOG_IN_AGAIN, "reason": "You are logged out. Log in again."})
+            code, reason = self._why
+            await self._send({"type": "websocket.close", "code": code, "reason": reason})
         else:
             await self._send({"type": "http.response.body", "body": b"", "more_body": False})
 
@@ -261,6 +268,9 @@ class _Lasting:
             sight = await _sight(self._access, caller, self._needs_login)
             if self._saw_everything and not sight.everything:
                 return False
-            return self._thing is None or await _sees(self._access, sight, self._thing)
+            if self._thing is None or await _sees(self._access, sight, self._thing):
+                return True
+            self._why = NOT_THERE, CLOSED_SINCE
+            return False
         except FarmError:
             return True  # the database is away for a moment: that withdraws nothing

@@ -8,6 +8,7 @@ from pydantic import BaseModel, Field, model_validator
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from service.access.projects import only_looks
 from service.access.quotas import spend
 from service.api.job_list import MOST_JOBS
 from service.api.lookup import find_job, no_job
@@ -69,8 +70,11 @@ def change_many(changes: ChangesIn, farm: Farm, visit: Visit) -> ChangesOut:
         chosen = select(Job.id).where(Job.id.in_(ids), visit.sight.clause(Job.project))
         seen = set(session.scalars(chosen))
         of = seen if changes.of is None else set(session.scalars(chosen.where(Job.state.in_(changes.of))))
+        where = select(Job.id, Job.project).where(Job.id.in_(ids), Job.project.in_(visit.sight.looks))
+        closed = {row.id: row.project for row in session.execute(where)}
     unseen = [id for id in ids if id not in seen and changes.of is None]
-    ids = [id for id in ids if id in of]
+    answer.refused += [RefusedOut(id=id, why=str(only_looks(closed[id]))) for id in ids if id in of and id in closed]
+    ids = [id for id in ids if id in of and id not in closed]
     for at in range(0, len(ids), AT_A_TIME):
         some = ids[at : at + AT_A_TIME]
         if changes.state == "deleted":

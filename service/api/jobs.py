@@ -17,13 +17,13 @@ from sqlalchemy.exc import IntegrityError
 
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
-from service.access.projects import Sight
 from service.api.describe import job_out, jobs_out
 from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_many, may_begin_anew
 from service.api.job_list import MOST_JOBS, Choice, Order
 from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
 from service.api.queue_fields import needs_of, wait_for, wait_for_fewer
+from service.api.repeats import Key, earlier, kept_key, repeat
 from service.api.schemas import JobIn, JobOut, JobPatch, JobState
 from service.api.visit import VisitDependency
 from service.clock import deadline_of
@@ -70,9 +70,6 @@ router = APIRouter(prefix="/api/jobs", tags=["jobs"])
 _JOBS = TypeAdapter(list[JobOut])
 
 Traced = Annotated[str | None, Header(include_in_schema=False)]  # W3C Trace Context, of whoever asks
-Key = Annotated[
-    str | None, Header(max_length=255, pattern="^[ -~]*$", description="A repeated POST with the same key makes one job.")
-]
 
 
 @router.post("", status_code=201, response_model=JobOut)
@@ -86,10 +83,11 @@ def create_job(
 ) -> JobOut:
     """Ask for a picture of a scene. A scene that is still being prepared is waited for; with a full disk none is taken."""
     asked = request.model_dump(mode="json", exclude=_left_out(request))
-    if idempotency_key and (earlier := _earlier(idempotency_key, farm)):
-        return _repeat(earlier, asked, farm, response, visit.sight)
+    if (first := earlier(idempotency_key, visit.user, farm)) is not None:
+        return repeat(first, asked, farm, response, visit.sight)
     if not visit.sight.sees(farm.access.projects.of("scene", request.scene)):
         raise _no_scene(request.scene)
+    farm.access.projects.check(farm.access.projects.of("scene", request.scene) or "", visit.sight)
     need_room(farm.settings.data, farm.settings.min_free_bytes)
     rendered = _rendered(request, asked, farm)
     job = Job(
@@ -108,7 +106,7 @@ def create_job(
         noise=request.noise,
         seconds=request.seconds,
         shot=_shot(request).to_json() if request.is_shot else None,
-        idempotency_key=idempotency_key or None,
+        idempotency_key=kept_key(idempotency_key, visit.user),
         user=visit.user,
         key=visit.token,
         max_slots=request.max_slots,
@@ -132,10 +130,9 @@ def create_job(
             session.flush()
             answer = job_out(job, session, farm.engine)
     except IntegrityError:
-        earlier = _earlier(idempotency_key, farm) if idempotency_key else None
-        if earlier is None:
+        if (first := earlier(idempotency_key, visit.user, farm)) is None:
             raise
-        return _repeat(earlier, asked, farm, response, visit.sight)
+        return repeat(first, asked, farm, response, visit.sight)
     root, asked_in = tracing.root_of("job", job.id), tracing.where(traceparent)
     tracing.record("submit", job.created, time.time(), root, links=[asked_in], job=job.id, scene=job.scene)
     farm.changed("job", job.id)
@@ -353,17 +350,3 @@ def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
 
 def _invalid(sentence: str, field: str) -> Problem:
     return Problem(422, f"{sentence}.", errors=[{"field": field, "message": sentence}])
-
-
-def _earlier(key: str, farm: Farm) -> Job | None:
-    with farm.sessions() as session:
-        return session.scalar(select(Job).where(Job.idempotency_key == key))
-
-
-def _repeat(earlier: Job, asked: dict[str, object], farm: Farm, response: Response, sight: Sight) -> JobOut:
-    if earlier.request != asked or not sight.sees(earlier.project):
-        raise Conflict("This Idempotency-Key was used for another request. Take a new key for a new job.")
-    response.headers["Idempotent-Replayed"] = "true"
-    response.headers["Location"] = f"/api/jobs/{earlier.id}"
-    with farm.sessions() as session:
-        return job_out(earlier, session, farm.engine)

@@ -12,12 +12,14 @@ from typing import Annotated
 from fastapi import APIRouter, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.requests import cookie_parser
+from starlette.responses import JSONResponse
 
 from service.access.access import SESSION_S
 from service.access.passwords import LONGEST
 from service.access.roles import OWNER, Caller, Role
 from service.api.cookies import set_cookie
 from service.api.gate import cookie_name
+from service.api.leaving import forget_login, way_out
 from service.api.problem import Problem
 from service.api.visit import VisitDependency
 from service.errors import Conflict, FarmError
@@ -47,6 +49,12 @@ class PasswordIn(BaseModel):
 
     old: str = Field("", max_length=LONGEST)
     new: Password
+
+
+class LogoutOut(BaseModel):
+    """provider: the address at which the browser's session at the OpenID provider ends, and which leads back here."""
+
+    provider: str
 
 
 class SessionOut(BaseModel):
@@ -83,16 +91,22 @@ def log_in(asked: LoginIn, request: Request, response: Response, visit: VisitDep
     _end(request, farm)
     secret, row = access.keys.make("session", name, Role.ADMIN, name=_browser(request), lasts_s=SESSION_S)
     _set_cookie(request, response, farm, secret, SESSION_S)
+    forget_login(request, response, farm)
     access.audit.add(name, "login", kind=kind, address=visit.address, status=200)
     return _session_out(Caller(name, role, "session", row.id), visit.needs_login, farm)
 
 
-@router.post("/api/logout", status_code=204)
-def log_out(request: Request, response: Response, visit: VisitDependency, farm: FarmDependency) -> None:
-    """End the session that the cookie shows."""
+@router.post("/api/logout", status_code=204, response_model=None, responses={200: {"model": LogoutOut}})
+def log_out(request: Request, visit: VisitDependency, farm: FarmDependency) -> Response:
+    """End the session that the cookie shows. Where an OpenID provider let it in, the answer says where it ends there too."""
+    provider = None
     if _end(request, farm) and visit.caller is not None:
         farm.access.audit.add(visit.caller.name, "logout", kind="session", address=visit.address, status=204)
+        provider = way_out(request, farm)
+    response = Response(status_code=204) if provider is None else JSONResponse(LogoutOut(provider=provider).model_dump())
     _set_cookie(request, response, farm, "", 0)
+    forget_login(request, response, farm)
+    return response
 
 
 @router.put("/api/session/password", status_code=204)

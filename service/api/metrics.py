@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import time
 from collections.abc import Iterator, Mapping
 
 from prometheus_client import CollectorRegistry, generate_latest
@@ -10,10 +11,13 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from sqlalchemy import func, select
 
 from service.farm import Farm
+from service.owning import rows
 from service.scheduling.snapshot import Snapshot
 from service.store.models import ACTIVE, Frame, Job, Scene
 
 __all__ = ["render"]
+
+STANDBY_LATELY_S = 10.0
 
 
 class _Collector:
@@ -66,6 +70,15 @@ class _Collector:
         yield CounterMetricFamily("rayfarm_workers_distrusted", text, view.counts.get("distrusted", 0))
         text = "Results of workers, each of a batch or of some whose sums they added up"
         yield CounterMetricFamily("rayfarm_results", text, view.counts.get("results", 0))
+        owner = rows.look(self._farm.sessions)
+        yield GaugeMetricFamily("rayfarm_owner", "1 where this service works as the farm, 0 where it stands by", 1.0)
+        text = "How often a service took the farm over from another that had died or hung"
+        yield CounterMetricFamily("rayfarm_takeovers", text, owner.takeovers if owner is not None else 0)
+        asked_at = owner.asked_at if owner is not None else None
+        is_there = asked_at is not None and time.time() - asked_at < STANDBY_LATELY_S
+        yield GaugeMetricFamily("rayfarm_standby", "1 while another service stands by", float(is_there))
+        text = "Bytes of their sums, as they came"
+        yield CounterMetricFamily("rayfarm_result_bytes", text, view.counts.get("result_bytes", 0))
         yield GaugeMetricFamily("rayfarm_engine_up", "1 while the engine works", 0.0 if view.fault else 1.0)
 
 

@@ -13,6 +13,7 @@ from service.access.oidc import Oidc, Refused
 from service.access.roles import Role
 from service.api.cookies import set_cookie
 from service.api.gate import cookie_name
+from service.api.leaving import base_url, keep_login
 from service.api.visit import VisitDependency
 from service.errors import NotFound
 from service.farm import Farm, FarmDependency
@@ -30,9 +31,8 @@ LONGEST = 2048
 def begin(request: Request, farm: FarmDependency) -> RedirectResponse:
     """Send the browser to the provider."""
     oidc = _oidc(farm)
-    base = farm.settings.public_url.rstrip("/") or str(request.base_url).rstrip("/")
     try:
-        begun = oidc.begin(f"{base}/api/login/openid/answer")
+        begun = oidc.begin(f"{base_url(request, farm)}/api/login/openid/answer")
     except Refused as refusal:
         return _refused(request, refusal)
     answer = RedirectResponse(begun.url, 302, {"Cache-Control": "no-store"})
@@ -54,17 +54,19 @@ def finish(
     access, oidc = farm.access, _oidc(farm)
     shown = cookie_parser(request.headers.get("cookie", "")).get(_cookie(farm, request), "")
     try:
-        user = oidc.finish(state, code, error, shown)
+        found = oidc.finish(state, code, error, shown)
     except Refused as refusal:
         access.audit.add("", "login refused", kind="openid", address=visit.address, status=401)
         answer = _refused(request, refusal)
     else:
+        user = found.user
         access.keys.forget()  # its role may be another now
         browser = request.headers.get("user-agent", "")[:255]
         secret, _ = access.keys.make("session", user.name, Role.ADMIN, name=browser, lasts_s=SESSION_S)
         access.audit.add(user.name, "login", kind="openid", address=visit.address, status=200)
         answer = RedirectResponse(f"{request.base_url.path}#/", 302, {"Cache-Control": "no-store"})
         set_cookie(request, answer, cookie_name(access, request.scope), secret, SESSION_S)
+        keep_login(request, answer, farm, found.token)
     set_cookie(request, answer, _cookie(farm, request), "", 0, same_site="lax")
     return answer
 

@@ -24,6 +24,7 @@ from service.errors import (
     FilmWaits,
     Invalid,
     NoRoom,
+    NotAllowed,
     NotFound,
     OverQuota,
     TooLarge,
@@ -38,6 +39,7 @@ log = logging.getLogger(__name__)
 
 STATUS: dict[type[FarmError], int] = {
     NotFound: 404,
+    NotAllowed: 403,
     Conflict: 409,
     Invalid: 422,
     TooLarge: 413,

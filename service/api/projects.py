@@ -7,7 +7,7 @@ from dataclasses import asdict
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.access.projects import Kind, Summary
+from service.access.projects import Kind, MemberRole, Summary
 from service.api.visit import VisitDependency
 from service.farm import FarmDependency
 
@@ -24,12 +24,21 @@ class ProjectIn(BaseModel):
     name: str = Field(min_length=1, max_length=64)
 
 
+class MemberIn(BaseModel):
+    """What a member may do in a project, of what the user may do at all. view: look at it; submit: add and change too."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    role: MemberRole = "submit"
+
+
 class ProjectOut(BaseModel):
-    """A project that you see. counts: how many scenes, jobs, environments and references are in it."""
+    """A project that you see. roles: of its members. counts: how many scenes, jobs, environments and references are in it."""
 
     name: str
     created: float
     members: list[str]
+    roles: dict[str, str]
     counts: dict[Kind, int]
 
 
@@ -52,9 +61,9 @@ def remove_project(name: str, farm: FarmDependency) -> None:
 
 
 @router.put("/{name}/members/{user}", response_model=ProjectOut)
-def let_in(name: str, user: str, farm: FarmDependency) -> ProjectOut:
-    """Let a user see what is in it, and add to it."""
-    return _out(farm.access.projects.let_in(name, user))
+def let_in(name: str, user: str, farm: FarmDependency, asked: MemberIn | None = None) -> ProjectOut:
+    """Let a user see what is in it, and unless the role is view add to it; of a member it is the role from now on."""
+    return _out(farm.access.projects.let_in(name, user, (asked or MemberIn()).role))
 
 
 @router.delete("/{name}/members/{user}", response_model=ProjectOut)

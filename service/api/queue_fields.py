@@ -105,6 +105,7 @@ class QueueOut(BaseModel):
     needs: list[str] = Field(description="of the workers that render it")
     deadline: float | None = Field(description="by when it is wanted, in unix time")
     expected: float | None = Field(description="when it is to be ready by the forecast, where it has a deadline and is not over")
+    unforeseen: str | None = Field(description="why there is no forecast, where it has a deadline and is not over, in a sentence")
     late: float | None = Field(description="since when it is expected to miss its deadline, or has missed it; null: it is not")
     warning: str | None = Field(description="what somebody may want to do something about, in a sentence")
     waits_for: list[WaitOut] = Field(description="those of them that are not finished")

@@ -38,16 +38,22 @@ class AllowanceOut(BaseModel):
     used: LimitsIn
 
 
+class SetAllowanceOut(AllowanceOut):
+    """is_own: an administrator has said so; else they are everybody's."""
+
+    is_own: bool
+
+
 @router.get("/api/quota", response_model=list[AllowanceOut])
 def get_quota(farm: FarmDependency, visit: VisitDependency) -> list[AllowanceOut]:
     """What you may have and do, and what of it is used; of your token too, where that has limits of its own."""
     return [_out(found) for found in farm.quotas.of(visit.caller)]
 
 
-@router.get("/api/quotas", response_model=list[AllowanceOut])
-def list_quotas(farm: FarmDependency) -> list[AllowanceOut]:
+@router.get("/api/quotas", response_model=list[SetAllowanceOut])
+def list_quotas(farm: FarmDependency) -> list[SetAllowanceOut]:
     """Of all users, and of tokens that have limits of their own."""
-    return [_out(found) for found in farm.quotas.listed()]
+    return [SetAllowanceOut(**_out(found).model_dump(), is_own=found.is_own) for found in farm.quotas.listed()]
 
 
 @router.put("/api/quotas/{of}/{name}", status_code=204)

@@ -3,6 +3,7 @@
 from fastapi import APIRouter
 
 from service.api import (
+    addon,
     environments,
     events,
     examples,
@@ -25,6 +26,7 @@ from service.api import (
     scenes,
     shares,
     shot_files,
+    sites,
     snapshots,
     tokens,
     viewport,
@@ -46,11 +48,13 @@ for module in (
     live,
     viewport,
     workers,
+    sites,
     shares,
     events,
     hooks,
     examples,
     info,
+    addon,
     farm,
     kernels,
     retention,

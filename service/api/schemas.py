@@ -352,5 +352,9 @@ class JobOut(QueueOut):
     variant: str | None = Field(description="as it was asked for")
     pinned: bool = Field(description="kept, whatever its age")
     taken: TakenOut | None = Field(description="null: all of its samples were rendered for it")
+    doubted: list[str] = Field(
+        description="workers that were found out since to render something else than others, and whose samples it holds: "
+        "set it to running to have those rendered again"
+    )
     frames: list[FrameOut] = Field(description="of a shot only its first: all are at /api/jobs/{id}/frames")
     shot: ShotOut | None = Field(description="null: a still")

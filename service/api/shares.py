@@ -1,17 +1,20 @@
-"""/api/shares: what each user's jobs get of the slots."""
+"""/api/shares: what each user's jobs get of the slots, and each project's that has terms of its own."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Mapping
 from typing import Annotated
 
 from fastapi import APIRouter, Path
 from pydantic import BaseModel, Field
 from sqlalchemy import func, select
+from sqlalchemy.orm import Session
 
 from service.access.users import NAME
 from service.api.strict import Strict
+from service.api.visit import Visit, VisitDependency
 from service.errors import Invalid
 from service.farm import Farm, FarmDependency
 from service.scheduling.shares import EVERYBODY, Terms, share_of
@@ -21,9 +24,9 @@ __all__ = ["router"]
 
 router = APIRouter(prefix="/api/shares", tags=["shares"])
 
-SHARE = re.compile(rf"{EVERYBODY}|user:{NAME.pattern}")
+SHARE = re.compile(rf"{EVERYBODY}|(?:user|project):{NAME.pattern}")
 
-Share = Annotated[str, Path(max_length=80, description=f"{EVERYBODY}: of jobs that are nobody's; else user:NAME")]
+Share = Annotated[str, Path(max_length=80, description=f"{EVERYBODY}: of jobs that are nobody's; else user:NAME or project:NAME")]
 
 
 class ShareIn(Strict):
@@ -44,22 +47,42 @@ class ShareOut(BaseModel):
 
 
 @router.get("", response_model=list[ShareOut])
-def list_shares(farm: FarmDependency) -> list[ShareOut]:
-    """The shares of all users, of whoever else has jobs, and of whom an administrator gave terms, by name."""
+def list_shares(farm: FarmDependency, visit: VisitDependency) -> list[ShareOut]:
+    """The shares of all users, of whoever else has jobs, and of whom an administrator gave terms, by name.
+
+    Who else there is, administrators alone are told: others see their own share, and those of their projects.
+    """
+    return [each for each in _all(farm) if _is_told(each.share, visit)]
+
+
+def _is_told(share: str, visit: Visit) -> bool:
+    kind, _, name = share.partition(":")
+    if visit.sight.everything or kind == EVERYBODY:
+        return True
+    return name == visit.user if kind == "user" else visit.sight.sees(name)
+
+
+def _all(farm: Farm) -> list[ShareOut]:
     with farm.sessions() as session:
-        terms = {row.name: Terms(row.weight, row.max_slots) for row in session.scalars(select(ShareTerms))}
-        by_user = select(Job.user, func.count()).where(Job.state.in_(ACTIVE)).group_by(Job.user)
-        jobs = {share_of(user): number for user, number in session.execute(by_user)}
+        terms = _terms(session)
+        by_share = select(Job.user, Job.project, func.count()).where(Job.state.in_(ACTIVE)).group_by(Job.user, Job.project)
+        jobs: Counter[str] = Counter()
+        for user, project, number in session.execute(by_share):
+            jobs[share_of(user, project or "", terms)] += number
         names = {share_of(user) for user in session.scalars(select(User.name))}
-    slots = _slots(farm)
+    slots = _slots(farm, terms)
     return [_out(share, terms.get(share, Terms()), slots, jobs) for share in sorted(names | terms.keys() | jobs.keys())]
+
+
+def _terms(session: Session) -> dict[str, Terms]:
+    return {row.name: Terms(row.weight, row.max_slots) for row in session.scalars(select(ShareTerms))}
 
 
 @router.put("/{share}", response_model=ShareOut)
 def set_share(share: Share, asked: ShareIn, farm: FarmDependency) -> ShareOut:
     """Give a share other terms, from the next batch on. What was handed out before comes back first."""
     if not SHARE.fullmatch(share):
-        raise Invalid(f"share: there is no {share[:60]!r}. It is {EVERYBODY}, or user:NAME.")
+        raise Invalid(f"share: there is no {share[:60]!r}. It is {EVERYBODY}, user:NAME or project:NAME.")
     with farm.sessions.begin() as session:
         session.merge(ShareTerms(name=share, weight=asked.weight, max_slots=asked.max_slots))
     return _changed(share, farm)
@@ -67,7 +90,7 @@ def set_share(share: Share, asked: ShareIn, farm: FarmDependency) -> ShareOut:
 
 @router.delete("/{share}", response_model=ShareOut)
 def reset_share(share: Share, farm: FarmDependency) -> ShareOut:
-    """Let a share have what all have by themselves: the weight 1, and no limit."""
+    """Let a share have what all have by themselves: the weight 1, and no limit. A project's is none any more."""
     with farm.sessions.begin() as session:
         if (row := session.get(ShareTerms, share)) is not None:
             session.delete(row)
@@ -76,21 +99,21 @@ def reset_share(share: Share, farm: FarmDependency) -> ShareOut:
 
 def _changed(share: str, farm: Farm) -> ShareOut:
     farm.engine.changed("terms", "")
-    found = next((each for each in list_shares(farm) if each.share == share), None)
-    return found or _out(share, Terms(), Counter(), {})
+    found = next((each for each in _all(farm) if each.share == share), None)
+    return found or _out(share, Terms(), Counter(), Counter())
 
 
-def _slots(farm: Farm) -> Counter[str]:
+def _slots(farm: Farm, terms: Mapping[str, Terms]) -> Counter[str]:
     """How many slots work on jobs of each share."""
     busy = Counter(str(slot["job"]) for slot in farm.engine.snapshot.roster.current() if slot.get("job"))
     with farm.sessions() as session:
-        rows = session.execute(select(Job.id, Job.user).where(Job.id.in_(list(busy)))).all()
+        rows = session.execute(select(Job.id, Job.user, Job.project).where(Job.id.in_(list(busy)))).all()
     found: Counter[str] = Counter()
-    for id, user in rows:
-        found[share_of(user)] += busy[id]
+    for id, user, project in rows:
+        found[share_of(user, project or "", terms)] += busy[id]
     return found
 
 
-def _out(share: str, terms: Terms, slots: Counter[str], jobs: dict[str, int]) -> ShareOut:
-    now = {"slots": slots[share], "jobs": jobs.get(share, 0)}
+def _out(share: str, terms: Terms, slots: Counter[str], jobs: Counter[str]) -> ShareOut:
+    now = {"slots": slots[share], "jobs": jobs[share]}
     return ShareOut(share=share, weight=terms.weight, max_slots=terms.max_slots, **now)

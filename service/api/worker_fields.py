@@ -63,7 +63,7 @@ class OfferOut(BaseModel):
     slots_most: int = Field(description="it was started with so many")
     hours: str = Field(description="empty: always")
     idle_minutes: float = Field(description="0: also while somebody works at its machine")
-    idle_by: list[str] = Field(description="how it knows that somebody does: load, terminals, screen")
+    idle_by: list[str] = Field(description="how it knows that somebody does: load, terminals, desktop, screen")
     nice: int
     memory_limit: int = Field(description="bytes; 0: none")
     rests: str | None = Field(description="why it takes nothing at the moment, by its own hours or limits")

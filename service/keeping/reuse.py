@@ -98,7 +98,11 @@ class Reuse:
                 .limit(LOOKED_AT)
             )
             found = [_Source(*row) for row in rows]
-        found = [each for each in found if each.job.kind and (not kinds or each.job.kind in kinds) and _is_part(each.job, job)]
+        found = [
+            each
+            for each in found
+            if each.job.kind and not each.job.doubted and (not kinds or each.job.kind in kinds) and _is_part(each.job, job)
+        ]
         return sorted(found, key=lambda each: -each.samples)
 
     def _source(self, id: str, end: tuple[str, int | None, float | None, float | None]) -> _Source | None:

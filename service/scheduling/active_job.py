@@ -61,11 +61,13 @@ class ActiveJob:
         self.settings = RenderSettings.from_json(row.settings)
         self.state = row.state
         self.priority = row.priority
+        self.user, self.project = row.user, row.project or ""
         self.share = share_of(row.user)
         self.max_slots = row.max_slots
         self.needs = Needs.of(row.needs)
         self.deadline = row.deadline
         self.expected: float | None = None  # when it is to be ready, where it has a deadline
+        self.unforeseen: str | None = None  # why nobody knows that
         self.urgency = math.inf if row.late is None or row.deadline is None else row.deadline  # which it is expected to miss
         self.foretold_s = 0.0  # of a slot, for a sample of a pixel, by the scene's latest picture; 0: there was none
         self.kind = row.kind

@@ -123,8 +123,10 @@ class Answers:
             entries = self._results.read(block_ms)
             begun = time.monotonic()
             self._take_in(entries)
-        results = sum(entry.result is not None and entry.result.sums is not None for entry in entries)
+        sizes = [len(entry.result.sums) for entry in entries if entry.result is not None and entry.result.sums is not None]
+        results = len(sizes)
         self.counts["results"] += results
+        self.counts["result_bytes"] += sum(sizes)
         self._pace.took_in(results, self._batches, time.monotonic() - begun)
         self._batches = 0
 
@@ -215,7 +217,7 @@ class Answers:
             self.counts["merged" if each.taken else "dropped"] += len(pieces)
             for piece in pieces:
                 batch = each.batch and each.batch._replace(first=piece.first, count=piece.count)
-                self._scheduler.came_back(job, piece.batch, batch, piece.seconds, each.message.worker)
+                self._scheduler.came_back(job, piece.batch, batch, piece.seconds, piece.worker or each.message.worker)
             self._note(job, each)
             if each.taken and each.batch is not None:
                 job.frames[each.batch.frame].bad_samples += each.message.bad_count
@@ -235,7 +237,7 @@ class Answers:
         said, batch = each.message, each.batch
         if batch is not None:
             seconds = sum(piece.seconds for piece in said.pieces)
-            text = words_of(said.worker, said.first, said.count, seconds, said.took, said.lines)
+            text = words_of(", ".join(said.senders), said.first, said.count, seconds, said.took, said.lines)
             self._logs.tiles.note(job.id, batch.frame, batch.tile, text)
             for line in said.lines:
                 job.history.log.say(f"{said.worker}, {named(batch)}: {line}")

@@ -1,8 +1,6 @@
 """Whether jobs are expected to be ready when they are wanted.
 
-The forecast is what the job's page shows as left (ActiveJob.eta_s): what is missing at the speed of now. Of a job that is not
-being rendered it is what all slots would take for it alone, by what a sample cost there or in the scene's latest picture: less
-than that it cannot take. It knows nothing of what will come before the job, nor of machines that come and go.
+The forecast (forecast.py) is of what is missing of it, at what a sample costs, and of the jobs that are served before it.
 
 A job is late once the forecast has said so for some seconds, or its deadline has passed; and it is not any more once the forecast
 has said so for as long. One that is late goes before the others of its priority and share (shares.py).
@@ -11,15 +9,18 @@ has said so for as long. One that is late goes before the others of its priority
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from typing import Protocol
 
 from service.scheduling.active_job import ActiveJob
+from service.scheduling.forecast import Forecast
 
-__all__ = ["Deadlines", "Recorded", "least_s", "outlook"]
+__all__ = ["Deadlines", "Recorded"]
 
 SURE_AFTER_S = 5.0  # the first figures of a job that begins are those of kernels being compiled
 RECORDS_EVERY_S = 5.0
+RESTS = 20  # times as long as a review takes, until the next: ten thousand deadlines must not hold the engine
 
 
 Run = Callable[[str, Callable[[], object]], bool]
@@ -47,14 +48,23 @@ class Deadlines:
         self._tell = tell
         self._since: dict[str, float] = {}  # since when the forecast says the other of what is known of a job
         self._looked = -math.inf
+        self._rests_until = -math.inf
 
-    def review(self, jobs: list[ActiveJob], slots: int, now: float) -> None:
-        """Once a second. slots: that there are. now: unix time."""
+    def review(self, jobs: list[ActiveJob], forecast: Callable[[ActiveJob, float], Forecast], now: float) -> None:
+        """Once a second. forecast: of a job, at a moment. now: unix time."""
+        if now < self._rests_until:
+            return
+        begins = time.perf_counter()
+        self._review(jobs, forecast, now)
+        self._rests_until = now + RESTS * (time.perf_counter() - begins) if len(jobs) > 1 else -math.inf
+
+    def _review(self, jobs: list[ActiveJob], forecast: Callable[[ActiveJob, float], Forecast], now: float) -> None:
         for job in jobs:
             if job.deadline is None:
-                job.expected, job.urgency = None, math.inf
+                job.expected, job.unforeseen, job.urgency = None, None, math.inf
                 continue
-            job.expected = outlook(job, slots, now)
+            found = forecast(job, now)
+            job.expected, job.unforeseen = found.at, found.why
             if (changed := self._turned(job, now)) is not None:
                 self._run(job.id, lambda job=job, late=changed: self._note(job, late, now))  # type: ignore[misc]
         if now - self._looked >= RECORDS_EVERY_S:
@@ -89,21 +99,3 @@ class Deadlines:
         for id in self._records.overdue(now):
             if id not in known and self._records.late(id, now):
                 self._tell("job", id)
-
-
-def outlook(job: ActiveJob, slots: int, now: float) -> float | None:
-    """When a job is expected to be ready, in unix time; None where that is not known."""
-    if job.done:
-        return now
-    least = least_s(job, slots)
-    left = job.eta_s if job.state == "running" and job.samples_per_s > 0.0 else least
-    return None if left is None else now + left
-
-
-def least_s(job: ActiveJob, slots: int) -> float | None:
-    """What so many slots take for what is missing, if they do nothing else; None where it is not known what a sample costs."""
-    cost = job.sample_s
-    usable = min(slots, job.max_slots or slots)
-    if cost <= 0.0 or usable <= 0:
-        return None
-    return max(job.target_samples - job.samples, 0) * cost / usable

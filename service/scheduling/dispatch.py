@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
@@ -12,6 +12,7 @@ import redis
 from celery import Celery
 from kombu.exceptions import BatchPublishError, OperationalError
 
+from service.errors import FarmError
 from service.scheduling.traces import headers_of
 from worker.broker import celery_config
 from worker.contract import (
@@ -47,8 +48,10 @@ class QueueError(Exception):
 class Dispatcher:
     """Sends tasks. A task's id is that of its lease or message, so that what waits can be told apart and taken back."""
 
-    def __init__(self, redis_url: str, connection: redis.Redis) -> None:
+    def __init__(self, redis_url: str, connection: redis.Redis, guard: Callable[[], None] = lambda: None) -> None:
+        """guard: raises FarmError where nothing may be sent."""
         self._redis = connection
+        self._guard = guard
         self._producer: Any = None  # while more than one message is sent at once
         self._celery = Celery("rayfarm-service", set_as_current=False)
         self._celery.conf.update(celery_config(redis_url))
@@ -70,6 +73,7 @@ class Dispatcher:
                     yield
                 finally:
                     self._producer = None
+                self._may_send()
         except _AWAY as error:
             raise QueueError(str(error)) from error
 
@@ -92,9 +96,9 @@ class Dispatcher:
         whole = joint.whole
         self._send(RENDER_JOINTLY, {"joint": joint.to_json()}, queue, whole.batch, ("job", whole.job))
 
-    def send_prepare(self, scene: str, kind: str, lease: str) -> None:
+    def send_prepare(self, scene: str, queue: str, lease: str) -> None:
         """Ask for a scene to be prepared. Raises QueueError."""
-        self._send(PREPARE, {"scene": scene}, prepare_queue(kind), lease, ("scene", scene))
+        self._send(PREPARE, {"scene": scene}, queue, lease, ("scene", scene))
 
     def send_frames(self, work: PrepareFrames, kind: str) -> None:
         """Ask for frames of a shot to be prepared. Raises QueueError."""
@@ -147,12 +151,19 @@ class Dispatcher:
                 self._redis.delete(name)
         self._redis.delete(VIEW_ANSWERS)
 
+    def _may_send(self) -> None:
+        try:
+            self._guard()
+        except FarmError as error:
+            raise QueueError(str(error)) from error
+
     def close(self) -> None:
         """Close the connections."""
         self._celery.close()
 
     def _send(self, name: str, arguments: dict[str, Any], queue: str, lease: str, traced: tuple[str, str] | None = None) -> None:
         """traced: whose trace it belongs to, where it belongs to one."""
+        self._may_send()
         try:
             options: dict[str, Any] = {
                 "ignore_result": True,

@@ -27,6 +27,7 @@ from service.scheduling.denoising import Denoising
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.environments import Environments
 from service.scheduling.film_snapshots import SnapshotKeeper
+from service.scheduling.forecast import Forecaster
 from service.scheduling.job_log import JobLogs
 from service.scheduling.lifecycle import LetGo, Lifecycle
 from service.scheduling.moments import Moments
@@ -55,6 +56,7 @@ READ_BYTES = 1 << 20  # at a time, of results of some megabytes
 PAUSE_AFTER_FAULT_S = 0.5
 SERVICE_KEY = "rayfarm:service"  # when the service last wrote into Redis, in seconds since 1970
 SERVICE_KEY_TTL_S = 10
+STUCK_S = 60.0  # without a round: another service may try
 
 log = logging.getLogger(__name__)
 
@@ -73,7 +75,11 @@ class Engine:
         tell_tiles: TellTiles,
         let_go: LetGo,
         suspect: Callable[[str], None],
+        guard: Callable[[], None],
+        is_watched: Callable[[], bool],
     ) -> None:
+        """guard: raises FarmError where this service may not act as the farm."""
+        self._guard = guard
         self.films = films
         self._records = records
         self._redis = redis.Redis.from_url(
@@ -83,8 +89,8 @@ class Engine:
             health_check_interval=30,
             socket_read_size=READ_BYTES,
         )
-        self._dispatcher = Dispatcher(settings.redis_url, self._redis)
-        self._results = Results(self._redis)
+        self._dispatcher = Dispatcher(settings.redis_url, self._redis, guard)
+        self._results = Results(self._redis, guard)
         self._board = Board(tell)
         self._changes = Changes()
         self._bulkheads = Bulkheads()
@@ -96,7 +102,7 @@ class Engine:
         self._vectors = Vectors(self._dispatcher, self._workers, blobs)
         self._environments = Environments(self._dispatcher, self._workers, blobs)
         self.logs = JobLogs(settings.data / "logs-of-jobs")
-        self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes)
+        self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes, is_watched)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads, self._pace)
         self.trust = Trust(self._scheduler, self._workers, self._dispatcher, settings.batch_deadline)
         self._waiting = Waiting(records, self._bulkheads, self._changes)
@@ -109,6 +115,7 @@ class Engine:
             suspect=suspect,
         )
         self._deadlines = Deadlines(records, self._with_database, change)
+        self._forecaster = Forecaster(self._scheduler.line_up, self._scheduler.shares)
         self._keeper = SnapshotKeeper(snapshots, settings.data / "tmp", self._scheduler.jobs.__contains__)
         self._answers = Answers(
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
@@ -146,6 +153,11 @@ class Engine:
     def is_alive(self) -> bool:
         """Whether the thread runs."""
         return self._thread.is_alive()
+
+    @property
+    def moves(self) -> bool:
+        """Whether it comes round. While it begins it may be busy for long with what an earlier life left."""
+        return self.is_alive and (not self._has_begun or time.monotonic() - self.snapshot.made < STUCK_S)
 
     @property
     def snapshot(self) -> Snapshot:
@@ -215,6 +227,7 @@ class Engine:
         return None
 
     def _step(self) -> None:
+        self._guard()
         if not self._has_begun:
             self._begin()
         self._apply_changes()
@@ -275,6 +288,8 @@ class Engine:
     def _renew_terms(self) -> None:
         """What an administrator has said of shares and workers."""
         self._scheduler.shares.terms = self._records.shares()
+        for job in self._scheduler.jobs.values():
+            job.share = self._scheduler.shares.name_of(job.user, job.project)
         self._terms = self._records.worker_terms()
 
     def _each_second(self) -> None:
@@ -291,11 +306,11 @@ class Engine:
             self._lifecycle.lost_while_preparing(scene, kind)
         for job, frame in self._moments.review(self._scheduler.jobs, self._results):
             self._lifecycle.frame_lost(job, frame)
-        self._workers.ask(self._terms, [job.needs for job in self._scheduler.jobs.values() if job.needs is not None])
-        slots = sum(report.slots for report in self._workers.roster.ready())
-        self._deadlines.review(list(self._scheduler.jobs.values()), slots, time.time())
+        needs = [job.needs for job in self._scheduler.jobs.values() if job.needs is not None]
+        self._workers.ask(self._terms, [*needs, *self._scheduler.sites.needs()])
+        self._deadlines.review(list(self._scheduler.jobs.values()), self._forecaster.of, time.time())
         for job in list(self._scheduler.jobs.values()):
-            job.tick(job.state == "running" and bool(self._scheduler.leases.of(job.id)))
+            job.tick(job.state == "running" and self._scheduler.leases.has(job.id))
             if job.state == "running" or job.done:
                 self._lifecycle.record(job)
                 self._board.change("job", job.id)
@@ -324,7 +339,7 @@ class Engine:
             waits={**self.trust.sentences(), **self._bulkheads.sentences()},
             preparing=dict(self._preparing.progress),
             counts={**self._answers.counts, **self.trust.counts, "lost": self._scheduler.lost},
-            batches_out=sum(1 for _ in self._scheduler.leases),
+            batches_out=len(self._scheduler.leases),
             results_unread=self._pace.waiting,
             batch_cost_s=self._pace.batch_cost_s,
             failures=dict(self._scheduler.suspicion.failures),

@@ -69,42 +69,84 @@ class Lease:
 
 
 class Leases:
-    """All leases, by id and by owner."""
+    """All leases, by id and by owner. How many slots what is out takes is counted as it changes: it is asked for at every step,
+    and there are thousands."""
 
     def __init__(self) -> None:
         self._all: dict[str, Lease] = {}
+        self._of: dict[str, dict[str, Lease]] = {}
+        self._turns: Counter[tuple[str, str]] = Counter()  # batches of each owner's turns whose answers were not read yet
+        self._held: Counter[str] = Counter()
+        self._waiting: Counter[str] = Counter()
+        self._kinds: Counter[str] = Counter()
 
     def __iter__(self) -> Iterator[Lease]:
         return iter(list(self._all.values()))
 
+    def __len__(self) -> int:
+        return len(self._all)
+
     def add(self, lease: Lease) -> None:
         """Begin a lease."""
         self._all[lease.id] = lease
+        self._of.setdefault(lease.owner, {})[lease.id] = lease
+        if lease.batch is not None and not lease.has_arrived:
+            self._turns[lease.owner, lease.turn] += 1
+            if self._turns[lease.owner, lease.turn] == 1:
+                self._count(lease, 1)
 
     def get(self, lease: str) -> Lease | None:
         """The lease of this id."""
         return self._all.get(lease)
 
+    def arrived(self, lease: Lease) -> None:
+        """The answer of one of these was read."""
+        if lease.batch is not None and not lease.has_arrived:
+            self._let_go(lease)
+        lease.has_arrived = True
+
     def end(self, lease: str) -> Lease | None:
         """End a lease; None where it has ended before."""
-        return self._all.pop(lease, None)
+        ended = self._all.pop(lease, None)
+        if ended is not None:
+            of = self._of[ended.owner]
+            del of[lease]
+            if not of:
+                del self._of[ended.owner]
+            if ended.batch is not None and not ended.has_arrived:
+                self._let_go(ended)
+        return ended
 
     def of(self, owner: str) -> list[Lease]:
         """The leases of a job or a scene."""
-        return [lease for lease in self._all.values() if lease.owner == owner]
+        return list(self._of.get(owner, {}).values())
+
+    def has(self, owner: str) -> bool:
+        """Whether there is one of a job or a scene."""
+        return owner in self._of
 
     def held(self) -> Counter[str]:
-        """How many slots what is out of each job takes, that whose results were not read yet included."""
-        out = {(lease.owner, lease.turn) for lease in self._all.values() if lease.batch is not None and not lease.has_arrived}
-        return Counter(owner for owner, _ in out)
+        """How many slots what is out of each job takes, but for that whose results were read; a copy."""
+        return self._held.copy()
 
     def waiting_in(self, queue: str) -> int:
-        """How many slots what went into a queue takes, as `turns`."""
-        out = (lease for lease in self._all.values() if lease.queue == queue and not lease.has_arrived)
-        return len({lease.turn for lease in out})
+        """How many slots the batches that went into a queue take, as `turns`."""
+        return self._waiting[queue]
 
     def turns(self, kind: str) -> int:
         """How many slots of workers of a kind all that is out takes, that whose results were not read yet included: where it
         piles up, workers get less."""
-        out = (lease for lease in self._all.values() if lease.batch is not None and not lease.has_arrived)
-        return len({lease.turn for lease in out if lease.kind == kind})
+        return self._kinds[kind]
+
+    def _let_go(self, lease: Lease) -> None:
+        turn = lease.owner, lease.turn
+        self._turns[turn] -= 1
+        if not self._turns[turn]:
+            del self._turns[turn]
+            self._count(lease, -1)
+
+    def _count(self, lease: Lease, change: int) -> None:
+        for counter, key in ((self._held, lease.owner), (self._waiting, lease.queue), (self._kinds, lease.kind)):
+            counter[key] += change
+            if not counter[key]:
+                del counter[key]

@@ -164,13 +164,16 @@ class Lifecycle:
             self._records.forgot(row.id, shot.anew)
         verify = row.request.get("verify")
         film.keeps_apart = (self._scheduler.verify if verify is None else verify) > 0
-        for worker in self._scheduler.distrusted:
+        for worker in self._scheduler.distrusted.union(row.doubted or ()):
             film.take_back(worker)
+        if row.doubted:
+            self._records.believed(row.id)
         frames = self._records.frames(row.id)
         compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
         job = ActiveJob(resolved, frames, film, compiled, scene.blobs)
         job.verify = self._scheduler.verify if verify is None else verify
         job.checks = self._scheduler.checks
+        job.share = self._scheduler.shares.name_of(job.user, job.project)
         asked = {"env": row.light or scene.environment, "variant": scene.variant}
         job.scene_words = [f"--{name}={value}" for name, value in asked.items() if value]
         upload = self._records.scene(row.scene) if row.lit else scene
@@ -338,7 +341,7 @@ class Lifecycle:
         elif scene.status == "preparing":
             base = self._records.scene(scene.of) if scene.of else None
             if base is None or base.status != "preparing":  # else it is looked at again when that one is prepared
-                self._preparing.want(id, None)
+                self._preparing.want(id, None, by_blender=self._records.is_to_be_opened(scene))
         self._tell("scene", id)
 
     def _drop(self, job: ActiveJob) -> None:

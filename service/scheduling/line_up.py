@@ -33,6 +33,14 @@ class LineUp:
             return job.kind or roster.best_kind()
         return roster.blurring_kind() if job.settings.shutter else roster.shooting_kind()
 
+    def slots_for(self, job: ActiveJob) -> int:
+        """How many slots take batches of a job now."""
+        kind = self.kind_for(job)
+        if kind is None:
+            return 0
+        roster = self._workers.roster
+        return roster.slots(kind) if job.needs is None else roster.serving(job.needs.queue(kind)).get(kind, 0)
+
     def by_priority(self, kind: str) -> dict[int, list[ActiveJob]]:
         """The jobs that workers of a kind may render."""
         found: dict[int, list[ActiveJob]] = {}

@@ -37,7 +37,7 @@ def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrive
             sums,
             [BadSample(*sample) for sample in message.bad],
             message.bad_count,
-            (message.worker,),
+            message.senders,
         )
         for (message, sums), batch in zip(answers, wanted, strict=True)
         if batch is not None

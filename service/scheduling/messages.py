@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError, field_valid
 
 from service.scheduling.results import Entry
 from service.store.blobs import is_sha256
+from worker.blends import written_of
 from worker.contract import BlobRef, FrameInfo, SceneInfo
 
 __all__ = [
@@ -73,6 +74,7 @@ class Piece(NamedTuple):
     first: Number
     count: Annotated[int, Field(ge=1, le=LARGE)]  # type: ignore[assignment]  # hides tuple.count, which nobody needs
     seconds: Seconds
+    worker: Id = ""  # that rendered it, where several have
 
 
 class BatchDone(_Batch):
@@ -92,6 +94,11 @@ class BatchDone(_Batch):
     def pieces(self) -> list[Piece]:
         """What was handed out, each by itself."""
         return self.parts or [Piece(self.batch, self.first, self.count, self.seconds)]
+
+    @property
+    def senders(self) -> tuple[str, ...]:
+        """Who rendered it, each once."""
+        return tuple(dict.fromkeys(piece.worker or self.worker for piece in self.pieces))
 
     @model_validator(mode="after")
     def _all_of_it(self) -> BatchDone:
@@ -213,7 +220,8 @@ class PrepareDone(_Prepare):
     @field_validator("info")
     @classmethod
     def _usable(cls, info: SceneInfo) -> SceneInfo:
-        for blob in (info.compiled, info.thumbnail):
+        written = written_of({"blend": info.blend})
+        for blob in (info.compiled, info.thumbnail, *(written[1] if written is not None else ())):
             _check_hashes(blob)
         if not all(math.isfinite(value) for corner in info.bounds for value in corner):
             raise ValueError("bounds are no numbers")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 __all__ = ["Pace"]
@@ -20,11 +20,15 @@ SMOOTHING = 0.3
 RENEWED_EVERY_S = 1.0
 BEHIND_S = 0.75  # a backlog of so long a time is none that comes with a burst
 MOST_STRETCH = 20.0
+GROWTH = 1 / 16  # of what a job has taken each slot so far: so a batch adds at most that share to a picture
+MOST_GROWN = 3.0  # times the shortest: who comes later waits for a slot so long
+FIRST_GUESS_S = 0.001  # of a core a batch: until some have come, a farm of thousands of slots must not begin with short ones
 FEW = 8  # batches or results: less say nothing
 AHEAD_S = 1.0
 SLOTS_ALONE = 32  # so many take batches of as many tiles
 MOST_OF_A_TILE = 8
 MOST_JOINT = 16
+MOST_OF_A_SITE = 64
 SHORTEST_HOLD_S = 1.0
 GATHERED_FROM = 40.0  # results a second: fewer are taken in one by one, as they come
 GATHER_S = 0.15
@@ -33,8 +37,12 @@ GATHER_S = 0.15
 class Pace:
     """Lives in the engine's thread."""
 
-    def __init__(self, shortest_s: float, longest_s: float, unread_bytes: int) -> None:
-        """shortest_s, longest_s: bounds of a batch. unread_bytes: of results, beyond which nothing more is handed out."""
+    def __init__(
+        self, shortest_s: float, longest_s: float, unread_bytes: int, is_pressed: Callable[[], bool] = lambda: False
+    ) -> None:
+        """shortest_s, longest_s: bounds of a batch. unread_bytes: of results, beyond which nothing more is handed out.
+        is_pressed: whether somebody waits for slots between two batches."""
+        self.is_pressed = is_pressed
         self._shortest_s = shortest_s
         self._longest_s = max(shortest_s, longest_s)
         self._unread_bytes = unread_bytes
@@ -42,6 +50,7 @@ class Pace:
         self.results_per_s = 0.0
         self._unread = 0
         self._size = 0.0
+        self._grown_s = self._shortest_s  # of the batches handed out last
         self._stretch = 1.0  # of batches, where results wait for other things than this thread's work: a disk, other programs
         self._busy_s = 0.0
         self._storing_s = 0.0  # by the wall's clock
@@ -74,14 +83,24 @@ class Pace:
         self._stretch = min(self._stretch * 1.2, MOST_STRETCH) if behind else max(self._stretch * 0.95, 1.0)
         self._busy_s, self._storing_s, self._results, self._batches, self._since = 0.0, 0.0, 0, 0, now
 
-    def batch_s(self, slots: int) -> float:
-        """How long a batch is to take where so many slots work."""
-        return min(max(self._shortest_s, slots * self.batch_cost_s / SHARE) * self._stretch, self._longest_s)
+    def batch_s(self, slots: int, spent_s: float = 0.0) -> float:
+        """How long a batch is to take where so many slots work.
+
+        spent_s: what its job has taken each of them so far. In a picture of many samples a few more are not seen, and half as
+        many results take half of the service's time. Not while somebody looks at a scene, for whom slots are to be free soon.
+        """
+        grown_s = 0.0 if self.is_pressed() else min(spent_s * GROWTH, MOST_GROWN * self._shortest_s)
+        self._grown_s = max(self._shortest_s, grown_s)
+        return self._long_s(slots, self._grown_s)
 
     def window(self, slots: int, per_slot: int) -> int:
         """How many messages may be out for so many slots: what waits behind those in hand is what they take within a second, so
         that longer batches do not make who comes later wait longer."""
-        return slots + math.ceil(slots * (per_slot - 1) * min(1.0, AHEAD_S / self.batch_s(slots)))
+        return slots + math.ceil(slots * (per_slot - 1) * min(1.0, AHEAD_S / self._long_s(slots, self._grown_s)))
+
+    def _long_s(self, slots: int, shortest_s: float) -> float:
+        cost_s = self.batch_cost_s or FIRST_GUESS_S
+        return min(max(shortest_s, slots * cost_s / SHARE) * self._stretch, self._longest_s)
 
     def of_a_tile(self, slots: int, joint: bool = False) -> int:
         """How many batches of a tile are handed out one after the other: they come back together, and are added up to one row.
@@ -96,6 +115,16 @@ class Pace:
         """How long a batch's sums may wait on a machine for those of the batches with which they are added up, where each is
         expected to take so long."""
         return max(SHORTEST_HOLD_S, batch_s)
+
+    @staticmethod
+    def of_a_site(slots: int) -> int:
+        """How many batches of a tile follow each other to a site of so many slots, whose machines add up their sums."""
+        return max(2, min(slots, MOST_OF_A_SITE))
+
+    @staticmethod
+    def site_hold_s(batch_s: float) -> float:
+        """How long a batch's sums may wait at a site: some of its run wait for a slot while the first are rendered."""
+        return SHORTEST_HOLD_S + 2 * batch_s
 
     def room(self, room: int) -> int:
         """Of that much room, what is left while results wait unread: less and less, and none at the limit."""

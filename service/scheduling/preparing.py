@@ -9,6 +9,7 @@ from service.scheduling.dispatch import Dispatcher
 from service.scheduling.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.results import Results
 from service.scheduling.workers import Workers
+from worker.blends import WAITS, blender_queue
 from worker.contract import prepare_queue
 
 __all__ = ["Preparing", "Progress"]
@@ -24,6 +25,9 @@ class Progress:
     fraction: float
 
 
+NO_BLENDER = Progress(WAITS, 0.0)
+
+
 class Preparing:
     """The scenes to prepare, each for a kind of worker, or (None) for whichever kind there is most of."""
 
@@ -32,17 +36,21 @@ class Preparing:
         self._workers = workers
         self._deadline_s = deadline_s
         self._wanted: dict[tuple[str, str | None], int] = {}  # -> how often it was lost
+        self._by_blender: set[str] = set()
         self.leases = Leases()
         self.progress: dict[str, Progress] = {}
 
-    def want(self, scene: str, kind: str | None) -> None:
-        """Prepare a scene."""
+    def want(self, scene: str, kind: str | None, by_blender: bool = False) -> None:
+        """Prepare a scene. by_blender: on a worker that has it."""
         self._wanted.setdefault((scene, kind), 0)
+        if by_blender:
+            self._by_blender.add(scene)
 
     def forget(self, scene: str) -> None:
         """The scene is deleted, or prepared, or failed."""
         for key in [key for key in self._wanted if key[0] == scene]:
             del self._wanted[key]
+        self._by_blender.discard(scene)
         self.progress.pop(scene, None)
         for lease in self.leases.of(scene):
             self.leases.end(lease.id)
@@ -51,6 +59,7 @@ class Preparing:
         """The scene is prepared for a kind, and perhaps wanted for another."""
         self._wanted.pop((scene, kind), None)
         self._wanted.pop((scene, None), None)
+        self._by_blender.discard(scene)
         self.progress.pop(scene, None)
         for lease in self.leases.of(scene):
             if lease.kind == kind:
@@ -59,13 +68,21 @@ class Preparing:
     def fill(self) -> None:
         """Hand out what is wanted and not in hand. Raises QueueError."""
         for scene, wanted_kind in list(self._wanted):
-            kind = wanted_kind or self._workers.roster.best_kind()
+            roster, by_blender = self._workers.roster, scene in self._by_blender
+            kind = roster.blender_kind() if by_blender else wanted_kind or roster.best_kind()
             out = self.leases.of(scene)
-            if kind is None or not self._workers.roster.slots(kind) or any(wanted_kind in (None, lease.kind) for lease in out):
+            if any(wanted_kind in (None, lease.kind) for lease in out):
+                continue
+            if by_blender and kind is None and roster.ready():
+                self.progress[scene] = NO_BLENDER
+            if kind is None or not roster.slots(kind):
                 continue
             lease = Lease(scene, kind, None, self._deadline_s)
-            self._dispatcher.send_prepare(scene, kind, lease.id)
+            lease.queue = blender_queue(kind) if by_blender else prepare_queue(kind)
+            self._dispatcher.send_prepare(scene, lease.queue, lease.id)
             self.leases.add(lease)
+            if self.progress.get(scene) == NO_BLENDER:
+                del self.progress[scene]
 
     def heard(self, scene: str, kind: str, worker: str, progress: Progress | None) -> None:
         """A worker says that it is at it."""
@@ -94,8 +111,7 @@ class Preparing:
 
         One whose answer may lie among results that were not read yet is not lost. Raises redis.RedisError.
         """
-        kinds = {lease.kind for lease in self.leases}
-        waiting = {id for kind in kinds for id in self._dispatcher.waiting(prepare_queue(kind))}
+        waiting = {id for queue in {lease.queue for lease in self.leases} for id in self._dispatcher.waiting(queue)}
         in_hand = {str(doing["scene"]) for doing in self._workers.roster.current() if "scene" in doing}
         end = cache(results.end)
         hopeless = []

@@ -17,6 +17,7 @@ from service.intake.resolve import resolve
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.shares import Terms
 from service.shot import Shot
+from service.store.blends import blend_of, is_to_be_opened
 from service.store.database import Sessions
 from service.store.models import ACTIVE, FINAL, Environment, Frame, Job, Reference, Scene, ShareTerms, Wait
 from service.store.models import WorkerTerms as Asked
@@ -90,6 +91,11 @@ class Records:
         with self._sessions() as session:
             return session.get(Frame, (job, frame)) is not None
 
+    def believed(self, job: str) -> None:
+        """All that was doubted of its film is taken out of it."""
+        with self._sessions.begin() as session:
+            session.execute(update(Job).where(Job.id == job).values(doubted=None))
+
     def waits(self, job: str) -> bool:
         """Whether a job waits for others."""
         with self._sessions() as session:
@@ -144,6 +150,11 @@ class Records:
         """The frames of a job, in their order."""
         with self._sessions() as session:
             return list(session.scalars(select(Frame).where(Frame.job == job).order_by(Frame.number)))
+
+    def is_to_be_opened(self, scene: Scene) -> bool:
+        """Whether Blender has to open a scene's file before it can be prepared."""
+        with self._sessions() as session:
+            return is_to_be_opened(session, scene)
 
     def scene(self, id: str) -> Scene | None:
         """A scene's row."""
@@ -256,7 +267,7 @@ class Records:
                 return False
             scene.compiled = {**scene.compiled, info.kind: asdict(info.compiled)}
             if scene.info is None:
-                scene.info = asdict(info)
+                scene.info = {**asdict(info), "blend": info.blend or blend_of(session, scene)}
             scene.status, scene.error = "ready", None
             return True
 

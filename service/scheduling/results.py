@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,8 +38,10 @@ class Entry:
 class Results:
     """Reads the stream from its beginning, each entry once: what is there at the start has not been stored yet."""
 
-    def __init__(self, connection: redis.Redis) -> None:
+    def __init__(self, connection: redis.Redis, guard: Callable[[], None] = lambda: None) -> None:
+        """guard: raises FarmError where nothing may be taken in: what is not stored here another stores."""
         self._redis = connection
+        self._guard = guard
         self._read_to = BEGINNING
         self._at_most = FIRST_READ
         self.size = 0.0  # bytes of a result, over the latest
@@ -47,6 +50,7 @@ class Results:
         """The oldest entries that were not read yet, waiting at most `block_ms` for one. Raises redis.RedisError."""
         after = f"{self._read_to[0]}-{self._read_to[1]}"
         answer: Any = self._redis.xread({RESULTS: after}, count=self._at_most, block=block_ms)
+        self._guard()
         streams = list(answer.values()) if isinstance(answer, dict) else [entries for _, entries in answer or []]
         entries: list[Entry] = []
         for found in streams:
@@ -90,6 +94,7 @@ class Results:
     def delete(self, entries: list[Entry]) -> None:
         """Trim what has been stored. Raises redis.RedisError."""
         if entries:
+            self._guard()
             self._redis.xdel(RESULTS, *[entry.id for entry in entries])
 
 

@@ -26,6 +26,7 @@ from service.scheduling.plan import Range
 from service.scheduling.reproduce import reproduce
 from service.scheduling.results import Results
 from service.scheduling.shares import Line, Shares
+from service.scheduling.sites import Place, Sites
 from service.scheduling.suspicion import Suspicion
 from service.scheduling.together import Handful, Hands, joint_work_of, together, work_of
 from service.scheduling.workers import Workers
@@ -66,6 +67,8 @@ class Scheduler:
         self.jobs: dict[str, ActiveJob] = {}
         self.line_up = LineUp(workers, self.jobs)
         self.shares = Shares()
+        self.sites = Sites(workers, self.leases, dispatcher, pace)
+        self._places: list[Place] = []  # of this filling
         self.suspicion = Suspicion()
         self.distrusted: set[str] = set()  # workers of which nothing goes into a film: service/scheduling/trust.py
         self.checks: Counter[str] = Counter()  # of a job: decisions about its batches that are not made yet
@@ -85,6 +88,7 @@ class Scheduler:
             if not turns:
                 continue
             self._sent.clear()
+            self._places = self.sites.places(kind, self._settings.window_per_slot)
             try:
                 with self._dispatcher.at_once():
                     held = self.leases.held()
@@ -141,9 +145,16 @@ class Scheduler:
         Raises QueueError."""
         if not start(job, kind):
             return
-        roster, batch_s = self._workers.roster, self._pace.batch_s(slots)
+        roster, batch_s = self._workers.roster, self._pace.batch_s(slots, job.rendered_s / max(slots, 1))
         several, joint = roster.takes_several(kind), roster.takes_joint(kind)
-        handfuls = together(job, Hands(kind, slots, batch_s, several, joint, self._pace.of_a_tile(slots, joint), most))
+        of_a_tile = self._pace.of_a_tile(slots, joint)
+        place = self._place_for(job) if joint and of_a_tile > 1 else None
+        if place is not None:
+            of_a_tile, most = self._pace.of_a_site(place.slots), min(most, place.room)
+        handfuls = together(job, Hands(kind, slots, batch_s, several, joint, of_a_tile, most))
+        if place is not None:
+            hold_s = self._pace.site_hold_s(batch_s)
+            handfuls = [message for handful in handfuls for message in place.shared_out(handful, hold_s)]
         try:
             while handfuls:
                 self._send(job, kind, handfuls[0])
@@ -152,6 +163,12 @@ class Scheduler:
             for batch in (batch for handful in handfuls for batch in handful.batches):
                 job.lose(batch)
             raise
+
+    def _place_for(self, job: ActiveJob) -> Place | None:
+        """The site with most room; None where there is none, or each worker's sums are to stay apart."""
+        if job.needs is not None or job.verify:
+            return None
+        return max((place for place in self._places if place.room > 0), key=lambda place: place.room, default=None)
 
     def _send(self, job: ActiveJob, kind: str, handful: Handful) -> None:
         """Hand out batches in one message. Raises QueueError; then none of them is."""
@@ -162,13 +179,12 @@ class Scheduler:
             trouble = job.trouble.get(batch)
             patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
             leases.append(Lease(job.id, kind, batch, patience, expected, is_joint=handful.is_joint))
-            leases[-1].queue = job.queue(kind)
+            leases[-1].queue = handful.queue or job.queue(kind)
             leases[-1].charged_s = job.expected_s(batch) or self._settings.batch_seconds
             leases[-1].message = leases[0].id
         if handful.is_joint:
-            self._dispatcher.send_joint(
-                joint_work_of(job, leases, batches, self._pace.hold_s(expected / len(batches))), leases[0].queue
-            )
+            hold_s = self._pace.hold_s(expected / len(batches))
+            self._dispatcher.send_joint(joint_work_of(job, leases, batches, hold_s, handful.run), leases[0].queue)
         elif len(leases) == 1:
             self._dispatcher.send_batch(work_of(job, leases[0], batches[0]), leases[0].queue)
         else:
@@ -184,7 +200,7 @@ class Scheduler:
         """The sums of a batch were read, and are stored as soon as its film takes them: until then it is not lost."""
         known = self.leases.get(lease)
         if known is not None and known.owner == owner:
-            known.has_arrived = True
+            self.leases.arrived(known)
 
     def came_back(self, job: ActiveJob, lease: str, batch: Range | None, seconds: float, worker: str) -> None:
         """A batch's sums were taken by the film, or dropped by it as known; or (None) the job does not want them."""
@@ -262,6 +278,7 @@ class Scheduler:
         """Once a second: find batches that are overdue or lost, and hand them out again; one that is lost too often stops its
         job. A batch whose answer may lie among results that were not read yet is not lost. Raises redis.RedisError.
         """
+        self.sites.review(self.jobs)
         waiting = {id for queue in self._queues() for id in self._dispatcher.waiting(queue)}
         held = Held(self._workers.roster)
         end, is_late, idle = cache(results.end), cache(self._workers.are_late), cache(self._has_idle_slots)
@@ -270,8 +287,10 @@ class Scheduler:
             if lease.batch is None or job is None or lease.has_arrived:
                 continue
             holder = held.by(lease, job)
-            lease.seen(holder is not None or lease.message in waiting, end)
-            is_held_by_nobody = lease.holder is not None and holder is None and lease.holder not in self._workers.roster.reports
+            is_at_site = held.is_at_site(lease)
+            lease.seen(holder is not None or is_at_site or lease.message in waiting, end)
+            is_gone = lease.holder is not None and lease.holder not in self._workers.roster.reports
+            is_held_by_nobody = is_gone and holder is None and not is_at_site
             lease.holder = holder or lease.holder
             lease.is_held = holder is not None
             is_lost = is_held_by_nobody or lease.is_overdue or (lease.unseen >= UNSEEN_ALLOWED and not is_late())

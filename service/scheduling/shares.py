@@ -1,6 +1,8 @@
 """Whose batch is next among jobs of one priority: fair shares of the slots' time, by weights. No clock, no queue, no database.
 
-Between shares (today users): start-time fair queueing (Goyal, Vin and Cheng 1996). A share's next batch starts, in virtual time,
+A share is a user's, or a project's that has been given terms of its own: then all jobs in it are of that one, whose they are.
+
+Between shares: start-time fair queueing (Goyal, Vin and Cheng 1996). A share's next batch starts, in virtual time,
 when its last one ended, or now where it comes back after a rest; the earliest start is served, and now is the latest that was.
 A batch of t seconds takes t / weight of virtual time: shares that always have work get slot seconds in proportion to their
 weights, one that rests saves nothing up, and what one does not use the others have. What a batch is expected to take is charged
@@ -13,7 +15,7 @@ batches in hand, and of these the one that has waited longest.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
 from heapq import heapify, heappop, heappush
 from itertools import count
@@ -56,8 +58,10 @@ class Claim(Protocol):
 Job = TypeVar("Job", bound=Claim)
 
 
-def share_of(user: str | None) -> str:
-    """Out of whose share a job is rendered: its user's."""
+def share_of(user: str | None, project: str = "", terms: Container[str] = ()) -> str:
+    """Out of whose share a job is rendered: its project's, where that has terms of its own, else its user's."""
+    if project and f"project:{project}" in terms:
+        return f"project:{project}"
     return f"user:{user}" if user else EVERYBODY
 
 
@@ -89,6 +93,10 @@ class Shares:
     def of(self, share: str) -> Terms:
         """A share's terms."""
         return self.terms.get(share, _USUAL)
+
+    def name_of(self, user: str | None, project: str) -> str:
+        """As `share_of`, by the terms of now."""
+        return share_of(user, project, self.terms)
 
     def line(self, kind: str, jobs: Iterable[Job], held: Mapping[str, int], shares_held: Counter[str]) -> Line[Job]:
         """Jobs of one priority, in line for workers of a kind.

@@ -36,6 +36,7 @@ class JobNumbers:
     handed_back: str | None = None  # why a worker gave its batch back, where none was rendered since
     slots_wanted: int = 0  # that would have enough to do for it to be worth starting them
     expected: float | None = None  # when it is to be ready, in unix time, where it has a deadline
+    unforeseen: str | None = None  # why that is not known
 
     @classmethod
     def of(cls, job: ActiveJob) -> JobNumbers:
@@ -54,6 +55,7 @@ class JobNumbers:
             job.handed_back,
             job.slots_wanted,
             job.expected,
+            job.unforeseen,
         )
 
 

@@ -10,7 +10,7 @@ from service.scheduling.active_job import ActiveJob
 from service.scheduling.leases import Lease
 from service.scheduling.plan import Range
 from worker.contract import RenderBatch
-from worker.joint import JointBatch, Piece
+from worker.joint import JointBatch, Piece, Run
 from worker.sums import PACKED
 
 __all__ = ["Handful", "Hands", "joint_work_of", "together", "work_of"]
@@ -34,10 +34,14 @@ class Hands:
 
 @dataclass(frozen=True)
 class Handful:
-    """What goes in one message. is_joint: batches of a tile that follow each other, for slots that add them up."""
+    """What goes in one message. is_joint: batches of a tile that follow each other, for slots that add them up.
+
+    run, queue: where it goes to a site, of what it is a part, and in which queue."""
 
     batches: list[Range]
     is_joint: bool = False
+    run: Run | None = None
+    queue: str = ""
 
 
 def together(job: ActiveJob, hands: Hands) -> list[Handful]:
@@ -63,11 +67,11 @@ def work_of(job: ActiveJob, lease: Lease, batch: Range) -> RenderBatch:
     return RenderBatch(lease.id, job.id, frame.key, compiled, tile, batch.first, batch.count, settings, PACKED)
 
 
-def joint_work_of(job: ActiveJob, leases: list[Lease], batches: list[Range], hold_s: float) -> JointBatch:
+def joint_work_of(job: ActiveJob, leases: list[Lease], batches: list[Range], hold_s: float, run: Run | None = None) -> JointBatch:
     """Batches of a tile as workers are told of them. hold_s: how long one's sums may wait for the others'."""
     whole = batches[0]._replace(count=sum(batch.count for batch in batches))
     pieces = tuple(Piece(lease.id, batch.first, batch.count) for lease, batch in zip(leases, batches, strict=True))
-    return JointBatch(work_of(job, leases[0], whole), pieces, hold_s)
+    return JointBatch(work_of(job, leases[0], whole), pieces, hold_s, leases[0].queue, run)
 
 
 def _in_turn(job: ActiveJob, hands: Hands, first: Range) -> list[Handful]:

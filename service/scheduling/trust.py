@@ -3,7 +3,8 @@
 The second is handed out as any other batch, through the same queue, so that no worker knows which of its answers is looked at.
 If the first takes it again, it is handed out once more. Where two workers differ, further answers decide: what two different
 workers agree on is right. Whoever has said otherwise is set aside, and all that it has sent is taken out of the films of jobs
-that are not over, and rendered again. While nobody can decide, the job goes on but does not end.
+that are not over, and rendered again; those that are over are marked (service/keeping/doubts.py). While nobody can decide, the
+job goes on but does not end.
 """
 
 from __future__ import annotations
@@ -67,11 +68,14 @@ class Trust:
         self._wrong: dict[str, tuple[str, str]] = {}  # workers that were found out, and not dealt with yet: a job, and why
         self._chance = random.Random()
         self.report: Report = lambda worker, told: None
+        self.doubt: Callable[[str], None] = lambda worker: None  # whoever looks after the films of jobs that are over
         self.counts: Counter[str] = Counter()  # batches verified, differed; workers distrusted
 
     def begin(self) -> None:
         """Know again whom an earlier life of the service has set aside. Raises redis.RedisError."""
         self._scheduler.distrusted |= {name for name, why in self._workers.all_orders().items() if why.startswith(SAID)}
+        for worker in sorted(self._scheduler.distrusted):
+            self.doubt(worker)
 
     def sort_out(self, job: ActiveJob, answers: list[Answer]) -> list[Answer]:
         """Of what came back for a job, what is to go into its film: neither what was only to be compared, nor what comes from a
@@ -79,9 +83,9 @@ class Trust:
         kept = []
         for message, sums in answers:
             check = next((each for each in self._open if message.batch in each.asked), None)
-            if message.worker in self._scheduler.distrusted:
+            if not self._scheduler.distrusted.isdisjoint(message.senders):
                 for piece in message.pieces:
-                    self._scheduler.came_back(job, piece.batch, None, 0.0, message.worker)
+                    self._scheduler.came_back(job, piece.batch, None, 0.0, piece.worker or message.worker)
             elif check is not None:
                 self._answered(job, check, message, sums)
             else:
@@ -90,13 +94,20 @@ class Trust:
 
     def taken(self, job: ActiveJob, message: BatchDone, batch: Range, sums: bytes) -> None:
         """The film took a batch: it may be one that is looked at."""
-        if not job.verify or self._chance.random() >= job.verify or len(self._open) >= MOST_OPEN or job.kind is None:
+        if (
+            not job.verify
+            or len(message.senders) != 1
+            or self._chance.random() >= job.verify
+            or len(self._open) >= MOST_OPEN
+            or job.kind is None
+        ):
             return
-        if not self._ready(job.kind) - {message.worker} or not message.worker:
+        (sender,) = message.senders
+        if not self._ready(job.kind) - {sender} or not sender:
             return
         patience = max(self._deadline_s, 10 * job.expected_s(batch))
         check = _Check(job.id, job.kind, batch, Votes(job.film.tiles[batch.tile]), patience)
-        check.votes.add(message.worker, sums)
+        check.votes.add(sender, sums)
         self._open.append(check)
         self._count()
         with suppress(QueueError):  # the next review asks
@@ -139,6 +150,7 @@ class Trust:
             self.counts["distrusted"] += 1
             log.warning("%s is set aside: %s; jobs that are rendered again in part: %s", worker, why, partly)
             self._pause(worker, why)
+            self.doubt(worker)
             self.report(worker, {"worker": worker, "job": found_in, "why": f"{why}.", "rendered_again": partly})
             del self._wrong[worker]
         self._count()

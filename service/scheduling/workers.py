@@ -15,7 +15,9 @@ from pydantic import TypeAdapter
 
 from service.scheduling.needs import Needs
 from service.scheduling.speeds import Speeds
+from worker.blends import TAG
 from worker.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, WorkerReport, order_key, worker_key
+from worker.site import SITE, SiteReport, site_key
 from worker.terms import Offer, Terms, offer_key, terms_key
 from worker.vitals import LOG_TTL_S, Vitals, log_key, log_wanted_key, vitals_key
 
@@ -45,6 +47,7 @@ class Roster:
     vitals: Mapping[str, Vitals] = field(default_factory=dict)  # of those that tell
     speeds: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # as Speeds has them
     offers: Mapping[str, Offer] = field(default_factory=dict)  # of those that tell
+    sites: Mapping[str, SiteReport] = field(default_factory=dict)  # of reducers whose workers are here
 
     def ready(self) -> list[WorkerReport]:
         """The workers that take work."""
@@ -94,6 +97,11 @@ class Roster:
         ready = self.ready()
         unable = {report.kind for report in ready if not report.views}
         return self._kind_of([report for report in ready if report.kind not in unable])
+
+    def blender_kind(self) -> str | None:
+        """The kind of the workers that open .blend files, with most slots; None where none is ready."""
+        able = {name for name, offer in self.offers.items() if TAG in offer.tags}
+        return self._kind_of([report for report in self.ready() if report.name in able])
 
     def takes_several(self, kind: str) -> bool:
         """Whether all workers of a kind take several batches in one message: whoever is free takes what waits for it."""
@@ -147,11 +155,18 @@ class Workers:
         said: Any = self._redis.mget([offer_key(name) for name in names]) if names else []
         offers = {name: offer for name, value in zip(names, said, strict=True) if (offer := _offer(value)) is not None}
         self._speeds.note(reports.values())
-        before, self.roster = self.roster, Roster(reports, orders, vitals, self._speeds.latest, offers)
+        before, self.roster = self.roster, Roster(reports, orders, vitals, self._speeds.latest, offers, self._sites(offers))
         for name in sorted(before.reports.keys() | reports.keys()):
             had, has = ((each.reports.get(name), each.orders.get(name), each.offers.get(name)) for each in (before, self.roster))
             if had != has:
                 self._on_change(name)
+
+    def _sites(self, offers: Mapping[str, Offer]) -> dict[str, SiteReport]:
+        """The reducers of the workers' sites. Raises redis.RedisError."""
+        tags = {tag for offer in offers.values() for tag in offer.tags if tag.startswith(SITE)}
+        names = sorted(tag.removeprefix(SITE) for tag in tags)
+        said: Any = self._redis.mget([site_key(name) for name in names]) if names else []
+        return {name: site for name, value in zip(names, said, strict=True) if (site := _site(value)) is not None}
 
     def ask(self, terms: Mapping[str, Terms], needs: Iterable[Needs]) -> None:
         """Tell workers what is asked of them, where they do not keep it yet. Raises redis.RedisError.
@@ -229,6 +244,13 @@ def _vitals(value: bytes | None) -> Vitals | None:
 def _offer(value: bytes | None) -> Offer | None:
     try:
         return Offer.from_bytes(value) if value is not None else None
+    except ValueError:
+        return None
+
+
+def _site(value: bytes | None) -> SiteReport | None:
+    try:
+        return SiteReport.from_bytes(value) if value is not None else None
     except ValueError:
         return None
 

@@ -6,7 +6,7 @@ import contextlib
 import json
 import os
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,27 +21,34 @@ from service.store.room import no_room
 from service.store.upgrade import upgrade
 from service.store.whole import PRIVATE
 
-__all__ = ["Sessions", "connect"]
+__all__ = ["Fence", "Sessions", "connect", "open_database"]
 
 LOCK_PATIENCE_S = 5.0
+
+Fence = Callable[[Session], None]  # raises FarmError for a transaction that may not be
 
 
 class Sessions:
     """Makes sessions: `sessions()` to read, `sessions.begin()` for one transaction that writes.
 
     Raises NoRoom where the disk is full, and Unavailable where the database is locked or away.
-    patience_s: how long a lock of SQLite's is waited for.
+    patience_s: how long a lock of SQLite's is waited for. fence: asked at the beginning of each transaction that writes.
     """
 
-    def __init__(self, engine: Engine, patience_s: float = LOCK_PATIENCE_S) -> None:
+    def __init__(self, engine: Engine, patience_s: float = LOCK_PATIENCE_S, fence: Fence | None = None) -> None:
         self._engine = engine
+        self._fence = fence
         options = {"patience_ms": round(patience_s * 1000)}
         self._readers = sessionmaker(engine.execution_options(**options), expire_on_commit=False)
         self._writers = sessionmaker(engine.execution_options(writes=True, **options), expire_on_commit=False)
 
     def with_patience(self, seconds: float) -> Sessions:
         """The same database, for whoever must not wait so long."""
-        return Sessions(self._engine, seconds)
+        return Sessions(self._engine, seconds, self._fence)
+
+    def fenced(self, fence: Fence) -> Sessions:
+        """The same database, with the usual patience, for whoever writes only as long as `fence` lets it."""
+        return Sessions(self._engine, fence=fence)
 
     @contextmanager
     def __call__(self) -> Iterator[Session]:
@@ -53,11 +60,20 @@ class Sessions:
     def begin(self) -> Iterator[Session]:
         """A transaction: committed at its end, or rolled back where an exception leaves it."""
         with _faults(), self._writers.begin() as session:
+            if self._fence is not None:
+                self._fence(session)
             yield session
 
 
 def connect(url: str) -> tuple[Engine, Sessions]:
     """The engine, its tables made or brought up to date, and the maker of sessions."""
+    engine = open_database(url)
+    upgrade(engine)
+    return engine, Sessions(engine)
+
+
+def open_database(url: str) -> Engine:
+    """The engine, its tables as they are."""
     is_sqlite = url.startswith("sqlite")
     engine = create_engine(
         url,
@@ -69,8 +85,7 @@ def connect(url: str) -> tuple[Engine, Sessions]:
         _make_private(make_url(url).database)
         event.listen(engine, "connect", _tune_sqlite)
         event.listen(engine, "begin", _begin_sqlite)
-    upgrade(engine)
-    return engine, Sessions(engine)
+    return engine
 
 
 def _json_or_nothing(text: str | bytes) -> Any:

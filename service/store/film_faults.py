@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 from service.errors import FilmDamaged, FilmLost, FilmWaits, NotFound
 
-__all__ = ["FILM", "FilmClosed", "damaged", "film_faults", "incomplete"]
+__all__ = ["FILM", "FilmClosed", "another_has_it", "damaged", "film_faults", "incomplete"]
 
 FILM = "The film of this job"  # how all of these sentences begin
 AGAIN = "Set the job to running, and it is rendered again."
@@ -72,6 +72,11 @@ def incomplete(has: int, recorded: int) -> FilmDamaged:
     if not has:
         return FilmDamaged(f"{FILM} is missing or was emptied. {AGAIN}")
     return FilmDamaged(f"{FILM} has only {has} of its {recorded} samples. Set the job to running for the rest.")
+
+
+def another_has_it() -> FilmWaits:
+    """A service that has taken the farm over writes the film now; this one is about to notice."""
+    return FilmWaits(f"{FILM} is another service's by now.")
 
 
 def _told(code: int, message: str) -> FilmWaits | FilmLost:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from service.errors import FarmError
-from service.store.film_faults import damaged, film_faults
+from service.store.film_faults import another_has_it, damaged, film_faults
 from service.store.film_version import FilmShape, Row, bring_up_to_date, checksum, is_up_to_date, is_whole, select_rows
 
 __all__ = ["FilmFile", "Head"]
@@ -44,9 +44,12 @@ class Head(NamedTuple):
 class FilmFile:
     """One connection. Not safe to use from several threads at a time."""
 
-    def __init__(self, path: Path, shape: FilmShape) -> None:
-        """Open the file, and make it where it is not there."""
+    def __init__(self, path: Path, shape: FilmShape, epoch: int | None = None) -> None:
+        """Open the file, and make it where it is not there. epoch: whoever writes with a lesser one than another has is refused;
+        None: nobody asks."""
         self._is_held = False  # by another program, at the last try
+        self._epoch = epoch
+        self._is_claimed = epoch is None
         with film_faults():
             os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))  # SQLite makes its -wal and -shm alike
             self._database = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=LOCK_PATIENCE_S)
@@ -62,6 +65,17 @@ class FilmFile:
             except BaseException:
                 self.close()
                 raise
+
+    def claim(self) -> bool:
+        """See to it that nobody of a lesser epoch writes into the film from now on; False where that was so already.
+
+        What is known of the film is to be read anew then. Raises FilmWaits also where it is another's.
+        """
+        if self._is_claimed:
+            return False
+        with film_faults(), self._transaction():
+            pass
+        return True
 
     def close(self) -> None:
         """Close the file. What was written is written: where it cannot be tidied up any more, it stays as it is."""
@@ -164,12 +178,26 @@ class FilmFile:
     def _transaction(self) -> Iterator[None]:
         self._begin()
         try:
+            if self._epoch is not None:
+                self._fence(self._epoch)
             yield
             self._database.execute("COMMIT")
+            self._is_claimed = True
         except BaseException:
             with contextlib.suppress(sqlite3.Error):  # after some faults SQLite has rolled back by itself
                 self._database.rollback()
             raise
+
+    def _fence(self, epoch: int) -> None:
+        """Within a transaction: see that it is this service's to write, and let that be known to those before it."""
+        if not self._is_claimed:
+            self._database.execute("CREATE TABLE IF NOT EXISTS owner (epoch INTEGER)")
+        found = self._database.execute("SELECT epoch FROM owner").fetchone()
+        if found is not None and found[0] > epoch:
+            raise another_has_it()
+        if found is None or found[0] < epoch:
+            self._database.execute("DELETE FROM owner")
+            self._database.execute("INSERT INTO owner VALUES (?)", (epoch,))
 
     def _begin(self) -> None:
         """Begin to write. A film that was held is not waited for again: many would leave the engine no time for other jobs."""

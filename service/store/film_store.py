@@ -6,7 +6,7 @@ import contextlib
 import logging
 import threading
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Protocol
 from weakref import WeakValueDictionary
@@ -78,8 +78,18 @@ class FilmStore(Protocol):
 class FilmFolder:
     """Films as `<folder>/<job>.sqlite`."""
 
-    def __init__(self, folder: Path, cache_bytes: int, snapshots: FilmSnapshots | None = None) -> None:
-        """snapshots: of these films, which go with them; None: of those nothing is touched."""
+    def __init__(
+        self,
+        folder: Path,
+        cache_bytes: int,
+        snapshots: FilmSnapshots | None = None,
+        epoch: int | None = None,
+        guard: Callable[[], None] = lambda: None,
+    ) -> None:
+        """snapshots: of these films, which go with them; None: of those nothing is touched. epoch: service/store/film_file.py.
+        guard: raises FarmError where none may be removed."""
+        self._epoch = epoch
+        self._guard = guard
         self._folder = folder
         self._snapshots = snapshots
         self._cache = TileCache(cache_bytes)
@@ -99,7 +109,7 @@ class FilmFolder:
             film = self._films.get(job)
             if film is None:
                 path = self._path(job)
-                film = Film(path, settings.width, settings.height, tile_size, settings.film_exponent, self._cache)
+                film = Film(path, settings.width, settings.height, tile_size, settings.film_exponent, self._cache, self._epoch)
                 self._films[job] = film
         film.load(make=pin)  # takes its time, so without the lock that all films share
         film.check(recorded, frame)
@@ -122,6 +132,7 @@ class FilmFolder:
 
     def set_aside(self, job: str) -> None:
         """See FilmStore."""
+        self._guard()
         with self._lock, film_faults():
             self._close(job)
             path = self._path(job)
@@ -162,6 +173,7 @@ class FilmFolder:
 
     def delete(self, job: str) -> None:
         """See FilmStore."""
+        self._guard()
         with self._lock, film_faults():
             self._close(job)
             self._remove(self._lost(job))

@@ -44,8 +44,17 @@ class Film:
     Whatever reads or writes raises FilmWaits, FilmLost or FilmClosed.
     """
 
-    def __init__(self, path: Path, width: int, height: int, tile_size: int, film_exponent: int, cache: TileCache) -> None:
-        """Costs nothing: the file is opened when it is needed."""
+    def __init__(
+        self,
+        path: Path,
+        width: int,
+        height: int,
+        tile_size: int,
+        film_exponent: int,
+        cache: TileCache,
+        epoch: int | None = None,
+    ) -> None:
+        """Costs nothing: the file is opened when it is needed. epoch: service/store/film_file.py."""
         self.width = width
         self.height = height
         self.film_exponent = film_exponent
@@ -54,6 +63,7 @@ class Film:
         self._shape = FilmShape(width, height, tile_size, film_exponent)
         self._index = {tile: i for i, tile in enumerate(self.tiles)}
         self._cache = cache
+        self._epoch = epoch
         self._lock = threading.RLock()
         self._file: FilmFile | None = None
         self._is_closed = False
@@ -71,15 +81,17 @@ class Film:
                 self._file.close()
 
     def load(self, make: bool = False) -> None:
-        """Open the file where it is there; `make`: also where it is not."""
+        """Open the file where it is there; `make`: to write, so also where it is not."""
         with self._lock:
             if self._is_closed:
                 raise FilmClosed
             if self._file is None and (make or self._exists()):
-                file = FilmFile(self._path, self._shape)
+                file = FilmFile(self._path, self._shape, self._epoch)
+                if make:
+                    file.claim()
                 self._take_in(file)
                 self._file = file
-            elif self._file is not None and self._in_doubt:
+            elif self._file is not None and ((make and self._file.claim()) or self._in_doubt):
                 self._take_in(self._file)
 
     def check(self, recorded: int, frame: int = 0) -> None:

@@ -18,6 +18,7 @@ __all__ = [
     "Job",
     "Key",
     "Member",
+    "Owner",
     "Project",
     "Quota",
     "Reference",
@@ -77,13 +78,16 @@ class Scene(Base):
 
     @property
     def blobs(self) -> set[str]:
-        """The hashes of the blobs that it refers to: its files, what it was compiled to, its thumbnail.
+        """The hashes of the blobs that it refers to: its files, what Blender wrote, what it was compiled to, its thumbnail.
 
         Those that can be made out: a damaged row, or one of another release, must not keep others from being deleted.
         """
         files = self.files if isinstance(self.files, list) else []
         compiled = self.compiled if isinstance(self.compiled, dict) else {}
         info = self.info if isinstance(self.info, dict) else {}
+        blend = info.get("blend")
+        written = blend.get("files") if isinstance(blend, dict) else None
+        files = [*files, *(written if isinstance(written, list) else ())]
         refs = [ref for ref in (*files, *compiled.values(), info.get("thumbnail")) if isinstance(ref, dict)]
         return blobs_of(refs)
 
@@ -140,6 +144,7 @@ class Job(Base):
     taken: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # what it began with: keeping/reuse.py
     project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # its scene's
     key: Mapped[str | None] = mapped_column(String(20))  # by which token it was asked for
+    doubted: Mapped[list[str] | None] = mapped_column(JSON(none_as_null=True))  # whose samples in its film: keeping/doubts.py
 
     @property
     def stage(self) -> str:
@@ -275,6 +280,7 @@ class Member(Base):
 
     project: Mapped[str] = mapped_column(ForeignKey("projects.name", ondelete="CASCADE"), primary_key=True)
     user: Mapped[str] = mapped_column(String(64), primary_key=True, index=True)
+    role: Mapped[str] = mapped_column(String(16), default="submit", server_default="submit")  # view | submit: at most this, there
 
 
 class Quota(Base):
@@ -331,3 +337,24 @@ class Delivery(Base):
     due: Mapped[float | None] = mapped_column(Float)  # when it is sent next; None: it has arrived, or is given up
     done: Mapped[float | None] = mapped_column(Float)
     error: Mapped[str | None] = mapped_column(Text)  # of the latest attempt
+
+
+class Owner(Base):
+    """Which service works as the farm, where several were started for it. service/owning/ says how that changes."""
+
+    __tablename__ = "owners"
+
+    what: Mapped[str] = mapped_column(String(40), primary_key=True)
+    epoch: Mapped[int] = mapped_column(BigInteger)  # greater with each owner; what one of a lesser writes is refused
+    owner: Mapped[str | None] = mapped_column(String(40))  # a life of a service; None: it has given the farm up
+    place: Mapped[str] = mapped_column(String(300))  # its machine and port, for people
+    url: Mapped[str] = mapped_column(String(300))  # where other services reach it
+    folder: Mapped[str] = mapped_column(String(64))  # the id of its data folder, where its films lie
+    process: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # service/owning/process.py
+    locked: Mapped[bool] = mapped_column(Boolean)  # whether it holds the folder's lock: who gets that knows then that it is dead
+    since: Mapped[float] = mapped_column(Float)
+    takeovers: Mapped[int] = mapped_column(Integer)  # from owners that had not given up
+    asked: Mapped[int] = mapped_column(BigInteger)  # by services that stand by: each time one more
+    answered: Mapped[int] = mapped_column(BigInteger)  # by the owner, to which of these
+    asked_by: Mapped[str | None] = mapped_column(String(300))
+    asked_at: Mapped[float | None] = mapped_column(Float)  # unix time

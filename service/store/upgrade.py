@@ -14,7 +14,7 @@ from sqlalchemy import Engine, inspect
 from service.errors import CannotStart
 from service.store.models import Scene
 
-__all__ = ["FIRST", "Standing", "standing", "upgrade"]
+__all__ = ["FIRST", "Standing", "refuse_newer", "standing", "upgrade"]
 
 FIRST = "0001"  # the tables of release 0.1.0, which wrote no revision down
 
@@ -37,17 +37,23 @@ def standing(engine: Engine) -> Standing:
     return Standing(current, str(scripts.get_current_head()), current is not None and current not in known)
 
 
-def upgrade(engine: Engine) -> None:
-    """Make or migrate the tables in one transaction. Raises CannotStart for one of a newer release."""
-    config = _config()
+def refuse_newer(engine: Engine) -> Standing:
+    """Where a database stands. Raises CannotStart for one of a newer release; changes nothing."""
     stands = standing(engine)
-    if stands.current == stands.head:
-        return
     if stands.is_newer:
         raise CannotStart(
             f"The database {engine.url.render_as_string()} is of a newer release of Rayfarm (revision {stands.current}; this "
             f"release knows up to {stands.head}). Start the newer release, or set RAYFARM_DATA to another folder."
         )
+    return stands
+
+
+def upgrade(engine: Engine) -> None:
+    """Make or migrate the tables in one transaction. Raises CannotStart for one of a newer release."""
+    config = _config()
+    stands = refuse_newer(engine)
+    if stands.current == stands.head:
+        return
     with engine.execution_options(writes=True).begin() as connection:
         config.attributes["connection"] = connection
         if stands.current is None and inspect(connection).has_table(Scene.__tablename__):

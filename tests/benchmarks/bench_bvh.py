@@ -1,6 +1,6 @@
 """The BVH alone, on one thread: building over a million triangles, rays through it, and what instances cost.
 
-    python -m tests.benchmarks.bench_bvh [terrain | instances]
+    python3 farm.py bench bvh                       # [terrain | instances]
 
 Rates are of CPU time, so that other work on the machine matters less. Primary rays come from one eye in raster order,
 random ones join two random points of the bounding sphere, shadow rays are random ones that ask for any hit.
@@ -8,8 +8,8 @@ random ones join two random points of the bounding sphere, shadow rays are rando
 
 from __future__ import annotations
 
+import argparse
 import os
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -101,7 +101,7 @@ def _trace(name: str, bvh: Bvh, position: Any) -> dict[str, float]:
 
 
 def _bytes(bvh: Bvh) -> int:
-    return sum(array.nbytes for array in bvh)
+    return sum(array.nbytes for array in bvh if isinstance(array, np.ndarray))
 
 
 def _bunny() -> tuple[Any, Any]:
@@ -159,9 +159,12 @@ def _instances() -> None:
 
 def main() -> None:
     """Prints the rates."""
-    if "instances" not in sys.argv[1:]:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("part", nargs="?", choices=("terrain", "instances"), help="one of the two; both unless told")
+    part = parser.parse_args().part
+    if part != "instances":
         _terrains()
-    if "terrain" not in sys.argv[1:]:
+    if part != "terrain":
         _instances()
 
 

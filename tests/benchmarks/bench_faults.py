@@ -26,7 +26,7 @@ import psutil
 import redis
 
 from rayfarm.client import ClientError
-from tests.benchmarks.faults import clocks, disks, hosts, processes, queues  # noqa: F401 - each adds its kinds
+from tests.benchmarks.faults import clocks, disks, hosts, pair, processes, queues  # noqa: F401 - each adds its kinds
 from tests.benchmarks.faults.attack import KINDS, Attack, Kind
 from tests.benchmarks.faults.frame import SCENE, digest_alone, request
 from tests.benchmarks.faults.ground import OVER, Ground, UnrecoveredError
@@ -35,6 +35,7 @@ from tests.benchmarks.faults.tally import Fault, into_page, read, table, write
 from tests.helpers import ROOT
 
 GROUNDS = {"one machine": Ground, "another clock": clocks.ClockGround, "three hosts": hosts.HostsGround}
+GROUNDS |= {each.name: each for each in (pair.PairGround, pair.PostgresPairGround)}
 FAULTS_A_GROUND = 20
 SEEDS = 4  # of jobs: a ground renders each once, so that no result can be had from an earlier one
 NEARLY_DONE = 0.9

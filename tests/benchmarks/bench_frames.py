@@ -1,6 +1,6 @@
 """What a frame of a shot costs beyond rendering it: seconds of one core, and bytes that are stored and sent.
 
-    python -m tests.benchmarks.bench_frames [STATIC TRIANGLES] [FRAMES]
+    python -m tests.benchmarks.bench_frames [STATIC TRIANGLES] [FRAMES] [SHOT ...]
 
 A camera that moves, 100 rigid bodies, a skinned figure of 50,000 vertices, and a morph of a million triangles, each in a set of
 five million triangles that stands still. The scenes are made by formula. Time is the processor's, with one thread; the first
@@ -9,7 +9,7 @@ frame, which makes the set, is told apart.
 
 from __future__ import annotations
 
-import sys
+import argparse
 import tempfile
 import time
 from collections.abc import Callable
@@ -195,13 +195,18 @@ def measure(name: str, triangles: int, frames: int) -> str:
 
 def main() -> None:
     """Prints the table."""
-    triangles = int(sys.argv[1]) if len(sys.argv) > 1 else SET
-    frames = int(sys.argv[2]) if len(sys.argv) > 2 else FRAMES
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("triangles", nargs="?", type=int, default=SET, help=f"of the set that stands still; {SET}")
+    parser.add_argument("frames", nargs="?", type=int, default=FRAMES, help=f"after the first; {FRAMES}")
+    parser.add_argument("shots", nargs="*", metavar="shot", help=f"of {', '.join(SHOTS)}; all unless told")
+    given = parser.parse_args()
+    if unknown := [name for name in given.shots if name not in SHOTS]:
+        parser.error(f"there is no shot {', '.join(unknown)}; known are {', '.join(SHOTS)}")
     columns = ("ms a frame, one core", "compile", "write", "map", "in all", "most", "asked", "bytes a frame", "bytes once")
     print("| " + " | ".join(columns) + " |")
     print("|" + "---|" * len(columns), flush=True)
-    for name in sys.argv[3:] or SHOTS:
-        print(measure(name, triangles, frames), flush=True)
+    for name in given.shots or SHOTS:
+        print(measure(name, given.triangles, given.frames), flush=True)
 
 
 if __name__ == "__main__":

@@ -8,9 +8,9 @@ machine than the clock's; memory is what the process had at most, less what it h
 
 from __future__ import annotations
 
+import argparse
 import json
 import struct
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -72,11 +72,14 @@ def _memory(what: str) -> int:
 
 def main() -> None:
     """Prints a line a round."""
-    triangles, rounds = (int(sys.argv[1]) if len(sys.argv) > 1 else 1_000_000), (int(sys.argv[2]) if len(sys.argv) > 2 else 5)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("triangles", nargs="?", type=int, default=1_000_000, help="about so many; a million unless told")
+    parser.add_argument("rounds", nargs="?", type=int, default=5, help="five unless told")
+    given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        _write(Path(folder) / "sphere.glb", triangles)
+        _write(Path(folder) / "sphere.glb", given.triangles)
         warm_up()
-        for _ in range(rounds):
+        for _ in range(given.rounds):
             Path("/proc/self/clear_refs").write_text("5")  # VmHWM begins anew
             before, wall, processor = _memory("VmRSS"), time.perf_counter(), time.process_time()
             description = read(Path(folder), "sphere.glb")

@@ -31,7 +31,7 @@ from worker.sums import pack_sums
 SCENE = ROOT / "scenes" / "cornell-box.yaml"
 MIB = 1 << 20
 HEAD = (
-    "slots  tile       frame   kB/msg  batches/s  results/s  ms/batch  service  Redis  samples/s  stream  lost  repeated"
+    "slots  tile       frame   kB/msg  batches/s  results/s  MB/s  ms/batch  service  Redis  samples/s  stream  lost  repeated"
     "  Redis MB  service MB  health ms  exact  watchers  round p95  packets/s"
 )
 
@@ -47,6 +47,8 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--warm", type=float, default=10.0, help="seconds before anything is measured")
     parser.add_argument("--alone", action="store_true", help="each slot sends its own sums, and no machine adds them up")
+    parser.add_argument("--per-worker", type=int, default=32, help="slots of a machine")
+    parser.add_argument("--site", action="store_true", help="the machines are of one site, with a reducer")
     parser.add_argument("--json", type=Path, help="write all that was measured there too")
     options = parser.parse_args()
     numbers = [[int(n) for n in text.split(",")] for text in (options.slots, options.tile, options.watchers)]
@@ -64,11 +66,15 @@ def main() -> None:
             watchers=watchers,
             pictures=options.pictures,
             alone=options.alone,
+            per_worker=options.per_worker,
+            site=options.site,
         )
         with tempfile.TemporaryDirectory(prefix="rayfarm-scale-") as name:
             taken = run(load, sums, Path(name))
         if taken.pictures:
             print(f"pictures by status: {dict(taken.pictures)}, health at worst {1e3 * max(taken.health_s):.0f} ms")
+        if taken.unread or taken.dropped:
+            print(f"{taken.unread} results were not read at the end, {taken.dropped} batches were dropped")
         print(line(load, taken, len(pack_sums(sums[:, :tile, :tile] * 8))), flush=True)
         rows.append({"load": asdict(load), "taken": asdict(taken)})
         if options.json:
@@ -91,7 +97,8 @@ def line(load: Load, taken: Taken, size: int) -> str:
     rate = taken.sample_rate
     columns = (
         f"{load.slots:5}  {load.tile:4}  {load.width}x{load.height:<4}  {size / 1e3:7.0f}",
-        f"{taken.merged / taken.seconds:9.1f}  {taken.results / taken.seconds:9.1f}  {each:8.2f}",
+        f"{taken.merged / taken.seconds:9.1f}  {taken.results / taken.seconds:9.1f}",
+        f"{taken.result_bytes / taken.seconds / 1e6:4.1f}  {each:8.2f}",
         f"{taken.service_s / taken.seconds:7.2f}  {taken.redis_s / taken.seconds:5.2f}",
         f"{rate:9.0f}  {max(taken.stream):6}  {taken.lost:4}  {taken.repeated:8}",
         f"{max(taken.redis_bytes) / MIB:8.0f}  {max(taken.service_bytes) / MIB:10.0f}  {health:9.1f}",

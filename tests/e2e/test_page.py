@@ -135,8 +135,8 @@ def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watche
     alert.get_by_role("button", name="Dismiss").click()
     expect(alert).to_have_count(0)
 
-    drop(page, "house.blend", b"BLENDER")
-    expect(alert).to_contain_text("house.blend cannot be read here")
+    drop(page, "house.abc", b"Ogawa")
+    expect(alert).to_contain_text("house.abc cannot be read here")
     expect(alert).to_contain_text("File > Export > glTF 2.0")
     alert.get_by_role("button", name="Dismiss").click()
 

@@ -91,6 +91,11 @@ def prepare(glb: str, size: int, max_depth: int, sky: list[float]) -> None:
     world.use_nodes = True
     world.node_tree.nodes["Background"].inputs["Color"].default_value = (*sky, 1)
     scene.world = world
+    as_we_have_it(scene, size, max_depth)
+
+
+def as_we_have_it(scene: bpy.types.Scene, size: int, max_depth: int) -> None:
+    """Cycles' settings, those that we have too: square pictures, every sample counted as it is."""
     scene.render.engine = "CYCLES"
     scene.render.resolution_x = scene.render.resolution_y = size
     scene.render.resolution_percentage = 100

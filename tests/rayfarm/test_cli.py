@@ -14,12 +14,13 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 from PIL import Image
 
+from rayfarm import cli
 from renderer.denoise import is_available
 from tests.helpers import ROOT, wait_until
 from tests.rayfarm.program import rayfarm, started
 
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
-COMMANDS = ("up", "worker", "render", "submit", "jobs", "info", "bench")
+COMMANDS = ("up", "worker", "render", "submit", "jobs", "info", "bench", "restore")
 
 
 def read(path: Path) -> tuple[np.ndarray, list[str]]:
@@ -41,6 +42,28 @@ def test_help_teaches_by_example(command: str) -> None:
     done = rayfarm(command, "--help")
     assert done.returncode == 0
     assert f"rayfarm {command}" in done.stdout or command == "bench"  # which has tables of its own
+
+
+def test_every_command_has_its_module() -> None:
+    modules = {path.stem for path in (ROOT / "rayfarm" / "commands").glob("*.py")} - {"__init__"}
+    assert modules == set(cli.COMMANDS)
+
+
+@pytest.mark.parametrize(
+    ("words", "imported"),
+    [
+        (["worker", "--join", "up"], ("worker",)),
+        (["--debug", "restore", "x"], ("backup",)),
+        (["wrker"], cli.COMMANDS),
+        (["--help", "up"], cli.COMMANDS),
+        ([], cli.COMMANDS),
+    ],
+)
+def test_only_the_command_that_is_typed_is_imported(
+    words: list[str], imported: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["rayfarm", *words])
+    assert cli._asked_for() == imported
 
 
 @pytest.mark.parametrize("suffix", ["png", "jpg", "exr", "hdr"])
@@ -145,6 +168,8 @@ def test_one_path_is_followed_again_and_gives_what_the_film_has(tmp_path: Path) 
 
 def test_info_is_for_people_and_programs() -> None:
     done = rayfarm("info", CORNELL)
+    counts = next(line for line in done.stdout.splitlines() if line.startswith("Holds")).removeprefix("Holds").split(",")
+    assert all(part.strip().endswith("s") != part.strip().startswith("1 ") for part in counts), counts
     assert done.returncode == 0, done.stderr
     assert "front" in done.stdout
     summary = json.loads(rayfarm("info", CORNELL, "--json").stdout)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from PIL import Image
 
 from tests.peers.test_mitsuba_files import SHAPES, write_files
 from tests.rayfarm.program import rayfarm
+from tests.renderer.scene.pbrt_files import world
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +37,8 @@ def test_it_says_how_far_they_agree(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["scene.glb"], "is no scene of Mitsuba"),
+        (["scene.glb"], "is no scene of Mitsuba or pbrt"),
+        (["scene.pbrt"], "There is no program pbrt on the PATH"),
         (["scene.xml", "-o", "both.exr"], "what is written is a .png"),
         (["nowhere.xml"], "There is no file"),
     ],
@@ -44,3 +47,17 @@ def test_what_is_wrong_is_said(arguments: list[str], sentence: str, folder: Path
     done = rayfarm("compare", *(str(folder / each) if each[0] != "-" else each for each in arguments))
     assert done.returncode == 1
     assert sentence in " ".join(done.stderr.split())
+
+
+def test_with_pbrt_on_the_path(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A program that stands in for pbrt: it is given what pbrt takes, and its picture is compared."""
+    (folder / "scene.pbrt").write_text(world('LightSource "infinite" Shape "sphere"'))
+    ours = tmp_path / "ours.exr"
+    assert rayfarm("render", folder / "scene.pbrt", "-o", ours, "--spp=16").returncode == 0
+    program = tmp_path / "pbrt"
+    program.write_text(f'#!/bin/sh\n[ "$1 $2 $3 $4 $6" = "--quiet --spp 16 --outfile scene.pbrt" ] && cp {ours} "$5"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    done = rayfarm("compare", folder / "scene.pbrt", "--spp=16", "--most=0.001")
+    assert done.returncode == 0, done.stderr
+    assert "of pbrt: " in done.stdout

@@ -21,7 +21,7 @@ def test_the_kind_that_says_most_wins_then_the_shallowest():
 
 
 def test_another_programs_file_is_answered_by_the_export_that_helps():
-    for name, says in (("a.blend", "File > Export > glTF 2.0"), ("deep/A.MAX", "glTF"), ("a.7z", "Unpack")):
+    for name, says in (("a.abc", "File > Export > glTF 2.0"), ("deep/A.MAX", "glTF"), ("a.7z", "Unpack")):
         with pytest.raises(SceneError, match=f"{name} cannot be read here.*{says}"):
             pick_main(["readme.txt", name])
     assert pick_main(["a.blend", "a.glb"])[0] == "a.glb"
@@ -33,6 +33,13 @@ def test_a_mac_zip_gives_the_model_and_names_its_rivals():
     assert main == "spot/spot_triangulated.obj"
     assert "spot_control_mesh.obj" in warnings[0]
     assert "__MACOSX" not in warnings[0]
+
+
+def test_several_scenes_are_named_and_what_one_is_made_of_is_not():
+    assert "b.fbx" in pick_main(["a.glb", "b.fbx"])[1][0]
+    assert pick_main(["a.yaml", "b.obj", "c.glb"])[1] == []
+    assert "b.xml" in pick_main(["a.pbrt", "b.xml", "c.ply"])[1][0]
+    assert pick_main(["geometry.pbrt", "materials.pbrt", "kitchen-scene.pbrt", "c.ply"]) == ("kitchen-scene.pbrt", [])
 
 
 @pytest.mark.parametrize("names", [[], ["readme.txt", "t.png"], [".hidden.glb"], ["__MACOSX/a.glb"]])

@@ -57,3 +57,11 @@ def test_what_is_touched_is_noted(files: Any, tmp_path: Path) -> None:
     assert read < paths == set(tmp_path.iterdir())
     files.flush()
     assert not list(tmp_path.iterdir())
+
+
+def test_what_kernels_are_made_of_is_not_noted(tmp_path: Path) -> None:
+    files = machine_code._Files(tmp_path, "walk.walk-1.py311", "stamp", is_kernel=False)
+    with noted() as paths:
+        files.save(KEY, 1)
+        assert files.load(KEY) == 1
+    assert paths == set()

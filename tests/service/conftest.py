@@ -36,6 +36,8 @@ ON_BOTH = (
     "scheduling/test_database_faults.py",
     "keeping/test_retention.py",
     "store/test_garbage.py",
+    "owning/test_candidate.py",
+    "owning/test_two_services.py",
 )
 
 

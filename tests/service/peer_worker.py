@@ -131,6 +131,8 @@ class PeerWorker:
         self.denoised: list[str] = []
         self.batches: list[RenderBatch] = []
         self.prepared: list[str] = []
+        self.more: list[str] = []  # queues
+        self.blend: dict[str, Any] | None = None  # what Blender wrote
         self.shown: list[str] = []  # environments
         self.current: dict[str, Any] = {}
         self.beats = True
@@ -204,7 +206,7 @@ class PeerWorker:
                     time.sleep(0.05)
                     continue
                 queues = [view_queue(self.kind)] * self.views + [denoise_queue(self.kind)] * self.denoises
-                queues += [prepare_queue(self.kind), *self.terms.queues, render_queue(self.kind)]
+                queues += [*self.more, prepare_queue(self.kind), *self.terms.queues, render_queue(self.kind)]
                 found: Any = self.redis.brpop(queues, timeout=0.1)
             except redis.RedisError:
                 time.sleep(0.1)
@@ -225,7 +227,7 @@ class PeerWorker:
                 self._show(ShowEnvironment(**arguments["environment"]))
             elif "vectors" in arguments:
                 self._point(FrameVectors(**arguments["vectors"]))
-            elif queue == prepare_queue(self.kind).encode():
+            elif queue.startswith(prepare_queue(self.kind).encode()):
                 self._prepare(arguments["scene"])
             elif queue == denoise_queue(self.kind).encode():
                 self._denoise(DenoiseFrame(**arguments["frame"]))
@@ -392,7 +394,7 @@ class PeerWorker:
             cameras = [{"name": "front", "view": view}, {"name": "overview", "view": {**view, "fov": 60.0}}]
             counts, bounds = {"triangles": 12}, [[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]
             variants = ["beach", "night", "night"] if b"variants" in content else []
-            info = SceneInfo(self.kind, ref, None, cameras, counts, bounds, [], [], {}, 0.01, variants)
+            info = SceneInfo(self.kind, ref, None, cameras, counts, bounds, [], [], {}, 0.01, variants, blend=self.blend)
             self.send({"type": "prepared", **about, "info": asdict(info)})
         except ValueError as error:
             self.send({"type": "prepare-failed", **about, "error": str(error)})

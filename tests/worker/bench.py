@@ -51,6 +51,7 @@ class FakeService(BaseHTTPRequestHandler):
     films: dict[str, bytes]
     redis_url: str
     away = False
+    reduces = True  # whether it takes sums of several workers
     sent: list[tuple[str, int]]  # blobs and their sizes
 
     def do_GET(self) -> None:
@@ -59,7 +60,8 @@ class FakeService(BaseHTTPRequestHandler):
         elif self.away:
             self._answer(503, b"<html>a proxy before a service that starts anew")
         elif self.path == "/api/farm/join":
-            self._answer(200, json.dumps({"redis_url": self.redis_url, "instance": "i", "data_dir": ""}).encode())
+            farm = {"redis_url": self.redis_url, "instance": "i", "data_dir": "", "reduces": "yes" if self.reduces else ""}
+            self._answer(200, json.dumps(farm).encode())
         elif self.path.startswith("/api/farm/films/"):
             means = self.films.get(self.path)
             self._answer(200 if means else 404, means or b"{}", {VERSION_HEADER: "seven", SAMPLES_HEADER: "12"})

@@ -13,9 +13,9 @@ from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import wait_until
 from tests.worker.bench import Bench, a_worker, busiest
 from tests.worker.test_worker import SCENE
+from worker.adding import joined
 from worker.contract import RenderBatch, Result, SceneInfo, render_queue
 from worker.joint import RENDER_JOINTLY, JointBatch, Piece
-from worker.jointly import joined
 from worker.sums import PACKED, pack_sums, unpack_sums
 
 pytestmark = pytest.mark.farm

@@ -64,3 +64,37 @@ def test_the_screen_is_asked_where_a_program_knows(machine: Path, monkeypatch: p
     program.write_text("#!/bin/sh\nexit 1\n")
     presence.idle_s(begun + 200)
     assert presence.by == ()
+
+
+LOGINCTL = """#!/bin/sh
+if [ "$1" = list-sessions ]; then echo "  3 1000 anna seat0 tty2"; echo " c1 120 gdm seat0 tty1"; exit; fi
+[ "$2" = 3 ] && cat "{folder}/anna" || printf 'Type=wayland\nClass=greeter\nState=online\nIdleHint=no\nIdleSinceHint=1\n'
+"""
+
+
+def test_a_desktop_says_by_itself_that_nobody_is_there(machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a stand-in for loginctl that prints as systemd 252 does: no logind runs where tests do."""
+    program = machine / "loginctl"
+    program.write_text(LOGINCTL.format(folder=machine))
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(machine), prepend=os.pathsep)
+    presence = Presence(machine / "nowhere", machine / "dev")
+    begun = presence._present
+
+    def tell_logind(hint: str, since: float, kind: str = "wayland") -> None:
+        told = f"Type={kind}\nClass=user\nState=active\nIdleHint={hint}\nIdleSinceHint={since * 1e6:.0f}\n"
+        (machine / "anna").write_text(told)
+
+    tell_logind("yes", begun + 70)
+    assert presence.idle_s(begun + 100) == pytest.approx(30, abs=0.1)
+    assert presence.by == ("desktop",)
+    tell_logind("no", begun + 190)
+    assert presence.idle_s(begun + 200) == 0
+    for silent in (("no", 0.0, "x11"), ("no", begun + 290, "tty")):
+        tell_logind(*silent)
+        presence.idle_s(presence._looked + 100)
+        assert presence.by == (), "a desktop that has never said so; a terminal, of which others tell"
+    assert presence._present == begun + 200
+    program.write_text("#!/bin/sh\nexit 1\n")
+    presence.idle_s(begun + 700)
+    assert presence.by == ()

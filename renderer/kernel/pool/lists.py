@@ -48,10 +48,11 @@ __all__ = [
 # and light sampling finds nothing for it.
 DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE, RARE_SPECULAR = range(6)
 SCATTERING = RARE_SPECULAR
-ACTIVE, TRIANGLES, SPHERES, MISSED, LIT, PASSED, DONE = range(SCATTERING + 1, SCATTERING + 8)
+# From here on numbers that Numba takes for values: for each plain one it would compile `length` and the others anew.
+ACTIVE, TRIANGLES, SPHERES, MISSED, LIT, PASSED, DONE = (np.uintp(which) for which in range(SCATTERING + 1, SCATTERING + 8))
 # Rays on their way through the tree, by what they are to look into next: a node, a packet of triangles, anything else.
-NODES, PACKETS, OTHERS, ENDED, WAITING = range(DONE + 1, DONE + 6)
-LISTS = WAITING + 1
+NODES, PACKETS, OTHERS, ENDED, WAITING = (np.uintp(which) for which in range(SCATTERING + 8, SCATTERING + 13))
+LISTS = SCATTERING + 13
 LIST_SIZE = ROWS + 8  # its length, the numbers, and room for the last one's repetition
 _SIZE = np.uintp(LIST_SIZE)
 _ONE = np.uintp(1)

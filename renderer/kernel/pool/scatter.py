@@ -51,6 +51,9 @@ from renderer.wide.values import as_ints, nil, to_int, where
 
 __all__ = ["scatter", "stream_of"]
 
+_DIFFUSE, _SPECULAR, _METALLIC_ROUGHNESS, _CONDUCTOR, _RARE = (
+    np.uintp(which) for which in (DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE)
+)
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
@@ -153,31 +156,31 @@ def _scatter(scene, pool, lists, which, answer, is_lit, options, lit):
 @subroutine
 def _scatter_diffuse(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, DIFFUSE, answer_diffuse, True, options, lit)
+    _scatter(scene, pool, lists, _DIFFUSE, answer_diffuse, True, options, lit)
 
 
 @subroutine
 def _scatter_specular(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, SPECULAR, answer_specular, None, options, lit)
+    _scatter(scene, pool, lists, _SPECULAR, answer_specular, None, options, lit)
 
 
 @subroutine
 def _scatter_metallic_roughness(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, METALLIC_ROUGHNESS, answer_metallic_roughness, True, options, lit)
+    _scatter(scene, pool, lists, _METALLIC_ROUGHNESS, answer_metallic_roughness, True, options, lit)
 
 
 @subroutine
 def _scatter_conductor(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, CONDUCTOR, answer_conductor, True, options, lit)
+    _scatter(scene, pool, lists, _CONDUCTOR, answer_conductor, True, options, lit)
 
 
 @subroutine
 def _scatter_rare(scene, pool, lists, options, lit):
     out_of_line()
-    _scatter(scene, pool, lists, RARE, answer_rare, True, options, lit)
+    _scatter(scene, pool, lists, _RARE, answer_rare, True, options, lit)
 
 
 @subroutine
@@ -187,13 +190,13 @@ def scatter(scene, pool, lists, options, lit):
     lit: whether there is anything that light sampling would find in the scene.
     """
     out_of_line()
-    if scene.has.layers is not None and length(lists, RARE) > 0:
+    if scene.has.layers is not None and length(lists, _RARE) > 0:
         _scatter_rare(scene, pool, lists, options, lit)
-    if length(lists, DIFFUSE) > 0:
+    if length(lists, _DIFFUSE) > 0:
         _scatter_diffuse(scene, pool, lists, options, lit)
-    if length(lists, SPECULAR) > 0:
+    if length(lists, _SPECULAR) > 0:
         _scatter_specular(scene, pool, lists, options, lit)
-    if length(lists, METALLIC_ROUGHNESS) > 0:
+    if length(lists, _METALLIC_ROUGHNESS) > 0:
         _scatter_metallic_roughness(scene, pool, lists, options, lit)
-    if length(lists, CONDUCTOR) > 0:
+    if length(lists, _CONDUCTOR) > 0:
         _scatter_conductor(scene, pool, lists, options, lit)

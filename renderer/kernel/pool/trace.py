@@ -21,7 +21,7 @@ from renderer.kernel.pool.scatter import scatter
 from renderer.kernel.pool.surfaces import arrive, miss
 from renderer.kernel.pool.ways import new_ways, three
 
-__all__ = ["Pool", "pool_for", "render_with_pool", "scatter_nothing"]
+__all__ = ["Pool", "pool_for", "render_with_pool"]
 
 _ZERO = np.float32(0.0)
 
@@ -50,16 +50,6 @@ def pool_for(width: int, height: int) -> Pool:
         rows = line_floats(ROWS * int(ROW))
         pool = _kept.pool = Pool(new_stack(), new_ways(), rows, np.zeros(LISTS * LIST_SIZE, np.uint32), film)
     return pool
-
-
-@template
-def scatter_nothing(scene, pool, options):
-    """Calls the later stages with nothing to do: about half of what there is to compile, first what the rest has least of."""
-    for which in range(LISTS):
-        clear(pool.lists, which)
-    lit = len(scene.light_primitive) > 0  # of the type that it has there: a literal's would be another
-    scatter(scene, pool.rows, pool.lists, options, lit)
-    choose_lamps(scene, pool.rows, pool.lists, options)
 
 
 @template

@@ -23,11 +23,13 @@ def read_file(
     variant: str | None = None,
     formats: Sequence[Format] = FORMATS,
     moment: Moment = Moment(),
+    thickness: float | None = None,
 ) -> None:
     """Adds the scene of one file to a description.
 
     variant: the name of one of the file's material variants, or its number from 0; None for what is shown by default.
-    moment: which one of the file's animation is shown. formats: those that may be read. Raises SceneError.
+    moment: which one of the file's animation is shown. formats: those that may be read. thickness: of the file's points
+    and lines, in its own unit; None leaves them out. Raises SceneError.
     """
     suffix = PurePosixPath(name).suffix.lower()
     format = next((f for f in formats if f.suffix == suffix), None)
@@ -38,11 +40,15 @@ def read_file(
         raise SceneError(f"{name}: has no variants, as only glTF and USD files have; leave the variant out")
     if moment.clip is not None and not format.moves:
         raise SceneError(f"{name}: has no clips, as glTF, USD and FBX files have; leave the clip out")
+    if thickness is not None and not format.has_lines:
+        raise SceneError(f"{name}: has no points and lines to give a thickness, as glTF files have; leave the thickness out")
     # Readers bring heavy libraries with them: each is imported when first needed.
     reader = import_module(f"renderer.scene.readers.{format.reader}")
     options: dict[str, Any] = {} if variant is None else {"variant": variant}
     if format.moves:
         options["moment"] = moment
+    if thickness is not None:
+        options["thickness"] = thickness
     try:
         reader.read(files, name, description, **options)
     except (RayfarmError, MemoryError):

@@ -7,6 +7,7 @@ import re
 from copy import copy
 from dataclasses import fields, replace
 from importlib import import_module
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 from renderer.errors import SceneError
@@ -18,6 +19,7 @@ from renderer.scene.readers import assimp
 __all__ = ["read"]
 
 _ASPECT = 16 / 9  # of a camera that says neither its height nor its shape
+_FALL = 0.75  # of Blender's blend: there its smooth step and our square send out as much
 _UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']{1,40})[\"']")
 
 
@@ -28,6 +30,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     try:
         assimp.read(files, main, description, moment, scale=1 / _metres(data))
         _set_lenses(description, files.recall(("Collada's lenses", main), lambda: _lenses(data)))
+        _set_watts(description, files.recall(("Blender's lamps", main), lambda: _lamps(data)))
     except SceneError as refused:
         for name, value in before.items():
             setattr(description, name, value)
@@ -72,12 +75,59 @@ def _lenses(data: bytes) -> dict[str, float]:
     return found
 
 
-def _number(words: str | None) -> float | None:
+class _Lamp(NamedTuple):
+    """What Blender says of a light, in watts; and of a spot the half angles of its cone, in degrees."""
+
+    watts: tuple[float, float, float]
+    cone: tuple[float, float]
+
+
+def _set_watts(description: SceneDescription, lamps: dict[str, _Lamp]) -> None:
+    """Gives lights what Blender says of them: Collada itself has no unit, and its cones end nowhere."""
+    for light in description.lights:
+        if (lamp := lamps.get(light.name)) is not None:
+            scale = 1.0 if light.kind == "directional" else 1 / (4 * math.pi)
+            red, green, blue = (each * scale for each in lamp.watts)
+            light.intensity = (red, green, blue)
+            if light.kind == "spot":
+                light.inner_cone, light.outer_cone = lamp.cone
+
+
+def _lamps(data: bytes) -> dict[str, _Lamp]:
+    """Of a file that Blender wrote, the lights on nodes, by the nodes' names and ids."""
+    try:
+        root = ElementTree.fromstring(data)
+    except ElementTree.ParseError:
+        return {}
+    by_id = {}
+    for light in root.iterfind(".//{*}library_lights/{*}light"):
+        own = light.find("{*}extra/{*}technique[@profile='blender']")
+        if own is None:
+            continue
+        names = ("red", "green", "blue", "energy", "spotsize", "spotblend")
+        said = [each for name in names if (each := _number(own.findtext(f"{{*}}{name}"), -1e-9, 1e9)) is not None]
+        if len(said) == len(names):
+            red, green, blue, watts, across, blend = said
+            outer = min(across / 2, 89.9)
+            edge = math.cos(math.radians(outer))
+            inner = math.degrees(math.acos(min(edge + (1 - edge) * min(blend, 1.0) * _FALL, 1.0)))
+            by_id[light.get("id")] = _Lamp((red * watts, green * watts, blue * watts), (min(inner, outer), outer))
+    found = {}
+    for node in root.iterfind(".//{*}node"):
+        used = node.find("{*}instance_light")
+        lamp = None if used is None else by_id.get((used.get("url") or "")[1:])
+        for name in (node.get("id"), node.get("name")):
+            if lamp is not None and name:
+                found[name] = lamp
+    return found
+
+
+def _number(words: str | None, above: float = 0.0, below: float = 180.0) -> float | None:
     try:
         value = float(words) if words else math.nan
     except ValueError:
         return None
-    return value if 0 < value < 180 else None
+    return value if above < value < below else None
 
 
 def _metres(data: bytes) -> float:

@@ -22,7 +22,7 @@ from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.points import MOST_POINTS, balls
 from renderer.scene.textures import TextureShelf
 
-__all__ = ["read"]
+__all__ = ["read", "read_data"]
 
 # The world is Y up; these turn what is not. STL has no say of its own, and those who write it count Z up.
 _Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -33,8 +33,11 @@ logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what it logs of damag
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     """Adds the file's scene to the description. Raises SceneError."""
-    suffix = PurePosixPath(main).suffix.lower()
-    data = files.read(main)
+    read_data(files.read(main), PurePosixPath(main).suffix.lower(), files, main, description)
+
+
+def read_data(data: bytes, suffix: str, files: SceneFiles, main: str, description: SceneDescription) -> None:
+    """The same of a file's bytes, of the format that a suffix names. Raises SceneError."""
     if suffix == ".dae" and re.search(rb"<!(DOCTYPE|ENTITY)", data, re.IGNORECASE):
         raise SceneError(f"{main}: declares XML entities, which no scene needs; remove its DOCTYPE")
     if suffix == ".stl" and not _is_binary_stl(data):

@@ -54,11 +54,14 @@ def spacing(points: F32) -> float:
     return float(np.sqrt(np.median(found))) if found else 0.0
 
 
-def balls(name: str, points: F32, colors: npt.NDArray[np.uint8] | None) -> tuple[Mesh, float]:
-    """A mesh of a ball about each point, which reaches to its neighbours, and the balls' radius. colors: (P, 3 or 4) sRGB."""
+def balls(name: str, points: F32, colors: npt.NDArray[np.uint8] | None, radius: float | None = None) -> tuple[Mesh, float]:
+    """A mesh of a ball about each point, and the balls' radius: without one they reach to their neighbours.
+
+    colors: (P, 3 or 4) sRGB.
+    """
     corners, faces = _icosahedron() if len(points) <= _FINE else _octahedron()
     extent = float(np.ptp(points, axis=0).max(initial=0.0))
-    radius = spacing(points) or extent / 100 or 0.01
+    radius = radius or spacing(points) or extent / 100 or 0.01
     positions = (points[:, None] + np.float32(radius) * corners.astype(np.float32)[None]).reshape(-1, 3)
     step = np.arange(len(points))[:, None, None] * len(corners)
     triangles = (faces[None] + step).reshape(-1, 3).astype(np.int32)

@@ -11,8 +11,10 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import psutil
+
 from tests.benchmarks.faults.attack import Attack, kind
-from tests.benchmarks.faults.ground import UnrecoveredError
+from tests.benchmarks.faults.ground import UnrecoveredError, stopped
 
 FULL_AT = 4096  # bytes that may be left
 
@@ -78,23 +80,24 @@ def film_damaged(attack: Attack) -> None:
 
 @contextlib.contextmanager
 def at_rest(attack: Attack) -> Iterator[None]:
-    """The service is dead for as long as the block lasts, and another cannot begin: something else holds the folder."""
-    import fcntl
-
+    """The service is dead for as long as the block lasts, and none begins: who would start it stands still."""
     ground = attack.ground
-    with (ground.data / "service.lock").open("a") as lock:
-        for process in (*ground.spares(), ground.part("service")):
+    with stopped([psutil.Process(ground.farm.process.pid)]):
+        processes = [*ground.spares(), ground.part("service")]
+        for process in processes:
             process.kill()
         deadline = time.monotonic() + 10
-        while True:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except OSError:
-                if time.monotonic() > deadline:
-                    raise UnrecoveredError("the folder cannot be held: another service was quicker") from None
-                time.sleep(0.005)
+        while any(is_alive(process) for process in processes):
+            if time.monotonic() > deadline:
+                raise UnrecoveredError("the service does not end")
+            time.sleep(0.005)
         yield
+
+
+def is_alive(process: psutil.Process) -> bool:
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return process.status() != psutil.STATUS_ZOMBIE
+    return False
 
 
 @kind("the film is damaged while the service is dead", weight=1, harms_films=True)

@@ -64,10 +64,14 @@ class Ground:
     def client(self) -> Client:
         return Client(self.url)
 
+    @property
+    def redis_url(self) -> str:
+        """The address of the farm's Redis, as it is now."""
+        return str(json.loads((self.data / "farm.json").read_text())["redis_url"])
+
     def store(self) -> redis.Redis:
-        """A connection to the farm's Redis, by the address that it has now."""
-        url = json.loads((self.data / "farm.json").read_text())["redis_url"]
-        return redis.Redis.from_url(url, socket_timeout=5, socket_connect_timeout=5)
+        """A connection to the farm's Redis."""
+        return redis.Redis.from_url(self.redis_url, socket_timeout=5, socket_connect_timeout=5)
 
     def part(self, name: str) -> psutil.Process:
         """A part's process as it is now. Raises psutil.NoSuchProcess where it has just ended."""

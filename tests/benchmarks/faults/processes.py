@@ -107,7 +107,7 @@ def broker_stands(attack: Attack) -> None:
 
 @kind("a second service on the folder, and the owner is killed", grounds=("one machine", "another clock"))
 def two_services(attack: Attack) -> None:
-    """Whichever gets the folder, one has it; the guest is ended after a while, and the farm's own goes on."""
+    """Whichever comes to work as the farm, one does; the guest is ended after a while, and the farm's own goes on."""
     ground = attack.ground
     command = [sys.executable, "-m", "uvicorn", "service.main:create_app", "--factory", "--no-access-log", "--port", "0"]
     owner = ground.part("service")

@@ -28,14 +28,17 @@ from renderer.film import Sums
 from service.store.films import Film
 from service.store.tile_cache import TileCache
 from tests.helpers import ROOT, running_redis, wait_until
-from worker.contract import RESULTS
+from tests.reducer import Reducing
+from worker.contract import RESULTS, WORKER_KEYS
 from worker.process import spawn_guard
+from worker.site import site_key
 
 __all__ = ["Load", "Served", "Taken", "run"]
 
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 EXPONENT = 24
-SETTLES_S = 60.0
+SETTLES_S = 150.0
+SITE_NAME = "simulated"
 MANY = 1 << 20  # samples: more than anybody renders here
 
 
@@ -53,6 +56,8 @@ class Load:
     watchers: int = 0
     pictures: int = 0  # asked for at the same time, again and again
     alone: bool = False  # each slot sends its own sums
+    per_worker: int = 32  # slots of a machine
+    site: bool = False  # the machines are of one site, with a reducer
 
 
 @dataclass
@@ -62,6 +67,7 @@ class Taken:
     seconds: float = 0.0
     merged: int = 0
     results: int = 0  # of one batch or more
+    result_bytes: int = 0  # of their sums
     lost: int = 0
     dropped: int = 0
     samples: int = 0  # of tiles, in the film at the end
@@ -73,6 +79,7 @@ class Taken:
     service_bytes: list[int] = field(default_factory=list)
     health_s: list[float] = field(default_factory=list)
     is_exact: bool = False
+    unread: int = 0  # results at the very end
     repeated: int = 0  # samples of tiles that were rendered more than once, or are in no film
     rounds_s: list[float] = field(default_factory=list)  # between two rounds of a watcher
     packets: int = 0  # that all watchers got
@@ -166,7 +173,8 @@ def slots_of(served: Served, load: Load, sums: Path) -> Iterator[subprocess.Pope
     sample_s = load.sample_s * (load.tile / 128) ** 2
     command = ["nice", sys.executable, "-m", "tests.benchmarks.scale.slots", f"--redis={served.redis.url}"]
     command += [f"--service={served.url}", f"--token={served.token}", f"--sums={sums}", f"--slots={load.slots}"]
-    command += [f"--tile-sample-s={sample_s}", *["--alone"] * load.alone]
+    command += [f"--tile-sample-s={sample_s}", f"--per-worker={load.per_worker}", *["--alone"] * load.alone]
+    command += [f"--site={SITE_NAME}"] * load.site
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, preexec_fn=spawn_guard())
     try:
         yield process
@@ -176,12 +184,29 @@ def slots_of(served: Served, load: Load, sums: Path) -> Iterator[subprocess.Pope
         process.wait()
 
 
+@contextlib.contextmanager
+def reducer_of(served: Served, load: Load) -> Iterator[None]:
+    """The reducer of the machines' site, where they have one."""
+    if not load.site:
+        yield
+        return
+    reducing = Reducing(served.store, served.url, served.token, served.folder, SITE_NAME)
+    try:
+        yield
+    finally:
+        reducing.stop()
+
+
 def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
     """One row: a job that does not end, rendered by that many slots for a while, and its film held against what was sent."""
     kept = folder / "sums.npy"
     np.save(kept, sums[:, : load.tile, : load.tile])
     taken = Taken()
-    with Served(folder, **environment) as served, slots_of(served, load, kept) as slots:
+    with (
+        Served(folder, **environment) as served,
+        reducer_of(served, load),
+        slots_of(served, load, kept) as slots,
+    ):
         job = served.job(served.scene(), load)
         wait_until(lambda: served.counts().get("merged", 0) > 0, 180, "a batch is merged")
         watching = _watching(served, job, load)
@@ -196,12 +221,13 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
         taken.seconds = time.monotonic() - begun
         taken.service_s, taken.redis_s = ended[0] - service_s, ended[1] - redis_s
         of_job = served.samples(job)
-        for name in ("merged", "results", "lost", "dropped"):
+        for name in ("merged", "results", "result_bytes", "lost", "dropped"):
             setattr(taken, name, after[name] - before[name])
         if watching is not None:
             seen = json.loads(watching.communicate(timeout=60)[0].splitlines()[-1])
             taken.rounds_s, taken.packets = seen["rounds_s"], seen["packets"]
         served.http.patch(f"/api/jobs/{job}", json={"state": "paused"}).raise_for_status()
+        time.sleep(2.0)  # until all have reported themselves after that
         said = _settled(served, slots)
         served.stop()
         film = served.film(job, load)
@@ -209,6 +235,7 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
         taken.samples = sum(has)
         taken.sample_rate = (of_job - at_first) / load.tile**2 / taken.seconds
         taken.repeated = said["samples"] - taken.samples
+        taken.unread = said["unread"]
         taken.is_exact = _is_exact(film, np.load(kept), has)
         film.close()
     return taken
@@ -262,19 +289,25 @@ def _pictures(served: Served, job: str, many: int, answers: Counter[int]) -> Ite
 
 
 def _settled(served: Served, slots: subprocess.Popen[str]) -> dict[str, int]:
-    """Wait until all that is out has come back and is merged; what the slots have counted."""
+    """Wait until all that is out has come back and is merged; what the slots have counted. What they have in hand they finish."""
     deadline = time.monotonic() + SETTLES_S
-    last = -1
-    while time.monotonic() < deadline:
-        time.sleep(2.0)
-        counts = served.counts()
-        if counts["merged"] == last and not served.store.xlen(RESULTS):
-            break
-        last = counts["merged"]
+    while time.monotonic() < deadline and (_in_hand(served) or served.store.xlen(RESULTS)):
+        time.sleep(0.5)
     slots.terminate()
-    said = dict(json.loads(slots.communicate(timeout=30)[0].splitlines()[-1]))
-    time.sleep(1.0)  # what came at the very end
-    return said
+    said = dict(json.loads(slots.communicate(timeout=60)[0].splitlines()[-1]))
+    while time.monotonic() < deadline and served.store.xlen(RESULTS):
+        time.sleep(0.2)
+    return said | {"unread": int(served.store.xlen(RESULTS))}
+
+
+def _in_hand(served: Served) -> int:
+    """How many batches and messages somebody says to have, as of the last second or two."""
+    keys = [*served.store.scan_iter(WORKER_KEYS), *served.store.scan_iter(site_key("*"))]
+    found = 0
+    for value in served.store.mget(keys) if keys else ():  # type: ignore[union-attr]
+        said = json.loads(value or "{}")
+        found += len(said.get("in_hand", ())) + sum(map(bool, said.get("current", ())))
+    return found
 
 
 def _covered(film: Film) -> list[int]:

@@ -15,7 +15,7 @@ import json
 import signal
 import time
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +25,12 @@ import redis
 from renderer.film import Sums
 from tests.service.peer_worker import PeerWorker
 from worker.contract import HEARTBEAT_TTL_S, RESULTS, RenderBatch, Result, WorkerReport, prepare_queue, render_queue, worker_key
-from worker.joint import JointBatch
+from worker.joint import JointBatch, Piece, Run
 from worker.results import MAX_ENTRIES
+from worker.site import SITE
+from worker.site_link import SiteLink
 from worker.sums import pack_sums
+from worker.terms import Offer, Terms, offer_key, terms_key
 
 __all__ = ["Slots", "main"]
 
@@ -46,6 +49,7 @@ class _Joint:
     message: str
     hold_s: float
     left: int
+    run: Run | None
     done: list[tuple[RenderBatch, float]] = field(default_factory=list)
     since: float = 0.0
 
@@ -76,11 +80,26 @@ class Slots(PeerWorker):
     """Many slots in one thread. A sample of a pixel takes each of them the same time."""
 
     def __init__(
-        self, redis_url: str, service: str, token: str, slots: int, sums: Sums, tile_sample_s: float, adds: bool = True
+        self,
+        redis_url: str,
+        service: str,
+        token: str,
+        slots: int,
+        sums: Sums,
+        tile_sample_s: float,
+        adds: bool = True,
+        site: str = "",
+        per_worker: int = PER_WORKER,
     ) -> None:
         """sums: (CHANNELS, side, side) of one sample of a tile. tile_sample_s: how long a slot takes for that. adds: whether the
-        slots of a machine add up what they render of a tile."""
+        slots of a machine add up what they render of a tile. site: where the machines are."""
         super().__init__(redis_url, service, token, slots=slots)
+        self.site = site
+        self.direct_bytes = 0  # of sums that went to the service without a site's reducer
+        self._per_worker = per_worker
+        self._links = SiteLink(redis_url)
+        self._keeps: dict[str, Terms] = {}
+        self._queues = [render_queue(self.kind)]
         self.tile_sample_s = tile_sample_s
         self.adds = adds
         self._turn = 0
@@ -89,9 +108,9 @@ class Slots(PeerWorker):
         self.waited = 0  # answers that found the stream full
         self._sums = sums
         self._packed: dict[int, bytes] = {}
-        firsts = range(0, slots, PER_WORKER)
+        firsts = range(0, slots, per_worker)
         self._machines = [
-            _Machine(f"{self.name}-{first // PER_WORKER}", list(range(first, min(first + PER_WORKER, slots)))) for first in firsts
+            _Machine(f"{self.name}-{first // per_worker}", list(range(first, min(first + per_worker, slots)))) for first in firsts
         ]
         self._next = 0  # machine to take something
         self._hands: list[tuple[float, int, _Batches]] = []  # by when the next of its batches is rendered
@@ -124,17 +143,31 @@ class Slots(PeerWorker):
 
     def report(self) -> None:
         """Every worker's report."""
+        self._serve_site()
         with self.redis.pipeline(transaction=False) as all_at_once:
             for number, machine in enumerate(self._machines):
-                first = number * PER_WORKER
-                many = min(PER_WORKER, self.slots - first)
+                first = number * self._per_worker
+                many = min(self._per_worker, self.slots - first)
                 doing = [self._doing.get(slot, {}) for slot in range(first, first + many)]
                 about = (machine.name, "host", 1, many, "simulated", self.kind, "ready", 0.0, 1e6, doing)
                 knows = {"frames": True, "blurs": True, "vectors": True, "several": True, "adds": self.adds}
                 in_hand = [*machine.joints, *(message for message, _, joint in machine.waiting if joint is None)]
                 report = WorkerReport(*about, **knows, in_hand=in_hand)
                 all_at_once.set(worker_key(machine.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
+                if self.site:
+                    terms = self._keeps.get(machine.name, Terms())
+                    offer = Offer((f"{SITE}{self.site}",), 8 << 30, many, terms.digest, queues=terms.queues)
+                    all_at_once.set(offer_key(machine.name), offer.to_bytes(), ex=HEARTBEAT_TTL_S)
             all_at_once.execute()
+
+    def _serve_site(self) -> None:
+        """Take from the queues that the service asks for."""
+        if self.site:
+            names = [machine.name for machine in self._machines]
+            said: Any = self.redis.mget([terms_key(name) for name in names])
+            self._keeps = {name: Terms.from_bytes(one) for name, one in zip(names, said, strict=True) if one is not None}
+            asked = {queue for terms in self._keeps.values() for queue in terms.queues}
+            self._queues = [*sorted(asked), render_queue(self.kind)]
 
     def _take(self) -> bool:
         """Let free slots take what waits: on their machine first."""
@@ -144,13 +177,19 @@ class Slots(PeerWorker):
             while machine.free and machine.waiting:
                 self._help(now, machine)
             many += len(machine.free)
-        found: Any = self.redis.rpop(render_queue(self.kind), min(many, AT_ONCE)) if many else None
+        found: Any = None
+        for queue in self._queues if many else ():
+            if found := self.redis.rpop(queue, min(many, AT_ONCE)):
+                break
         for message in found or []:
             machine = self._with_a_free_slot()
             id, arguments = json.loads(message)["headers"]["id"], _arguments(message)
             if "joint" in arguments:
                 work = JointBatch.from_json(arguments["joint"])
-                joint = machine.joints[id] = _Joint(id, work.hold_s, len(work.pieces))
+                if rest := work.pieces[max(2, self._per_worker) :]:
+                    work = replace(work, pieces=work.pieces[: -len(rest)])
+                    self.redis.rpush(queue, _with_pieces(message, rest))
+                joint = machine.joints[id] = _Joint(id, work.hold_s, len(work.pieces), work.run)
                 machine.waiting.extend((id, [work.batch(number)], joint) for number in range(joint.left))
             else:
                 works = [RenderBatch.from_json(each) for each in arguments.get("batches") or [arguments["batch"]]]
@@ -215,22 +254,28 @@ class Slots(PeerWorker):
         run: list[tuple[RenderBatch, float]] = []
         for each in sorted(joint.done, key=lambda each: each[0].first):
             if run and run[-1][0].first + run[-1][0].count != each[0].first:
-                self._send_sums(machine, run)
+                self._send_sums(machine, run, joint.run)
                 run = []
             run.append(each)
-        self._send_sums(machine, run)
+        self._send_sums(machine, run, joint.run)
         joint.done.clear()
         if not joint.left:
             machine.joints.pop(joint.message, None)
 
-    def _send_sums(self, machine: _Machine, run: list[tuple[RenderBatch, float]]) -> None:
+    def _send_sums(self, machine: _Machine, run: list[tuple[RenderBatch, float]], of: Run | None = None) -> None:
+        """of: of a site's run."""
         work, seconds = run[0]
         event = {"type": "batch", **self._words(work), "worker": machine.name, "seconds": seconds, "bad": [], "bad_count": 0}
         if len(run) > 1:
             parts = [(work.batch, work.first, work.count, seconds) for work, seconds in run]
             event |= {"type": "batches", "count": sum(work.count for work, _ in run), "parts": parts}
             del event["batch"]
-        self._send_one(Result(event, self._pack(event["count"])))
+        if of is not None:
+            event["run"] = list(of)
+        result = Result(event, self._pack(event["count"]))
+        if not self._links.send(result):
+            self._send_one(result)
+            self.direct_bytes += len(result.sums or b"")
         self.rendered += len(run)
         self.samples += event["count"]
 
@@ -255,6 +300,15 @@ class Slots(PeerWorker):
         return {**words, "tile": list(work.tile)}
 
 
+def _with_pieces(message: bytes, pieces: tuple[Piece, ...]) -> bytes:
+    """The message of a joint batch, with these pieces alone."""
+    whole = json.loads(message)
+    positional, arguments, more = json.loads(base64.b64decode(whole["body"]))
+    arguments["joint"]["pieces"] = [list(piece) for piece in pieces]
+    whole["body"] = base64.b64encode(json.dumps([positional, arguments, more]).encode()).decode()
+    return json.dumps(whole).encode()
+
+
 def _arguments(message: bytes) -> dict[str, Any]:
     _, arguments, _ = json.loads(base64.b64decode(json.loads(message)["body"]))
     return dict(arguments)
@@ -269,12 +323,16 @@ def main() -> None:
     parser.add_argument("--tile-sample-s", type=float, required=True)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--alone", action="store_true", help="each slot sends its own sums")
+    parser.add_argument("--site", default="", help="where they are")
+    parser.add_argument("--per-worker", type=int, default=PER_WORKER, help="slots of a machine")
     o = parser.parse_args()
-    slots = Slots(o.redis, o.service, o.token, o.slots, np.load(Path(o.sums)), o.tile_sample_s, not o.alone)
+    about = (o.slots, np.load(Path(o.sums)), o.tile_sample_s, not o.alone, o.site, o.per_worker)
+    slots = Slots(o.redis, o.service, o.token, *about)
     signal.signal(signal.SIGTERM, lambda *_: slots.stop_running())
     print("ready", flush=True)
     slots.run(o.seconds)
-    print(json.dumps({"rendered": slots.rendered, "samples": slots.samples, "waited": slots.waited}), flush=True)
+    said = {name: getattr(slots, name) for name in ("rendered", "samples", "waited", "direct_bytes")}
+    print(json.dumps(said), flush=True)
 
 
 if __name__ == "__main__":

@@ -102,6 +102,22 @@ def test_collada_moves(scene):
     assert description.moves
 
 
+def test_blenders_collada_says_how_many_watts_its_lights_have(scene):
+    own = {"red": 1, "green": 0.5, "blue": 0, "energy": 4 * math.pi, "spotsize": 60, "spotblend": 0}
+    extra = "".join(f'<{name} sid="{name}" type="float">{value}</{name}>' for name, value in own.items())
+    extra = f'<extra><technique profile="blender">{extra}</technique></extra>'
+    spot = "<technique_common><spot><color>9 9 9</color></spot></technique_common>"
+    text = collada().decode() if isinstance(collada(), bytes) else collada()
+    start, _, end = text.partition('<light id="lamp">')
+    end = end.partition("</light>")[2]
+    found = scene("a.dae", f'{start}<light id="lamp">{spot}{extra}</light>{end}')
+    bulb = next(light for light in found.lights if light.name == "bulb")
+    assert bulb.kind == "spot"
+    assert bulb.intensity == pytest.approx((1, 0.5, 0))
+    assert (bulb.inner_cone, bulb.outer_cone) == pytest.approx((30, 30))
+    assert next(light for light in found.lights if light.name == "day").intensity == pytest.approx([math.pi, math.pi / 2, 0])
+
+
 def test_collada_keeps_its_own_unit_and_stands_upright(scene):
     description = scene("a.dae", collada("Z_UP", 0.01))
     assert corners(description) == [(0, 0, 0), (5, 2, 0)]

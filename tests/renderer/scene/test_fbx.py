@@ -247,3 +247,10 @@ def test_damaged_files_are_scenes_or_sentences(tmp_path):
             assert all(np.isfinite(i.transform).all() for i in description.instances)
             assert all(m.triangles.max(initial=-1) < len(m.positions) for m in description.meshes)
     assert 0 < told < 60
+
+
+def test_a_camera_with_depth_of_field_is_named(scene):
+    for said in (True, False):
+        objects = node(51, "view", "Camera") + camera(61, UseDepthOfField=said, FocusDistance=120.0)
+        warnings = scene("a.fbx", fbx(objects, [(61, 51), (51, 0)])).warnings
+        assert any("1 cameras with depth of field" in w for w in warnings) == said

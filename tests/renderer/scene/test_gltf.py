@@ -13,6 +13,15 @@ from tests.renderer.scene.builders import TRIANGLE, Gltf, world
 SQUARE = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], np.float32)
 
 
+@pytest.mark.parametrize("digits", [400, 5000])
+def test_a_number_that_no_float_holds_is_told(scene, digits):
+    g = Gltf()
+    g.mesh()
+    g.node(translation=[1, 2, 12345])
+    with pytest.raises(SceneError, match="translation is not a list of 3 numbers"):
+        scene("a.gltf", g.gltf().replace(b"12345", b"1" * digits))
+
+
 def test_buffers_inside_beside_and_as_data_uri_are_the_same(scene):
     g = Gltf()
     g.mesh(SQUARE, np.array([0, 1, 2, 0, 2, 3], np.uint16))

@@ -272,7 +272,8 @@ def test_variants_are_offered_and_chosen(tmp_path):
 
 
 def test_a_damaged_file_gets_a_sentence_without_a_path_of_this_machine(tmp_path):
-    for suffix, data in (("usda", b'#usda 1.0\ndef Mesh "a" { what'), ("usdc", b"PXR-USDC" + bytes(200)), ("usdz", b"PK")):
+    texts = [b'#usda 1.0\ndef Mesh "a" { what', b'#usda 1.0\ndef Mesh "a" { \xff\x86 }']
+    for suffix, data in (*(("usda", text) for text in texts), ("usdc", b"PXR-USDC" + bytes(200)), ("usdz", b"PK")):
         (tmp_path / f"a.{suffix}").write_bytes(data)
         with pytest.raises(SceneError, match=f"^a.{suffix}: ") as told:
             read(tmp_path / f"a.{suffix}")

@@ -139,3 +139,20 @@ def test_the_sky_is_where_openexr_has_it(tmp_path, kind, up, turn):
         straight[2] * np.cos(angle) - straight[0] * np.sin(angle),
     )
     assert np.dot(turned, wanted) > np.cos(np.radians(3))
+
+
+def test_a_point_that_is_normalised_sends_the_same_whatever_its_radius(lit):
+    """UsdLux: its watts are pi times its intensity, so 1 / 4 of that to each direction."""
+    for radius in (0.0, 0.1, 2.0):
+        (point,) = lit("SphereLight", radius=radius, intensity=8.0, normalize=True, treatAsPoint=True).lights
+        assert point.intensity[0] == pytest.approx(2.0)
+
+
+def test_blenders_lights_are_those_that_blender_reads_back(lit, tmp_path):
+    """It asks for a temperature and says none, and writes a fourth of its suns."""
+    (plain,) = lit("DistantLight", angle=0.0, intensity=0.5, normalize=True, enableColorTemperature=True).lights
+    assert plain.intensity == (0.5, 0.5, 0.5)
+    layer = Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda"))
+    layer.documentation = "Blender v4.5.15 LTS"
+    layer.Save()
+    assert read(tmp_path / "a.usda").lights[0].intensity == (2.0, 2.0, 2.0)

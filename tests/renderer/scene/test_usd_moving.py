@@ -146,3 +146,20 @@ def test_what_stands_still_is_read_once(tmp_path):
     shot = Shot(tmp_path, "a.usda")
     one, other = shot.at(Moment(0)), shot.at(Moment(3))
     assert one.meshes[0].positions is other.meshes[0].positions
+
+
+def test_what_of_shutters_and_blend_shapes_is_not_taken_over_is_named(tmp_path):
+    made = arm(tmp_path / "a.usda")
+    UsdSkel.BlendShape.Get(made, "/root/shapes/wide").CreateNormalOffsetsAttr([(0, 0, 1)] * 8)
+    camera = UsdGeom.Camera.Define(made, "/root/eye")
+    camera.CreateShutterOpenAttr(0.0)
+    camera.CreateShutterCloseAttr(0.5)
+    made.GetRootLayer().Save()
+    found = Shot(tmp_path, "a.usda").at()
+    assert found.defaults["shutter"] == 0.5
+    assert any("Shutters that are not centred" in w for w in found.warnings)
+    assert any("Normals that blend shapes move" in w for w in found.warnings)
+    camera.CreateShutterOpenAttr(-0.25)
+    camera.CreateShutterCloseAttr(0.25)
+    made.GetRootLayer().Save()
+    assert not any("Shutters" in w for w in Shot(tmp_path, "a.usda").at().warnings)

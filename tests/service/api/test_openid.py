@@ -117,14 +117,44 @@ def test_in_and_out_again(service: Service, provider: Provider) -> None:
         session = client.get("/api/session").json()
         assert (session["name"], session["role"], session["kind"]) == ("anna", "submit", "session")
         assert client.get("/api/jobs").status_code == 200
-        assert client.post("/api/logout").status_code == 204
-        assert client.get("/api/jobs").status_code == 401
+        out = client.post("/api/logout")
+        assert (out.status_code, client.get("/api/jobs").status_code) == (200, 401)
+        way = urlsplit(out.json()["provider"])
+        asked = {name: values[0] for name, values in parse_qs(way.query).items()}
+        assert (way.path, asked["client_id"], asked["id_token_hint"].count(".")) == ("/oauth2/end_session", "rayfarm", 2)
+        form = httpx.get(out.json()["provider"])
+        assert "Recommended parameter" not in form.text, "it has the hint that it wants"
+        led = httpx.post(f"{provider.url}/oauth2/end_session/confirm", data={"redirect_uri": asked["post_logout_redirect_uri"]})
+        assert led.headers["location"] == f"{service.url}/"
+        assert client.post("/api/logout").status_code == 204, "nobody is logged in any more"
     begun = next(asked for path, asked in reversed(provider.asked) if path.endswith("authorize") and "nonce" in asked)
     token = next(asked for path, asked in reversed(provider.asked) if path.endswith("token"))
     proof = base64.urlsafe_b64encode(hashlib.sha256(token["code_verifier"][0].encode()).digest()).rstrip(b"=").decode()
     assert (begun["code_challenge"], begun["code_challenge_method"]) == ([proof], ["S256"])
     assert begun["redirect_uri"] == [f"{service.url}/api/login/openid/answer"]
     assert "openid" in begun["scope"][0]
+
+
+def test_out_here_alone_where_the_provider_says_not_how_or_is_not_to_be_told(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    oidc = service.farm.access.oidc
+    assert oidc is not None
+    back = "https://farm.example/"
+    about, _ = oidc._provider()
+    assert "id_token_hint" not in str(oidc.way_out("", back)), "a login of which the token is not known any more"
+    for end in ("javascript:alert(1)", "/oauth2/end_session", None):
+        monkeypatch.setitem(about, "end_session_endpoint", end)
+        assert oidc.way_out("a.b.c", back) is None
+    monkeypatch.undo()
+    monkeypatch.setattr(oidc, "_logs_out", False)
+    assert oidc.way_out("a.b.c", back) is None
+    monkeypatch.undo()
+    with browser(service) as client:
+        log_in(client, "1")
+        secret, _ = service.farm.access.keys.make("link", "anna", Role.ADMIN, lasts_s=60)
+        assert client.post("/api/login", json={"link": secret}).json()["name"] == "anna"
+        assert client.post("/api/logout").status_code == 204, "this one came by a link"
 
 
 def test_roles_follow_the_claim_at_each_login(service: Service) -> None:

@@ -19,6 +19,7 @@ from websockets.sync.client import connect
 
 from service.api import gate
 from service.api.needs import NEEDS, THINGS, thing_of
+from service.store.models import Job
 from tests.helpers import running_redis
 from tests.service.api.test_access import caller
 from tests.service.conftest import OBJ, Service, until
@@ -173,7 +174,7 @@ def test_no_request_of_others_may_name_it(people: People) -> None:
     key = {"Idempotency-Key": "hers"}
     hers = made(people.anna.post("/api/jobs", json={"scene": ids["scene"], **size}, headers=key), 201)
     probed = ben.post("/api/jobs", json={"scene": ids["scene"], **size}, headers=key)
-    assert (probed.status_code, hers["id"] in probed.text) == (409, False)
+    assert (probed.status_code, hers["id"] in probed.text) == (404, False)
     people.anna.delete(f"/api/jobs/{hers['id']}")
 
 
@@ -216,7 +217,44 @@ def test_who_is_put_out_is_so_at_once_and_what_is_open_ends(people: People, monk
     assert people.ben.get(job).status_code == 404
     thread.join(30)
     assert ended
-    assert ended[0][0] == gate.LOG_IN_AGAIN
+    assert ended[0][0] == gate.NOT_THERE, "not as somebody who is logged out"
+    assert "no longer yours to see" in ended[0][1]
+
+
+def test_who_may_only_look_in_a_project_changes_nothing_there(people: People) -> None:
+    found = made(people.chief.put("/api/projects/film/members/ben", json={"role": "view"}), 200)
+    assert found["roles"] == {"anna": "submit", "ben": "view"}
+    try:
+        ids, into = people.ids, {"project": "film"}
+        walked = 0
+        for method, pattern in NEEDS:
+            thing = thing_of(pattern, pattern)
+            if thing is None or method in ("GET", "WS"):
+                continue
+            answer = people.ben.request(method, path_of(pattern, ids[thing[0]]))
+            assert (answer.status_code, "you may look" in answer.text) == (403, True), (method, pattern, answer.text)
+            walked += 1
+        assert walked >= 5
+        assert HIDDEN in people.ben.get("/api/jobs").text
+        asked = {"scene": ids["scene"], "width": 8, "height": 8, "spp": 1}
+        refused = [
+            people.ben.post("/api/jobs", json=asked),
+            people.ben.post("/api/scenes", params=into, files={"files": ("mine.obj", OBJ)}),
+            people.ben.post("/api/scenes", data={"base": ids["scene"]}, files={"files": ("mine.obj", OBJ + b"# mine\n")}),
+            people.ben.post("/api/references", params=into, files={"file": ("mine.png", png(9))}),
+            people.ben.post("/api/environments", params=into, files={"file": ("mine.png", png(9))}),
+        ]
+        assert [answer.status_code for answer in refused] == [403] * len(refused), [answer.text for answer in refused]
+        many = made(people.ben.post("/api/jobs/changes", json={"jobs": [ids["job"]], "state": "deleted"}), 200)
+        assert (many["changed"], len(many["refused"])) == ([], 1)
+        assert "you may look" in many["refused"][0]["why"]
+        made(people.ben.post("/api/scenes", files={"files": ("mine.obj", OBJ + b"# his\n")}), 201)
+        assert people.anna.get(f"/api/jobs/{ids['job']}").json()["name"] == HIDDEN
+
+        made(people.chief.put("/api/projects/film/members/ben"), 200)
+        made(people.ben.patch(f"/api/jobs/{ids['job']}", json={"pinned": True}), 200)
+    finally:
+        made(people.chief.delete("/api/projects/film/members/ben"), 200)
 
 
 def test_events_tell_others_nothing(people: People) -> None:
@@ -259,6 +297,45 @@ def test_a_worker_at_work_on_it_is_busy_and_says_no_more(people: People) -> None
     until(lambda: '"hidden": true' in slots(people.ben), "he sees that one is busy")
     assert job not in slots(people.ben)
     assert people.anna.delete(f"/api/jobs/{job}").status_code == 204
+
+
+def test_a_key_of_two_users_is_two_keys(people: People) -> None:
+    scene = made(people.ben.post("/api/scenes", files={"files": ("open.obj", OBJ + b"# open\n")}), 201)["id"]
+    until(lambda: people.ben.get(f"/api/scenes/{scene}").json()["status"] == "ready", "it is prepared")
+    asked = {"scene": scene, "width": 8, "height": 8, "spp": 1}
+    key = {"Idempotency-Key": "nightly"}
+    jobs = [
+        made(client.post("/api/jobs", json=asked, headers=key), 201)["id"] for client in (people.anna, people.ben, people.anna)
+    ]
+    assert (jobs[0] == jobs[2], jobs[0] == jobs[1]) == (True, False)
+    again = people.anna.post("/api/jobs", json=asked, headers=key)
+    assert (again.headers["Idempotent-Replayed"], again.headers["Location"]) == ("true", f"/api/jobs/{jobs[0]}")
+    with people.service.farm.sessions.begin() as session:
+        session.get_one(Job, jobs[0]).idempotency_key = "of before"
+    old = {"Idempotency-Key": "of before"}
+    assert people.anna.post("/api/jobs", json=asked, headers=old).json()["id"] == jobs[0]
+    other = made(people.ben.post("/api/jobs", json=asked, headers=old), 201)["id"]
+    assert other not in jobs
+    for job in {*jobs, other}:
+        assert people.chief.delete(f"/api/jobs/{job}").status_code == 204
+    assert people.chief.delete(f"/api/scenes/{scene}").status_code == 204
+
+
+def test_of_shares_one_is_told_of_ones_own(people: People) -> None:
+    shares = {name: {row["share"] for row in client.get("/api/shares").json()} for name, client in _clients(people).items()}
+    assert shares == {"anna": {"user:anna"}, "ben": {"user:ben"}, "chief": {"user:anna", "user:ben"}}
+    try:
+        made(people.chief.put("/api/shares/project:film", json={"weight": 2}), 200)
+        shares = {name: {row["share"] for row in client.get("/api/shares").json()} for name, client in _clients(people).items()}
+        assert ["project:film" in shares[name] for name in ("anna", "ben", "chief")] == [True, False, True]
+        assert people.chief.put("/api/shares/project:", json={}).status_code == 422
+    finally:
+        made(people.chief.delete("/api/shares/project:film"), 200)
+    assert not any("project:" in row["share"] for row in people.chief.get("/api/shares").json())
+
+
+def _clients(people: People) -> dict[str, httpx.Client]:
+    return {"anna": people.anna, "ben": people.ben, "chief": people.chief}
 
 
 def test_projects_are_made_and_removed_by_who_keeps_the_farm(people: People) -> None:

@@ -72,6 +72,7 @@ class Alive:
         worker.on_prepare = lambda scene: bool(self.done.wait(LONGEST_S)) and None
         service.farm.engine.show_environment = _nobody  # type: ignore[method-assign]
         service.farm.explaining.explain = _nobody  # type: ignore[method-assign]
+        service.farm.engine.worker_log = lambda name: None  # type: ignore[method-assign]
         service.farm.retention.carry_out = lambda items: items  # type: ignore[method-assign]
         self.scenes["preparing"] = service.upload(OBJ + b"# another")
         until(lambda: worker.prepared[-1] == self.scenes["preparing"], "the worker prepares")

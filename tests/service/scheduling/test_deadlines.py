@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 from typing import Any, cast
 from unittest.mock import MagicMock
 
-import pytest
-
 from service.scheduling.active_job import ActiveJob
-from service.scheduling.deadlines import SURE_AFTER_S, Deadlines, outlook
+from service.scheduling.deadlines import SURE_AFTER_S, Deadlines
+from service.scheduling.forecast import Forecast
 
 
 @dataclass
@@ -19,15 +18,9 @@ class Job:
     id: str = "job"
     deadline: float | None = 100.0
     expected: float | None = None
+    unforeseen: str | None = None
     urgency: float = math.inf
-    state: str = "running"
-    samples_per_s: float = 1.0
     eta_s: float | None = 10.0
-    max_slots: int | None = None
-    sample_s: float = 0.0
-    target_samples: int = 1000
-    samples: int = 0
-    done: bool = False
     history: Any = field(default_factory=MagicMock)
 
     @property
@@ -56,7 +49,11 @@ def run(id: str, action: Callable[[], object]) -> bool:
 
 def look(deadlines: Deadlines, job: Job, *times: float) -> None:
     for now in times:
-        deadlines.review([cast(ActiveJob, job)], 4, now)
+        deadlines.review([cast(ActiveJob, job)], forecast, now)
+
+
+def forecast(job: ActiveJob, now: float) -> Forecast:
+    return Forecast(None, "Nobody knows.") if job.eta_s is None else Forecast(now + job.eta_s)
 
 
 def test_a_forecast_must_hold_for_a_while_both_ways() -> None:
@@ -84,7 +81,7 @@ def test_a_forecast_must_hold_for_a_while_both_ways() -> None:
 def test_one_that_waits_is_late_once_its_deadline_has_passed() -> None:
     records = Records(past=["waits"])
     told: list[str] = []
-    Deadlines(records, run, lambda _, id: told.append(id)).review([], 4, 1000.0)
+    Deadlines(records, run, lambda _, id: told.append(id)).review([], forecast, 1000.0)
     assert (records.lates, told) == ([("waits", 1000.0)], ["waits"])
 
 
@@ -98,17 +95,7 @@ def test_a_job_without_a_deadline_and_one_that_is_gone_are_let_be() -> None:
     assert not gone.is_late
 
 
-@pytest.mark.parametrize(
-    ("job", "expected"),
-    [
-        (Job(), 1010.0),
-        (Job(state="queued", samples_per_s=0.0), None),
-        (Job(state="queued", samples_per_s=0.0, sample_s=0.4, samples=500), 1000 + 500 * 0.4 / 4),
-        (Job(state="paused", sample_s=0.4), 1000 + 1000 * 0.4 / 4),
-        (Job(state="queued", samples_per_s=0.0, sample_s=0.4, max_slots=1), 1400.0),
-        (Job(done=True), 1000.0),
-    ],
-)
-def test_what_is_expected(job: Job, expected: float | None) -> None:
-    assert outlook(cast(ActiveJob, job), 4, 1000.0) == expected
-    assert outlook(cast(ActiveJob, Job(state="queued", sample_s=1.0)), 0, 1000.0) is None, "nobody would render it"
+def test_where_there_is_no_forecast_the_job_says_why_and_is_not_late() -> None:
+    records, job = Records(), Job(eta_s=None, deadline=1000.0)
+    look(Deadlines(records, run, lambda *_: None), job, 0, 10, 20)
+    assert (records.lates, job.expected, job.unforeseen) == ([], None, "Nobody knows.")

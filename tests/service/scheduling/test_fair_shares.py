@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from service.access.roles import Role
-from tests.service.conftest import Service, until
+from tests.service.conftest import OBJ, Service, until
 from tests.service.peer_worker import PeerWorker
 from worker.contract import RenderBatch, render_queue
 
@@ -29,7 +29,7 @@ def submit_as(service: Service, user: str, scene: str, **request: object) -> str
 def test_users_get_slot_seconds_by_their_weights(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     refused = service.http.put("/api/shares/somebody", json={})
-    assert (refused.status_code, "everybody, or user:NAME" in refused.json()["detail"]) == (422, True)
+    assert (refused.status_code, "everybody, user:NAME or project:NAME" in refused.json()["detail"]) == (422, True)
     service.http.put("/api/shares/user:anna", json={"weight": 3}).raise_for_status()
     worker.on_batch = lambda batch: time.sleep(0.002)
     anna = submit_as(service, "anna", scene)
@@ -73,6 +73,18 @@ def test_no_more_slots_work_on_a_job_or_a_share_than_they_may_have(service: Serv
         for job in jobs:
             service.wait_for(job, "finished")
         assert max(waiting) == 2
+        access = service.farm.access
+        access.projects.add("film")
+        film = service.http.post("/api/scenes", params={"project": "film"}, files={"files": ("film.obj", OBJ)}).json()["id"]
+        until(lambda: service.http.get(f"/api/scenes/{film}").json()["status"] == "ready", "it is prepared")
+        service.http.put("/api/shares/project:film", json={"max_slots": 2}).raise_for_status()
+        waiting.clear()
+        access.users.add("ben", Role.SUBMIT, None)
+        for user in ("anna", "ben"):
+            access.projects.let_in("film", user)
+        for job in [submit_as(service, user, film, spp=64) for user in ("anna", "ben")]:
+            service.wait_for(job, "finished")
+        assert max(waiting) == 1, "whose they are, they are of one share"
         waiting.clear()
         job = submit_as(service, "ben", scene, max_slots=1)
         until(lambda: len(waiting) > 20, "it is under way with one slot")

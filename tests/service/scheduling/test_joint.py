@@ -33,10 +33,10 @@ class Machines(Slots):
         self.runs: list[int] = []  # batches of each result
         self.troubled: Callable[[Any, Run], bool] = lambda machine, run: False
 
-    def _send_sums(self, machine: Any, run: Run) -> None:
+    def _send_sums(self, machine: Any, run: Run, of: Any = None) -> None:
         self.runs.append(len(run))
         if not self.troubled(machine, run):
-            super()._send_sums(machine, run)
+            super()._send_sums(machine, run, of)
 
 
 @pytest.fixture
@@ -104,7 +104,7 @@ JOINT: dict[str, Any] = {
 def test_each_batch_is_known_by_its_own_id() -> None:
     message = understand(Entry(b"1-0", Result(JOINT, b"sums")))
     assert isinstance(message, BatchDone)
-    assert [tuple(piece) for piece in message.pieces] == [("a", 4, 2, 0.5), ("b", 6, 3, 0.25)]
+    assert [tuple(piece) for piece in message.pieces] == [("a", 4, 2, 0.5, ""), ("b", 6, 3, 0.25, "")]
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from service.scheduling import pace
-from service.scheduling.pace import MOST_JOINT, MOST_OF_A_TILE, SHARE, Pace
+from service.scheduling.pace import FIRST_GUESS_S, MOST_JOINT, MOST_OF_A_TILE, SHARE, Pace
 
 
 class Clock:
@@ -36,7 +36,7 @@ def take_in(of: Pace, clock: Clock, results: int, result_s: float, seconds: floa
 
 def test_batches_grow_with_the_slots_and_with_what_a_result_costs(clock: Clock) -> None:
     of = Pace(0.5, 10.0, 1 << 20)
-    assert of.batch_s(10_000) == 0.5, "nothing is known"
+    assert (of.batch_s(100), of.batch_s(1000)) == (0.5, pytest.approx(1000 * FIRST_GUESS_S / SHARE)), "nothing is known"
     for _ in range(5):
         take_in(of, clock, 200, 0.002)
     assert of.batch_s(10) == of.batch_s(100) == 0.5
@@ -45,6 +45,19 @@ def test_batches_grow_with_the_slots_and_with_what_a_result_costs(clock: Clock) 
     assert (of.window(100, 2), of.window(1000, 2), of.window(100_000, 2)) == (200, 1250, 110_000), "what is taken in a second"
     take_in(of, clock, 2, 0.4)
     assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / SHARE), "two results say nothing of what many cost"
+
+
+def test_batches_grow_with_what_a_job_has_taken_unless_somebody_looks_at_a_scene(clock: Clock) -> None:
+    pressed = False
+    of = Pace(0.5, 10.0, 1 << 20, lambda: pressed)
+    assert of.batch_s(2, spent_s=4.0) == 0.5
+    assert of.window(2, 2) == 4
+    assert of.batch_s(2, spent_s=16.0) == 1.0
+    assert of.batch_s(2, spent_s=1e6) == 1.5
+    assert of.window(4, 2) == 4 + 3, "what waits is less where batches are longer"
+    pressed = True
+    assert of.batch_s(2, spent_s=1e6) == 0.5
+    assert of.window(2, 2) == 4
 
 
 def test_a_backlog_makes_batches_longer_whatever_it_comes_from_and_ends_the_handing_out(clock: Clock) -> None:

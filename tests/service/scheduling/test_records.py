@@ -10,11 +10,8 @@ from typing import Any
 
 import pytest
 
-import service.farm
-from service.errors import CannotStart, NoRoom, Unavailable
-from service.farm import Farm
+from service.errors import NoRoom, Unavailable
 from service.scheduling.records import Records
-from service.settings import Settings
 from service.store.database import connect
 from service.store.models import Frame, Job
 
@@ -99,12 +96,3 @@ def test_a_database_on_a_full_disk_says_so(records: Records) -> None:
     with records._sessions() as session:
         session.connection().exec_driver_sql("PRAGMA max_page_count=1000000")
     assert records.all_jobs() == {"job"}
-
-
-def test_two_services_do_not_share_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(service.farm, "OWN_PATIENCE_S", 0.0)
-    first = Farm(Settings(data=tmp_path))
-    with pytest.raises(CannotStart, match="Another service"):
-        Farm(Settings(data=tmp_path))
-    first.stop()
-    Farm(Settings(data=tmp_path)).stop()

@@ -88,6 +88,32 @@ def test_one_of_three_that_lies_at_times_is_set_aside_and_its_samples_are_render
         assert service.digest(again) == expected_digest(spp=16, seed=2)
 
 
+def test_finished_pictures_that_hold_samples_of_one_who_is_found_out_are_marked_and_rendered_again(service: Service) -> None:
+    ends, (good, bad, third) = workers_of(service, "good", "bad", "third")
+    with ends:
+        good.on_batch = third.on_batch = slow
+        scene = service.ready_scene()
+        lied = liar(bad, lambda batch: True)
+        old = service.submit(scene, spp=300, seed=1, verify=0)
+        service.wait_for(old, "finished", LONG_S)
+        assert lied
+        clean = service.submit(scene, spp=1, seed=2, verify=0, tile_size=64)  # one batch, and maybe his
+        service.wait_for(clean, "finished", LONG_S)
+        service.wait_for(service.submit(scene, spp=150, verify=1), "finished", LONG_S)
+        until(lambda: service.job(old)["doubted"] == ["bad"], "it is marked", LONG_S)
+        is_his = any(batch.job == clean for batch in lied)
+        until(lambda: service.job(clean)["doubted"] == ["bad"] * is_his, "as are others of his alone", LONG_S)
+        assert service.digest(old) != expected_digest(spp=300, seed=1), "it stays as it was delivered"
+        again = service.submit(scene, spp=300, seed=1)
+        assert service.job(again)["taken"] is None, "and nothing is taken from it"
+        service.patch(again, state="cancelled")
+        service.http.patch("/api/workers/bad", json={"state": "running"}).raise_for_status()  # somebody has mended it
+        bad.on_batch = lambda batch: None
+        service.patch(old, state="running")
+        service.wait_for(old, "finished", LONG_S)
+        assert (service.job(old)["doubted"], service.digest(old)) == ([], expected_digest(spp=300, seed=1))
+
+
 def test_two_that_differ_wait_for_a_third_to_decide(service: Service) -> None:
     ends, (_, bad) = workers_of(service, "good", "bad")
     with ends:

@@ -81,8 +81,10 @@
  * @property {string[]} [needs] of the workers that render it
  * @property {number | null} [deadline] by when it is wanted, unix seconds
  * @property {number | null} [expected] when it is to be ready by the forecast, where it has a deadline
+ * @property {string | null} [unforeseen] why there is no forecast
  * @property {number | null} [late] since when it is expected to miss that
  * @property {Wait[]} [waits_for] the jobs that it comes after and that are not finished
+ * @property {string[]} [doubted] workers that were found out since, and whose samples its picture holds
  * @property {{job: string, spp: number} | null} [taken] with what of an earlier one of the same picture it began
  *
  * @typedef {{id: string, name: string | null, state: JobState | null}} Wait name and state: null where it was deleted
@@ -166,6 +168,11 @@
  * @property {number} [frame] a still of that moment
  * @property {string} [frames] of a shot
  * @property {boolean} [fresh] from the first sample, whatever earlier jobs have
+ * @property {string | null} [deadline] by when it is wanted: an ISO time
+ * @property {number | null} [max_slots] that render it at a time, at most
+ * @property {string[]} [needs] of the workers that render it
+ * @property {string[]} [after] jobs, by their ids
+ * @property {number} [verify] the share of its batches that is rendered twice
  *
  * @typedef {object} Worker
  * @property {string} name

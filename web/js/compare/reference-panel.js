@@ -52,7 +52,7 @@ export function referencePanel(state, life) {
       input.value = "";
     },
   });
-  const add = h("button", { class: "button", type: "button", onclick: () => input.click() }, icon("upload"), t("Add a reference picture"));
+  const add = h("button", { class: "button for-submit", type: "button", onclick: () => input.click() }, icon("upload"), t("Add a reference picture"));
   const remove = (/** @type {Reference} */ reference) =>
     dropReference(reference.id).then(
       () => announce(t("{name} is removed", { name: reference.name })),
@@ -77,7 +77,7 @@ export function referencePanel(state, life) {
           !isShown &&
             h(
               "button",
-              { class: "icon-button", type: "button", "aria-label": t("Remove {name}", { name }), onclick: () => void remove(reference) },
+              { class: "icon-button for-submit", type: "button", "aria-label": t("Remove {name}", { name }), onclick: () => void remove(reference) },
               icon("trash"),
             ),
           isDisplay && h("p", { class: "small warning" }, t("8 bits a channel, as a screen shows it: its tone curve, if any, is still in it.")),
@@ -95,7 +95,7 @@ export function referencePanel(state, life) {
     h("h2", null, t("Reference pictures")),
     list,
     said,
-    h("p", { class: "quiet small" }, t("An EXR or HDR of the same size, dropped on the page. It is taken for linear Rec.709.")),
+    h("p", { class: "quiet small for-submit" }, t("An EXR or HDR of the same size, dropped on the page. It is taken for linear Rec.709.")),
     h("div", { class: "row" }, add, input),
   );
 }

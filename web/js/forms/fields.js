@@ -55,8 +55,9 @@ export function explain(element, label, inputs) {
 }
 
 /** @param {HTMLInputElement} input @param {string} label @returns {string} a sentence */
-function problemOf({ validity, validationMessage, min, max }, label) {
+function problemOf({ type, validity, validationMessage, min, max }, label) {
   if (validity.customError) return validationMessage;
+  if (validity.badInput && type === "datetime-local") return t("{label} needs a day and a time.", { label });
   if (validity.badInput) return t("{label}: this is not a number.", { label });
   if (validity.valueMissing) return t("{label} needs a number.", { label });
   if (validity.stepMismatch) return t("{label} is a whole number.", { label });

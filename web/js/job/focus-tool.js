@@ -28,14 +28,14 @@ export function focusTool(job, picture, life) {
   let isOn = false;
   const button = h(
     "button",
-    { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Render a part first"), onclick: () => turn(!isOn) },
+    { class: "icon-button for-submit", type: "button", "aria-pressed": "false", "aria-label": t("Render a part first"), onclick: () => turn(!isOn) },
     icon("region"),
   );
   button.title = t("Render a part first: click or drag on the picture (A); Shift and drag does it at once");
   const said = h("span");
   const end = h(
     "button",
-    { class: "icon-button", type: "button", "aria-label": t("Render all parts alike again"), title: t("All parts alike again (Shift+A)"), onclick: () => ask(null) },
+    { class: "icon-button for-submit", type: "button", "aria-label": t("Render all parts alike again"), title: t("All parts alike again (Shift+A)"), onclick: () => ask(null) },
     icon("close"),
   );
   const chip = h("div", { class: "stage-chip", role: "status", hidden: true }, said, end);

@@ -5,7 +5,7 @@ import { fill, h, setText } from "../base/dom.js";
 import { roughly } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { t } from "../base/words.js";
-import { field, numberOf } from "../forms/fields.js";
+import { queueFields } from "../forms/queue-fields.js";
 import { may } from "../news/session.js";
 import { linkTo } from "../shell/router.js";
 import { stateChip } from "../shell/state-chip.js";
@@ -35,17 +35,14 @@ export function queuePanel() {
     waitList,
     h("button", { class: "button small for-submit", type: "button", onclick: () => ask({ after: [] }) }, t("Begin without waiting")),
   );
-  const deadline = h("input", { type: "datetime-local", onchange: () => deadline.validity.valid && ask({ deadline: isoOf(deadline.value) }) });
-  const priority = h("input", { type: "number", min: -100, max: 100, step: 1, required: true, onchange: () => priority.validity.valid && ask({ priority: numberOf(priority, 0) }) });
-  const slots = h("input", { type: "number", min: 1, max: 1000000, step: 1, placeholder: t("no limit"), onchange: () => slots.validity.valid && ask({ max_slots: slots.value ? Number(slots.value) : null }) });
-  const needs = h("input", { type: "text", placeholder: t("any worker"), maxLength: 500, spellcheck: "false", autocomplete: "off", onchange: () => ask({ needs: needs.value.split(",").map((need) => need.trim()).filter(Boolean) }) });
-  for (const input of [deadline, priority, slots, needs]) input.disabled = !may("submit");
+  const fields = queueFields((part) => ask(part));
+  for (const input of fields.elements.flatMap((element) => [...element.querySelectorAll("input")])) input.disabled = !may("submit");
   const ready = h("p", { class: "quiet small number", hidden: true });
   const more = h(
     "details",
     { class: "among" },
     h("summary", null, h("h2", null, t("Among other jobs"))),
-    h("div", { class: "stack" }, field(t("Wanted by"), deadline, t("Warns when the forecast says no.")), field(t("Priority"), priority, t("Higher is sooner.")), field(t("Slots at most"), slots), field(t("Needs"), needs, t("Tags of workers, as gpu, and memory_gb=32; commas between them."))),
+    h("div", { class: "stack" }, fields.elements),
   );
   const element = h("section", { class: "side-section queue stack", "aria-label": t("Among other jobs") }, late, waits, ready, more);
   let shown = "";
@@ -60,10 +57,7 @@ export function queuePanel() {
       setText(lateText, lateWords(job));
       setText(ready, readyWords(job));
       ready.hidden = !ready.textContent;
-      put(deadline, job.deadline ? localOf(job.deadline) : "");
-      put(priority, String(job.priority));
-      put(slots, job.max_slots ? String(job.max_slots) : "");
-      put(needs, (job.needs ?? []).join(", "));
+      fields.put(job);
       const all = job.waits_for ?? [];
       waits.hidden = !all.length;
       const key = JSON.stringify(all);
@@ -80,11 +74,6 @@ function waitRow({ id, name, state }) {
   return h("li", null, h("a", { href: linkTo("jobs", id), title: label }, label), state && stateChip(state).element);
 }
 
-/** Not while somebody types there. @param {HTMLInputElement} input @param {string} value */
-function put(input, value) {
-  if (input !== document.activeElement && input.value !== value) input.value = value;
-}
-
 /** @param {Job} job */
 function lateWords({ deadline, expected, late }) {
   if (deadline == null || late == null) return "";
@@ -97,21 +86,12 @@ function lateWords({ deadline, expected, late }) {
 }
 
 /** @param {Job} job */
-function readyWords({ deadline, expected, late }) {
+function readyWords({ deadline, expected, unforeseen, late }) {
   if (deadline == null || late != null) return "";
   return expected == null
-    ? t("Wanted by {time}.", { time: dayAndTime(deadline) })
+    ? [t("Wanted by {time}.", { time: dayAndTime(deadline) }), unforeseen].filter(Boolean).join(" ")
     : t("Wanted by {time}; ready at {ready} by the forecast.", { time: dayAndTime(deadline), ready: dayAndTime(expected) });
 }
 
 /** @param {number} at unix seconds */
 const dayAndTime = (at) => new Date(at * 1000).toLocaleString([], { weekday: "short", day: "numeric", month: "short", hour: "2-digit", minute: "2-digit" });
-
-/** As the field has it: of this browser's zone. @param {number} at unix seconds */
-function localOf(at) {
-  const zone = new Date(at * 1000).getTimezoneOffset() * 60;
-  return new Date((at - zone) * 1000).toISOString().slice(0, 16);
-}
-
-/** @param {string} local as the field has it */
-const isoOf = (local) => (local ? new Date(local).toISOString() : null);

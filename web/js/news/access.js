@@ -39,5 +39,45 @@ export const withdrawToken = (id) => call("DELETE", `/tokens/${id}`);
 /** @returns {Promise<{whose: string, limits: Amounts, used: Amounts}[]>} what one may; empty: whatever one likes */
 export const getQuota = () => call("GET", "/quota");
 
+/** is_own: an administrator has said so; else everybody's. @typedef {{whose: string, limits: Amounts, used: Amounts, is_own: boolean}} Allowance */
+
+/** @returns {Promise<Allowance[]>} of all users, and of tokens that have limits of their own */
+export const getQuotas = () => call("GET", "/quotas");
+
+/** @param {string} whose user:NAME or token:ID */
+const quotaOf = (whose) => whose.replace(/^(user|token):(.*)/, (_, kind, name) => `/quotas/${kind}s/${encodeURIComponent(name)}`);
+
+/** @param {string} whose @param {Amounts} limits @returns {Promise<void>} */
+export const setQuota = (whose, limits) => call("PUT", quotaOf(whose), { json: limits });
+
+/** From now on what everybody may. @param {string} whose @returns {Promise<void>} */
+export const forgetQuota = (whose) => call("DELETE", quotaOf(whose));
+
+/**
+ * @typedef {object} Project
+ * @property {string} name
+ * @property {string[]} members
+ * @property {Record<string, "view" | "submit">} roles of the members, in it
+ * @property {Partial<Record<"scene" | "job" | "environment" | "reference", number>>} counts
+ */
+
+/** @returns {Promise<Project[]>} by name */
+export const getProjects = () => call("GET", "/projects");
+
+/** @param {string} name @returns {Promise<Project>} */
+export const addProject = (name) => call("POST", "/projects", { json: { name } });
+
+/** One that is empty. @param {string} name @returns {Promise<void>} */
+export const removeProject = (name) => call("DELETE", `/projects/${encodeURIComponent(name)}`);
+
+/** @param {string} project @param {string} user */
+const memberOf = (project, user) => `/projects/${encodeURIComponent(project)}/members/${encodeURIComponent(user)}`;
+
+/** Or gives a member another role there. @param {string} project @param {string} user @param {"view" | "submit"} role @returns {Promise<Project>} */
+export const letIn = (project, user, role) => call("PUT", memberOf(project, user), { json: { role } });
+
+/** @param {string} project @param {string} user @returns {Promise<Project>} */
+export const putOut = (project, user) => call("DELETE", memberOf(project, user));
+
 /** @param {number} limit @returns {Promise<Deed[]>} newest first */
 export const getAudit = (limit) => call("GET", `/audit?limit=${limit}`);

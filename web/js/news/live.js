@@ -9,8 +9,9 @@ import { t } from "../base/words.js";
 
 /** @typedef {import("./tile-packet.js").TilePacket} TilePacket */
 
-/** What the service closes the connection of a job with that is deleted, or was never there. */
+/** What the service closes the connection of a job with that is deleted, or is not there. */
 const GONE = [4404, 4410];
+const NOT_THERE = 4404;
 
 /**
  * @typedef {object} LiveHandlers
@@ -35,6 +36,8 @@ export class Live extends LastingSocket {
     this.frame = frame;
     /** The frame that the socket was opened for. */
     this.asked = frame;
+    /** Whether the service has told of the job. */
+    this.hasHeard = false;
     this.connect();
   }
 
@@ -52,6 +55,7 @@ export class Live extends LastingSocket {
 
   /** @override @param {Record<string, any>} message */
   told(message) {
+    this.hasHeard = true;
     this.handlers.message(message);
   }
 
@@ -64,7 +68,8 @@ export class Live extends LastingSocket {
 
   /** @override @param {number} code @param {string} reason */
   ended(code, reason) {
-    if (!GONE.includes(code)) super.ended(code, reason); // else the farm's news say so too
+    const isClosedToUs = code === NOT_THERE && this.hasHeard; // one that is deleted is told of otherwise
+    if (isClosedToUs || !GONE.includes(code)) super.ended(code, reason); // else the farm's news say so too
   }
 
   /** From now on the tiles of another frame, first all of them; or what differs, as at the beginning. @param {number} frame */

@@ -39,8 +39,9 @@ export async function mustLogIn() {
 export const logIn = (shown) => call("POST", "/login", { json: shown });
 
 export async function logOut() {
-  await call("POST", "/logout");
-  location.reload();
+  const answer = /** @type {{provider: string} | null} */ (await call("POST", "/logout"));
+  if (answer?.provider) location.assign(answer.provider); // which leads back here
+  else location.reload();
 }
 
 /** @param {string} old empty: there is none @param {string} next @returns {Promise<void>} */

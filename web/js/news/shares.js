@@ -1,10 +1,10 @@
-/** What each user's jobs get of the slots. */
+/** What each user's jobs get of the slots, and each project's that has terms of its own. */
 
 import { call } from "./api.js";
 
 /**
  * @typedef {object} Share
- * @property {string} share everybody, or user:NAME
+ * @property {string} share everybody, user:NAME or project:NAME
  * @property {number} weight
  * @property {number | null} max_slots null: no limit
  * @property {number} slots that work on its jobs now
@@ -16,3 +16,6 @@ export const getShares = () => call("GET", "/shares");
 
 /** @param {string} share @param {{weight: number, max_slots: number | null}} terms @returns {Promise<Share>} */
 export const setShare = (share, terms) => call("PUT", `/shares/${encodeURIComponent(share)}`, { json: terms });
+
+/** As by itself; a project's is none any more. @param {string} share @returns {Promise<Share>} */
+export const resetShare = (share) => call("DELETE", `/shares/${encodeURIComponent(share)}`);

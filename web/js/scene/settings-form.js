@@ -7,6 +7,7 @@ import { compact, noiseText, roughly } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { may } from "../news/session.js";
 import { qualityFields } from "../forms/quality-fields.js";
+import { queueFold } from "../forms/queue-fold.js";
 import { expected } from "../forms/render-presets.js";
 import { shotFields } from "../shot/shot-fields.js";
 import { settingFields } from "../forms/setting-fields.js";
@@ -59,6 +60,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const quality = qualityFields({ ...defaults, ...first }, () => update(), expect);
   const others = settingFields(defaults, first);
   const variant = variantField(scene, like?.variant ?? null);
+  const queue = queueFold(like);
   // Of a shot the scene's own camera may move; a view of one's own would stand still.
   if (like?.settings && !like.shot) camera.turn(like.settings.view);
   /** @returns {JobRequest} */
@@ -70,10 +72,8 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     spp: quality.get(),
     ...shot.get(),
     ...others.get(),
-    ...(fresh.checked && { fresh: true }),
+    ...queue.get(),
   });
-  const fresh = h("input", { type: "checkbox" });
-  const anew = h("label", { class: "check small", title: t("Unless this is set, samples that an earlier job of the same picture has are taken from it") }, fresh, t("Render anew, from the first sample"));
   const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), t("Render"));
   const isFree = may("submit");
   render.disabled = !isFree;
@@ -103,10 +103,11 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     quality.elements,
     others.basic,
     others.folds,
-    h("div", { class: "submit" }, estimate, anew, why, render),
+    queue.element,
+    h("div", { class: "submit" }, estimate, why, render),
   );
   update();
-  return { element, update, request, view: camera.view, turn: camera.turn, focus: camera.focus, light: others.lightHandle, dispose: others.dispose };
+  return { element, update, request, view: camera.view, turn: camera.turn, focus: camera.focus, light: others.lightHandle, dispose: () => (others.dispose(), queue.dispose()) };
 }
 
 /**

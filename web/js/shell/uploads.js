@@ -8,6 +8,7 @@ import { filesOfDrop, filesOfList, titleOf } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { areImages, hasLight, offerLight } from "./light-drop.js";
 import { addEnvironment } from "../news/environments.js";
+import { may } from "../news/session.js";
 import { go } from "./router.js";
 import { Card, announce, showError } from "./tray.js";
 import { upload } from "../news/upload.js";
@@ -184,18 +185,24 @@ export function acceptDrops() {
   let depth = 0; // enter and leave fire for every element that is crossed
   /** @param {DragEvent} event */
   const hasFiles = (event) => event.dataTransfer?.types.includes("Files") ?? false;
+  const isFree = may("submit");
   /** @param {number} next */
   const setDepth = (next) => {
     depth = Math.max(0, next);
-    veil.hidden = depth === 0;
+    veil.hidden = depth === 0 || !isFree;
   };
   addEventListener("dragenter", (event) => hasFiles(event) && setDepth(depth + 1));
   addEventListener("dragleave", (event) => hasFiles(event) && setDepth(depth - 1));
-  addEventListener("dragover", (event) => hasFiles(event) && event.preventDefault());
+  addEventListener("dragover", (event) => {
+    if (!hasFiles(event)) return;
+    event.preventDefault(); // else the browser leaves the page for the file
+    if (!isFree && event.dataTransfer) event.dataTransfer.dropEffect = "none";
+  });
   addEventListener("drop", (event) => {
     if (!hasFiles(event) || !event.dataTransfer) return;
     event.preventDefault();
     setDepth(0);
+    if (!isFree) return;
     const gathering = filesOfDrop(event.dataTransfer);
     void startFrom(() => gathering);
   });

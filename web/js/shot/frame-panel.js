@@ -29,7 +29,7 @@ export function framePanel(job, frames, life) {
     announce(t("Frame {number} is rendered first", { number }));
     void change(job(), { first: number, ...again }, t("The frame was not put first"));
   };
-  const first = h("button", { class: "button wide", type: "button", title: "Enter", onclick: renderFirst }, icon("play"), h("span"));
+  const first = h("button", { class: "button wide for-submit", type: "button", title: "Enter", onclick: renderFirst }, icon("play"), h("span"));
   const update = () => {
     const { frame } = frames;
     setText(title, t("Frame {number}", { number: frames.current.value ?? "" }));

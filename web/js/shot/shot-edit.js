@@ -88,7 +88,7 @@ export function shotEdit(job, frames, life) {
     h("summary", null, t("Change the shot")),
     h("div", { class: "stack" }, orderField, extendForm, partForm),
   );
-  return { element: h("div", { class: "shot-changes" }, h("div", { class: "again-box" }, again), element), update };
+  return { element: h("div", { class: "shot-changes for-submit" }, h("div", { class: "again-box" }, again), element), update };
 }
 
 function framesInput() {

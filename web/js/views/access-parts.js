@@ -6,18 +6,12 @@ import { icon } from "../base/icons.js";
 import { t } from "../base/words.js";
 import { addUser, getAudit, getTokens, getUsers, makeLink, makeToken, removeUser, setRole, withdrawToken } from "../news/access.js";
 import { may, session } from "../news/session.js";
-import { command } from "../shell/hints.js";
 import { announce, showError } from "../shell/tray.js";
+import { ROLES, choice, field, once, removing, section, submitted } from "./access-pieces.js";
 
 /** @typedef {import("../news/access.js").Role} Role */
 
 const LINES = 50;
-/** @type {[Role, string][]} */
-const ROLES = [
-  ["view", t("May look")],
-  ["submit", t("May render")],
-  ["admin", t("May do everything")],
-];
 /** @type {[string, string][]} */
 const LASTING = [
   ["30", t("30 days")],
@@ -25,31 +19,6 @@ const LASTING = [
   ["365", t("A year")],
   ["", t("Until withdrawn")],
 ];
-
-/** @param {string} title @param {...(Node | false)} content */
-const section = (title, ...content) => h("section", { class: "section" }, h("header", null, h("h2", null, title)), ...content);
-
-/** @param {string} id @param {string} label @param {HTMLElement} input */
-const field = (id, label, input) => {
-  input.id = id;
-  return h("div", { class: "field" }, h("label", { for: id }, label), input);
-};
-
-/** @param {[string, string][]} choices @param {string} chosen @param {Record<string, any>} [props] */
-const choice = (choices, chosen, props = {}) =>
-  h("select", props, choices.map(([value, label]) => h("option", { value, selected: value === chosen }, label)));
-
-/** @param {string} label @param {() => void} run */
-const removing = (label, run) => h("button", { class: "icon-button danger", type: "button", "aria-label": label, title: label, onclick: run }, icon("trash"));
-
-/** What is told once. @param {string} sentence @param {string} text */
-const once = (sentence, text) => h("div", { class: "told-once", role: "status" }, h("p", null, sentence), command(text));
-
-/** @param {Event} event @param {() => Promise<void>} deed */
-const submitted = (event, deed) => {
-  event.preventDefault();
-  deed().catch((error) => showError(t("Not done"), error));
-};
 
 /** What programs show; an administrator sees everybody's, and those of workers. */
 export function tokensSection() {

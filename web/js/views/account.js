@@ -5,8 +5,10 @@ import { t } from "../base/words.js";
 import { changePassword, logOut, may, session } from "../news/session.js";
 import { setTitle } from "../shell/router.js";
 import { announce, showError } from "../shell/tray.js";
-import { quotaSection } from "./quota.js";
 import { auditSection, tokensSection, usersSection } from "./access-parts.js";
+import { limitsSection } from "./limits-section.js";
+import { projectsSection } from "./projects-section.js";
+import { quotaSection } from "./quota.js";
 
 /** What a role lets do. */
 const ROLES = /** @type {Record<string, string>} */ ({
@@ -28,6 +30,8 @@ export function accountView() {
     kind === "session" && quotaSection(),
     kind === "session" && tokensSection(),
     kind === "session" && may("admin") && usersSection(),
+    kind === "session" && may("admin") && projectsSection(),
+    kind === "session" && may("admin") && limitsSection(),
     kind === "session" && may("admin") && auditSection(),
   );
   return { element, dispose: () => {} };

@@ -4,9 +4,10 @@ import { getExamples, openExample } from "../news/api.js";
 import { getComparisons, openComparison } from "../compare/comparisons.js";
 import { fill, h, keyedList } from "../base/dom.js";
 import { adoptScene, hidden, jobs, scenes, workers } from "../news/farm.js";
-import { noWorkerNotice } from "../shell/hints.js";
+import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { linkTo, setTitle } from "../shell/router.js";
+import { may } from "../news/session.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { Disposer } from "../base/store.js";
 import { showError } from "../shell/tray.js";
@@ -25,6 +26,8 @@ export function homeView() {
   const life = new Disposer();
   const notice = h("div", { class: "notice-slot" });
   const zone = dropZone();
+  const nothing = emptyPage("image", t("There is nothing to look at yet"), t("What others upload and render, and you may see, is shown here."));
+  nothing.hidden = true;
   const sceneGrid = h("ul", { class: "cards" });
   const sceneSection = section(t("Scenes"), sceneGrid);
   const exampleGrid = h("ul", { class: "cards" });
@@ -36,6 +39,7 @@ export function homeView() {
   const jobList = h("ul", { class: "rows" });
   const jobSection = section(t("Latest pictures"), jobList, h("a", { class: "small", href: linkTo("jobs") }, t("All jobs")));
   for (const part of [sceneSection, exampleSection, jobSection]) part.hidden = true;
+  exampleSection.classList.add("for-submit"); // to open one is to upload it
 
   const showScenes = keyedList(sceneGrid, (scene) => scene.id, sceneCard);
   const showJobs = keyedList(
@@ -52,6 +56,7 @@ export function homeView() {
     showScenes(seenScenes);
     showJobs(seenJobs);
     zone.classList.toggle("compact", seenScenes.length > 0);
+    nothing.hidden = may("submit") || seenScenes.length + seenJobs.length > 0 || scenes.value === null;
     sceneSection.hidden = seenScenes.length === 0;
     jobSection.hidden = seenJobs.length === 0;
   };
@@ -75,6 +80,7 @@ export function homeView() {
     { class: "page home" },
     h("h1", { class: "visually-hidden" }, "Rayfarm"),
     zone,
+    nothing,
     notice,
     jobSection,
     sceneSection,
@@ -92,7 +98,9 @@ function dropZone() {
     h(
       "p",
       { class: "quiet" },
-      t("GLB, glTF, USD, FBX, OBJ with its MTL and textures, 3MF, PLY, STL, DAE, 3DS and more, or a scene YAML; its folder or a zip will do."),
+      t("GLB, glTF, USD, FBX, BLEND, OBJ with its MTL and textures, 3MF, PLY, STL, DAE, 3DS and more, or a scene YAML; its folder or a zip will do."),
+      " ",
+      h("a", { href: "/api/blender-addon.zip", download: "" }, t("Blender renders here by its add-on.")),
     ),
     h(
       "div",

@@ -9,6 +9,7 @@ import { lightWords } from "../base/light-words.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
+import { doubtNotice } from "../job/doubt-notice.js";
 import { queuePanel } from "../job/queue-panel.js";
 import { livePicture } from "../film/live-picture.js";
 import { focusTool } from "../job/focus-tool.js";
@@ -105,6 +106,7 @@ function open(page, job, life) {
   const actions = actionsPanel();
   const progress = progressPanel();
   const queue = queuePanel();
+  const doubt = doubtNotice();
   const explained = explainPanel(picture, life);
   const pins = pinsPanel(picture, display, life, (pin) => void explained.explain(pin), (pin) => log.ofTile(picture.live.frame, pin));
   const focus = focusTool(job, picture, life);
@@ -163,7 +165,7 @@ function open(page, job, life) {
     shot?.bar,
     shot?.strip,
     picture.statusBar,
-    h("aside", { class: "side", "aria-label": t("Picture") }, progress.element, queue.element, shot?.panel, explained.element, pins.element, look.element, moments?.element, histogram, history.element, log.element, shot?.edit, save.element, details(job, life)),
+    h("aside", { class: "side", "aria-label": t("Picture") }, progress.element, doubt.element, queue.element, shot?.panel, explained.element, pins.element, look.element, moments?.element, histogram, history.element, log.element, shot?.edit, save.element, details(job, life)),
   );
 
   return (next) => {
@@ -172,7 +174,7 @@ function open(page, job, life) {
     setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
     chip.update(next.state);
     line.update(next.progress, next.state);
-    for (const part of [picture, actions, progress, queue, focus, history, moments, shot]) part?.update(next);
+    for (const part of [picture, actions, progress, doubt, queue, focus, history, moments, shot]) part?.update(next);
   };
 }
 

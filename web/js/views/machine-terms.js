@@ -80,7 +80,7 @@ export function machineTerms() {
 }
 
 /** @type {Record<string, string>} */
-const WAYS = { load: t("what other programs take"), terminals: t("terminals"), screen: t("screen and keyboard") };
+const WAYS = { load: t("what other programs take"), terminals: t("terminals"), desktop: t("the desktop"), screen: t("screen and keyboard") };
 
 /** Not while somebody types there. @param {HTMLInputElement} input @param {string} value */
 function put(input, value) {

@@ -100,18 +100,18 @@ export function selectionBar(selection) {
     DEEDS.map((deed) =>
       h(
         "button",
-        { class: "button small", type: "button", onclick: () => void change(ids(), deed.change, deed.done) },
+        { class: "button small for-submit", type: "button", onclick: () => void change(ids(), deed.change, deed.done) },
         icon(deed.icon),
         deed.label,
       ),
     ),
     h(
       "form",
-      { class: "priority", onsubmit: (/** @type {Event} */ event) => (event.preventDefault(), prioritise()) },
+      { class: "priority for-submit", onsubmit: (/** @type {Event} */ event) => (event.preventDefault(), prioritise()) },
       priority,
       h("button", { class: "button small", type: "submit" }, t("Set priority")),
     ),
-    h("button", { class: "button small danger", type: "button", onclick: removeAll }, icon("trash"), t("Delete")),
+    h("button", { class: "button small danger for-submit", type: "button", onclick: removeAll }, icon("trash"), t("Delete")),
     h("span", { class: "grow" }),
     h("button", { class: "text-button", type: "button", onclick: () => selection.all() }, t("Select all")),
     h(

@@ -1,8 +1,10 @@
-/** How the slots are shared: a row for each user, with weight and limit. Folded, as most farms never look at it. */
+/** How the slots are shared: a row for each user, and each project that is a share, with weight and limit. Folded, as most farms never look at it. */
 
-import { getShares, setShare } from "../news/shares.js";
-import { h, keyedList, setText } from "../base/dom.js";
+import { getShares, resetShare, setShare } from "../news/shares.js";
+import { fill, h, keyedList, setText } from "../base/dom.js";
+import { icon } from "../base/icons.js";
 import { t } from "../base/words.js";
+import { projects } from "../news/projects.js";
 import { may } from "../news/session.js";
 import { showError } from "../shell/tray.js";
 
@@ -13,12 +15,35 @@ const RENEW_MS = 4000;
 /** @param {import("../base/store.js").Disposer} life @returns {HTMLElement} */
 export function sharesSection(life) {
   const body = h("tbody", null);
-  const show = keyedList(body, (/** @type {Share} */ { share }) => share, shareRow);
+  const show = keyedList(body, (/** @type {Share} */ { share }) => share, () => shareRow(() => void renew()));
+  const project = h("select", { "aria-label": t("Project") });
+  const form = h(
+    "form",
+    {
+      class: "row new-share",
+      hidden: true,
+      onsubmit: (/** @type {Event} */ event) => {
+        event.preventDefault();
+        setShare(`project:${project.value}`, { weight: 1, max_slots: null }).then(renew, (error) => showError(t("The share was not changed"), error));
+      },
+    },
+    project,
+    h("button", { class: "button small", type: "submit" }, t("Make it a share of its own")),
+  );
+  let offered = "";
+  /** @param {Share[]} all */
+  const offer = (all) => {
+    const free = projects.value.filter((name) => !all.some(({ share }) => share === `project:${name}`));
+    form.hidden = free.length === 0 || !may("admin");
+    if (free.join() === offered) return; // a menu that is open stays so
+    offered = free.join();
+    fill(project, free.map((name) => h("option", { value: name }, name)));
+  };
   const empty = h("p", { class: "quiet", hidden: true }, t("Nobody has jobs or terms: all would share alike."));
   const table = h(
     "table",
     { class: "shares number" },
-    h("thead", null, h("tr", null, [t("Whose"), t("Weight"), t("Slots at most"), t("Slots now"), t("Jobs")].map((head) => h("th", { scope: "col" }, head)))),
+    h("thead", null, h("tr", null, [t("Whose"), t("Weight"), t("Slots at most"), t("Slots now"), t("Jobs"), ""].map((head) => h("th", { scope: "col" }, head)))),
     body,
   );
   const renew = async () => {
@@ -26,6 +51,7 @@ export function sharesSection(life) {
     try {
       const all = await getShares();
       show(all);
+      offer(all);
       table.hidden = !(empty.hidden = all.length > 0);
     } catch (error) {
       if (!body.children.length) showError(t("The shares cannot be shown"), error);
@@ -39,19 +65,23 @@ export function sharesSection(life) {
       "div",
       { class: "stack" },
       h("p", { class: "quiet about" }, t("Jobs of the same priority share the slots by whose they are, in proportion to the weights. What one does not use the others have.")),
+      h("p", { class: "quiet about" }, t("A project that is a share of its own has all jobs in it, whose they are.")),
       h("div", { class: "scrolls", tabIndex: 0 }, table),
       empty,
+      form,
     ),
   );
   life.every(RENEW_MS, () => void renew());
   return details;
 }
 
-/** @returns {import("../base/dom.js").Row<Share>} */
-function shareRow() {
+/** @param {() => void} changed @returns {import("../base/dom.js").Row<Share>} */
+function shareRow(changed) {
   /** @type {Share | null} */
   let latest = null;
   const name = h("th", { scope: "row" });
+  const reset = h("button", { class: "icon-button", type: "button" }, icon("undo"));
+  reset.addEventListener("click", () => latest && void resetShare(latest.share).then(changed, (error) => showError(t("The share was not changed"), error)));
   const weight = h("input", { type: "number", min: 0.001, max: 1000000, step: "any", required: true });
   const slots = h("input", { type: "number", min: 1, max: 1000000, step: 1, placeholder: t("no limit") });
   const now = h("td");
@@ -71,8 +101,14 @@ function shareRow() {
   /** @param {Share} share */
   const update = (share) => {
     latest = share;
-    const label = share.share === "everybody" ? t("Everybody") : share.share.replace(/^user:/, "");
+    const isProject = share.share.startsWith("project:");
+    const who = share.share.replace(/^(user|project):/, "");
+    const label = share.share === "everybody" ? t("Everybody") : isProject ? t("Project {name}", { name: who }) : who;
     setText(name, label);
+    const away = isProject ? t("No share for {name}: its jobs are their users'", { name: label }) : t("{name} as all by themselves", { name: label });
+    reset.title = away;
+    reset.setAttribute("aria-label", away);
+    reset.hidden = !may("admin") || (!isProject && share.weight === 1 && share.max_slots === null);
     weight.setAttribute("aria-label", t("Weight of {name}", { name: label }));
     slots.setAttribute("aria-label", t("Slots of {name} at most", { name: label }));
     for (const [input, value] of /** @type {[HTMLInputElement, string][]} */ ([[weight, String(share.weight)], [slots, share.max_slots ? String(share.max_slots) : ""]]))
@@ -80,5 +116,5 @@ function shareRow() {
     setText(now, share.slots);
     setText(jobs, share.jobs);
   };
-  return { element: h("tr", null, name, h("td", null, weight), h("td", null, slots), now, jobs), update };
+  return { element: h("tr", null, name, h("td", null, weight), h("td", null, slots), now, jobs, h("td", null, reset)), update };
 }

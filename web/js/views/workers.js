@@ -9,6 +9,7 @@ import { setTitle } from "../shell/router.js";
 import { Disposer } from "../base/store.js";
 import { machineCard } from "./machine.js";
 import { sharesSection } from "./shares-section.js";
+import { sitesLines } from "./sites-lines.js";
 import { t, tn } from "../base/words.js";
 
 /** @type {Set<string>} */
@@ -76,6 +77,7 @@ export function workersView() {
     { class: "page wide" },
     h("h1", { class: "page-title" }, t("Workers")),
     summary,
+    sitesLines(life),
     list,
     empty,
     sharesSection(life),

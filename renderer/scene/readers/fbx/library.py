@@ -18,7 +18,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.readers.fbx import layout
 
-__all__ = ["Opened", "array", "at", "each", "matrix", "pointed", "text", "triangulated"]
+__all__ = ["Opened", "array", "at", "each", "is_set", "matrix", "pointed", "text", "triangulated"]
 
 _KNOWN = range(21_000, 22_000)  # 0.21: versions whose structures layout.py has
 _OUT_OF_MEMORY = {5, 6, 7}  # ufbx_error_type: memory, memory limit, allocation limit
@@ -65,6 +65,8 @@ def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
     library.ufbx_free_scene.argtypes = [opened]
     library.ufbx_triangulate_face.restype = ctypes.c_uint32
     library.ufbx_triangulate_face.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, layout.Face]
+    library.ufbx_find_bool_len.restype = ctypes.c_bool
+    library.ufbx_find_bool_len.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_bool]
     return library
 
 
@@ -144,6 +146,11 @@ def matrix(values: Any) -> npt.NDArray[np.float64]:
     found = np.eye(4)
     found[:3] = np.array(values, np.float64).reshape(4, 3).T
     return found
+
+
+def is_set(element: Any, name: bytes) -> bool:
+    """Whether a property of an element, which is yes or no, is yes; no where it is not there."""
+    return bool(_library().ufbx_find_bool_len(ctypes.addressof(element.props), name, len(name), False))
 
 
 def triangulated(mesh: Any, begin: int, count: int) -> npt.NDArray[np.uint32]:

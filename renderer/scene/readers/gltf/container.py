@@ -13,6 +13,7 @@ from renderer.errors import SceneError
 
 __all__ = ["Json", "parse"]
 
+_MOST_DIGITS = 40
 MAX_NAME = 200
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 
@@ -107,6 +108,11 @@ class Json:
         return extensions.object(name) if extensions else None
 
 
+def _integer(digits: str) -> int | float:
+    """A whole number; one that no float holds is infinite, as 1e999 is."""
+    return int(digits) if len(digits) < _MOST_DIGITS else float(digits)
+
+
 def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
     """The JSON of a .gltf or .glb, and the GLB's binary chunk. Told apart by the bytes, whatever the name says."""
     if data[:4] != b"glTF":
@@ -152,7 +158,7 @@ def _parse_json(data: bytes, file: str) -> Json:
         )
     try:
         text = data.decode("utf-8-sig")
-        value = json.loads(text)
+        value = json.loads(text, parse_int=_integer)
         root = Json(file, "", _whole(value) if _SURROGATE.search(text) else value)
     except (ValueError, RecursionError) as error:
         raise SceneError(f"{file}: is no glTF: its JSON is damaged ({str(error)[:120]}); export it again") from error

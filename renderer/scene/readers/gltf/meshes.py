@@ -39,7 +39,9 @@ class Meshes:
         shelf: TextureShelf,
         meshes: list[Mesh],
         moving: Moving,
+        thickness: float | None = None,
     ) -> None:
+        self._thickness = thickness
         self.sources = root.objects("meshes")
         self._variants = variants
         self._accessors, self._files = accessors, files
@@ -94,14 +96,14 @@ class Meshes:
             for source in self.sources[index].objects("primitives"):
                 material = self._variants.material_of(source, self._materials.sources)
                 primitive = self._files.recall(
-                    ("primitive", self._file, source.where), functools.partial(self._read, source, index)
+                    ("primitive", self._file, source.where, self._thickness), functools.partial(self._read, source, index)
                 )
                 if primitive is not None:
                     self._sources[index].append((primitive, material))
         return self._sources[index]
 
     def _read(self, source: Json, index: int) -> Primitive | None:
-        return read_primitive(source, self.name(index), self._accessors, self._shelf)
+        return read_primitive(source, self.name(index), self._accessors, self._shelf, self._thickness)
 
     def _weights(self, index: int, node: Json) -> tuple[float, ...]:
         return (node if "weights" in node else self.sources[index]).numbers("weights")

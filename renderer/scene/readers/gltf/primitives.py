@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from pathlib import PurePosixPath
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from renderer.scene.readers.gltf import draco
 from renderer.scene.readers.gltf.accessors import Accessors, as_floats
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import Bones
+from renderer.scene.readers.gltf.thickened import thickened
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["Primitive", "read_primitive"]
@@ -29,11 +31,16 @@ class Primitive(NamedTuple):
     bones: Bones | None
 
 
-def read_primitive(source: Json, name: str, accessors: Accessors, shelf: TextureShelf) -> Primitive | None:
-    """The primitive; None, with a warning, for points and lines."""
+def read_primitive(
+    source: Json, name: str, accessors: Accessors, shelf: TextureShelf, thickness: float | None = None
+) -> Primitive | None:
+    """The primitive; None, with a warning, for points and lines that are given no thickness."""
     mode = source.integer("mode", _LIST, high=7)
-    if mode < _LIST:
-        shelf.warn(f"Mesh {name}: its points or lines have no surface and are left out.")
+    if mode < _LIST and thickness is None:
+        shelf.warn(
+            f"Mesh {name}: its points or lines have no surface and are left out. To see them, give them a thickness in a scene "
+            f"file: shapes: [{{type: mesh, file: {PurePosixPath(source.file).name}, thickness: 0.01}}]."
+        )
         return None
     attributes = _Attributes(source, accessors)
     positions = attributes.get("POSITION", (3,))
@@ -49,6 +56,14 @@ def read_primitive(source: Json, name: str, accessors: Accessors, shelf: Texture
             f"{source.file}: {source.where} has the index {int(indices.max())} where there are {len(positions)} vertices; "
             "export the file again"
         )
+    if mode < _LIST and thickness is not None:
+        shown = thickened(name, positions, indices, mode, _with_alpha(attributes.get("COLOR_0", (3, 4))), thickness)
+        if shown is None:
+            shelf.warn(f"Mesh {name}: its points or lines are all in one place, and left out.")
+            return None
+        if source.objects("targets") or "JOINTS_0" in attributes:
+            shelf.warn(f"Mesh {name}: its points or lines are not bent by a skin or by morph targets.")
+        return Primitive(shown, [], None)
     mesh = Mesh(name, positions, _triangles(indices, _LIST if attributes.indices is not None else mode))
     mesh.normals = attributes.get("NORMAL", (3,))
     mesh.uvs = attributes.get("TEXCOORD_0", (2,))
@@ -74,6 +89,9 @@ class _Attributes:
         self._decoded: dict[str, npt.NDArray[Any]] = {}
         if compressed:
             self.indices, self._decoded = draco.decode(compressed, accessors)
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._attributes
 
     def get(self, key: str, widths: tuple[int, ...]) -> F32 | None:
         """(count, width) float32, of one of the widths; None where the primitive has none."""

@@ -32,13 +32,18 @@ _WITHOUT_EFFECT = {"KHR_xmp_json_ld"}  # notes
 
 
 def read(
-    files: SceneFiles, main: str, description: SceneDescription, variant: str | None = None, moment: Moment = Moment()
+    files: SceneFiles,
+    main: str,
+    description: SceneDescription,
+    variant: str | None = None,
+    moment: Moment = Moment(),
+    thickness: float | None = None,
 ) -> None:
     """Adds the file's default scene at a moment to the description, with its own materials or those of a variant.
 
-    Raises SceneError.
+    thickness: of points and lines, which have no surface without one. Raises SceneError.
     """
-    key = ("glTF again", main, variant, moment.clip)
+    key = ("glTF again", main, variant, moment.clip, thickness)
     is_alone = not description.materials and not description.meshes
     known: Again | None = files.known(key) if is_alone else None
     if known is not None and known.at(moment, description):
@@ -57,7 +62,7 @@ def read(
     chosen = variants.Variants(root, variant)
     description.variants = chosen.names
     restless = Moving(root, moving.moving)
-    meshes = Meshes(root, accessors, files, surfaces, chosen, shelf, description.meshes, restless)
+    meshes = Meshes(root, accessors, files, surfaces, chosen, shelf, description.meshes, restless, thickness)
     walked = nodes.Nodes(root, accessors, meshes, shelf, description, restless)
     walked.walk()
     if is_alone and moving.clips and restless.is_of_places and not any(meshes.refracts(m) for m in walked.deforming()):

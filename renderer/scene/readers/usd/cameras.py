@@ -50,13 +50,15 @@ def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) 
     return View(_vec3(eye), _vec3(target), _vec3(up), fov)
 
 
-def shutter_of(prim: Any, time: Any) -> float:
-    """The share of a frame that a camera's shutter is open; 0 where it does not say."""
+def shutter_of(prim: Any, time: Any, notes: Notes) -> float:
+    """The share of a frame that a camera's shutter is open, for us about the frame's time; 0 where it does not say."""
     camera = UsdGeom.Camera(prim)
     attributes = camera.GetShutterOpenAttr(), camera.GetShutterCloseAttr()
     if not any(attribute.HasAuthoredValue() for attribute in attributes):
         return 0.0
     opens, closes = (float(attribute.Get(time) or 0.0) for attribute in attributes)
+    if closes > opens and abs(opens + closes) > 0.01 * (closes - opens):
+        notes.add("Shutters that are not centred on the frame's time are as long, and centred", prim.GetName())
     return clamped(closes - opens, 0.0, 1.0)
 
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from pxr import UsdGeom
 
 from renderer.scene.description import F32, Mesh
+from renderer.scene.readers.tubes import BASES, curve_weights, tubes
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
 
@@ -16,14 +17,7 @@ __all__ = ["Balls", "balls_of", "tubes_of"]
 
 F64 = npt.NDArray[np.float64]
 MAX_VERTICES = 1 << 25
-_STEPS = 6  # lines that a cubic segment is cut into
 _FEW = 500  # curves that are drawn rounder than many
-
-_BASES = {
-    "bezier": np.array([[1, 0, 0, 0], [-3, 3, 0, 0], [3, -6, 3, 0], [-1, 3, -3, 1]], np.float64),
-    "bspline": np.array([[1, 4, 1, 0], [-3, 0, 3, 0], [3, -6, 3, 0], [-1, 3, -3, 1]], np.float64) / 6,
-    "catmullRom": np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]], np.float64) / 2,
-}
 
 
 class Balls:
@@ -65,7 +59,7 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
     if len(counts) == 0 or counts.min() < 0 or counts.sum() != len(points) or not np.isfinite(points).all():
         notes.add("Curves that are damaged are left out", path)
         return None
-    if basis != "linear" and basis not in _BASES:
+    if basis != "linear" and basis not in BASES:
         notes.add(f"Curves of the basis {basis} are drawn straight from point to point", path)
         basis = "linear"
     interpolation = curves.GetWidthsInterpolation()
@@ -81,7 +75,7 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
     pieces = []
     total = 0
     for count in np.unique(counts):
-        weights, between = _weights(int(count), basis, wrap)
+        weights, between = curve_weights(int(count), basis, wrap)
         which = np.flatnonzero(counts == count)
         total += len(which) * (len(weights) + 2) * (sides + 1)
         if total > MAX_VERTICES:
@@ -96,7 +90,7 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
         shown = None
         if colors is not None and tint is not None:
             shown = _along(colors, tint.GetInterpolation(), which, first, counts, weights, between)
-        pieces.append(_tubes(lines, np.maximum(radii, 0), shown, sides))
+        pieces.append(tubes(lines, np.maximum(radii, 0), shown, sides))
     if not pieces:
         return None
     offsets = np.cumsum([0, *(len(p[0]) for p in pieces)])
@@ -107,46 +101,6 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
         mesh.colors = np.ones((len(positions), 4), np.float32)
         mesh.colors[:, :3] = np.clip(np.concatenate([p[2] for p in pieces]), 0, 1)
     return mesh
-
-
-def _weights(count: int, basis: str, wrap: str) -> tuple[F64, F64]:
-    """(samples, count): what samples along a curve are of its points; and (samples, varying) of its values at segments' ends."""
-    if basis == "linear":
-        closed = wrap == "periodic" and count > 2
-        lines = np.eye(count)
-        return (np.concatenate([lines, lines[:1]]),) * 2 if closed else (lines, lines)
-    step = 3 if basis == "bezier" else 1
-    if wrap == "periodic":
-        segments, index = count // step, lambda k: k % count
-    elif wrap == "pinned" and basis != "bezier":
-        segments, index = count - 1, lambda k: k - 1
-    else:
-        segments, index = (count - 4) // step + 1, lambda k: k
-    if count < (2 if wrap == "pinned" else 3) or segments < 1:
-        return np.zeros((0, count)), np.zeros((0, 1))
-    rows, ends = [], []
-    varying = segments if wrap == "periodic" else segments + 1
-    for s in range(segments):
-        last = s == segments - 1
-        for u in np.arange(_STEPS + last) / _STEPS:
-            own = np.array([1, u, u * u, u**3]) @ _BASES[basis]
-            row, end = np.zeros(count), np.zeros(varying)
-            for k in range(4):
-                at = index(s * step + k)
-                # Beyond the ends of a pinned curve lie points that have it begin and end at its own: 2 p0 - p1.
-                if at < 0:
-                    row[0] += 2 * own[k]
-                    row[1] -= own[k]
-                elif at >= count:
-                    row[count - 1] += 2 * own[k]
-                    row[count - 2] -= own[k]
-                else:
-                    row[at] += own[k]
-            end[s] += 1 - u
-            end[(s + 1) % varying] += u
-            rows.append(row)
-            ends.append(end)
-    return np.array(rows), np.array(ends)
 
 
 def _along(
@@ -171,38 +125,3 @@ def _along(
     if interpolation in ("varying", "vertex") and len(values) == counts.sum() and weights.shape == between.shape:
         return np.einsum("sc,ncx->nsx", weights, values[first[:, None] + np.arange(weights.shape[1])])
     return np.broadcast_to(values[0], shape)
-
-
-def _tubes(lines: F64, radii: F64, colors: F64 | None, sides: int) -> tuple[F64, F64, F64 | None, npt.NDArray[np.int64]]:
-    """(positions, normals, colours, triangles) of tubes around (N, S, 3) lines, with flat ends."""
-    count, samples = lines.shape[:2]
-    tangents = np.empty_like(lines)
-    tangents[:, 1:-1] = lines[:, 2:] - lines[:, :-2]
-    tangents[:, 0], tangents[:, -1] = lines[:, 1] - lines[:, 0], lines[:, -1] - lines[:, -2]
-    tangents /= np.maximum(np.linalg.norm(tangents, axis=2, keepdims=True), 1e-30)
-    across = np.empty_like(lines)
-    least = np.eye(3)[np.argmin(np.abs(tangents[:, 0]), axis=1)]
-    side = np.cross(tangents[:, 0], least)
-    for s in range(samples):  # carried along without twisting
-        side = side - tangents[:, s] * np.einsum("ni,ni->n", side, tangents[:, s])[:, None]
-        side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-30)
-        across[:, s] = side
-    third = np.cross(tangents, across)
-    angle = np.arange(sides) * (2 * np.pi / sides)
-    out = across[:, :, None] * np.cos(angle)[:, None] + third[:, :, None] * np.sin(angle)[:, None]  # (N, S, sides, 3)
-    rings = lines[:, :, None] + radii[:, :, None, None] * out
-    ends = np.stack([rings[:, 0], rings[:, -1]], axis=1)
-    facing = np.broadcast_to(np.stack([-tangents[:, 0], tangents[:, -1]], axis=1)[:, :, None], ends.shape)
-    positions = np.concatenate([rings, ends], axis=1).reshape(-1, 3)
-    normals = np.concatenate([out, facing], axis=1).reshape(-1, 3)
-    shown = None
-    if colors is not None:
-        whole = np.concatenate([colors, colors[:, :1], colors[:, -1:]], axis=1)
-        shown = np.repeat(whole.reshape(-1, colors.shape[2]), sides, axis=0)
-    along, k = np.meshgrid(np.arange(samples - 1), np.arange(sides), indexing="ij")
-    a, b = along * sides + k, along * sides + (k + 1) % sides
-    body = np.stack([np.stack([a, b, b + sides], -1), np.stack([a, b + sides, a + sides], -1)]).reshape(-1, 3)
-    fan = np.stack([np.zeros(sides - 2, int), np.arange(1, sides - 1), np.arange(2, sides)], axis=1)
-    one = np.concatenate([body, samples * sides + fan[:, ::-1], (samples + 1) * sides + fan])
-    triangles = (one[None] + (np.arange(count) * (samples + 2) * sides)[:, None, None]).reshape(-1, 3)
-    return positions, normals, shown, triangles

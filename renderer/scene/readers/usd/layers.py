@@ -177,11 +177,19 @@ def _ends(layer: Any) -> list[float]:
 
 
 def _place(error: Any) -> str:
-    return str(getattr(error, "rootSite", None) or error).splitlines()[0]
+    return _words(getattr(error, "rootSite", None) or error).splitlines()[0]
+
+
+def _words(said: Any) -> str:
+    """What USD says: it quotes damaged files whatever their bytes are."""
+    try:
+        return str(said)
+    except UnicodeDecodeError as odd:
+        return odd.object.decode("utf-8", "replace")
 
 
 def _reason(error: Exception, path: str) -> str:
     """USD's own words, without what they say of its sources and of this machine's folders."""
-    said = re.sub(r"(?:/[^/\s<>'\"]+)+/", "", str(error).replace(path, "") if path else str(error)).splitlines()
+    said = re.sub(r"(?:/[^/\s<>'\"]+)+/", "", _words(error).replace(path, "") if path else _words(error)).splitlines()
     last = next((line for line in said if " in file " in line), said[0] if said else "")
     return last.split(" : ", 1)[-1].strip(" '\"")[:200]

@@ -17,6 +17,7 @@ from renderer.scene.readers.usd.notes import Notes
 __all__ = ["Lamp", "is_light", "lamp_of", "radiance_of"]
 
 _MOST = 1e9
+_BLENDERS_SUN = 4.0  # Blender writes a fourth of what its suns shine with, and its own reader knows that
 _TURN = np.diag([-1.0, 1.0, -1.0])  # ours face +Z, USD's lights shine along -Z, with a picture upright from there
 
 
@@ -40,7 +41,8 @@ def radiance_of(light: Any, time: Any, size: float = 1.0) -> Vec3:
 
     scale = _number(light.GetIntensityAttr(), time, 1.0) * 2.0 ** min(_number(light.GetExposureAttr(), time), 60.0)
     color = np.array(light.GetColorAttr().Get(time) or (1.0, 1.0, 1.0), np.float64)
-    if light.GetEnableColorTemperatureAttr().Get(time):
+    # One that is asked for and not said is the white point: Blender writes so of all its lights.
+    if light.GetEnableColorTemperatureAttr().Get(time) and light.GetColorTemperatureAttr().HasAuthoredValue():
         kelvin = min(max(_number(light.GetColorTemperatureAttr(), time, 6500.0), 1000.0), 10000.0)
         color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), np.float64)
     if light.GetNormalizeAttr().Get(time) and size > 0:
@@ -62,17 +64,17 @@ def lamp_of(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: 
         angle = min(max(_number(UsdLux.DistantLight(prim).GetAngleAttr(), time), 0.0), 180.0)
         cone = math.pi * math.sin(math.radians(angle / 2)) ** 2
         irradiance = radiance_of(light, time, cone) if cone > 0 else radiance_of(light, time)
-        r, g, b = (c * (cone or 1.0) for c in irradiance)
+        r, g, b = (c * (cone or 1.0) * (_BLENDERS_SUN if _is_blenders(prim) else 1.0) for c in irradiance)
         return Lamp(Light("directional", (r, g, b), direction=forward, angle=angle, name=name))
     lengths = np.linalg.norm(world[:3, :3], axis=0) / unit
     x, y, z = (float(length) for length in lengths)
     if prim.IsA(UsdLux.SphereLight):
         sphere = UsdLux.SphereLight(prim)
         radius = _number(sphere.GetRadiusAttr(), time) * (x * y * z) ** (1 / 3)
-        area = 4 * math.pi * radius**2
+        area = 4 * math.pi * (radius or 1.0) ** 2
         found = _cone(prim, time, notes, True)
         if sphere.GetTreatAsPointAttr().Get(time) or radius <= 0:
-            # As many watts as the sphere sends: without one, as one of radius 1 does.
+            # As many watts as the sphere sends: without one, as one of radius 1 does, which normalised is as any other.
             rgb = _times(radiance_of(light, time, area), math.pi * (radius or 1.0) ** 2)
             return Lamp(_aimed(Light("point", rgb, place, forward, 0.0, name=name), found, unit))
         if found is None:
@@ -111,6 +113,11 @@ def _number(attribute: Any, time: Any, default: float = 0.0) -> float:
     """A number at a time; the default where it is none, or not finite."""
     value = attribute.Get(time)
     return default if value is None or not math.isfinite(value) else float(value)
+
+
+def _is_blenders(prim: Any) -> bool:
+    """Whether Blender wrote the stage."""
+    return str(prim.GetStage().GetRootLayer().documentation or "").startswith("Blender v")
 
 
 def _shining(mesh: Mesh, light: Any, time: Any, area: float, name: str, image: Any) -> Lamp | None:

@@ -239,8 +239,10 @@ class Placing:
         except SettingsError as error:
             self._shelf.warn(f"Camera {each.name}: {error}; it is left out.")
             return
-        if not self._description.cameras and self._description.moves and (shutter := shutter_of(prim, self._time)) > 0:
-            self._description.defaults["shutter"] = shutter
+        if not self._description.cameras and self._description.moves:
+            shutter = shutter_of(prim, self._time, self._notes)
+            if shutter > 0:
+                self._description.defaults["shutter"] = shutter
         self._description.cameras.append(Camera(each.name, view))
 
     def _light(self, each: Placed) -> None:

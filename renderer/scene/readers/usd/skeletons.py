@@ -113,6 +113,8 @@ class Skeletons:
         sub_weights, blend_indices, sub_indices = computed[-3:]
         offsets = blend.ComputeSubShapePointOffsets()
         indices = blend.ComputeBlendShapePointIndices()
+        if any(blend.GetBlendShape(i).GetNormalOffsetsAttr().HasAuthoredValue() for i in range(blend.GetNumBlendShapes())):
+            self._notes.add("Normals that blend shapes move stay as they are", str(skinning.GetPrim().GetPath()))
         result = points.copy()
         for weight, shape, sub in zip(sub_weights, blend_indices, sub_indices, strict=True):
             if sub >= len(offsets) or shape >= len(indices):

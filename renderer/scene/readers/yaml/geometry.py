@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from renderer.formats import MESH_FORMATS
-from renderer.scene.animation import Moment
+from renderer.scene.animation import Clip, Moment
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.files import SceneFiles
 from renderer.scene.geometry import MAX_TRIANGLES
@@ -51,9 +51,12 @@ class Shapes:
         self._restless = {number for name, number in materials.items() if self._is_restless(name)}
         self._moment = moment
         self._plain: int | None = None
-        self._parts: dict[tuple[str, str | None, str | None, int | None, bool], list[Instance]] = {}  # of mesh files read before
+        self._parts: dict[
+            tuple[str, str | None, str | None, float | None, int | None, bool], list[Instance]
+        ] = {}  # of mesh files read before
         self._triangles = 0
         self._places = 0
+        self.clips: list[Clip] = []  # of the mesh files that are placed
 
     def _is_restless(self, material: str) -> bool:
         """Whether something may shine, or be bent, at another moment only."""
@@ -165,11 +168,13 @@ class Shapes:
             others = ", ".join(format.suffix for format in MESH_FORMATS)
             raise self._document.error((*path, "file"), f"{name[:120]} is no mesh file; give one of {others}")
         variant, clip = (None if source.get(key) is None else str(source[key]) for key in ("variant", "clip"))
-        key = (name, variant, clip, material, deforms)
+        thickness = source.get("thickness")
+        wanted = (name, variant, clip, None if thickness is None else float(thickness))
+        key = (*wanted, material, deforms)
         if key not in self._parts:
-            part = self._files.recall(("mesh file", name, variant, clip), lambda: self._still(name, variant, clip))
-            part = part or self._part(name, variant, clip)
+            part = self._files.recall(("mesh file", *wanted), lambda: self._still(*wanted)) or self._part(*wanted)
             self._description.moves |= part.moves
+            self.clips += part.clips if clip is None else [each for each in part.clips if each.name == clip]
             first = len(self._description.meshes)
             self._parts[key] = merge(part, self._description, material)
             for mesh in self._description.meshes[first:]:
@@ -187,13 +192,13 @@ class Shapes:
                 for s in self._parts[key]
             ]
 
-    def _part(self, name: str, variant: str | None, clip: str | None) -> SceneDescription:
+    def _part(self, name: str, variant: str | None, clip: str | None, thickness: float | None) -> SceneDescription:
         part = SceneDescription(name=name)
-        read_file(self._files, name, part, variant, MESH_FORMATS, replace(self._moment, clip=clip))
+        read_file(self._files, name, part, variant, MESH_FORMATS, replace(self._moment, clip=clip), thickness)
         return part
 
-    def _still(self, name: str, variant: str | None, clip: str | None) -> SceneDescription | None:
-        part = self._part(name, variant, clip)
+    def _still(self, name: str, variant: str | None, clip: str | None, thickness: float | None) -> SceneDescription | None:
+        part = self._part(name, variant, clip, thickness)
         return None if part.moves else part
 
     def _material_of(self, source: dict[str, Any], path: Path) -> int | None:

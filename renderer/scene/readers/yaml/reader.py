@@ -43,6 +43,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     data: dict[str, Any] = document.data
     shelf = TextureShelf(description, files)
     description.name, description.fps = data.get("name", description.name), fps
+    description.warnings += data.get("notes", [])
     _add_defaults(data.get("settings", {}), document, description)
     ends = _add_cameras(data.get("cameras", []), moment.seconds(fps), document, description)
     description.moves = description.moves or keys.moves or len(ends) > 0
@@ -60,6 +61,9 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     shapes = Shapes(document, files, description, materials, replace(moment, fps=moment.fps or fps), moving)
     for i, shape in enumerate(data["shapes"]):
         shapes.add(shape, ("shapes", i))
+    if placed := [clip for clip in (*description.clips, *shapes.clips) if clip.end > clip.start]:
+        start, end = min(clip.start for clip in placed), max(clip.end for clip in placed)
+        description.clips = [Clip(description.name, start, end)]
 
 
 def _parsed(data: bytes, main: str) -> tuple[Yaml, Keys]:

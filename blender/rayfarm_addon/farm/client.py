@@ -1,0 +1,152 @@
+"""A farm by HTTP, with the standard library alone. Every method blocks: call it from a thread that may wait."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import ssl
+import urllib.error
+import urllib.parse
+import urllib.request
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from .multipart import Part, body_of
+
+__all__ = ["Cancelled", "Client", "FarmError"]
+
+PATIENCE_S = 15.0  # with a farm that says nothing
+LOOPBACK = ("localhost", "127.0.0.1", "::1")
+
+
+class FarmError(Exception):
+    """Its text is a sentence for a person. status: the HTTP status; None where no farm answered."""
+
+    def __init__(self, sentence: str, status: int | None = None) -> None:
+        super().__init__(sentence)
+        self.status = status
+
+
+class Cancelled(Exception):  # noqa: N818 -- nothing went wrong
+    """Whoever asked wants it no more."""
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    """A token is shown to the farm that was named, and to no other."""
+
+    def redirect_request(self, *_: Any) -> None:
+        return None
+
+
+class Client:
+    """One farm. url: as in the browser's address line; token: what `rayfarm token make` printed, or nothing."""
+
+    def __init__(self, url: str, token: str = "") -> None:
+        self.url = url.strip().rstrip("/")
+        self.token = token.strip()
+        parts = urllib.parse.urlsplit(self.url)
+        if parts.scheme not in ("http", "https") or not parts.hostname:
+            raise FarmError(f"{self.url or 'An empty line'} is no address of a farm. Give one as http://127.0.0.1:8000.")
+        handlers: list[Any] = [_NoRedirect()]
+        if parts.hostname in LOOPBACK:
+            handlers.append(urllib.request.ProxyHandler({}))
+        self._opener = urllib.request.build_opener(*handlers)
+        self.sent = 0  # bytes of all uploads so far
+
+    def headers(self) -> dict[str, str]:
+        """What says who asks."""
+        return {"Authorization": f"Bearer {self.token}"} if self.token else {}
+
+    def call(
+        self,
+        method: str,
+        path: str,
+        data: Any = None,
+        headers: dict[str, str] | None = None,
+        patience_s: float = PATIENCE_S,
+    ) -> tuple[int, Any, bytes]:
+        """Status, headers and body. data: bytes, or what yields them. Raises FarmError; 304 is an answer."""
+        request = urllib.request.Request(self.url + path, data=data, method=method, headers={**self.headers(), **(headers or {})})
+        try:
+            with self._opener.open(request, timeout=patience_s) as answer:
+                return answer.status, answer.headers, answer.read()
+        except urllib.error.HTTPError as error:
+            if error.code == 304:
+                return 304, error.headers, b""
+            raise FarmError(_sentence(error), error.code) from None
+        except Cancelled:
+            raise
+        except (urllib.error.URLError, http.client.HTTPException, OSError, ValueError) as error:
+            raise FarmError(
+                f"No farm answers at {self.url} ({_reason(error)}). Is it running, and is the address right?"
+            ) from None
+
+    def json(self, method: str, path: str, said: Any = None, **headers: str) -> Any:
+        """An answer in JSON to a question in JSON. Raises FarmError."""
+        data = None if said is None else json.dumps(said).encode()
+        known = {"Content-Type": "application/json"} if data is not None else {}
+        _, _, body = self.call(
+            method, path, data, {**known, **{name.replace("_", "-"): value for name, value in headers.items()}}
+        )
+        if not body:
+            return None
+        try:
+            return json.loads(body)
+        except ValueError:
+            raise FarmError(f"What answers at {self.url} is no Rayfarm. Is the address right?") from None
+
+    def send_files(
+        self,
+        path: str,
+        parts: list[Part],
+        fields: dict[str, str],
+        progress: Callable[[int, int], None] = lambda done, size: None,
+    ) -> Any:
+        """POST files as a form. progress: is told bytes sent and bytes in all, and may raise Cancelled. Raises FarmError."""
+        kind, size, chunks = body_of(parts, fields)
+
+        def counted() -> Iterator[bytes]:
+            done = 0
+            for chunk in chunks:
+                progress(done, size)
+                yield chunk
+                done += len(chunk)
+                self.sent += len(chunk)
+            progress(done, size)
+
+        headers = {"Content-Type": kind, "Content-Length": str(size)}
+        _, _, body = self.call("POST", path, counted(), headers, patience_s=120.0)
+        return json.loads(body)
+
+    def check(self) -> str:
+        """A sentence on what is there, for whoever tests the connection. Raises FarmError."""
+        info = self.json("GET", "/api/info")
+        if not isinstance(info, dict) or "formats" not in info:
+            raise FarmError(f"What answers at {self.url} is no Rayfarm. Is the address right?")
+        workers = self.json("GET", "/api/workers")
+        slots = sum(int(each.get("slots") or 0) for each in workers)
+        who = self.json("GET", "/api/session") or {}
+        name = f" as {who['name']}" if who.get("name") else ""
+        if not slots:
+            return f"Connected{name}. No worker is there yet: pictures wait for one."
+        return f"Connected{name}: {len(workers)} worker{'s' * (len(workers) != 1)}, {slots} slot{'s' * (slots != 1)}."
+
+
+def _sentence(error: urllib.error.HTTPError) -> str:
+    try:
+        detail = json.loads(error.read(1 << 16)).get("detail")
+    except (ValueError, AttributeError, OSError):
+        detail = None
+    if error.code in (401, 403):
+        hint = "Check the token in the add-on's preferences; `rayfarm token make` makes one."
+        return f"The farm does not let this through: {detail or error.reason} {hint}"
+    return str(detail or f"The farm answered {error.code} ({error.reason}).")
+
+
+def _reason(error: Exception) -> str:
+    reason = getattr(error, "reason", None) or error
+    if isinstance(reason, TimeoutError):
+        return "it does not answer in time"
+    if isinstance(reason, ssl.SSLError):
+        return f"its certificate is not trusted: {reason.reason}"
+    return str(getattr(reason, "strerror", None) or reason)

@@ -1,0 +1,190 @@
+"""One picture of a farm: upload what it lacks, ask, take in tiles, fetch the end. Runs in a thread of its own; others listen."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import queue
+import secrets
+import threading
+import time
+import urllib.parse
+from collections.abc import Callable
+from typing import Any
+
+from . import exr, packets
+from .asked import Asked, Done, Failed, Grown, Light, Said
+from .client import Cancelled, Client, FarmError
+from .uploads import Uploads
+from .websocket import Closed, Socket
+
+__all__ = ["Rendering", "light_of"]
+
+WAIT_S = 0.1
+POLL_S = 0.5
+TRIES = 20  # to get back to a farm that went away while it rendered: most of a minute
+PAUSE_S = 3.0
+OVER = ("finished", "failed", "cancelled")
+
+Event = Said | Grown | Done | Failed
+
+
+class _OverError(FarmError):
+    """The job ended, and not well: there is nothing to ask for again."""
+
+
+def light_of(light: Light, uploads: Uploads, progress: Callable[[int, int], None]) -> dict[str, Any]:
+    """`environment` of a request; a picture is sent if the farm lacks it. Raises FarmError, Cancelled."""
+    if light.image is not None:
+        id = uploads.environment(*light.image, progress)
+        rotation = (light.rotation + 180) % 360 - 180
+        return {"image": id, "strength": light.strength, "rotation": rotation}
+    if light.sky is not None:
+        return {"sky": light.sky, "strength": light.strength}
+    return {"color": [max(c, 0.0) for c in light.color or [0.0] * 3]}
+
+
+class Rendering:
+    """Starts at once. `events` has what happened, in order; the last is Done or Failed."""
+
+    def __init__(self, client: Client, uploads: Uploads, asked: Asked) -> None:
+        self.events: queue.SimpleQueue[Event] = queue.SimpleQueue()
+        self._client, self._uploads, self._asked = client, uploads, asked
+        self._cancelled = threading.Event()
+        self._job: str | None = None
+        self._thread = threading.Thread(target=self._run, name="rayfarm picture", daemon=True)
+        self._thread.start()
+
+    def cancel(self) -> None:
+        """Wanted no more: the farm is told, and the last event follows."""
+        self._cancelled.set()
+
+    def join(self, patience_s: float) -> None:
+        """Wait for the last event."""
+        self._thread.join(patience_s)
+
+    def _run(self) -> None:
+        try:
+            self.events.put(self._picture())
+        except Cancelled:
+            self._call_off()
+            self.events.put(Failed(None))
+        except FarmError as error:
+            if error.status == 404:
+                self._uploads.forget()  # what was sent before is not there any more: next time all is sent
+            self.events.put(Failed(str(error)))
+        except Exception as error:
+            self.events.put(Failed(f"The add-on failed: {error!r}."))
+
+    def _picture(self) -> Done:
+        asked, uploads = self._asked, self._uploads
+        self._say("Sending the scene")
+        found = uploads.ready(asked.files, asked.main, asked.title, self._sending, self._cancelled.is_set, self._say)
+        scene, sent = found["id"], uploads.sent_bytes
+        environment = light_of(asked.light, uploads, self._sending)
+        request = {**asked.request, "scene": scene, "environment": environment, "name": asked.title}
+        uploads.rendered.add(scene)
+        job = self._client.json("POST", "/api/jobs", request, Idempotency_Key=secrets.token_hex(16))
+        self._job = job["id"]
+        number = job["frames"][0]["number"] if job.get("frames") else 0
+        self._watch(number)
+        return Done(self._channels(number), self._job or "", sent, list(found["warnings"]))
+
+    def _say(self, text: str, progress: float | None = None) -> None:
+        self.events.put(Said(text, progress))
+
+    def _sending(self, done: int, size: int) -> None:
+        if self._cancelled.is_set():
+            raise Cancelled
+        if size > 1 << 20:
+            self._say(f"Sending the scene: {done / 1e6:.0f} of {size / 1e6:.0f} MB")
+
+    def _call_off(self) -> None:
+        if self._job is not None:
+            with contextlib.suppress(FarmError):  # it is over already, or the farm is gone
+                self._client.json("PATCH", f"/api/jobs/{self._job}", {"state": "cancelled"})
+
+    def _watch(self, number: float) -> None:
+        """Passes on how the job grows until it is over. A farm that goes away is asked again for a while."""
+        failures = 0
+        while True:
+            try:
+                if self._listen(number):
+                    return
+            except _OverError:
+                raise
+            except (Closed, FarmError):
+                pass  # what is wrong, the question below is told; where only the live channel is cut, it goes on without
+            try:
+                if self._ends(self._client.json("GET", f"/api/jobs/{self._job}")):
+                    return
+                failures = 0
+            except FarmError as error:
+                failures += 1
+                if isinstance(error, _OverError) or failures > TRIES or (error.status is not None and error.status < 500):
+                    raise
+                self._say("The farm does not answer; asking again")
+            self._pause(min(POLL_S * (1 + failures), PAUSE_S))
+
+    def _pause(self, seconds: float) -> None:
+        if self._cancelled.wait(seconds):
+            raise Cancelled
+
+    def _listen(self, number: float) -> bool:
+        """Whether the job is over. Raises Closed, FarmError, Cancelled."""
+        frame = urllib.parse.quote(f"{number:g}")
+        socket = Socket(self._client, f"/api/jobs/{self._job}/live?frame={frame}")
+        last = time.monotonic()
+        try:
+            while True:
+                if self._cancelled.is_set():
+                    raise Cancelled
+                message = socket.receive(WAIT_S)
+                if isinstance(message, bytes):
+                    tile = packets.tile(message)
+                    self.events.put(Grown(tile.x, tile.y, tile.words))
+                    socket.send(json.dumps({"ack": tile.seq}))
+                elif message is not None:
+                    said = json.loads(message)
+                    if said.get("type") == "state" and self._ends(said["job"]):
+                        return True
+                elif time.monotonic() - last > 10:
+                    last = time.monotonic()
+                    if self._ends(self._client.json("GET", f"/api/jobs/{self._job}")):
+                        return True
+        finally:
+            socket.close()
+
+    def _ends(self, job: dict[str, Any]) -> bool:
+        state = job["state"]
+        if state == "failed":
+            raise _OverError(f"The farm could not render it: {job['error']}")
+        if state == "cancelled":
+            self._job = None
+            raise _OverError("The job was cancelled on the farm's page.")
+        text = {"queued": "Waiting for workers", "paused": "Paused on the farm's page"}.get(state, "Rendering")
+        if job.get("message"):
+            text = str(job["message"])
+        elif job.get("eta_s"):
+            text += f", {job['eta_s']:.0f} s left"
+        self._say(text, float(job["progress"]))
+        return state in OVER
+
+    def _channels(self, number: float) -> dict[str, Any]:
+        path = f"/api/jobs/{self._job}/frames/{number:g}/image.exr"
+        planes = ",".join(["color", *self._asked.planes]) if self._asked.planes else "color"
+        self._say("Fetching the picture", 1.0)
+        found = self._exr(f"{path}?aov={planes}")
+        if self._asked.denoise:
+            self._say("Denoising", 1.0)
+            found |= {name: plane for name, plane in self._exr(f"{path}?denoise=true").items() if name in "RGB"}
+        return found
+
+    def _exr(self, path: str) -> dict[str, Any]:
+        if self._cancelled.is_set():
+            raise Cancelled
+        _, _, body = self._client.call("GET", path, patience_s=300.0)
+        try:
+            return dict(exr.read(body))
+        except ValueError as error:
+            raise FarmError(f"The farm's picture cannot be read: {error}.") from None

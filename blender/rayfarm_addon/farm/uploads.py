@@ -1,0 +1,128 @@
+"""What a farm has of a scene, so that only what changed is sent."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from .client import Cancelled, Client, FarmError
+from .multipart import Part
+
+__all__ = ["Uploads"]
+
+LOOK_S = 0.1
+STALE = 0.5  # share of bytes that nothing names any more, from which on all is sent anew
+
+
+class Uploads:
+    """Of one farm. The last scene that was sent is the base of the next: names of equal content are not sent again."""
+
+    def __init__(self, client: Client, digest: Callable[[bytes | Path], str], project: str = "") -> None:
+        self.client = client
+        self.rendered: set[str] = set()  # scenes that have jobs
+        self.sent_bytes = 0  # of files, by the last upload
+        self.scene: str | None = None
+        self._digest = digest
+        self._into = f"?project={quote(project, safe='')}" if project else ""
+        self._lock = threading.RLock()  # a picture and a viewport may send at the same time
+        self._there: dict[str, tuple[str, int]] = {}  # hash and size by name
+        self._images: dict[str, str] = {}  # ids of environments by the hash of their file
+
+    def send(self, files: Mapping[str, bytes | Path], main: str, title: str, progress: Callable[[int, int], None]) -> str:
+        """The id of the scene that these files are. Raises FarmError, Cancelled."""
+        with self._lock:
+            return self._send(files, main, title, progress)
+
+    def _send(self, files: Mapping[str, bytes | Path], main: str, title: str, progress: Callable[[int, int], None]) -> str:
+        wanted = {name: (self._digest(content), _size(content)) for name, content in files.items()}
+        lacking = [name for name, told in wanted.items() if self._there.get(name) != told]
+        self.sent_bytes = 0
+        if self.scene is not None and not lacking:
+            return self.scene
+        stale = sum(size for name, (_, size) in self._there.items() if name not in wanted)
+        fields = {"main": main, "name": title}
+        if self.scene is not None and stale <= STALE * sum(size for _, size in wanted.values()):
+            try:
+                return self._post(files, lacking, {"base": self.scene}, {**self._there, **wanted}, progress)
+            except FarmError as error:
+                if error.status != 404:  # else the farm has it no more, and gets all of it
+                    raise
+        return self._post(files, list(wanted), fields, wanted, progress)
+
+    def _post(
+        self,
+        files: Mapping[str, bytes | Path],
+        names: list[str],
+        fields: dict[str, str],
+        there: dict[str, tuple[str, int]],
+        progress: Callable[[int, int], None],
+    ) -> str:
+        parts = [Part("files", name, files[name]) for name in names]
+        scene = self.client.send_files("/api/scenes" + self._into, parts, fields, progress)
+        self.scene, self._there = str(scene["id"]), there
+        self.sent_bytes = sum(part.size for part in parts)
+        return self.scene
+
+    def environment(self, name: str, content: bytes | Path, progress: Callable[[int, int], None]) -> str:
+        """The id of a picture that lights a scene; sent once. Raises FarmError, Cancelled."""
+        digest = self._digest(content)
+        with self._lock:
+            if digest not in self._images:
+                part = Part("file", name, content)
+                found = self.client.send_files("/api/environments" + self._into, [part], {}, progress)
+                self._images[digest] = str(found["environment"]["image"])
+            return self._images[digest]
+
+    def let_go(self, scene: str) -> None:
+        """A scene that was only looked at leaves nothing behind; one that a job has stays. Raises FarmError."""
+        if scene in self.rendered:
+            return
+        if scene == self.scene:
+            self.forget()
+        self.client.json("DELETE", f"/api/scenes/{scene}")
+
+    def forget(self) -> None:
+        """The farm has it no more."""
+        self.scene, self._there, self._images = None, {}, {}
+
+    def ready(
+        self,
+        files: Mapping[str, bytes | Path],
+        main: str,
+        title: str,
+        progress: Callable[[int, int], None],
+        is_over: Callable[[], bool],
+        say: Callable[[str], None],
+    ) -> dict[str, Any]:
+        """The scene that these files are, sent and prepared; one that somebody deleted meanwhile is sent anew.
+
+        Raises FarmError, Cancelled.
+        """
+        try:
+            return self.wait(self.send(files, main, title, progress), is_over, say)
+        except FarmError as error:
+            if error.status != 404:
+                raise
+        self.forget()
+        return self.wait(self.send(files, main, title, progress), is_over, say)
+
+    def wait(self, scene: str, is_over: Callable[[], bool], say: Callable[[str], None]) -> dict[str, Any]:
+        """The scene when it is ready. is_over: whether nobody waits any more. Raises FarmError, Cancelled."""
+        while True:
+            found: dict[str, Any] = self.client.json("GET", f"/api/scenes/{scene}")
+            if found["status"] == "ready":
+                return found
+            if found["status"] == "failed":
+                raise FarmError(f"The farm cannot read the scene: {found['error']}")
+            say(found.get("step") or "Preparing the scene")
+            if is_over():
+                raise Cancelled
+            time.sleep(LOOK_S)
+
+
+def _size(content: bytes | Path) -> int:
+    return content.stat().st_size if isinstance(content, Path) else len(content)

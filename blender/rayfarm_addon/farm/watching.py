@@ -1,0 +1,176 @@
+"""A view of a scene as long as somebody looks: a thread that sends scenes and cameras, and keeps the newest picture."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .asked import Light
+from .client import Cancelled, Client, FarmError
+from .packets import View
+from .rendering import light_of
+from .uploads import Uploads
+from .websocket import Closed, Socket
+
+__all__ = ["Shown", "Watching"]
+
+WAIT_S = 0.02
+AGAIN_S = 2.0
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A picture of a view: (h, w, 3) linear, rows from the top; which view, and how good it is."""
+
+    rgb: npt.NDArray[np.float32]
+    id: int
+    whole: tuple[int, int]
+    samples: float
+    done: bool
+
+
+class Watching:
+    """Looks at a farm for one viewport. Every method returns at once; the newest scene and view count."""
+
+    def __init__(self, client: Client, uploads: Uploads, title: str) -> None:
+        self._client, self._uploads, self._title = client, uploads, title
+        self._lock = threading.Lock()
+        self._wake = threading.Event()
+        self._scene: tuple[dict[str, Any], str, Light] | None = None
+        self._looks_at: Any = None  # the scene of which pictures come
+        self._view: dict[str, Any] | None = None
+        self._number = 0
+        self._ended = False
+        self._shown: Shown | None = None
+        self._text = "Waiting for the scene"
+        self.is_fresh = threading.Event()  # something is to be drawn that was not there when this was cleared
+        self._thread = threading.Thread(target=self._run, name="rayfarm view", daemon=True)
+        self._thread.start()
+
+    def show(self, files: dict[str, Any], main: str, light: Light) -> None:
+        """The scene is this one now."""
+        with self._lock:
+            self._scene = files, main, light
+        self._wake.set()
+
+    def look(self, view: dict[str, Any]) -> int:
+        """It is seen so now: a request without scene and light. Gives the number by which pictures of it are told."""
+        with self._lock:
+            self._number += 1
+            self._view = {**view, "id": self._number}
+            return self._number
+
+    @property
+    def state(self) -> tuple[Shown | None, str]:
+        """The newest picture, and a line for a person."""
+        with self._lock:
+            return self._shown, self._text
+
+    @property
+    def number(self) -> int:
+        """Of the view that was asked for last."""
+        return self._number
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether what is shown is of the newest scene."""
+        return self._looks_at is not None and self._looks_at is self._scene
+
+    def end(self) -> None:
+        """Nobody looks any more."""
+        self._ended = True
+        self._wake.set()
+
+    def join(self, patience_s: float) -> None:
+        """Wait until the thread has ended."""
+        self._thread.join(patience_s)
+
+    def _say(self, text: str) -> None:
+        with self._lock:
+            if text == self._text:
+                return
+            self._text = text
+        self.is_fresh.set()
+
+    def _run(self) -> None:
+        while not self._ended:
+            try:
+                self._look_on()
+            except Cancelled:
+                continue
+            except (FarmError, Closed) as error:
+                self._say(str(error) or "The farm has ended the connection")
+                self._wake.wait(AGAIN_S)
+                self._wake.clear()
+            except Exception as error:
+                self._say(f"The add-on failed: {error!r}")
+                self._wake.wait(AGAIN_S)
+                self._wake.clear()
+
+    def _sending(self, done: int, size: int) -> None:
+        if self._ended:
+            raise Cancelled
+        if size > 1 << 20:
+            self._say(f"Sending the scene: {done / 1e6:.0f} of {size / 1e6:.0f} MB")
+
+    def _look_on(self) -> None:
+        """Shows one scene until there is another. Raises FarmError, Closed, Cancelled."""
+        with self._lock:
+            wanted = self._scene
+        if wanted is None:
+            self._wake.wait(1.0)
+            self._wake.clear()
+            return
+        files, main, light = wanted
+        before = self._uploads.scene
+        title = f"{self._title} (viewport)"
+        found = self._uploads.ready(
+            files, main, title, self._sending, lambda: self._ended or self._scene is not wanted, self._say
+        )
+        scene = str(found["id"])
+        environment = light_of(light, self._uploads, self._sending)
+        if before is not None and before != scene:
+            self._let_go(before)
+        socket = Socket(self._client, f"/api/scenes/{scene}/viewport")
+        try:
+            self._receive(socket, wanted, environment)
+        finally:
+            socket.close()
+
+    def _receive(self, socket: Socket, wanted: Any, environment: dict[str, Any]) -> None:
+        sent, picture = 0, View()
+        samples, done = 0.0, False
+        while not self._ended and self._scene is wanted:
+            with self._lock:
+                view = self._view
+            if view is not None and view["id"] != sent:
+                sent, done = view["id"], False
+                self._say("Rendering")
+                socket.send(json.dumps({**view, "environment": environment}))
+            message = socket.receive(WAIT_S)
+            if isinstance(message, bytes):
+                picture.take(message)
+                socket.send(json.dumps({"ack": picture.seq}))
+                self._keep(Shown(picture.rgb.copy(), picture.id, picture.whole, samples, done), wanted)
+            elif message is not None:
+                said = json.loads(message)
+                if said["type"] == "error":
+                    self._say(str(said["detail"]))
+                elif said["type"] == "state" and said["id"] in (None, sent):
+                    samples, done = float(said["mean"]), bool(said["done"])
+                    self._say(said["message"] or f"{samples:.0f} samples" + (", done" if done else ""))
+
+    def _keep(self, shown: Shown, scene: Any) -> None:
+        with self._lock:
+            self._shown, self._looks_at = shown, scene
+        self.is_fresh.set()
+
+    def _let_go(self, scene: str) -> None:
+        with contextlib.suppress(FarmError):  # a job has it, or the farm is gone
+            self._uploads.let_go(scene)

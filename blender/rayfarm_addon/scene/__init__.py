@@ -1,0 +1,1 @@
+"""From what Blender shows to the files of a scene."""

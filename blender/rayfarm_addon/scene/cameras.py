@@ -1,0 +1,86 @@
+"""Blender's cameras: where they stand, how they project, what their lens blurs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .model import Scene, up
+from .view import Lens, Shot, shot_of, view_of
+
+__all__ = ["lens_of", "shot_of_camera", "with_keys"]
+
+F64 = npt.NDArray[np.float64]
+NAME = "camera"
+PANORAMA = "PANO"
+
+
+def lens_of(scene: Scene | None, camera: Any) -> Lens:
+    """Of an object of type CAMERA."""
+    data = camera.data
+    near = float(data.clip_start)
+    if not data.dof.use_dof or data.type == PANORAMA:
+        return Lens(near=near)
+    if data.type == "ORTHO":
+        if scene is not None:
+            scene.warn("Camera: depth of field of an orthographic camera is left out.")
+        return Lens(near=near)
+    dof = data.dof
+    if scene is not None and (dof.aperture_blades or abs(dof.aperture_ratio - 1) > 1e-3):
+        scene.warn("Camera: its lens is round, without blades and not stretched.")
+    # As Cycles has it: the focal length in metres by twice the number.
+    radius = float(data.lens) * 1e-3 / (2 * max(float(dof.aperture_fstop), 1e-5))
+    return Lens(radius, _focus(camera), near)
+
+
+def _focus(camera: Any) -> float:
+    dof = camera.data.dof
+    if dof.focus_object is None:
+        return float(dof.focus_distance)
+    place = np.array(camera.matrix_world, np.float64)
+    away = np.array(dof.focus_object.matrix_world, np.float64)[:3, 3] - place[:3, 3]
+    forward = -place[:3, 2] / np.linalg.norm(place[:3, 2])
+    return max(float(away @ forward), 1e-4)
+
+
+def shot_of_camera(
+    scene: Scene,
+    camera: Any,
+    place: F64,
+    projection: F64,
+    size: tuple[int, int],
+    border: tuple[int, int, int, int] | None = None,
+) -> Shot:
+    """What to ask for, so that it is what the camera sees. Raises ValueError."""
+    if camera.data.type == PANORAMA:
+        kind = getattr(camera.data, "panorama_type", None) or getattr(getattr(camera.data, "cycles", None), "panorama_type", "")
+        if kind != "EQUIRECTANGULAR":
+            scene.warn("Camera: its panorama is taken as an equirectangular one.")
+        eye = place[:3, 3]
+        view = {"eye": up(eye), "target": up(eye - place[:3, 2]), "up": up(place[:3, 1]), "projection": "panorama"}
+        x0, y0, x1, y1 = border or (0, 0, *size)
+        return Shot(view, *size, x0, size[1] - y1, x1 - x0, y1 - y0)
+    return shot_of(place, projection, size, lens_of(scene, camera), border)
+
+
+def with_keys(scene: Scene, shot: Shot, over: list[tuple[float, F64, F64, Lens]], height: int) -> bool:
+    """Writes the camera into the scene with where it is while the shutter is open; whether it moves.
+
+    over: seconds of the file's clock, place, projection and lens at each key. height: of the picture without what is cut off.
+    """
+    views = [(time, view_of(place, projection, shot.height / height, lens)) for time, place, projection, lens in over]
+    if all(_same(view, views[0][1]) for _, view in views):
+        return False
+    told = {**shot.view, "name": NAME}
+    for name, value in shot.view.items():
+        keys = [[time, view.get(name, value)] for time, view in views]
+        if isinstance(value, list | float) and any(key[1] != keys[0][1] for key in keys):
+            told[name] = {"keys": keys}
+    scene.cameras = [told]
+    return True
+
+
+def _same(a: dict[str, Any], b: dict[str, Any]) -> bool:
+    return all(np.allclose(a[name], b[name], rtol=1e-7, atol=1e-7) for name in a if not isinstance(a[name], str))

@@ -1,0 +1,53 @@
+"""A scene as the files of an upload; and which of them a farm lacks."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from .gltf import FILE, gltf_files
+from .model import Scene
+
+__all__ = ["MAIN", "NAME", "Files", "Hashes", "digest_of", "scene_files"]
+
+MAIN = "scene.yaml"
+NAME = "blender"  # of the shape that all meshes are below
+FPS = 24
+Files = dict[str, bytes | Path]
+Hashes = dict[str, str]
+
+_hashes: dict[tuple[str, int, int], str] = {}  # of files on the disk, by size and time
+
+
+def scene_files(scene: Scene) -> Files:
+    """The files by name. Raises ValueError where there is nothing to show."""
+    shapes: list[dict[str, Any]] = []
+    files: Files = {}
+    if scene.nodes:
+        shapes.append({"type": "mesh", "name": NAME, "file": FILE})
+        files.update(gltf_files(scene))
+        files.update((image.name, image.content) for image in scene.images.values())
+    shapes += scene.lamps
+    if not shapes:
+        raise ValueError("There is nothing to render: no mesh is shown.")
+    # The light from all around is the request's; this one keeps a scene without lamps from being lit as in a studio.
+    said: dict[str, Any] = {"fps": FPS, "environment": {"color": 0}, "shapes": shapes}
+    said |= {"lights": scene.lights} if scene.lights else {}
+    said |= {"materials": scene.lamp_materials} if scene.lamp_materials else {}
+    said |= {"cameras": scene.cameras} if scene.cameras else {}
+    files[MAIN] = json.dumps(said, separators=(",", ":")).encode()
+    return files
+
+
+def digest_of(content: bytes | Path) -> str:
+    """SHA-256. Of a file that has not changed since, the one that was found then."""
+    if isinstance(content, bytes):
+        return hashlib.sha256(content).hexdigest()
+    known = content.stat()
+    key = str(content), known.st_size, known.st_mtime_ns
+    if key not in _hashes:
+        with content.open("rb") as file:
+            _hashes[key] = hashlib.file_digest(file, "sha256").hexdigest()
+    return _hashes[key]

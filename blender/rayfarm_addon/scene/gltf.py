@@ -1,0 +1,246 @@
+"""A scene's meshes, materials and places as a glTF file whose arrays lie beside it, so that a change sends what changed.
+
+A mesh above LARGE has a file of its own; smaller ones share one of a few, by their names.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import defaultdict
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .model import TO_Y_UP, Mesh, Node, Scene, TextureUse
+from .placing import decompose, followed
+
+__all__ = ["FILE", "gltf_files", "object_names"]
+
+FILE = "geometry.gltf"
+LARGE = 1 << 17
+PACKS = 32
+MANY = 8  # places of one mesh, from which on they are told in an array
+FLOAT, UINT = 5126, 5125
+WRAPS = {"repeat": 10497, "clamp": 33071, "mirror": 33648}
+INSTANCING = "EXT_mesh_gpu_instancing"
+
+
+def gltf_files(scene: Scene) -> dict[str, bytes]:
+    """The files by name, without the pictures that they name."""
+    return _Writer(scene).files()
+
+
+def object_names(scene: Scene) -> list[Node]:
+    """The nodes in the order in which the farm numbers them."""
+    return [node for group in _groups(scene) for node in group]
+
+
+def _groups(scene: Scene) -> list[list[Node]]:
+    """Nodes that are told together: many places of one mesh that stand still; each other one by itself."""
+    alike: dict[tuple[str, tuple[str, ...]], list[Node]] = defaultdict(list)
+    for node in scene.nodes:
+        if not node.places and not scene.meshes[node.mesh].shapes:
+            alike[node.mesh, node.materials].append(node)
+    many = {key: nodes for key, nodes in alike.items() if len(nodes) >= MANY}
+    straight: dict[int, bool] = {}
+    for nodes in many.values():
+        whole = decompose(np.stack([node.place for node in nodes]))[3]
+        straight.update((id(node), bool(good)) for node, good in zip(nodes, whole, strict=True))
+    groups: list[list[Node]] = []
+    first: dict[tuple[str, tuple[str, ...]], list[Node]] = {}
+    for node in scene.nodes:
+        key = node.mesh, node.materials
+        if not straight.get(id(node), False):
+            groups.append([node])
+        elif key in first:
+            first[key].append(node)
+        else:
+            first[key] = [node]
+            groups.append(first[key])
+    return groups
+
+
+class _Writer:
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._buffers: dict[str, bytearray] = {}
+        self._numbers: dict[str, int] = {}  # of buffers
+        self._root: dict[str, Any] = {"asset": {"version": "2.0", "generator": "Rayfarm for Blender"}}
+        for name in ("bufferViews", "accessors", "meshes", "nodes", "textures", "images", "samplers", "materials"):
+            self._root[name] = []
+        self._known: dict[Any, int] = {}
+        self._samplers: list[dict[str, Any]] = []
+        self._channels: list[dict[str, Any]] = []
+        self._used: set[str] = set()
+        self._times: int | None = None
+
+    def files(self) -> dict[str, bytes]:
+        root, scene = self._root, self._scene
+        materials = list(scene.materials)
+        numbers = {key: i for i, key in enumerate(materials)}
+        root["materials"] = [
+            {"name": scene.materials[key].name, **self._textured(scene.materials[key].gltf)} for key in materials
+        ]
+        top = root["nodes"]
+        top.append({"name": "Blender", "matrix": TO_Y_UP.T.ravel().tolist(), "children": []})
+        for group in _groups(scene):
+            mesh = self._mesh(scene.meshes[group[0].mesh], group[0].materials, numbers)
+            top[0]["children"].append(len(top))
+            top.append(self._node(group, mesh, len(top)))
+        root["scenes"], root["scene"] = [{"nodes": [0]}], 0
+        if self._channels:
+            root["animations"] = [{"name": "shutter", "samplers": self._samplers, "channels": self._channels}]
+        root["buffers"] = [{"uri": name, "byteLength": len(self._buffers[name])} for name in self._numbers]
+        if self._used:
+            root["extensionsUsed"] = sorted(self._used)
+        said = {key: value for key, value in root.items() if value != []}
+        files = {name: bytes(buffer) for name, buffer in self._buffers.items()}
+        return {FILE: json.dumps(said, separators=(",", ":")).encode(), **files}
+
+    def _node(self, group: list[Node], mesh: int, number: int) -> dict[str, Any]:
+        node = group[0]
+        said: dict[str, Any] = {"name": node.name, "mesh": mesh}
+        if len(group) > 1:
+            self._used.add(INSTANCING)
+            t, r, s, _ = decompose(np.stack([each.place for each in group]))
+            key = "places of " + node.mesh
+            at = {name: self._array(key, part) for name, part in (("TRANSLATION", t), ("ROTATION", r), ("SCALE", s))}
+            said["extensions"] = {INSTANCING: {"attributes": at}}
+            return said
+        shapes = self._scene.meshes[node.mesh].shapes
+        if shapes:
+            self._animate(number, "weights", _turns(len(shapes)).ravel()[:, None])
+        if node.places:
+            t, r, s, straight = decompose(np.stack(node.places))
+            if straight.all():
+                for path, values in (("translation", t), ("rotation", followed(r)), ("scale", s)):
+                    self._animate(number, path, values)
+                middle = len(t) // 2
+                return {**said, "translation": t[middle].tolist(), "rotation": r[middle].tolist(), "scale": s[middle].tolist()}
+            self._scene.warn(f"{node.name}: is sheared while it moves, and shown without motion blur.")
+        if not np.array_equal(node.place, np.eye(4)):
+            said["matrix"] = node.place.T.ravel().tolist()
+        return said
+
+    def _animate(self, node: int, path: str, values: npt.NDArray[Any]) -> None:
+        if self._times is None:
+            self._times = self._array("times", np.array(self._scene.times)[:, None])
+        self._channels.append({"sampler": len(self._samplers), "target": {"node": node, "path": path}})
+        self._samplers.append({"input": self._times, "output": self._array(f"{path} of {node}", values)})
+
+    def _mesh(self, mesh: Mesh, materials: tuple[str, ...], numbers: dict[str, int]) -> int:
+        return self._once(("mesh", mesh.key, materials), lambda: self._add("meshes", self._made(mesh, materials, numbers)))
+
+    def _made(self, mesh: Mesh, materials: tuple[str, ...], numbers: dict[str, int]) -> dict[str, Any]:
+        found = []
+        attributes, targets = self._attributes(mesh)
+        for slot, corners in mesh.parts:
+            key = materials[min(slot, len(materials) - 1)] if materials else ""
+            primitive: dict[str, Any] = {"attributes": attributes}
+            primitive["indices"] = self._once(
+                ("corners", mesh.key, slot), lambda corners=corners: self._array(mesh.key, corners, mesh)
+            )
+            if key in numbers:
+                primitive["material"] = numbers[key]
+            if targets:
+                primitive["targets"] = targets
+            found.append(primitive)
+        said: dict[str, Any] = {"name": mesh.key[:100], "primitives": found}
+        if targets:
+            said["weights"] = [0.0] * len(targets)
+        return said
+
+    def _attributes(self, mesh: Mesh) -> tuple[dict[str, int], list[dict[str, int]]]:
+        arrays: dict[str, npt.NDArray[Any] | None] = {"POSITION": mesh.positions, "NORMAL": mesh.normals, "COLOR_0": mesh.colors}
+        arrays.update((f"TEXCOORD_{i}", uv) for i, uv in enumerate(mesh.uvs[:2]))
+        found = {
+            name: self._once((name, mesh.key), lambda array=array: self._array(mesh.key, array, mesh))
+            for name, array in arrays.items()
+            if array is not None
+        }
+        targets = []
+        for i, (positions, normals) in enumerate(mesh.shapes):
+            if i == len(mesh.shapes) // 2:
+                continue
+            more: dict[str, npt.NDArray[Any]] = {"POSITION": positions - mesh.positions}
+            if normals is not None and mesh.normals is not None:
+                more["NORMAL"] = normals - mesh.normals
+            targets.append(
+                {
+                    name: self._once((name, i, mesh.key), lambda array=array: self._array(mesh.key, array, mesh))
+                    for name, array in more.items()
+                }
+            )
+        return found, targets
+
+    def _textured(self, said: Any) -> Any:
+        """JSON with the numbers of textures where uses of pictures are."""
+        if isinstance(said, TextureUse):
+            return self._texture(said)
+        if isinstance(said, list):
+            return [self._textured(each) for each in said]
+        if not isinstance(said, dict):
+            return said
+        self._used |= set(said.get("extensions", ()))
+        return {key: self._textured(value) for key, value in said.items()}
+
+    def _texture(self, use: TextureUse) -> dict[str, Any]:
+        image = self._once(("image", use.image), lambda: self._add("images", {"uri": use.image}))
+        filter = 9728 if use.nearest else 9729
+        sampler = {"wrapS": WRAPS[use.wrap[0]], "wrapT": WRAPS[use.wrap[1]], "magFilter": filter}
+        lies = self._once(("sampler", *sampler.values()), lambda: self._add("samplers", sampler))
+        number = self._once(("texture", image, lies), lambda: self._add("textures", {"source": image, "sampler": lies}))
+        said: dict[str, Any] = {"index": number}
+        if use.uv_set:
+            said["texCoord"] = use.uv_set
+        if use.strength is not None:
+            said["scale"] = use.strength
+        if (use.offset, use.rotation, use.scale) != ((0.0, 0.0), 0.0, (1.0, 1.0)):
+            self._used.add("KHR_texture_transform")
+            lies_as = {"offset": list(use.offset), "rotation": use.rotation, "scale": list(use.scale)}
+            said["extensions"] = {"KHR_texture_transform": lies_as}
+        return said
+
+    def _once(self, key: Any, make: Callable[[], int]) -> int:
+        if key not in self._known:
+            self._known[key] = make()
+        return self._known[key]
+
+    def _add(self, name: str, said: dict[str, Any]) -> int:
+        self._root[name].append(said)
+        return len(self._root[name]) - 1
+
+    def _array(self, key: str, array: npt.NDArray[Any], mesh: Mesh | None = None) -> int:
+        """An accessor of it, in the file that arrays of this key are in."""
+        is_index = array.dtype == np.uint32
+        values = np.ascontiguousarray(array, np.uint32 if is_index else np.float32)
+        width = values.shape[1] if values.ndim > 1 else 1
+        name = _file_of(key, mesh)
+        if name not in self._numbers:
+            self._numbers[name] = len(self._numbers)
+            self._buffers[name] = bytearray()
+        buffer = self._buffers[name]
+        view = {"buffer": self._numbers[name], "byteOffset": len(buffer), "byteLength": values.nbytes}
+        buffer += values.data.cast("B") if values.nbytes else b""
+        said: dict[str, Any] = {"bufferView": self._add("bufferViews", view), "count": len(values)}
+        said |= {"componentType": UINT if is_index else FLOAT, "type": ("SCALAR", "VEC2", "VEC3", "VEC4")[width - 1]}
+        return self._add("accessors", said)
+
+
+def _turns(count: int) -> npt.NDArray[np.float64]:
+    """(keys, targets): each key is all of its own target; the one in the middle is the mesh itself."""
+    return np.delete(np.eye(count), count // 2, axis=1)
+
+
+def _file_of(key: str, mesh: Mesh | None) -> str:
+    name = hashlib.sha256(key.encode()).hexdigest()
+    if mesh is not None:
+        size = mesh.positions.nbytes * (2 + 2 * len(mesh.shapes)) + sum(corners.nbytes for _, corners in mesh.parts)
+        if size > LARGE:
+            return f"meshes/{name[:16]}.bin"
+    elif not key.startswith("places"):
+        return "moves.bin"
+    return f"meshes/pack-{int(name[:8], 16) % PACKS:02}.bin"

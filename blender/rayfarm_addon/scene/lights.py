@@ -1,0 +1,104 @@
+"""Blender's lamps as a scene file's lights and shapes.
+
+Blender tells power in watts: a point that sends out P has a radiant intensity of P / 4 pi, a surface of area A that does the
+radiance P / pi A. A sun's strength is its irradiance. Those of a size have a body, which is seen, as in Cycles.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .model import TO_Y_UP, Scene, up
+
+__all__ = ["add_light"]
+
+F64 = npt.NDArray[np.float64]
+LEAST = 1e-6  # of a size
+BLEND = 0.75  # share of a spot's soft edge: smoothstep's light within it, by the square that a farm's edge falls with
+
+
+def add_light(scene: Scene, thing: Any, name: str, place: F64) -> None:
+    """Adds an object of type LIGHT at a place."""
+    light = thing.data
+    strength = _strength(scene, light, name)
+    if max(strength) <= 0:
+        return
+    if light.type == "SUN":
+        said = {"type": "directional", "direction": up(-place[:3, 2]), "intensity": strength}
+        scene.lights.append({"name": name, **said, "angle": min(math.degrees(light.angle), 180.0)})
+    elif light.type == "AREA":
+        _add_area(scene, thing, name, place, strength)
+    elif light.type in ("POINT", "SPOT"):
+        _add_small(scene, thing, name, place, strength)
+
+
+def _strength(scene: Scene, light: Any, name: str) -> list[float]:
+    color = [float(c) for c in light.color]
+    if getattr(light, "use_temperature", False):
+        color = [c * float(t) for c, t in zip(color, light.temperature_color, strict=True)]
+    energy = float(light.energy) * 2.0 ** float(getattr(light, "exposure", 0.0))
+    if light.use_nodes and light.node_tree is not None:
+        factor = _of_nodes(light.node_tree)
+        if factor is None:
+            scene.warn(f"Lamp {name}: its nodes are not read; its colour and power are.")
+        else:
+            color = [c * f for c, f in zip(color, factor, strict=True)]
+    return [max(c * energy, 0.0) for c in color]
+
+
+def _of_nodes(tree: Any) -> list[float] | None:
+    """What an Emission of plain numbers multiplies a lamp's light by."""
+    output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+    links = output.inputs["Surface"].links if output is not None else ()
+    node = links[0].from_node if links else None
+    if node is None or node.type != "EMISSION" or any(socket.is_linked for socket in node.inputs):
+        return None
+    strength = float(node.inputs["Strength"].default_value)
+    return [float(c) * strength for c in node.inputs["Color"].default_value[:3]]
+
+
+def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[float]) -> None:
+    light = thing.data
+    radius = float(light.shadow_soft_size)
+    is_spot = light.type == "SPOT"
+    if not is_spot and radius > LEAST and getattr(thing, "visible_camera", True):
+        radiance = [c / (4 * math.pi**2 * radius**2) for c in strength]
+        scene.lamp_materials[name] = {"color": 0, "emission": radiance}
+        scene.lamps.append({"type": "sphere", "name": name, "material": name, "center": up(place[:3, 3]), "radius": radius})
+        return
+    said: dict[str, Any] = {"type": "spot" if is_spot else "point", "name": name, "position": up(place[:3, 3])}
+    said |= {"intensity": [c / (4 * math.pi) for c in strength], "radius": radius if radius > LEAST else 0}
+    if is_spot:
+        half = float(light.spot_size) / 2
+        dark = math.cos(half)
+        full = dark + (1 - dark) * float(light.spot_blend) * BLEND
+        said |= {"direction": up(-place[:3, 2]), "outer_cone": min(math.degrees(half), 180.0)}
+        said |= {"inner_cone": min(math.degrees(math.acos(min(max(full, -1.0), 1.0))), said["outer_cone"])}
+    scene.lights.append(said)
+
+
+def _add_area(scene: Scene, thing: Any, name: str, place: F64, strength: list[float]) -> None:
+    light = thing.data
+    if getattr(getattr(light, "cycles", None), "is_portal", False):
+        return  # guides Cycles' samples, and is no light
+    if getattr(light, "spread", math.pi) < math.pi - 1e-3:
+        scene.warn(f"Lamp {name}: its spread is left out; it shines to all sides before it.")
+    if not getattr(thing, "visible_camera", True):
+        scene.warn(f"Lamp {name}: it is seen, though it is hidden from the camera in Blender.")
+    width = float(light.size)
+    height = float(light.size_y) if light.shape in ("RECTANGLE", "ELLIPSE") else width
+    is_round = light.shape in ("DISK", "ELLIPSE")
+    # The farm's quad is -1..1 and faces +Z; a lamp shines along its -Z.
+    turned = place @ np.diag([width / 2, height / 2, 1.0, 1.0]) @ np.diag([1.0, -1.0, -1.0, 1.0])
+    sides = turned[:3, :2]
+    area = float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]))) * (math.pi if is_round else 4.0)
+    if area < LEAST**2:
+        return
+    scene.lamp_materials[name] = {"color": 0, "emission": [c / (math.pi * area) for c in strength]}
+    matrix = (TO_Y_UP @ turned).tolist()
+    kind = "disk" if is_round else "quad"
+    scene.lamps.append({"type": kind, "name": name, "material": name, "transform": [{"matrix": matrix}]})

@@ -1,0 +1,113 @@
+"""A scene as the add-on sends it: in Blender's axes and units, in plain arrays. Nothing here knows of Blender."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["TO_Y_UP", "Image", "Material", "Mesh", "Node", "Scene", "TextureUse", "World", "up"]
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+U32 = npt.NDArray[np.uint32]
+
+TO_Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+
+
+def up(vector: Any) -> list[float]:
+    """A point or direction of Blender's in the farm's axes, of which Y is up."""
+    x, y, z = (float(c) for c in vector)
+    return [x, z, -y]
+
+
+@dataclass
+class Mesh:
+    """Triangles, of one part for each material slot. shapes: positions and normals at the shutter's keys, where they move."""
+
+    key: str
+    positions: F32  # (V, 3)
+    parts: list[tuple[int, U32]]  # a slot, and (3 T,) corners
+    normals: F32 | None = None  # (V, 3); None: flat
+    uvs: tuple[F32, ...] = ()  # (V, 2) each, v downwards
+    colors: F32 | None = None  # (V, 4) linear
+    shapes: tuple[tuple[F32, F32 | None], ...] = ()
+
+
+@dataclass
+class Node:
+    """A mesh at a place. materials: keys by slot. places: of the shutter's keys, where it moves. number: its pass index."""
+
+    name: str
+    mesh: str
+    materials: tuple[str, ...]
+    place: F64  # (4, 4)
+    places: tuple[F64, ...] = ()
+    number: int = 0
+
+
+@dataclass(frozen=True)
+class Image:
+    """A picture file. content: its bytes, or where they lie."""
+
+    name: str
+    content: bytes | Path
+
+
+@dataclass(frozen=True)
+class TextureUse:
+    """A picture on a surface, as glTF says it."""
+
+    image: str
+    uv_set: int = 0
+    wrap: tuple[str, str] = ("repeat", "repeat")
+    nearest: bool = False
+    offset: tuple[float, float] = (0.0, 0.0)
+    rotation: float = 0.0
+    scale: tuple[float, float] = (1.0, 1.0)
+    strength: float | None = None  # of a normal map
+
+
+@dataclass
+class Material:
+    """glTF's JSON of a material, with a TextureUse wherever that has an object of a texture."""
+
+    name: str
+    gltf: dict[str, Any] = field(default_factory=dict)
+    number: int = 0  # its pass index
+
+
+@dataclass
+class World:
+    """Light from all around: of the request, as it makes no other scene. rotation: degrees about up, as the farm has it."""
+
+    color: list[float] | None = None
+    image: Image | None = None
+    sky: dict[str, float] | None = None
+    strength: float = 1.0
+    rotation: float = 0.0
+
+
+@dataclass
+class Scene:
+    """All that a frame shows but the view. times: of the shutter's keys, in seconds of the file's clock."""
+
+    meshes: dict[str, Mesh] = field(default_factory=dict)
+    nodes: list[Node] = field(default_factory=list)
+    materials: dict[str, Material] = field(default_factory=dict)
+    images: dict[str, Image] = field(default_factory=dict)
+    lights: list[dict[str, Any]] = field(default_factory=list)  # as a scene file has them
+    lamps: list[dict[str, Any]] = field(default_factory=list)  # shapes that shine, as a scene file has them
+    lamp_materials: dict[str, dict[str, Any]] = field(default_factory=dict)
+    world: World = field(default_factory=World)
+    cameras: list[dict[str, Any]] = field(default_factory=list)  # with keys, where the camera moves while the shutter is open
+    times: tuple[float, ...] = ()
+    warnings: list[str] = field(default_factory=list)
+
+    def warn(self, sentence: str) -> None:
+        """Say once what is not as Blender has it."""
+        if sentence not in self.warnings:
+            self.warnings.append(sentence)

@@ -1,0 +1,101 @@
+"""Where the value of a node's socket comes from: through reroutes, groups and what is muted."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+__all__ = ["At", "Source", "constant", "followed", "output_of"]
+
+PASSED = ("REROUTE",)
+DEEPEST = 64
+
+
+class At(NamedTuple):
+    """A socket, and the groups that it is within."""
+
+    socket: Any
+    groups: tuple[Any, ...] = ()
+
+    def input(self, node: Any, *names: str) -> At | None:
+        """An input of a node at the same depth, by the first of these names that it has."""
+        for name in names:
+            found = node.inputs.get(name)
+            if found is not None:
+                return At(found, self.groups)
+        return None
+
+
+class Source(NamedTuple):
+    """A node and which of its outputs is asked for."""
+
+    node: Any
+    output: Any
+    groups: tuple[Any, ...]
+
+    def input(self, *names: str) -> At | None:
+        """An input by the first of these names that the node has."""
+        return At(self.output, self.groups).input(self.node, *names)
+
+    def at(self, number: int) -> At:
+        """An input by its number."""
+        return At(self.node.inputs[number], self.groups)
+
+
+def followed(at: At | None) -> tuple[Source | None, At | None]:
+    """What feeds an input; else None, and the socket whose own number counts."""
+    for _ in range(DEEPEST):
+        if at is None or not at.socket.is_linked:
+            return None, at
+        link = at.socket.links[0]
+        node, output = link.from_node, link.from_socket
+        if not link.is_valid or link.is_muted:
+            return None, at
+        if node.type in PASSED:
+            at = At(node.inputs[0], at.groups)
+        elif node.mute:
+            through = next((each.from_socket for each in node.internal_links if each.to_socket == output), None)
+            if through is None:
+                return None, None
+            at = At(through, at.groups)
+        elif node.type == "GROUP" and node.node_tree is not None:
+            inner = next((each for each in node.node_tree.nodes if each.type == "GROUP_OUTPUT" and each.is_active_output), None)
+            found = None if inner is None else next((s for s in inner.inputs if s.identifier == output.identifier), None)
+            if found is None:
+                return None, None
+            at = At(found, (*at.groups, node))
+        elif node.type == "GROUP_INPUT" and at.groups:
+            outer = at.groups[-1]
+            found = next((s for s in outer.inputs if s.identifier == output.identifier), None)
+            if found is None:
+                return None, None
+            at = At(found, at.groups[:-1])
+        else:
+            return Source(node, output, at.groups), None
+    return None, None
+
+
+def output_of(tree: Any) -> Source | None:
+    """What is shown of a material's or the world's nodes."""
+    for engine in ("CYCLES", "ALL", "EEVEE"):
+        output = tree.get_output_node(engine)
+        if output is not None:
+            return followed(At(output.inputs["Surface"]))[0]
+    return None
+
+
+def constant(at: At | None) -> Any:
+    """A plain number, or a list of three, where nothing but that is behind a socket; else None."""
+    source, last = followed(at)
+    if source is not None:
+        if source.node.type in ("VALUE", "RGB"):
+            return _plain(source.output.default_value)
+        return None
+    return None if last is None else _plain(getattr(last.socket, "default_value", None))
+
+
+def _plain(value: Any) -> Any:
+    if value is None or isinstance(value, str | bool):
+        return None
+    if isinstance(value, int | float):
+        return float(value)
+    return [float(c) for c in value][:3]

@@ -1,0 +1,57 @@
+"""The pictures of one material: as they are, or packed anew where glTF wants several in one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from . import images
+from .model import Scene, TextureUse
+from .textures import Value
+
+__all__ = ["Pictures"]
+
+
+class Pictures:
+    """as_color, wherever it is asked: whether the numbers are colours, or data."""
+
+    def __init__(self, scene: Scene, name: str) -> None:
+        self._scene, self._name = scene, name
+
+    def name(self, value: Value, as_color: bool) -> str | None:
+        """The file's name."""
+        return images.register(self._scene, value.image, as_color)
+
+    def used(self, value: Value, as_color: bool) -> Any:
+        """A picture in all of its channels; None where it has no pixels."""
+        if value.inverted:
+            return self.packed([(value, 0), (value, 1), (value, 2)], value, as_color)
+        name = self.name(value, as_color)
+        return None if name is None or value.use is None else replace(value.use, image=name)
+
+    def packed(self, wanted: list[tuple[Value | None, int]], told: Value, as_color: bool) -> TextureUse | None:
+        """A new picture with a channel of each value's. told: whose place on the surface it takes."""
+        planes: dict[int, np.ndarray] = {}
+        names = []
+        for value, channel in wanted:
+            if value is None or value.image is None:
+                continue
+            found = images.pixels(value.image)
+            if found is None:
+                continue
+            names.append(value.image.name)
+            plane = found[..., channel if value.channel is None else value.channel]
+            planes[channel] = 1 - plane if value.inverted else plane
+            if value.use != told.use and value.image != told.image:
+                self._scene.warn(f"Material {self._name}: pictures that lie differently are laid as one of them.")
+        if not planes or told.use is None:
+            return None
+        height, width = max(plane.shape for plane in planes.values())
+        whole = np.ones((height, width, 4), np.float32)
+        for channel, plane in planes.items():
+            rows, columns = (np.arange(n) * plane.shape[i] // n for i, n in enumerate((height, width)))
+            whole[..., channel] = plane[rows][:, columns]
+        encoding = images.encoding_of(told.image, as_color)
+        return replace(told.use, image=images.add_pixels(self._scene, " ".join([self._name, *names]), whole, encoding))

@@ -1,0 +1,386 @@
+"""Blender's materials as glTF's: the principled BSDF in full but for what glTF has not, and the simpler shaders in its terms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from .model import Material, Scene, TextureUse
+from .nodes import At, Source, constant, followed, output_of
+from .pictures import Pictures
+from .textures import Value, Values
+
+__all__ = ["Surfaces"]
+
+WHITE, BLACK = [1.0, 1.0, 1.0], [0.0, 0.0, 0.0]
+NEUTRAL = 0.5  # of "Specular IOR Level", by which the index of refraction alone counts
+SHARP = 1e-3
+
+
+class Surfaces:
+    """The materials of one scene. primary: the names of UV maps that come first on their meshes."""
+
+    def __init__(self, scene: Scene, primary: set[str]) -> None:
+        self._scene, self._primary = scene, primary
+        self.colors: dict[str, str] = {}  # by material, the colour attribute that it reads
+
+    def add(self, material: Any) -> str:
+        """The key of a bpy.types.Material, read once."""
+        key = material.name_full
+        if key not in self._scene.materials:
+            made = Material(material.name, number=material.pass_index)
+            self._scene.materials[key] = made
+            made.gltf = _Reader(self._scene, material, self._primary, self.colors).read()
+        return key
+
+
+class _Reader:
+    def __init__(self, scene: Scene, material: Any, primary: set[str], colors: dict[str, str]) -> None:
+        self._scene, self._source, self._colors = scene, material, colors
+        self._name = material.name
+        self._values = Values(scene, self._name, primary)
+        self._pictures = Pictures(scene, self._name)
+        self._said: dict[str, Any] = {"doubleSided": True}
+        self._more: dict[str, Any] = {}  # extensions
+
+    def read(self) -> dict[str, Any]:
+        tree = self._source.node_tree if self._source.use_nodes else None
+        if tree is None:
+            self._pbr(list(self._source.diffuse_color)[:3], self._source.metallic, self._source.roughness)
+            return self._said
+        shader = output_of(tree)
+        if shader is None:
+            self._pbr(BLACK, 0.0, 1.0)
+            self._extend("specular", specularFactor=0.0)
+        else:
+            self._shader(shader)
+        self._look_for_others(tree)
+        if self._more:
+            self._said["extensions"] = self._more
+        return self._said
+
+    def _look_for_others(self, tree: Any) -> None:
+        output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+        for name in ("Volume", "Displacement"):
+            if output is not None and output.inputs[name].is_linked:
+                self._warn(f"its {name.lower()} is left out")
+
+    def _warn(self, what: str) -> None:
+        self._scene.warn(f"Material {self._name}: {what}.")
+
+    def _pbr(self, color: Any, metallic: float, roughness: float, alpha: float = 1.0) -> dict[str, Any]:
+        rgb = [min(max(float(c), 0.0), 1.0) for c in color]
+        found = {"baseColorFactor": [*rgb, alpha], "metallicFactor": metallic, "roughnessFactor": roughness}
+        self._said["pbrMetallicRoughness"] = found
+        return found
+
+    def _extend(self, name: str, **fields: Any) -> None:
+        self._more.setdefault(f"KHR_materials_{name}", {}).update(fields)
+
+    def _shader(self, source: Source) -> None:
+        kind = source.node.type
+        read = {
+            "BSDF_PRINCIPLED": self._principled,
+            "BSDF_DIFFUSE": self._diffuse,
+            "BSDF_GLOSSY": self._metal,
+            "BSDF_ANISOTROPIC": self._metal,
+            "BSDF_METALLIC": self._metal,
+            "BSDF_GLASS": self._glass,
+            "BSDF_REFRACTION": self._glass,
+            "BSDF_TRANSPARENT": self._clear,
+            "BSDF_TRANSLUCENT": self._translucent,
+            "EMISSION": self._shining,
+            "MIX_SHADER": self._mix,
+            "ADD_SHADER": self._sum,
+        }.get(kind)
+        if read is not None:
+            read(source)
+            return
+        self._warn(f"the shader {source.node.bl_label or kind} is not read, and shown as grey")
+        self._pbr([0.8] * 3, 0.0, 1.0)
+
+    def _principled(self, source: Source) -> None:
+        def value(default: Any, *names: str) -> Value:
+            return self._values.read(source.input(*names), default, names[0].lower())
+
+        color, metallic, roughness = value([0.8] * 3, "Base Color"), value(0.0, "Metallic"), value(0.5, "Roughness")
+        alpha = value(1.0, "Alpha")
+        self._base(color, alpha)
+        self._metal_and_rough(metallic, roughness)
+        transmission = value(0.0, "Transmission Weight", "Transmission")
+        self._reflection(source, number(transmission.factor) > 0 or transmission.image is not None)
+        if number(transmission.factor) > 0:
+            self._extend("transmission", transmissionFactor=number(transmission.factor))
+            self._slot(transmission, "KHR_materials_transmission", "transmissionTexture", 0)
+            self._filled()
+        self._coat(value, source)
+        self._sheen(value)
+        self._emission(value([0.0] * 3, "Emission Color", "Emission"), value(0.0, "Emission Strength"))
+        self._brushed(value, number(roughness.factor))
+        self._film(source)
+        self._normal(source.input("Normal"), self._said, "normalTexture")
+        for name, words in (("Subsurface Weight", "light beneath the surface"), ("Subsurface", "light beneath the surface")):
+            if _is_some(source.input(name)):
+                self._warn(f"{words} (subsurface) is left out")
+        if _is_some(source.input("Diffuse Roughness")):
+            self._warn("its diffuse roughness is left out")
+
+    def _base(self, color: Value, alpha: Value) -> None:
+        opacity = min(max(number(alpha.factor), 0.0), 1.0)
+        found = self._pbr(as_list(color.factor), 0.0, 1.0, opacity)
+        if color.vertex is not None or alpha.vertex is not None:
+            name = color.vertex if color.vertex is not None else alpha.vertex
+            self._colors[self._source.name_full] = name or ""
+        if alpha.image is not None and (color.image is None or alpha.image != color.image or alpha.channel != 3):
+            told = color if color.image is not None else alpha
+            picture = self._pictures.packed([(color, 0), (color, 1), (color, 2), (alpha, 3)], told, True)
+        else:
+            picture = None if color.image is None else self._pictures.used(color, True)
+        if picture is not None:
+            found["baseColorTexture"] = picture
+        if opacity < 1 or alpha.image is not None:
+            self._said["alphaMode"] = "BLEND"
+
+    def _metal_and_rough(self, metallic: Value, roughness: Value) -> None:
+        found = self._said["pbrMetallicRoughness"]
+        found["metallicFactor"] = min(max(number(metallic.factor), 0.0), 1.0)
+        found["roughnessFactor"] = min(max(number(roughness.factor), 0.0), 1.0)
+        if metallic.image is None and roughness.image is None:
+            return
+        told = roughness if roughness.image is not None else metallic
+        is_packed = all(
+            each.image is None or (each.image == told.image and each.channel == channel and not each.inverted)
+            for each, channel in ((roughness, 1), (metallic, 2))
+        )
+        # What is no picture must not be scaled by the other's.
+        is_packed = is_packed and roughness.image is not None and metallic.image is not None
+        if is_packed:
+            picture = self._pictures.used(told, False)
+        else:
+            picture = self._pictures.packed([(None, 0), (roughness, 1), (metallic, 2)], told, False)
+        if picture is not None:
+            found["metallicRoughnessTexture"] = picture
+
+    def _reflection(self, source: Source, transmits: bool) -> None:
+        """Cycles takes the index of refraction by which normal incidence reflects so many times as much."""
+        ior = number(constant(source.input("IOR")) or 1.5)
+        level = self._values.read(source.input("Specular IOR Level", "Specular"), NEUTRAL, "specular level")
+        factor = number(level.factor) / NEUTRAL if level.image is None else 1.0
+        if level.image is not None:
+            self._warn("the picture of its specular level is left out")
+        if transmits:
+            if abs(factor - 1) > 1e-3:
+                self._extend("specular", specularFactor=min(factor, 1.0))
+        elif abs(factor - 1) > 1e-3:
+            f0 = min(((ior - 1) / (ior + 1)) ** 2 * factor, 0.98)
+            ior = (1 + math.sqrt(f0)) / (1 - math.sqrt(f0))
+        if abs(ior - 1.5) > 1e-4:
+            self._extend("ior", ior=max(ior, 1.0))
+        tint = self._values.read(source.input("Specular Tint"), WHITE, "specular tint")
+        if isinstance(tint.factor, list) and tint.factor != WHITE:
+            self._extend("specular", specularColorFactor=tint.factor)
+        if tint.image is not None:
+            self._slot(tint, "KHR_materials_specular", "specularColorTexture", None, as_color=True)
+
+    def _filled(self) -> None:
+        # Cycles refracts at every surface; the thickness says so where a mesh is open.
+        self._extend("volume", thicknessFactor=1.0)
+
+    def _coat(self, value: Any, source: Source) -> None:
+        coat = value(0.0, "Coat Weight", "Clearcoat")
+        if number(coat.factor) <= 0:
+            return
+        rough = value(0.03, "Coat Roughness", "Clearcoat Roughness")
+        self._extend("clearcoat", clearcoatFactor=min(number(coat.factor), 1.0), clearcoatRoughnessFactor=number(rough.factor))
+        self._slot(coat, "KHR_materials_clearcoat", "clearcoatTexture", 0)
+        self._slot(rough, "KHR_materials_clearcoat", "clearcoatRoughnessTexture", 1)
+        self._normal(source.input("Coat Normal"), self._more["KHR_materials_clearcoat"], "clearcoatNormalTexture")
+        tint = constant(source.input("Coat Tint"))
+        if tint is not None and min(tint) < 0.999:
+            self._warn("the tint of its coat is left out")
+        ior = constant(source.input("Coat IOR"))
+        if ior is not None and abs(ior - 1.5) > 0.01:
+            self._warn("its coat refracts as 1.5")
+
+    def _sheen(self, value: Any) -> None:
+        sheen = value(0.0, "Sheen Weight", "Sheen")
+        if number(sheen.factor) <= 0:
+            return
+        tint, rough = value(WHITE, "Sheen Tint"), value(0.5, "Sheen Roughness")
+        color = [number(sheen.factor) * c for c in as_list(tint.factor)]
+        self._extend("sheen", sheenColorFactor=[min(c, 1.0) for c in color], sheenRoughnessFactor=number(rough.factor))
+
+    def _emission(self, color: Value, strength: Value) -> None:
+        if strength.image is not None:
+            self._warn("the picture of its emission's strength is left out")
+        light = [max(c * number(strength.factor), 0.0) for c in as_list(color.factor)]
+        if max(light) <= 0:
+            return
+        most = max(1.0, *light)
+        self._said["emissiveFactor"] = [c / most for c in light]
+        if most > 1:
+            self._extend("emissive_strength", emissiveStrength=most)
+        if color.image is not None:
+            picture = self._pictures.used(color, True)
+            if picture is not None:
+                self._said["emissiveTexture"] = picture
+
+    def _brushed(self, value: Any, roughness: float) -> None:
+        """Cycles stretches both ways about the roughness, glTF along the tangent alone."""
+        strength = number(value(0.0, "Anisotropic").factor)
+        if strength <= 0:
+            return
+        aspect = math.sqrt(1 - 0.9 * min(strength, 1.0))
+        along, across = min(roughness**2 / aspect, 1.0), roughness**2 * aspect
+        self._said["pbrMetallicRoughness"]["roughnessFactor"] = math.sqrt(across)
+        turn = number(value(0.0, "Anisotropic Rotation").factor) * 2 * math.pi
+        stretch = math.sqrt(max(along - across, 0.0) / max(1 - across, 1e-6))
+        self._extend("anisotropy", anisotropyStrength=min(stretch, 1.0), anisotropyRotation=turn)
+
+    def _film(self, source: Source) -> None:
+        thickness = constant(source.input("Thin Film Thickness"))
+        if thickness:
+            ior = constant(source.input("Thin Film IOR")) or 1.33
+            ends = {"iridescenceThicknessMinimum": thickness, "iridescenceThicknessMaximum": thickness}
+            self._extend("iridescence", iridescenceFactor=1.0, iridescenceIor=ior, **ends)
+
+    def _normal(self, at: At | None, owner: dict[str, Any], name: str) -> None:
+        source, _ = followed(at)
+        if source is None:
+            return
+        if source.node.type != "NORMAL_MAP" or source.node.space != "TANGENT":
+            self._warn("its bumps are left out; a normal map in tangent space is read")
+            return
+        strength = constant(source.input("Strength"))
+        found = self._values.read(source.input("Color"), WHITE, "normal map")
+        if found.image is not None:
+            picture = self._pictures.used(found, False)
+            if picture is not None:
+                owner[name] = replace(picture, strength=1.0 if strength is None else strength)
+
+    def _diffuse(self, source: Source) -> None:
+        self._base(self._values.read(source.input("Color"), [0.8] * 3, "colour"), Value(1.0))
+        self._extend("specular", specularFactor=0.0)
+        self._normal(source.input("Normal"), self._said, "normalTexture")
+        if _is_some(source.input("Roughness")):
+            self._warn("its diffuse roughness is left out")
+
+    def _metal(self, source: Source) -> None:
+        self._base(self._values.read(source.input("Color", "Base Color"), [0.8] * 3, "colour"), Value(1.0))
+        self._metal_and_rough(Value(1.0), self._values.read(source.input("Roughness"), 0.5, "roughness"))
+        self._normal(source.input("Normal"), self._said, "normalTexture")
+
+    def _glass(self, source: Source) -> None:
+        self._base(self._values.read(source.input("Color"), WHITE, "colour"), Value(1.0))
+        self._metal_and_rough(Value(0.0), self._values.read(source.input("Roughness"), 0.0, "roughness"))
+        ior = constant(source.input("IOR"))
+        self._extend("ior", ior=max(number(1.5 if ior is None else ior), 1.0))
+        self._extend("transmission", transmissionFactor=1.0)
+        self._filled()
+        self._normal(source.input("Normal"), self._said, "normalTexture")
+
+    def _clear(self, source: Source) -> None:
+        color = self._values.read(source.input("Color"), WHITE, "colour")
+        if min(as_list(color.factor)) < 1 - SHARP or color.image is not None:
+            self._pbr(as_list(color.factor), 0.0, 0.0)
+            self._extend("transmission", transmissionFactor=1.0)
+            self._extend("ior", ior=1.0)
+            self._warn("a tinted Transparent BSDF is shown as a pane")
+            return
+        self._pbr(WHITE, 0.0, 1.0, 0.0)
+        self._said["alphaMode"] = "BLEND"
+
+    def _translucent(self, source: Source) -> None:
+        color = self._values.read(source.input("Color"), [0.8] * 3, "colour")
+        self._pbr(BLACK, 0.0, 1.0)
+        self._extend("specular", specularFactor=0.0)
+        self._extend("diffuse_transmission", diffuseTransmissionFactor=1.0, diffuseTransmissionColorFactor=as_list(color.factor))
+
+    def _shining(self, source: Source) -> None:
+        if "pbrMetallicRoughness" not in self._said:
+            self._pbr(BLACK, 0.0, 1.0)
+            self._extend("specular", specularFactor=0.0)
+        self._emission(
+            self._values.read(source.input("Color"), WHITE, "emission"),
+            self._values.read(source.input("Strength"), 1.0, "emission's strength"),
+        )
+
+    def _mix(self, source: Source) -> None:
+        """With a Transparent BSDF it is alpha; with one of its ends the other; else the nearer one."""
+        share = self._values.read(source.at(0), 0.5, "mix")
+        first, second = (followed(source.at(i))[0] for i in (1, 2))
+        clear = [each is not None and each.node.type == "BSDF_TRANSPARENT" for each in (first, second)]
+        if clear[0] != clear[1]:
+            solid = second if clear[0] else first
+            if solid is not None:
+                self._shader(solid)
+                self._see_through(share if clear[0] else _one_minus(share))
+                return
+        nearer = second if number(share.factor) >= 0.5 and share.image is None else first
+        if share.image is not None or SHARP < number(share.factor) < 1 - SHARP:
+            self._warn("of the shaders that are mixed one is shown")
+        if nearer is not None:
+            self._shader(nearer)
+
+    def _see_through(self, opacity: Value) -> None:
+        found = self._said.get("pbrMetallicRoughness")
+        if found is None:
+            return
+        found["baseColorFactor"][3] *= min(max(number(opacity.factor), 0.0), 1.0)
+        self._said["alphaMode"] = "BLEND"
+        if opacity.image is None:
+            return
+        under: TextureUse | None = found.get("baseColorTexture")
+        if under is not None and opacity.channel == 3 and under.image == self._pictures.name(opacity, True):
+            return  # the same picture, whose alpha it is
+        if under is not None:
+            self._warn("the picture of its mix with transparency is left out")
+            return
+        white = Value(WHITE)
+        picture = self._pictures.packed([(white, 0), (white, 1), (white, 2), (opacity, 3)], opacity, True)
+        if picture is not None:
+            found["baseColorTexture"] = picture
+
+    def _sum(self, source: Source) -> None:
+        parts = [followed(source.at(i))[0] for i in (0, 1)]
+        shining = [each for each in parts if each is not None and each.node.type == "EMISSION"]
+        others = [each for each in parts if each is not None and each.node.type != "EMISSION"]
+        if len(others) > 1:
+            self._warn("of the shaders that are added one is shown")
+        for each in [*others[:1], *shining]:
+            self._shader(each)
+
+    def _slot(self, value: Value, extension: str, name: str, channel: int | None, as_color: bool = False) -> None:
+        """A picture of an extension, in the channel that glTF reads."""
+        if value.image is None:
+            return
+        if channel is None or (value.channel == channel and not value.inverted):
+            picture = self._pictures.used(value, as_color)
+        else:
+            picture = self._pictures.packed([(value, channel)], value, as_color)
+        if picture is not None:
+            self._more[extension][name] = picture
+
+
+def number(value: Any) -> float:
+    """A number; of a colour its mean."""
+    return sum(value) / len(value) if isinstance(value, list) else float(value)
+
+
+def as_list(value: Any) -> list[float]:
+    """A colour; of a number grey."""
+    return value if isinstance(value, list) else [float(value)] * 3
+
+
+def _one_minus(value: Value) -> Value:
+    if value.image is None:
+        return Value(1 - number(value.factor))
+    return replace(value, inverted=not value.inverted)
+
+
+def _is_some(at: At | None) -> bool:
+    if at is None:
+        return False
+    plain = constant(at)
+    return plain is None or number(plain) > SHARP

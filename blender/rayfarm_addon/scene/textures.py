@@ -1,0 +1,173 @@
+"""What a socket of a material is made of: a number, a picture, or both multiplied."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from .model import Scene, TextureUse
+from .nodes import At, Source, constant, followed
+
+__all__ = ["Value", "Values"]
+
+WRAPS = {"REPEAT": "repeat", "EXTEND": "clamp", "CLIP": "clamp", "MIRROR": "mirror"}
+CHANNELS = {"Red": 0, "Green": 1, "Blue": 2, "R": 0, "G": 1, "B": 2, "Alpha": 3}
+
+
+@dataclass
+class Value:
+    """factor: a number or a list of three. image: bpy.types.Image; use: how it lies, without its file's name. channel: of it.
+
+    vertex: the colour attribute that multiplies it; "": the active one.
+    """
+
+    factor: Any
+    image: Any = None
+    use: TextureUse | None = None
+    channel: int | None = None
+    inverted: bool = False
+    vertex: str | None = None
+
+
+class Values:
+    """Reads sockets of one material. primary: the names of UV maps that come first on their meshes."""
+
+    def __init__(self, scene: Scene, name: str, primary: set[str]) -> None:
+        self._scene, self._name, self._primary = scene, name, primary
+
+    def read(self, at: At | None, default: Any, what: str) -> Value:
+        """What is behind a socket; where that cannot be told, its own number and a warning."""
+        if at is None:
+            return Value(default)
+        plain = constant(at)
+        if plain is not None:
+            return Value(plain)
+        source, _ = followed(at)
+        found = None if source is None else self._of(source)
+        if found is not None:
+            return found
+        node = "" if source is None else f" ({source.node.bl_label or source.node.type})"
+        self._scene.warn(f"Material {self._name}: what makes its {what}{node} is not read; a plain value stands for it.")
+        own = getattr(at.socket, "default_value", default)
+        return Value(default if own is None else [float(c) for c in own][:3] if hasattr(own, "__len__") else float(own))
+
+    def _of(self, source: Source) -> Value | None:
+        node, kind = source.node, source.node.type
+        if kind == "TEX_IMAGE" and node.image is not None:
+            channel = 3 if source.output.name == "Alpha" else None
+            use = self._use(source)
+            return None if use is None else Value(1.0, node.image, use, channel)
+        if kind in ("SEPARATE_COLOR", "SEPRGB"):
+            inner = self._below(source.at(0))
+            if inner is None or inner.image is None or inner.channel is not None:
+                return None
+            inner.channel = CHANNELS.get(source.output.name)
+            return inner if inner.channel is not None else None
+        if kind == "INVERT":
+            inner = self._below(source.input("Color"))
+            if inner is None or constant(source.input("Fac", "Factor")) != 1.0 or inner.factor != 1.0:
+                return None
+            inner.inverted = not inner.inverted
+            return inner
+        if kind in ("VERTEX_COLOR", "ATTRIBUTE") and source.output.name in ("Color", "Alpha"):
+            return Value(1.0, vertex=node.layer_name if kind == "VERTEX_COLOR" else node.attribute_name)
+        if kind == "RGBTOBW":
+            return self._below(source.at(0))
+        if kind in ("MIX", "MIX_RGB"):
+            return self._mixed(source)
+        if kind == "MATH" and node.operation == "MULTIPLY":
+            return self._product(source.at(0), source.at(1))
+        return None
+
+    def _below(self, at: At | None) -> Value | None:
+        plain = constant(at)
+        if plain is not None:
+            return Value(plain)
+        source, _ = followed(at)
+        return None if source is None else self._of(source)
+
+    def _mixed(self, source: Source) -> Value | None:
+        node = source.node
+        if node.type == "MIX" and node.data_type != "RGBA":
+            return None
+        # The new node has sockets of every type; those of colours are the last.
+        first, second = (source.at(6), source.at(7)) if node.type == "MIX" else (source.at(1), source.at(2))
+        share = constant(source.at(0))
+        if share == 0.0:
+            return self._below(first)
+        if share != 1.0:
+            return None
+        if node.blend_type == "MIX":
+            return self._below(second)
+        return self._product(first, second) if node.blend_type == "MULTIPLY" else None
+
+    def _product(self, first: At, second: At) -> Value | None:
+        a, b = self._below(first), self._below(second)
+        if a is None or b is None or (a.image is not None and b.image is not None):
+            return None
+        if a.inverted or b.inverted or (a.vertex is not None and b.vertex is not None):
+            return None
+        told = a if a.image is not None else b
+        factor = _times(a.factor, b.factor)
+        vertex = a.vertex if a.vertex is not None else b.vertex
+        return Value(factor, told.image, told.use, told.channel, False, vertex)
+
+    def _use(self, source: Source) -> TextureUse | None:
+        """How an image lies on the surface; None where that is not by UVs."""
+        node = source.node
+        if node.projection != "FLAT":
+            return None
+        wrap = WRAPS.get(node.extension, "repeat")
+        nearest = node.interpolation == "Closest"
+        lies = _Lies()
+        at = source.input("Vector")
+        for _ in range(4):
+            found, _ = followed(at)
+            if found is None:
+                break
+            kind = found.node.type
+            if kind == "MAPPING":
+                if not lies.map(found):
+                    return None
+                at = found.input("Vector")
+                continue
+            if kind == "UVMAP":
+                lies.uv_set = self._set(found.node.uv_map)
+                break
+            if kind == "TEX_COORD" and found.output.name == "UV":
+                break
+            if kind == "ATTRIBUTE":
+                lies.uv_set = self._set(found.node.attribute_name)
+                break
+            return None
+        return TextureUse("", lies.uv_set, (wrap, wrap), nearest, lies.offset, lies.rotation, lies.scale)
+
+    def _set(self, name: str) -> int:
+        return 0 if not name or name in self._primary else 1
+
+
+class _Lies:
+    def __init__(self) -> None:
+        self.uv_set = 0
+        self.offset, self.rotation, self.scale = (0.0, 0.0), 0.0, (1.0, 1.0)
+
+    def map(self, source: Source) -> bool:
+        """Takes a Mapping in; False where it is no turn, stretch and shift within the plane."""
+        if source.node.vector_type != "POINT" or self.offset != (0.0, 0.0) or self.rotation or self.scale != (1.0, 1.0):
+            return False
+        location, turn, scale = (constant(source.input(name)) for name in ("Location", "Rotation", "Scale"))
+        if location is None or turn is None or scale is None or abs(turn[0]) > 1e-6 or abs(turn[1]) > 1e-6:
+            return False
+        # Blender counts v upwards, glTF downwards: the same map, seen with v turned over before and after.
+        x, y, angle = location[0], location[1], turn[2]
+        self.scale, self.rotation = (scale[0], scale[1]), angle
+        self.offset = (x - scale[1] * math.sin(angle), 1 - y - scale[1] * math.cos(angle))
+        return True
+
+
+def _times(a: Any, b: Any) -> Any:
+    if isinstance(a, list) or isinstance(b, list):
+        first, second = (v if isinstance(v, list) else [v] * 3 for v in (a, b))
+        return [x * y for x, y in zip(first, second, strict=True)]
+    return a * b

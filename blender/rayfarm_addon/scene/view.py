@@ -1,0 +1,98 @@
+"""From a projection matrix to the view that a farm is asked for.
+
+A farm's pictures are centred on the line of sight. One that is not (lens shift, a border, a viewport that looks through a
+camera) is cut out of the smallest centred picture that has it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .model import up
+
+__all__ = ["Lens", "Shot", "shot_of", "view_of"]
+
+F64 = npt.NDArray[np.float64]
+WIDEST = 178.9
+MOST_SIDE = 16384
+
+
+@dataclass(frozen=True)
+class Lens:
+    """What blurs: radius of the lens and distance of what is sharp, in the scene's unit; and where seeing begins."""
+
+    aperture: float = 0.0
+    focus: float | None = None
+    near: float = 0.0
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What to ask for. x, y: where what is wanted begins in it, from the upper left corner; w, h: its size."""
+
+    view: dict[str, Any]
+    width: int
+    height: int
+    x: int
+    y: int
+    w: int
+    h: int
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether nothing is cut off."""
+        return (self.x, self.y, self.w, self.h) == (0, 0, self.width, self.height)
+
+    def cut(self, picture: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """What is wanted of (height, width, ...), rows from the top."""
+        return picture[self.y : self.y + self.h, self.x : self.x + self.w]
+
+
+def view_of(place: F64, projection: F64, share: float, lens: Lens) -> dict[str, Any]:
+    """A view as the API takes it. place: from the camera to Blender's world. share: how much higher it is than the projection."""
+    eye, forward, above = place[:3, 3], -_unit(place[:3, 2]), _unit(place[:3, 1])
+    # Far enough that float32 tells the two apart.
+    target = eye + forward * max(1.0, float(np.abs(eye).max()))
+    found: dict[str, Any] = {"eye": up(eye), "target": up(target), "up": up(above)}
+    if projection[3, 3] == 0:
+        fov = math.degrees(2 * math.atan(share / projection[1, 1]))
+        found |= {"fov": min(max(fov, 0.01), WIDEST)}
+        if lens.aperture > 0:
+            found |= {"aperture": lens.aperture, "focus": max(lens.focus or 10.0, 1e-6)}
+    else:
+        found |= {"projection": "orthographic", "height": 2 * share / float(projection[1, 1])}
+    if lens.near > 0:
+        found["near"] = lens.near
+    return found
+
+
+def shot_of(
+    place: F64, projection: F64, size: tuple[int, int], lens: Lens = Lens(), border: tuple[int, int, int, int] | None = None
+) -> Shot:
+    """border: of the picture's pixels that are wanted, x0, y0, x1, y1 from the lower left corner; None: all."""
+    width, height = size
+    x0, y0, x1, y1 = border or (0, 0, width, height)
+    is_flat = projection[3, 3] != 0
+    a, b = (projection[0, 3], projection[1, 3]) if is_flat else (-projection[0, 2], -projection[1, 2])
+    across, left = _centred(width * (1 + a) / 2, x0, x1)
+    high, low = _centred(height * (1 + b) / 2, y0, y1)
+    view = view_of(place, projection, high / height, lens)
+    return Shot(view, across, high, left, high - low - (y1 - y0), x1 - x0, y1 - y0)
+
+
+def _centred(axis: float, low: int, high: int) -> tuple[int, int]:
+    """How long a stretch is that has its middle on the axis and low to high within; and where low lies in it."""
+    axis = round(2 * axis) / 2  # to half a pixel
+    half = max(axis - low, high - axis)
+    if 2 * half > MOST_SIDE:
+        raise ValueError("The lens is shifted so far that the picture would have to be cut out of one that is too large.")
+    return int(2 * half), int(low - (axis - half))
+
+
+def _unit(vector: F64) -> F64:
+    return vector / max(float(np.linalg.norm(vector)), 1e-30)

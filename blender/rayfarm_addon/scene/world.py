@@ -1,0 +1,84 @@
+"""Blender's world as the light from all around that a job asks for.
+
+Blender looks at the middle of a panorama along its +X, the farm along its -Z, which is Blender's +Y.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from . import images
+from .model import Scene, World
+from .nodes import Source, constant, followed, output_of
+
+__all__ = ["read_world"]
+
+QUARTER = -90.0  # from the farm's middle to Blender's
+
+
+def read_world(scene: Scene, world: Any) -> World:
+    """The light of a bpy.types.World, or of none."""
+    if world is None:
+        return World([0.0] * 3)
+    if not world.use_nodes or world.node_tree is None:
+        return World([float(c) for c in world.color])
+    source = output_of(world.node_tree)
+    if source is None:
+        return World([0.0] * 3)
+    if source.node.type != "BACKGROUND":
+        scene.warn(f"World: the shader {source.node.bl_label} is not read; there is no light from around.")
+        return World([0.0] * 3)
+    strength = constant(source.input("Strength"))
+    if strength is None:
+        scene.warn("World: what makes its strength is not read; it is 1.")
+        strength = 1.0
+    color = constant(source.input("Color"))
+    if color is not None:
+        return World([c * strength for c in color])
+    node, _ = followed(source.input("Color"))
+    if node is not None and node.node.type == "TEX_ENVIRONMENT" and node.node.image is not None:
+        return _image(scene, node, strength)
+    if node is not None and node.node.type == "TEX_SKY":
+        return _sky(scene, node.node, strength)
+    scene.warn("World: what makes its colour is not read; a plain colour stands for it.")
+    at = source.input("Color")
+    return World([float(c) * strength for c in at.socket.default_value[:3]] if at is not None else [0.0] * 3)
+
+
+def _image(scene: Scene, source: Source, strength: float) -> World:
+    node = source.node
+    if node.projection != "EQUIRECTANGULAR":
+        scene.warn("World: a mirror ball's picture is not read; there is no light from around.")
+        return World([0.0] * 3)
+    image = images.lights_with(node.image)
+    if image is None:
+        scene.warn(f"World: the picture {node.image.name} has no pixels; is its file there?")
+        return World([0.0] * 3)
+    return World(image=image, strength=strength, rotation=QUARTER + _turn(scene, source))
+
+
+def _turn(scene: Scene, source: Source) -> float:
+    """Degrees by which the surroundings are turned about up."""
+    found, _ = followed(source.input("Vector"))
+    if found is None or found.node.type == "TEX_COORD":
+        return 0.0
+    if found.node.type != "MAPPING":
+        scene.warn("World: how its picture is turned is not read.")
+        return 0.0
+    turn = constant(found.input("Rotation")) or [0.0] * 3
+    rest = [constant(found.input(name)) for name in ("Location", "Scale")]
+    if abs(turn[0]) > 1e-4 or abs(turn[1]) > 1e-4 or rest not in ([[0.0] * 3, [1.0] * 3], [None, [1.0] * 3]):
+        scene.warn("World: its picture is turned about Z alone.")
+    # The direction that is looked up is turned, so what is seen turns the other way.
+    return math.degrees(turn[2] if found.node.vector_type == "TEXTURE" else -turn[2])
+
+
+def _sky(scene: Scene, node: Any, strength: float) -> World:
+    scene.warn("World: its sky is the farm's own clear sky with the sun at the same place.")
+    if getattr(node, "sky_type", "") in ("PREETHAM", "HOSEK_WILKIE"):
+        x, y, z = node.sun_direction
+        elevation, azimuth = math.degrees(math.asin(max(-1.0, min(1.0, z)))), math.degrees(math.atan2(x, y))
+        return World(sky={"elevation": elevation, "azimuth": azimuth}, strength=strength)
+    elevation, azimuth = math.degrees(node.sun_elevation), math.degrees(node.sun_rotation)
+    return World(sky={"elevation": max(-90.0, min(90.0, elevation)), "azimuth": azimuth % 360}, strength=strength)

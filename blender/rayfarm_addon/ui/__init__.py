@@ -1,0 +1,1 @@
+"""What Blender registers: the engine, settings, panels."""

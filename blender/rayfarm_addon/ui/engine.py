@@ -1,0 +1,169 @@
+"""The render engine: F12 and Ctrl-F12 are jobs of the farm, whose tiles come into Blender's own image."""
+
+from __future__ import annotations
+
+import queue
+import time
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..farm import packets
+from ..farm.asked import Done, Failed, Grown, Said
+from ..farm.client import FarmError
+from ..farm.rendering import Rendering
+from . import connection
+from .passes import COMBINED, planes_of, values, wanted
+from .picture import Picture, picture_of, split
+from .settings import farm_of
+from .viewport import Viewport
+
+__all__ = ["RayfarmEngine"]
+
+TICK_S = 0.05
+PATIENCE_S = 5.0  # with a farm that is told of a cancelled job
+
+
+class RayfarmEngine(bpy.types.RenderEngine):
+    """Rayfarm in the list of engines."""
+
+    bl_idname = "RAYFARM"
+    bl_label = "Rayfarm"
+    bl_use_preview = False
+    bl_use_postprocess = True
+    bl_use_shading_nodes_custom = False
+    bl_use_eevee_viewport = True
+    bl_use_gpu_context = False
+
+    _viewport: Viewport | None = None
+
+    def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
+        """Tells Blender which passes there will be."""
+        for each in (COMBINED, *wanted(scene, renderlayer)):
+            self.register_pass(scene, renderlayer, each.name, len(each.ids), each.ids, each.kind)
+
+    def render(self, depsgraph: Any) -> None:
+        """A picture, in a thread of Blender's own that may wait."""
+        try:
+            self._render(depsgraph)
+        except (FarmError, ValueError) as error:
+            self._fail(str(error))
+
+    def _render(self, depsgraph: Any) -> None:
+        scene, layer = depsgraph.scene, depsgraph.view_layer
+        passes = wanted(scene, layer)
+        self.update_stats("", "Rayfarm: reading the scene")
+        picture = picture_of(depsgraph, self._place, self._go_to, planes_of(passes), _title(scene, layer))
+        farm = connection.connect(*farm_of(bpy.context), scene.rayfarm.project)
+        connection.note(picture.warnings)
+        for sentence in picture.warnings:
+            self.report({"WARNING"}, sentence)
+        rendering = Rendering(farm.client, farm.uploads, picture.asked)
+        self._follow(rendering, picture, layer.name, passes)
+
+    def _place(self, camera: Any) -> Any:
+        return np.array(self.camera_model_matrix(camera), np.float64)
+
+    def _go_to(self, frame: float) -> None:
+        self.frame_set(*split(frame))
+
+    def _is_broken_off(self) -> bool:
+        return bool(self.test_break())
+
+    def _follow(self, rendering: Rendering, picture: Picture, layer: str, passes: list[Any]) -> None:
+        cancelled = 0.0  # when
+        while not cancelled or time.monotonic() < cancelled + PATIENCE_S:
+            if not cancelled and self._is_broken_off():
+                cancelled = time.monotonic()
+                rendering.cancel()
+            try:
+                event = rendering.events.get(timeout=TICK_S)
+            except queue.Empty:
+                continue
+            if isinstance(event, Said):
+                self.update_stats("", f"Rayfarm: {event.text}")
+                if event.progress is not None:
+                    self.update_progress(event.progress)
+            elif isinstance(event, Grown):
+                if not cancelled:
+                    self._show(event, picture, layer)
+            elif isinstance(event, Failed):
+                if event.sentence is not None:
+                    self._fail(event.sentence)
+                return
+            else:
+                self._finish(event, picture, layer, passes)
+                return
+
+    def _show(self, tile: Grown, picture: Picture, layer: str) -> None:
+        """Puts what is wanted of a tile into Blender's image."""
+        shot = picture.shot
+        h, w = tile.words.shape
+        x0, x1 = max(tile.x, shot.x), min(tile.x + w, shot.x + shot.w)
+        y0, y1 = max(tile.y, shot.y), min(tile.y + h, shot.y + shot.h)
+        if x0 >= x1 or y0 >= y1:
+            return
+        words = tile.words[y0 - tile.y : y1 - tile.y, x0 - tile.x : x1 - tile.x]
+        result = self.begin_result(x0 - shot.x, shot.y + shot.h - y1, x1 - x0, y1 - y0, layer=layer)
+        if result is None or not result.layers:
+            return
+        _put(result, "Combined", packets.rgba(packets.unpacked(words)).reshape(-1, 4))
+        self.end_result(result)
+
+    def _finish(self, done: Done, picture: Picture, layer: str, passes: list[Any]) -> None:
+        shot = picture.shot
+        result = self.begin_result(0, 0, shot.w, shot.h, layer=layer)
+        for each in (COMBINED, *passes):
+            _put(result, each.name, values(each, done.channels, shot, picture.ids))
+        self.end_result(result)
+        theirs = [sentence for sentence in done.warnings if sentence not in picture.warnings]
+        connection.note([*picture.warnings, *theirs])
+        for sentence in theirs:
+            self.report({"WARNING"}, sentence)
+        self.update_stats("", f"Rayfarm: done, {done.sent_bytes / 1e6:.1f} MB were sent")
+
+    def _fail(self, sentence: str) -> None:
+        self.error_set(sentence)
+
+    def view_update(self, context: Any, depsgraph: Any) -> None:
+        """Something changed that the viewport shows."""
+        self._looking(context, depsgraph).update(depsgraph)
+
+    def view_draw(self, context: Any, depsgraph: Any) -> None:
+        """Draws the newest picture, and goes on with what is to be read."""
+        self._looking(context, depsgraph).draw(context, depsgraph)
+
+    def _looking(self, context: Any, depsgraph: Any) -> Viewport:
+        if self._viewport is None:
+            url, token = farm_of(context)
+            self._viewport = Viewport(self, url, token, depsgraph.scene.rayfarm.project, _file_name())
+        return self._viewport
+
+    def __del__(self) -> None:
+        viewport = getattr(self, "_viewport", None)
+        if viewport is not None:
+            viewport.end()
+        ends = getattr(super(), "__del__", None)  # since Blender 4.4
+        if ends is not None:
+            ends()
+
+
+def _put(result: Any, name: str, flat: Any) -> None:
+    found = next((each for each in result.layers[0].passes if each.name == name), None)
+    if found is None:
+        return
+    try:
+        found.rect.foreach_set(np.ascontiguousarray(flat, np.float32).ravel())
+    except (AttributeError, TypeError):
+        found.rect = flat.tolist()
+
+
+def _file_name() -> str:
+    return Path(bpy.data.filepath).stem or "Blender"
+
+
+def _title(scene: Any, layer: Any) -> str:
+    more = f", {layer.name}" if len(scene.view_layers) > 1 else ""
+    return f"{_file_name()}, frame {scene.frame_current}{more}"[:200]

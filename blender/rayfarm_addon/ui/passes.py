@@ -1,0 +1,88 @@
+"""Blender's passes: which of the farm's planes each is, and its values in Blender's axes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..scene.view import Shot
+from .picture import Ids
+
+__all__ = ["PASSES", "Pass", "planes_of", "values", "wanted"]
+
+F32 = npt.NDArray[np.float32]
+FAR = 1e10  # Cycles' depth of nothing
+
+
+class Pass(NamedTuple):
+    """name, ids and kind as Blender registers them. plane: the farm's. channels: of its EXR. option: of the view layer."""
+
+    name: str
+    ids: str
+    kind: str
+    plane: str
+    channels: tuple[str, ...]
+    option: str
+
+
+COMBINED = Pass("Combined", "RGBA", "COLOR", "", ("R", "G", "B"), "")
+PASSES = (
+    Pass("Depth", "Z", "VALUE", "depth", ("Depth.Z",), "use_pass_z"),
+    Pass("Position", "XYZ", "VECTOR", "position", ("Position.X", "Position.Y", "Position.Z"), "use_pass_position"),
+    Pass("Normal", "XYZ", "VECTOR", "normal", ("Normal.X", "Normal.Y", "Normal.Z"), "use_pass_normal"),
+    Pass("IndexOB", "X", "VALUE", "object", ("IndexOB.X",), "use_pass_object_index"),
+    Pass("IndexMA", "X", "VALUE", "material", ("IndexMA.X",), "use_pass_material_index"),
+    Pass(
+        "Denoising Albedo",
+        "RGB",
+        "COLOR",
+        "albedo",
+        ("Denoising Albedo.R", "Denoising Albedo.G", "Denoising Albedo.B"),
+        "albedo",
+    ),
+)
+
+
+def wanted(scene: Any, layer: Any) -> list[Pass]:
+    """The passes that are switched on, beside Combined."""
+    return [each for each in PASSES if (scene.rayfarm.albedo if each.option == "albedo" else getattr(layer, each.option, False))]
+
+
+def planes_of(passes: list[Pass]) -> tuple[str, ...]:
+    """What to ask the farm for."""
+    return tuple(each.plane for each in passes)
+
+
+def values(each: Pass, channels: Mapping[str, F32], shot: Shot, ids: Ids) -> F32:
+    """(h * w, channels) as Blender takes a pass: rows from the bottom."""
+    if each.plane == "depth":
+        found = _depth(channels, shot)
+    else:
+        found = np.stack([channels[name] for name in each.channels], axis=-1)
+        if each.plane in ("position", "normal"):
+            found = np.stack([found[..., 0], -found[..., 2], found[..., 1]], axis=-1)
+        elif each.plane in ("object", "material"):
+            table = ids.objects if each.plane == "object" else ids.materials
+            number = found[..., 0].astype(np.int64)
+            found = np.where(number < len(table), table[np.minimum(number, len(table) - 1)], 0)[..., None]
+    cut = shot.cut(found)[::-1]
+    if each.name == "Combined":
+        cut = np.concatenate([cut, np.ones((*cut.shape[:2], 1), np.float32)], axis=-1)
+    return np.ascontiguousarray(cut, np.float32).reshape(-1, cut.shape[-1])
+
+
+def _depth(channels: Mapping[str, F32], shot: Shot) -> F32:
+    """Along the line of sight from the eye, as Cycles tells it; the farm tells it along the ray, from the near plane."""
+    depth = channels["Depth.Z"]
+    share = np.ones_like(depth)
+    if "projection" not in shot.view:
+        height, width = depth.shape
+        slope = math.tan(math.radians(shot.view["fov"]) / 2)
+        y = (2 * (np.arange(height) + 0.5) / height - 1) * slope
+        x = (2 * (np.arange(width) + 0.5) / width - 1) * slope * width / height
+        share = 1 / np.sqrt(1 + x[None, :] ** 2 + y[:, None] ** 2)
+    return np.where(depth > 0, depth * share + shot.view.get("near", 0.0), FAR).astype(np.float32)[..., None]

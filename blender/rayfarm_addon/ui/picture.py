@@ -1,0 +1,132 @@
+"""Blender's scene at a frame as what is asked of a farm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..farm.asked import Asked, Light
+from ..scene.cameras import NAME, lens_of, shot_of_camera, with_keys
+from ..scene.files import FPS, MAIN, scene_files
+from ..scene.gather import gather, over_the_shutter
+from ..scene.gltf import object_names
+from ..scene.model import Scene, World
+from ..scene.view import Shot
+
+__all__ = ["Ids", "Picture", "light_of", "picture_of", "requested", "split"]
+
+F64 = npt.NDArray[np.float64]
+FRAME = 64  # of the farm's clock, at which a picture with an open shutter is; so far in that its keys are not before 0
+
+
+@dataclass(frozen=True)
+class Ids:
+    """Pass indices by the farm's numbers; that of what nothing is known of is 0."""
+
+    objects: npt.NDArray[np.float32]
+    materials: npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What to ask, what of the answer is wanted, and what is not as in Blender."""
+
+    asked: Asked
+    shot: Shot
+    ids: Ids
+    warnings: list[str]
+
+
+def requested(settings: Any, spp: int) -> dict[str, Any]:
+    """The part of a request that a person sets."""
+    found = {"spp": spp, "max_depth": settings.depth, "seed": settings.seed, "filter": settings.filter}
+    return found | ({"clamp_indirect": settings.clamp} if settings.clamp > 0 else {})
+
+
+def light_of(world: World) -> Light:
+    """The world as a request has it."""
+    image = None if world.image is None else (world.image.name, world.image.content)
+    return Light(world.color, image, world.sky, world.strength, world.rotation)
+
+
+def _border(render: Any, size: tuple[int, int]) -> tuple[int, int, int, int] | None:
+    if not render.use_border:
+        return None
+    (w, h) = size
+    x0, x1 = (int(share * w) for share in (render.border_min_x, render.border_max_x))
+    y0, y1 = (int(share * h) for share in (render.border_min_y, render.border_max_y))
+    return x0, y0, max(x1, x0 + 1), max(y1, y0 + 1)
+
+
+def picture_of(
+    depsgraph: Any, place_of: Callable[[Any], F64], go_to: Callable[[float], None], planes: tuple[str, ...], title: str
+) -> Picture:
+    """The picture of a frame. place_of: where a camera stands. go_to: moves Blender to a frame, or between two.
+
+    Raises ValueError where there is nothing to ask for.
+    """
+    blender = depsgraph.scene
+    render, settings = blender.render, blender.rayfarm
+    if blender.camera is None:
+        raise ValueError("The scene has no camera.")
+    size = tuple(max(int(n * render.resolution_percentage / 100), 1) for n in (render.resolution_x, render.resolution_y))
+    frame = blender.frame_current + blender.frame_subframe
+    length = float(render.motion_blur_shutter) if render.use_motion_blur else 0.0
+    middle = frame + {"START": length / 2, "END": -length / 2}.get(render.motion_blur_position, 0.0)
+    if length and middle != frame:
+        go_to(middle)
+    *_, found = gather(depsgraph, {})
+    scene = found.scene
+
+    def camera() -> tuple[F64, F64, Any]:
+        thing = blender.camera.evaluated_get(depsgraph)
+        scale = {"scale_x": render.pixel_aspect_x, "scale_y": render.pixel_aspect_y}
+        projection = thing.calc_matrix_camera(depsgraph, x=size[0], y=size[1], **scale)
+        return place_of(thing), np.array(projection, np.float64), thing
+
+    place, projection, thing = camera()
+    shot = shot_of_camera(scene, thing, place, projection, size, _border(render, size))
+    request = requested(settings, settings.samples) | {"width": shot.width, "height": shot.height}
+    request |= {"priority": settings.priority} | ({"noise": settings.noise} if settings.use_noise else {})
+    moves = False
+    if length:
+        over: list[Any] = []
+
+        def at(offset: float) -> tuple[float, Callable[[], Any]]:
+            time = (FRAME + offset - (middle - frame)) / FPS
+
+            def go() -> Any:
+                go_to(frame + offset)
+                over.append((time, *camera()[:2], lens_of(None, blender.camera.evaluated_get(depsgraph))))
+                return depsgraph
+
+            return time, go
+
+        ends = middle - frame - length / 2
+        over_the_shutter(found, [at(ends + length * i / (settings.keys - 1)) for i in range(settings.keys)])
+        moves = shot.view.get("projection") != "panorama" and with_keys(scene, shot, over, size[1])
+        go_to(frame)
+        if moves or any(node.places for node in scene.nodes) or any(mesh.shapes for mesh in scene.meshes.values()):
+            request |= {"frame": FRAME, "shutter": length, "shutter_at": "centred"}
+    request |= {"camera": NAME} if moves else {"view": shot.view}
+    files = scene_files(scene)
+    asked = Asked(files, MAIN, title, light_of(scene.world), request, planes, settings.denoise)
+    return Picture(asked, shot, _ids(scene), scene.warnings)
+
+
+def _ids(scene: Scene) -> Ids:
+    """The farm numbers objects from 1 as they come: meshes, then lamps; materials: those of lamps, then ours."""
+    objects = [node.number for node in object_names(scene)]
+    materials = [0] * len(scene.lamp_materials) + [material.number for material in scene.materials.values()]
+    return Ids(np.array([0, *objects], np.float32), np.array([0, *materials], np.float32))
+
+
+def split(frame: float) -> tuple[int, float]:
+    """A frame as Blender takes it: a whole number and a rest."""
+    whole = math.floor(frame + 1e-9)
+    return whole, max(frame - whole, 0.0)

@@ -1,0 +1,53 @@
+"""Tells Blender of the engine and its panels, and of Blender's own panels which are for this engine too."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import connection, panels, settings
+from .engine import RayfarmEngine
+
+__all__ = ["register", "unregister"]
+
+CLASSES = (*settings.CLASSES, RayfarmEngine, *panels.CLASSES)
+# Of other engines: what they show, this one reads as well.
+ALSO = (
+    "EEVEE_MATERIAL_PT_surface",
+    "EEVEE_MATERIAL_PT_context_material",
+    "EEVEE_WORLD_PT_surface",
+    "DATA_PT_EEVEE_light",
+    "DATA_PT_EEVEE_light_distance",
+    "MATERIAL_PT_preview",
+)
+NOT = ("VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes", "RENDER_PT_freestyle", "VIEWLAYER_PT_freestyle")
+
+
+def _panels() -> list[type]:
+    found = []
+    for panel in bpy.types.Panel.__subclasses__():
+        engines = getattr(panel, "COMPAT_ENGINES", ())
+        name = panel.__name__
+        if name in NOT or not isinstance(engines, set):
+            continue
+        if "BLENDER_RENDER" in engines or name in ALSO:
+            found.append(panel)
+    return found
+
+
+def register() -> None:
+    """All of it."""
+    for each in CLASSES:
+        bpy.utils.register_class(each)
+    settings.register()
+    for panel in _panels():
+        panel.COMPAT_ENGINES.add(RayfarmEngine.bl_idname)
+
+
+def unregister() -> None:
+    """None of it."""
+    connection.close()
+    for panel in _panels():
+        panel.COMPAT_ENGINES.discard(RayfarmEngine.bl_idname)
+    settings.unregister()
+    for each in reversed(CLASSES):
+        bpy.utils.unregister_class(each)

@@ -1,0 +1,195 @@
+"""The viewport in "rendered" mode: reads what changed a few milliseconds at a time, and draws the newest picture of the farm."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..farm.client import FarmError
+from ..farm.watching import Shown, Watching
+from ..scene.cameras import lens_of
+from ..scene.files import MAIN, scene_files
+from ..scene.gather import Known, gather
+from ..scene.view import Lens, shot_of
+from . import connection
+from .drawing import Canvas
+from .picture import light_of, requested
+
+__all__ = ["Changes", "Viewport"]
+
+TICK_S = 0.015  # of the main thread, at a time
+LOOK_S = 0.05
+SETTLED_S = 0.15  # after the last change, so that a hand that moves something does not send each of its places
+
+
+class Changes:
+    """What of Blender's data changed since it was last read."""
+
+    def __init__(self) -> None:
+        self.all = True
+        self.names: set[tuple[str, str]] = set()  # of objects and their data whose meshes are others
+
+    def take(self, depsgraph: Any) -> bool:
+        """Takes in what the dependency graph tells; whether the scene must be read again."""
+        matters = self.all
+        for update in depsgraph.updates:
+            id = update.id
+            kind = type(id).__name__
+            if kind in ("Object", "Mesh", "Curve", "MetaBall", "TextCurve", "SurfaceCurve") and update.is_updated_geometry:
+                self.names.add((kind, id.name_full))
+            is_camera = kind == "Camera" or (kind == "Object" and id.type == "CAMERA")
+            matters = matters or kind == "Collection" or not (is_camera or (kind == "Scene" and not _moved(update)))
+        return matters
+
+    def touch(self, thing: Any, data: Any) -> bool:
+        """Whether an object's mesh is to be read again."""
+        if self.all or thing.is_from_instancer:
+            return self.all or bool(self.names)
+        told = {("Object", thing.name_full)}
+        if data is not None:
+            told.add((type(data).__name__, data.name_full))
+        return not told.isdisjoint(self.names)
+
+    def clear(self) -> None:
+        """All of it was read."""
+        self.all = False
+        self.names.clear()
+
+
+def _moved(update: Any) -> bool:
+    return bool(update.is_updated_geometry or update.is_updated_transform or update.is_updated_shading)
+
+
+class Viewport:
+    """One viewport's: lives as long as its engine."""
+
+    def __init__(self, engine: Any, url: str, token: str, project: str, title: str) -> None:
+        self._engine = engine
+        self._error = ""
+        self._watching: Watching | None = None
+        try:
+            farm = connection.connect(url, token, project)
+            self._watching = Watching(farm.client, farm.uploads, title)
+        except FarmError as error:
+            self._error = str(error)
+        self._known: Known = {}
+        self._changes = Changes()
+        self._reading: Iterator[Any] | None = None
+        self._begin_at = 0.0  # when reading may begin
+        self._waits = False
+        self._asked: dict[str, Any] | None = None
+        self._shots: dict[int, Any] = {}
+        self._canvas = Canvas()
+        self._start_timer()
+
+    def _start_timer(self) -> None:
+        import bpy
+
+        bpy.app.timers.register(self.tick, first_interval=LOOK_S)
+
+    def tick(self) -> float | None:
+        """From Blender's timer: draws again where there is something to draw or to read. None ends it."""
+        watching = self._watching
+        if watching is None:
+            return None
+        if watching.is_fresh.is_set() or self._reading is not None or self._waits:
+            watching.is_fresh.clear()
+            try:
+                self._engine.tag_redraw()
+            except ReferenceError:
+                self.end()
+                return None
+        return LOOK_S
+
+    def update(self, depsgraph: Any) -> None:
+        """Something changed: read it when the hand rests."""
+        if self._changes.take(depsgraph):
+            self._reading, self._waits = None, True
+            self._begin_at = 0.0 if not self._known else time.monotonic() + SETTLED_S
+
+    def read(self, depsgraph: Any) -> None:
+        """Goes on with what is to be read, for a tick."""
+        if self._watching is None:
+            return
+        now = time.monotonic()
+        if self._waits and now >= self._begin_at:
+            self._waits = False
+            self._reading = gather(depsgraph, self._known, self._changes.touch)
+        if self._reading is None:
+            return
+        found = None
+        for step in self._reading:
+            found = step
+            if time.monotonic() - now > TICK_S:
+                return
+        self._reading = None
+        self._changes.clear()
+        if found is not None:
+            connection.note(found.scene.warnings)
+            try:
+                self._watching.show(scene_files(found.scene), MAIN, light_of(found.scene.world))
+            except ValueError as error:
+                self._error = str(error)
+            else:
+                self._error = ""
+
+    def look(self, context: Any, depsgraph: Any) -> None:
+        """Tells the farm how the viewport looks at the scene, where that is another than before."""
+        if self._watching is None:
+            return
+        region, space = context.region, context.space_data
+        seen = context.region_data
+        place = np.array(seen.view_matrix.inverted(), np.float64)
+        projection = np.array(seen.window_matrix, np.float64)
+        camera = space.camera if seen.view_perspective == "CAMERA" else None
+        lens = Lens() if camera is None or camera.type != "CAMERA" else lens_of(None, camera.evaluated_get(depsgraph))
+        try:
+            shot = shot_of(place, projection, (region.width, region.height), lens)
+        except ValueError as error:
+            self._error = str(error)
+            return
+        settings = depsgraph.scene.rayfarm
+        asked = requested(settings, settings.view_samples)
+        asked |= {"view": shot.view, "width": shot.width, "height": shot.height}
+        if asked != self._asked:
+            self._asked = asked
+            number = self._watching.look(asked)
+            self._shots = {n: s for n, s in self._shots.items() if n > number - 64}
+            self._shots[number] = shot
+
+    def draw(self, context: Any, depsgraph: Any) -> None:
+        """The newest picture, and a line on how it goes."""
+        self.read(depsgraph)
+        self.look(context, depsgraph)
+        text = self._error
+        if self._watching is not None:
+            shown, said = self._watching.state
+            text = text or ("Reading the scene" if self._reading is not None else said)
+            if shown is not None:
+                self._canvas.show(shown, self.cut(shown))
+        self._engine.update_stats("Rayfarm", text)
+        self._canvas.draw(self._engine, depsgraph.scene, context.region)
+
+    def cut(self, shown: Shown) -> tuple[float, float, float, float]:
+        """Where of a picture the viewport is, as shares of it: left, low, right, high, from the lower left corner."""
+        shot = self._shots.get(shown.id)
+        if shot is None:
+            return 0.0, 0.0, 1.0, 1.0
+        low = shot.height - shot.y - shot.h
+        left, right = shot.x / shot.width, (shot.x + shot.w) / shot.width
+        return left, low / shot.height, right, (low + shot.h) / shot.height
+
+    def end(self) -> None:
+        """Nobody looks any more."""
+        if self._watching is not None:
+            self._watching.end()
+            self._watching = None
+        with contextlib.suppress(Exception):
+            import bpy
+
+            if bpy.app.timers.is_registered(self.tick):
+                bpy.app.timers.unregister(self.tick)

@@ -1,0 +1,80 @@
+"""Blender for a worker of this machine: found, or fetched into an environment of its own."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rayfarm.errors import CommandError
+from renderer.blender.program import BPY, BlenderError, environment_python, find, look_at
+
+__all__ = ["Program", "Wanted", "program_for"]
+
+PYTHON = (3, 11)  # the one that Blender's module is made for
+PANEL = "Blender"
+
+Wanted = Annotated[
+    bool,
+    typer.Option(
+        "--blender",
+        help="Open .blend files: by a Blender of this machine, else by one that is fetched once.",
+        rich_help_panel=PANEL,
+    ),
+]
+Program = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PROGRAM",
+        help="The same by this Blender (4.2 or later), or by a Python that has bpy. [dim]$RAYFARM_BLENDER[/dim]",
+        rich_help_panel=PANEL,
+    ),
+]
+
+NEITHER = (
+    "There is no Blender on this machine, and none can be fetched: {why} Install Blender 4.2 or later so that `blender` is on "
+    "the PATH, or name its program: --blender-program /path/to/blender."
+)
+
+
+def program_for(is_wanted: bool, named: str | None, say: Callable[[str], None]) -> str | None:
+    """The program that a worker is to open .blend files with; None where nobody asks for one.
+
+    say: told what takes its time. Raises CommandError where one is asked for and cannot be had.
+    """
+    if not is_wanted and named is None:
+        return None
+    try:
+        found = look_at(named) if named is not None else find()
+    except BlenderError as error:
+        raise CommandError(str(error)) from None
+    return found.program if found is not None else str(_fetched(say))
+
+
+def _fetched(say: Callable[[str], None]) -> Path:
+    """The Python of an environment with Blender's module, which wants another numpy than ours. Raises CommandError."""
+    python = environment_python()
+    folder = python.parents[1]
+    maker = sys.executable if sys.version_info[:2] == PYTHON else shutil.which(f"python{PYTHON[0]}.{PYTHON[1]}")
+    if maker is None:
+        raise CommandError(NEITHER.format(why=f"its module needs Python {PYTHON[0]}.{PYTHON[1]}, which is not here."))
+    say(f"Fetching Blender as a Python module into {folder} (once; some 370 MB) ...")
+    shutil.rmtree(folder, ignore_errors=True)
+    try:
+        # Made where it stays: an environment knows its own path.
+        subprocess.run([maker, "-m", "venv", str(folder)], check=True, capture_output=True, text=True)
+        command = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", BPY]
+        subprocess.run(command, check=True, capture_output=True, text=True)
+        return Path(look_at(str(python)).program)
+    except subprocess.CalledProcessError as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        lines = (error.stderr or error.stdout or "").strip().splitlines()
+        raise CommandError(NEITHER.format(why=f"{lines[-1][:300]}." if lines else "see above.")) from None
+    except (OSError, BlenderError) as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise CommandError(NEITHER.format(why=f"{error}.")) from None

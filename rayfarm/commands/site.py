@@ -1,0 +1,57 @@
+"""`rayfarm site`: adds up, on one machine of a site, what all of them have rendered, before it travels to the farm."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rayfarm import options
+from rayfarm.errors import CommandError
+from rayfarm.joining import farm_address, run, shown_token
+from worker.site import SITE_NAME
+
+__all__ = ["register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("site")(site)
+
+
+def site(
+    name: Annotated[str, typer.Argument(help="What the site is called; its workers say the same by --site.")],
+    join: Annotated[str, typer.Option(metavar="URL", help="The farm's address, as http://host:8000.")],
+    token_file: Annotated[
+        Path | None,
+        typer.Option(dir_okay=False, help="A file with the farm's token, or one of a worker's. [dim]$RAYFARM_TOKEN[/dim]"),
+    ] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Where this site's workers reach it; 0: any that is free.")] = 8010,
+    host: Annotated[str, typer.Option(help="Of which of its addresses; all of them unless told.")] = "0.0.0.0",
+    address: Annotated[
+        str, typer.Option(help="What workers reach this machine by; its address on the way to the farm unless told.")
+    ] = "",
+    log_format: options.LogFormat = None,
+) -> None:
+    """Add up what the workers of a site have rendered of a tile, and send it to the farm as one result, until Ctrl-C.
+
+    Where many machines are far from the farm, less goes over the way between, and the farm has less to take in. Start one on any
+    machine of the site, and the site's workers with --site NAME. While it is away they send to the farm themselves.
+
+    [bold]Examples[/bold]
+
+      rayfarm site attic --join http://studio.example:8000 --token-file ~/farm.token
+      rayfarm worker --join http://studio.example:8000 --token-file ~/farm.token --site attic
+    """
+    from renderer.places import cache_home
+
+    options.use_log_format(log_format)
+    join = farm_address(join)
+    if not SITE_NAME.fullmatch(name):
+        raise CommandError(f"{name!r} is no name of a site; take small letters, digits and . _ -")
+    token = shown_token("A site", "", token_file)
+    command = [sys.executable, "-m", "worker.reducer", "--service", join, "--name", name, "--host", host, "--port", str(port)]
+    command += ["--folder", str(cache_home() / "sites"), *([f"--address={address}"] if address else [])]
+    run("site", command, token, f"Adding up for the site {name} of {join}. Ctrl-C ends it.")

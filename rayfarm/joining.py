@@ -1,0 +1,94 @@
+"""What a command needs that joins a farm with a process of its own: the farm's address, the token, and somebody to look after
+that process until Ctrl-C."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import time
+from pathlib import Path
+
+from rayfarm.console import PROGRAM, err, out
+from rayfarm.errors import CommandError
+from rayfarm.machine import StopSignals
+from worker.foreign import is_address
+
+__all__ = ["farm_address", "run", "shown_token"]
+
+FATAL = 3  # another start is of no use
+
+
+def farm_address(join: str) -> str:
+    """The farm's address as a whole one. Raises CommandError."""
+    if "://" not in join:
+        join = f"http://{join}"
+    if not is_address(join):
+        raise CommandError(f"{join!r} is no address of a farm; give one as http://host:8000")
+    return join
+
+
+def shown_token(who: str, token: str, token_file: Path | None) -> str:
+    """What is shown to the farm. Raises CommandError where there is none."""
+    if token:
+        err.print("rayfarm: everybody on this machine can read --token. Better: RAYFARM_TOKEN, or --token-file.")
+    elif token_file is not None:
+        token = token_file.expanduser().read_text().strip()
+    token = token or os.environ.get("RAYFARM_TOKEN", "")
+    if not token:
+        raise CommandError(
+            f"{who} shows the farm's token. Set RAYFARM_TOKEN to it, or write it into a file and give --token-file; "
+            f"`{PROGRAM} up` prints the whole command."
+        )
+    return token
+
+
+def run(name: str, command: list[str], token: str, sentence: str, grace_s: float = 10.0) -> None:
+    """Keep a process running until Ctrl-C, and show its log. sentence: said when it begins. Raises CommandError."""
+    from rayfarm.local.state import ROOT
+    from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
+    from renderer.places import cache_home
+
+    signals = StopSignals()
+    log = cache_home() / "logs" / f"{name}-{os.getpid()}.log"
+    supervisor = Supervisor(ROOT, lambda sentence: err.print(sentence, markup=False, soft_wrap=True))
+    env = {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}
+    part = Part(name, command, log, env, grace_s=grace_s, fatal_codes=(FATAL,), steady_s=WORKER_STEADY_S)
+    try:
+        supervisor.start(part)
+    except OSError as error:
+        raise CommandError(
+            f"The {name}'s log {log} cannot be written ({error.strerror}). Set RAYFARM_CACHE to a folder of yours."
+        ) from error
+    out.print(f"{sentence} Log: {log}", soft_wrap=True)
+    shown = 0
+    try:
+        while not signals.stop():
+            shown = _follow(log, shown)
+            if supervisor.tend() is not None:
+                raise CommandError(_sentence(part.last_words(1)).removeprefix(f"rayfarm {name}: "))
+            time.sleep(0.2)
+    finally:
+        supervisor.stop(signals.hurry)
+        _follow(log, shown)
+        log.unlink(missing_ok=True)
+
+
+def _sentence(line: str) -> str:
+    """What a process's last line says."""
+    with contextlib.suppress(ValueError, TypeError, KeyError):
+        return str(json.loads(line)["message"])
+    return line
+
+
+def _follow(log: Path, shown: int) -> int:
+    """Show what the log has beyond `shown` bytes; how much is shown then."""
+    try:
+        with log.open("rb") as file:
+            file.seek(shown)
+            text = file.read()
+    except OSError:
+        return shown
+    if text:
+        err.print(text.decode(errors="replace").rstrip("\n"), markup=False, soft_wrap=True)
+    return shown + len(text)

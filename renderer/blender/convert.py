@@ -1,0 +1,116 @@
+"""Has Blender write what is in a .blend file as a scene of ours, in a process that is bounded and sees nothing else."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from renderer.blender.program import Blender
+from renderer.errors import SceneError
+
+__all__ = ["SUFFIX", "convert"]
+
+SUFFIX = ".blend"
+HERE = Path(__file__).resolve().parent
+SCRIPT = HERE / "inside" / "export.py"
+WRITTEN = ("blender-scene.yaml", "blender-scene.glb", "blender-world.exr")
+OWN_MEMORY = 6 << 30  # address space that Blender takes before it has opened anything
+MOST_BYTES = 8 << 30
+LAST_WORDS = 600
+# Of the system: libraries, fonts' settings, the time zone, how many processors there are.
+SYSTEM = (
+    *("/usr", "/lib", "/lib64", "/bin", "/opt", "/etc/ld.so.cache", "/etc/fonts", "/etc/localtime", "/etc/alternatives"),
+    *("/proc/self", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/sys/vm", "/sys/devices/system", "/sys/fs/cgroup"),
+    *("/dev/urandom", "/dev/random", "/dev/zero"),
+)
+
+
+class _SlowError(Exception):
+    """It takes too long."""
+
+
+def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: int, seconds: float) -> str:
+    """Writes blender-scene.yaml, and the files that it names, into the folder `out`; returns the name of the first.
+
+    folder: the .blend and the files that came along, which alone it may open; main: the name of the .blend in it.
+    Raises SceneError with a sentence that begins with that name.
+    """
+    with tempfile.TemporaryDirectory(prefix="rayfarm-blender-") as name:
+        room = Path(name).resolve()
+        work = room / "out"
+        work.mkdir()
+        (room / "home").mkdir()
+        job = room / "job.json"
+        job.write_text(
+            json.dumps(
+                {"folder": str(folder.resolve()), "main": main, "out": str(work), "most_bytes": min(memory_bytes, MOST_BYTES)}
+            )
+        )
+        try:
+            ended = _run(blender, folder, room, job, memory_bytes + OWN_MEMORY, seconds)
+        except _SlowError:
+            raise SceneError(f"{main}: took longer than {seconds:.0f} seconds in Blender. Make it smaller.") from None
+        try:
+            report = json.loads((work / "report.json").read_text())
+        except (OSError, ValueError):
+            raise SceneError(
+                f"{main}: {ended} It may be damaged, or need more memory than it is granted; export glTF from it."
+            ) from None
+        if "error" in report:
+            raise SceneError(f"{main}: {report['error']}.")
+        for each in WRITTEN:
+            path = work / each
+            if path.is_file() and not path.is_symlink():
+                shutil.move(path, out / each)
+    return WRITTEN[0]
+
+
+def _run(blender: Blender, folder: Path, room: Path, job: Path, memory: int, seconds: float) -> str:
+    """Runs it to its end; a sentence about that. Raises _SlowError."""
+    limits = {
+        "reads": [*SYSTEM, *blender.reads, str(HERE), str(SCRIPT.parent), str(folder.resolve()), str(job)],
+        "writes": [str(room / "out"), str(room / "home"), "/dev/null"],
+        "memory": memory,
+        "seconds": int(seconds * (os.cpu_count() or 1)) + 1,
+    }
+    command = [
+        sys.executable,
+        "-I",
+        str(HERE / "confined.py"),
+        json.dumps(limits),
+        *blender.command(SCRIPT, str(job)),
+    ]
+    home = str(room / "home")
+    env = {
+        "PATH": "/usr/bin:/bin",
+        "LANG": "C.UTF-8",
+        **dict.fromkeys(("HOME", "TMPDIR", "XDG_CONFIG_HOME", "XDG_CACHE_HOME", "XDG_DATA_HOME", "BLENDER_USER_RESOURCES"), home),
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "MALLOC_ARENA_MAX": "2",
+    }
+    log = room / "log.txt"
+    with log.open("wb") as said:
+        child = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, env=env, cwd=home, start_new_session=True
+        )
+        try:
+            code = child.wait(seconds)
+        except subprocess.TimeoutExpired:
+            raise _SlowError from None
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(child.pid, signal.SIGKILL)
+            child.wait()
+    with log.open("rb") as said:
+        said.seek(max(log.stat().st_size - LAST_WORDS, 0))
+        words = said.read().decode("utf-8", "replace").strip().splitlines()
+    print("\n".join(words), file=sys.stderr)
+    how = signal.Signals(-code).name if code < 0 else f"code {code}"
+    return f"Blender {blender.version} ended while it opened it ({how})."

@@ -1,0 +1,110 @@
+"""Cameras, as our scene file has them."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import Any
+
+from .keys import keyed
+
+__all__ = ["Cameras", "to_ours"]
+
+
+def to_ours(v: Any) -> tuple[float, float, float]:
+    """A point or direction of Blender's world, which has Z up, in ours."""
+    return float(v[0]), float(v[2]), -float(v[1])
+
+
+class Cameras:
+    """The scene's cameras, the one it is rendered by first."""
+
+    def __init__(self, bpy: Any, scene: Any, notes: list[str]) -> None:
+        from mathutils import Vector
+
+        self._bpy, self._scene, self._notes, self._vector = bpy, scene, notes, Vector
+        found = [thing for thing in scene.objects if thing.type == "CAMERA"]
+        self._all = sorted(found, key=lambda thing: (thing is not scene.camera, thing.name))
+        self._middle = self._middle_of()
+        for thing in self._all:
+            self._note(thing)
+
+    def looks(self) -> dict[str, Any]:
+        """By name, what says how a camera stands now."""
+        return {thing.name: partial(self._now, thing) for thing in self._all}
+
+    def written(self, seen: dict[str, list[dict[str, Any]]], frames: list[int], fps: float) -> list[dict[str, Any]]:
+        """For the scene file, by what was seen at the frames."""
+        cameras = []
+        for thing in self._all:
+            values = seen[thing.name]
+            fixed = {name: values[0][name] for name in ("projection",)}
+            varied = {name: keyed([each[name] for each in values], frames, fps) for name in values[0] if name not in fixed}
+            cameras.append({"name": thing.name[:200], **fixed, **varied})
+        return cameras
+
+    def _now(self, thing: Any) -> dict[str, Any]:
+        graph = self._bpy.context.evaluated_depsgraph_get()
+        camera = thing.evaluated_get(graph)
+        data, world = camera.data, camera.matrix_world
+        eye = world.translation
+        forward = (world.to_3x3() @ self._vector((0, 0, -1))).normalized()
+        up = (world.to_3x3() @ self._vector((0, 1, 0))).normalized()
+        is_blurred = data.dof.use_dof and data.type == "PERSP"
+        focus = self._focus(camera, forward, graph) if is_blurred else 0.0
+        away = focus or max((self._middle - eye).dot(forward), 1.0)
+        found: dict[str, Any] = {
+            "projection": {"PERSP": "perspective", "ORTHO": "orthographic"}.get(data.type, "panorama"),
+            "eye": to_ours(eye),
+            "target": to_ours(eye + forward * away),
+            "up": to_ours(up),
+        }
+        corners = data.view_frame(scene=self._scene)  # of the right, the left below it, and on around
+        height = max(c.y for c in corners) - min(c.y for c in corners)
+        if data.type == "PERSP":
+            depth = abs(corners[0].z) or 1.0
+            found["fov"] = min(max(math.degrees(2 * math.atan(height / 2 / depth)), 0.01), 179.0)
+            found["near"] = max(data.clip_start, 0.0)
+            if is_blurred:
+                found["aperture"] = data.lens * 1e-3 / (2 * max(data.dof.aperture_fstop, 1e-4))
+                found["focus"] = focus
+        elif data.type == "ORTHO":
+            scale = world.to_scale()
+            found["height"] = max(height * abs(scale.y), 1e-9)
+            found["near"] = max(data.clip_start, 0.0)
+        return found
+
+    def _focus(self, camera: Any, forward: Any, graph: Any) -> float:
+        dof = camera.data.dof
+        if dof.focus_object is None:
+            return max(dof.focus_distance, 1e-4)
+        there = dof.focus_object.evaluated_get(graph)
+        place = there.matrix_world.translation
+        if dof.focus_subtarget and there.pose is not None and (bone := there.pose.bones.get(dof.focus_subtarget)):
+            place = there.matrix_world @ bone.head
+        return max(abs((place - camera.matrix_world.translation).dot(forward)), 1e-4)
+
+    def _middle_of(self) -> Any:
+        points = [
+            thing.matrix_world @ self._vector(c) for thing in self._scene.objects if thing.type == "MESH" for c in thing.bound_box
+        ]
+        return sum(points, self._vector((0, 0, 0))) / max(len(points), 1)
+
+    def _note(self, thing: Any) -> None:
+        data, name = thing.data, thing.name
+        if data.shift_x or data.shift_y:
+            self._notes.append(f"Camera {name}: the shift of its lens is not taken over; turn the camera, or crop")
+        if data.type == "PANO" and _panorama(data) not in ("EQUIRECTANGULAR", None):
+            self._notes.append(f"Camera {name}: shows all around (equirectangular) in place of {_panorama(data).lower()}")
+        if data.type == "CUSTOM":
+            self._notes.append(f"Camera {name}: its lens is a script, and not taken over")
+        if data.dof.use_dof and data.type != "PERSP":
+            self._notes.append(f"Camera {name}: its depth of field is not taken over; only a perspective camera has one")
+        if data.dof.use_dof and (data.dof.aperture_blades or data.dof.aperture_ratio != 1.0):
+            self._notes.append(f"Camera {name}: its aperture is round, without blades and ratio")
+
+
+def _panorama(data: Any) -> Any:
+    """What kind it is: since Blender 5 the camera's own property, before Cycles'."""
+    own = getattr(data, "panorama_type", None)
+    return own or getattr(getattr(data, "cycles", None), "panorama_type", None)

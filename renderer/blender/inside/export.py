@@ -1,0 +1,160 @@
+"""Opens a .blend file with its scripts off, and writes what is in it as a scene that Rayfarm reads. Run by Blender's Python:
+
+    python export.py JOB        where Python has Blender as a module
+    blender --background --factory-startup --disable-autoexec --python export.py -- JOB
+
+JOB: a JSON object in a file: `folder` with the files that came along, the name of the `main` one in it, `out`, an empty folder,
+and `most_bytes`. What is written there: report.json, last of all, with `version` and `main`, or an `error`; blender-scene.yaml,
+blender-scene.glb, blender-world.exr.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import traceback
+from functools import partial
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+if __name__ == "__main__":  # run as a file: the others beside it are a package all the same
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    __package__ = "inside"
+
+from .untrusted import DamagedError, safe_copy
+
+COPIES = ".copies"
+NOWHERE = "//missing-files/"
+MOST_FILES = 20_000
+LEAST = (4, 2)
+
+
+class Came:
+    """The files that came with a scene, and copies of those among them that are .blend files."""
+
+    def __init__(self, folder: Path, copies: Path) -> None:
+        self._folder, self._copies = folder, copies
+        self._files: dict[str, str] = {}  # by their names in small letters
+        self._bare: dict[str, str] = {}  # by what they are called without folders
+        for here, folders, names in os.walk(folder):
+            folders[:] = sorted(name for name in folders if not name.startswith("."))
+            for name in sorted(names):
+                path = Path(here) / name
+                if path.is_symlink() or not path.is_file():
+                    continue
+                relative = path.relative_to(folder).as_posix()
+                self._files.setdefault(relative.lower(), relative)
+                self._bare.setdefault(name.lower(), relative)
+            if len(self._files) > MOST_FILES:
+                break
+
+    def blends(self) -> list[str]:
+        """The names of the .blend files."""
+        return [name for name in self._files.values() if name.lower().endswith(".blend")]
+
+    def place(self, name: str) -> Path:
+        """Where a file is opened: of a .blend its copy."""
+        return (self._copies if name.lower().endswith(".blend") else self._folder) / name
+
+    def resolve(self, path: str, beside: str) -> str:
+        """What stands for a path in the copy of the .blend of this name: a file that came along, or one that is nowhere."""
+        cleaned = path.replace("\\", "/")
+        parts = [part for part in cleaned.removeprefix("//").split("/") if part not in ("", ".") and not part.endswith(":")]
+        while ".." in parts:
+            i = parts.index("..")
+            del parts[max(i - 1, 0) : i + 1]
+        home = PurePosixPath(beside).parent
+        for first in range(len(parts)):
+            for base in dict.fromkeys((home, PurePosixPath())):
+                if (found := self._find(base.joinpath(*parts[first:]).as_posix())) is not None:
+                    return found
+        bare = parts[-1] if parts else "nothing"
+        return self._find(self._bare.get(bare.lower(), "")) or NOWHERE + bare
+
+    def _find(self, name: str) -> str | None:
+        if "<UDIM>" in name:
+            start, _, end = name.partition("<UDIM>")
+            known = [n for low, n in self._files.items() if low.startswith(start.lower()) and low.endswith(end.lower())]
+            tiles = [n for n in known if n[len(start) : len(n) - len(end)].isdigit()]
+            return (
+                str(self._folder / (tiles[0][: len(start)] + "<UDIM>" + tiles[0][len(tiles[0]) - len(end) :])) if tiles else None
+            )
+        found = self._files.get(name.lower())
+        return str(self.place(found)) if found else None
+
+
+def copied(job: dict[str, Any]) -> Path:
+    """The copy of the scene's file that Blender is to open, with those of all .blend files beside it."""
+    folder, copies = Path(job["folder"]).resolve(), Path(job["out"]).resolve() / COPIES
+    came = Came(folder, copies)
+    left = int(job["most_bytes"])
+    for name in dict.fromkeys((job["main"], *came.blends())):
+        target = copies / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            safe_copy(folder / name, target, partial(came.resolve, beside=name), left)
+        except DamagedError as error:
+            if name == job["main"]:
+                raise
+            target.unlink(missing_ok=True)  # what it was to bring is missing, and named
+            print(f"{name} {error}", file=sys.stderr)
+            continue
+        left -= target.stat().st_size
+    return copies / job["main"]
+
+
+def opened(path: Path) -> Any:
+    """bpy, with the file open. Raises DamagedError."""
+    import bpy
+
+    if bpy.app.version[:2] < LEAST:
+        raise DamagedError(f"is opened by Blender {LEAST[0]}.{LEAST[1]} and later, and this worker's is {bpy.app.version_string}")
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.preferences.filepaths.use_scripts_auto_execute = False
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        raise DamagedError(f"cannot be opened by Blender {bpy.app.version_string} ({_reason(error)})") from None
+    return bpy
+
+
+def _reason(error: Exception) -> str:
+    return str(error).strip().splitlines()[0][:300] if str(error).strip() else type(error).__name__
+
+
+def main(job: dict[str, Any]) -> dict[str, Any]:
+    """What is to be said of it."""
+    bpy = opened(copied(job))
+    from .written import write_scene
+
+    notes = write_scene(bpy, Path(job["out"]))
+    return {"main": "blender-scene.yaml", "version": bpy.app.version_string, "notes": len(notes)}
+
+
+def run() -> int:
+    """The command."""
+    arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
+    job = json.loads(Path(arguments[0]).read_text())
+    report: dict[str, Any]
+    try:
+        report = main(job)
+    except DamagedError as error:
+        report = {"error": str(error)}
+    except MemoryError:
+        report = {"error": "needs more memory than this worker grants one scene. Simplify it"}
+    except Exception as error:
+        traceback.print_exc()
+        report = {
+            "error": f"could not be written as a scene ({type(error).__name__}: {_reason(error)}). Export glTF from it instead"
+        }
+    out = Path(job["out"])
+    (out / "report.part").write_text(json.dumps(report))
+    (out / "report.part").rename(out / "report.json")
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)  # Blender's own end takes its time, and may crash
+
+
+if __name__ == "__main__":
+    run()

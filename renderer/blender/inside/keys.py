@@ -1,0 +1,106 @@
+"""Values over the frames, as a scene file has them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Any
+
+__all__ = ["MOST_FRAMES", "frames_of", "is_animated", "keyed", "over_frames", "rounded"]
+
+MOST_FRAMES = 10_000
+ALIKE = 1e-9
+
+
+def rounded(value: Any) -> Any:
+    """Numbers as float32 has them, which is what Blender keeps: eight digits."""
+    if isinstance(value, dict):
+        return {name: rounded(each) for name, each in value.items()}
+    if isinstance(value, str | int) or value is None:
+        return value
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return 0.0
+        short = float(f"{value:.8g}")
+        return short if abs(short) > 1e-12 else 0.0
+    return [rounded(each) for each in value]
+
+
+def is_animated(bpy: Any, scene: Any) -> bool:
+    """Whether anything in the file may move with the frame."""
+    kinds = (
+        "objects",
+        "meshes",
+        "curves",
+        "lights",
+        "cameras",
+        "armatures",
+        "materials",
+        "worlds",
+        "node_groups",
+        "shape_keys",
+        "lattices",
+    )
+    for kind in kinds:
+        for block in getattr(bpy.data, kind, ()):
+            data = block.animation_data
+            if data is not None and (data.action or data.drivers or any(track.strips for track in data.nla_tracks)):
+                return True
+            tree = getattr(block, "node_tree", None)
+            if tree is not None and (data := tree.animation_data) is not None and (data.action or data.drivers):
+                return True
+    if any(thing.rigid_body is not None or thing.particle_systems for thing in scene.objects):
+        return True
+    moving = (
+        "CLOTH",
+        "SOFT_BODY",
+        "WAVE",
+        "OCEAN",
+        "MESH_CACHE",
+        "MESH_SEQUENCE_CACHE",
+        "DYNAMIC_PAINT",
+        "FLUID",
+        "NODES",
+        "BUILD",
+    )
+    if any(modifier.type in moving for thing in scene.objects for modifier in thing.modifiers):
+        return True
+    return any(constraint.type == "FOLLOW_PATH" for thing in scene.objects for constraint in thing.constraints)
+
+
+def frames_of(bpy: Any, scene: Any) -> list[int]:
+    """Those of the scene's range; of one in which nothing moves, the one that it shows."""
+    if not is_animated(bpy, scene):
+        return [scene.frame_current]
+    return list(range(scene.frame_start, min(scene.frame_end, scene.frame_start + MOST_FRAMES - 1) + 1)) or [scene.frame_current]
+
+
+def over_frames(scene: Any, frames: Iterable[int], looks: dict[str, Callable[[], Any]]) -> dict[str, list[Any]]:
+    """What each of some functions says at each of the frames."""
+    found: dict[str, list[Any]] = {name: [] for name in looks}
+    for frame in frames:
+        scene.frame_set(frame)
+        for name, look in looks.items():
+            found[name].append(look())
+    return found
+
+
+def keyed(values: list[Any], frames: list[int], fps: float) -> Any:
+    """A value that stays, or its keys: times are frame / fps. Between two frames that are alike nothing is written."""
+    values = [rounded(value) for value in values]
+    if all(_alike(value, values[0]) for value in values):
+        return values[0]
+    keys = []
+    for i, value in enumerate(values):
+        is_between = 0 < i < len(values) - 1 and _alike(value, values[i - 1]) and _alike(value, values[i + 1])
+        if not is_between:
+            keys.append([frames[i] / fps, value])
+    return {"keys": keys}
+
+
+def _alike(a: Any, b: Any) -> bool:
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(_alike(x, y) for x, y in zip(a, b, strict=True))
+    if isinstance(a, int | float) and isinstance(b, int | float):
+        return abs(a - b) <= ALIKE * max(1.0, abs(a), abs(b))
+    return bool(a == b)

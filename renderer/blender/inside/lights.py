@@ -1,0 +1,145 @@
+"""Lights, as our scene file has them: watts become radiant intensity, irradiance and radiance as Cycles makes them."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import Any
+
+from .cameras import to_ours
+from .keys import keyed
+
+__all__ = ["Lights"]
+
+AREA = 1 / math.pi  # radiance of an area light of one watt and one square metre
+# Where a cone begins to fall off: Cycles' smooth step and glTF's square send out as much.
+FALL = 0.75
+MOST = 1e9
+
+
+class Lights:
+    """The scene's lights: points, spots and suns have no body, area lights are shapes that shine."""
+
+    def __init__(self, bpy: Any, scene: Any, notes: list[str]) -> None:
+        import mathutils
+
+        self._bpy, self._math = bpy, mathutils
+        self._all = sorted((thing for thing in scene.objects if thing.type == "LIGHT"), key=lambda thing: thing.name)
+        self._turns: dict[str, Any] = {}
+        for thing in self._all:
+            _note(thing, notes)
+        if any(thing.data.type == "AREA" for thing in self._all):
+            notes.append("Area lights are surfaces here: the camera sees them, and they cast shadows")
+
+    def looks(self) -> dict[str, Any]:
+        """By name, what says how a light is now."""
+        return {thing.name: partial(self._now, thing) for thing in self._all}
+
+    def written(
+        self, seen: dict[str, list[dict[str, Any]]], frames: list[int], fps: float
+    ) -> tuple[list[Any], dict[str, Any], list[Any]]:
+        """For the scene file, by what was seen at the frames: lights, materials and shapes."""
+        lights, materials, shapes = [], {}, []
+        for thing in self._all:
+            values = seen[thing.name]
+            said: dict[str, Any] = {name: keyed([each[name] for each in values], frames, fps) for name in values[0]}
+            name = thing.name[:200]
+            if thing.data.type != "AREA":
+                lights.append(
+                    {"name": name, "type": {"SUN": "directional", "SPOT": "spot"}.get(thing.data.type, "point"), **said}
+                )
+                continue
+            material = f"light {name}"
+            materials[material] = {"color": 0, "emission": said["emission"]}
+            x, y, z = (
+                said["turn"]
+                if isinstance(said["turn"], list)
+                else ({"keys": [[t, v[i]] for t, v in said["turn"]["keys"]]} for i in range(3))
+            )
+            turns = [{"rotate": {"axis": axis, "degrees": degrees}} for axis, degrees in (("x", x), ("y", y), ("z", z))]
+            kind = "disk" if thing.data.shape in ("DISK", "ELLIPSE") else "quad"
+            transform = [{"scale": said["size"]}, *turns, {"translate": said["place"]}]
+            shapes.append({"type": kind, "name": name, "material": material, "transform": transform})
+        return lights, materials, shapes
+
+    def _now(self, thing: Any) -> dict[str, Any]:
+        graph = self._bpy.context.evaluated_depsgraph_get()
+        lamp = thing.evaluated_get(graph)
+        data, world = lamp.data, lamp.matrix_world
+        watts = [min(c * data.energy, MOST) for c in _color(data)]
+        forward = to_ours((world.to_3x3() @ self._math.Vector((0, 0, -1))).normalized())
+        if data.type == "SUN":
+            return {"intensity": watts, "direction": forward, "angle": min(math.degrees(data.angle), 180.0)}
+        scale = world.to_scale()
+        if data.type == "AREA":
+            return self._area(thing.name, data, world, scale, watts)
+        found = {
+            "intensity": [c / (4 * math.pi) for c in watts],
+            "position": to_ours(world.translation),
+            "radius": data.shadow_soft_size,
+        }
+        if data.type == "SPOT":
+            outer = min(data.spot_size / 2, math.radians(89.9))
+            edge = math.cos(outer)
+            inner = math.acos(min(edge + (1 - edge) * max(data.spot_blend, 1e-3) * FALL, 1.0))
+            found |= {
+                "direction": forward,
+                "outer_cone": math.degrees(outer),
+                "inner_cone": min(math.degrees(inner), math.degrees(outer)),
+            }
+        return found
+
+    def _area(self, name: str, data: Any, world: Any, scale: Any, watts: list[float]) -> dict[str, Any]:
+        has_two = data.shape in ("RECTANGLE", "ELLIPSE")
+        width, height = data.size * abs(scale.x), (data.size_y if has_two else data.size) * abs(scale.y)
+        area = max(width * height * (math.pi / 4 if data.shape in ("DISK", "ELLIPSE") else 1.0), 1e-12)
+        ours = self._math.Matrix(((1, 0, 0), (0, 0, 1), (0, -1, 0)))
+        half_turn = self._math.Matrix(((-1, 0, 0), (0, 1, 0), (0, 0, -1)))  # theirs shine along -Z, ours along +Z
+        turn = (ours @ world.to_quaternion().to_matrix() @ half_turn).to_euler("XYZ")
+        if name in self._turns:
+            turn.make_compatible(self._turns[name])
+        self._turns[name] = turn
+        return {
+            "emission": [min(c * AREA / area, MOST) for c in watts],
+            "size": [width / 2, height / 2, 1.0],
+            "turn": [math.degrees(a) for a in turn],
+            "place": to_ours(world.translation),
+        }
+
+
+def _color(data: Any) -> list[float]:
+    """What a watt is multiplied by: its colour, temperature and exposure, and what its nodes say where they are but numbers."""
+    color = list(data.color)
+    if getattr(data, "use_temperature", False):
+        color = [a * b for a, b in zip(color, data.temperature_color, strict=True)]
+    if (node := _emission(data)) is not None:
+        strength = node.inputs["Strength"].default_value
+        color = [a * b * strength for a, b in zip(color, node.inputs["Color"].default_value, strict=False)]
+    scale = 2.0 ** getattr(data, "exposure", 0.0)
+    return [max(c * scale, 0.0) for c in color]
+
+
+def _emission(data: Any) -> Any:
+    if not data.use_nodes or data.node_tree is None:
+        return None
+    for output in data.node_tree.nodes:
+        if output.type == "OUTPUT_LIGHT" and output.is_active_output and output.inputs["Surface"].links:
+            node = output.inputs["Surface"].links[0].from_node
+            return node if node.type == "EMISSION" else None
+    return None
+
+
+def _note(thing: Any, notes: list[str]) -> None:
+    data, name = thing.data, thing.name
+    if data.use_nodes and data.node_tree is not None:
+        node = _emission(data)
+        if node is None or any(entry.links for entry in node.inputs):
+            notes.append(f"Light {name}: its nodes are not taken over; it shines in its own colour")
+    if data.type == "AREA" and data.spread < math.pi - 1e-3:
+        notes.append(f"Light {name}: its spread is not taken over; it shines to all sides")
+    if not getattr(data, "normalize", True):
+        notes.append(f"Light {name}: its power is taken as that of the whole light, whatever its size")
+    if not getattr(data, "use_shadow", True):
+        notes.append(f"Light {name}: casts shadows here, as all lights do")
+    if getattr(getattr(data, "cycles", None), "is_portal", False):
+        notes.append(f"Light {name}: is a portal, and left dark")

@@ -1,0 +1,85 @@
+"""What of materials glTF cannot say: named, so that nobody looks for it in the picture."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["note_surfaces"]
+
+# What Blender's exporter follows between a texture and a Principled BSDF.
+FOLLOWED = {
+    *("TEX_IMAGE", "MAPPING", "UVMAP", "TEX_COORD", "NORMAL_MAP", "SEPARATE_COLOR", "SEPRGB", "COMBINE_COLOR", "REROUTE", "RGB"),
+    *(
+        "VALUE",
+        "MIX",
+        "MIX_RGB",
+        "MATH",
+        "ATTRIBUTE",
+        "VERTEX_COLOR",
+        "GROUP",
+        "GROUP_INPUT",
+        "GROUP_OUTPUT",
+        "VECT_MATH",
+        "INVERT",
+    ),
+}
+SURFACES = {"BSDF_PRINCIPLED", "EMISSION", "BACKGROUND"}
+UNKNOWN = {
+    "Subsurface Weight": "subsurface scattering",
+    "Thin Film Thickness": "thin film",
+    "Diffuse Roughness": "rough diffuse (Oren-Nayar)",
+}
+MOST_NODES = 10_000
+
+
+def note_surfaces(materials: list[Any], notes: list[str]) -> None:
+    """materials: those that the scene shows."""
+    for material in materials:
+        tree = material.node_tree if material.use_nodes else None
+        output = _output(tree) if tree is not None else None
+        if output is None:
+            continue
+        name = f"Material {material.name}"
+        if output.inputs["Displacement"].links:
+            notes.append(f"{name}: its displacement is not taken over; apply it as a modifier, or bake a normal map")
+        if output.inputs["Volume"].links:
+            notes.append(f"{name}: its volume is not taken over")
+        if not output.inputs["Surface"].links:
+            continue
+        surface = output.inputs["Surface"].links[0].from_node
+        if surface.type not in SURFACES:
+            notes.append(
+                f"{name}: its surface is a {_called(surface)}, of which glTF has the nearest that it knows: use a Principled BSDF"
+            )
+        if surface.type == "BSDF_PRINCIPLED":
+            lost = [words for entry, words in UNKNOWN.items() if _is_used(surface.inputs.get(entry))]
+            if lost:
+                notes.append(f"{name}: {' and '.join(lost)} {'is' if len(lost) == 1 else 'are'} not taken over")
+        odd = sorted({_called(node) for node in _behind(surface) if node.type not in FOLLOWED | SURFACES})
+        if odd and surface.type in SURFACES:
+            notes.append(f"{name}: what {', '.join(odd[:6])} would make of it is not taken over; bake it to an image")
+
+
+def _is_used(entry: Any) -> bool:
+    return entry is not None and (bool(entry.links) or float(entry.default_value) > 0)
+
+
+def _output(tree: Any) -> Any:
+    outputs = [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL" and node.is_active_output]
+    return next((node for node in outputs if node.target in ("ALL", "CYCLES")), outputs[0] if outputs else None)
+
+
+def _called(node: Any) -> str:
+    return str(node.bl_label or node.type)
+
+
+def _behind(node: Any) -> list[Any]:
+    """The nodes that feed one."""
+    found: dict[str, Any] = {}
+    left = [link.from_node for entry in node.inputs for link in entry.links]
+    while left and len(found) < MOST_NODES:
+        each = left.pop()
+        if each.name not in found:
+            found[each.name] = each
+            left += [link.from_node for entry in each.inputs for link in entry.links]
+    return list(found.values())

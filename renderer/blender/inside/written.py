@@ -1,0 +1,164 @@
+"""The open scene, written as our scene file with a GLB beside it: glTF has the meshes and what moves them, our file the rest."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from .cameras import Cameras
+from .keys import frames_of, over_frames
+from .lights import Lights
+from .prepared import prepare
+from .surfaces import note_surfaces
+from .world import write_world
+
+__all__ = ["write_scene"]
+
+MESHES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
+LEFT_OUT = {
+    "VOLUME": "Volumes",
+    "GPENCIL": "Grease pencil drawings",
+    "GREASEPENCIL": "Grease pencil drawings",
+    "CURVES": "Hair curves",
+    "POINTCLOUD": "Point clouds",
+}
+MOST_NOTES = 100
+
+
+def write_scene(bpy: Any, out: Path) -> list[str]:
+    """Writes blender-scene.yaml, and what that names; returns what is not taken over, as it also stands there."""
+    scene = bpy.context.scene
+    notes: list[str] = []
+    _note_missing(bpy, notes)
+    scene.render.fps_base = 1.0  # the exporter's times are frames of whole numbers a second
+    fps = float(scene.render.fps)
+    frames = frames_of(bpy, scene)
+    scene.frame_set(frames[0])
+    shown = prepare(bpy, scene, notes)
+    _note_left_out(shown, notes)
+    solid = [thing for thing in shown if thing.type in MESHES]
+    note_surfaces(_materials(solid), notes)
+
+    cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, notes)
+    seen = over_frames(scene, frames, {**_named("camera", cameras.looks()), **_named("light", lights.looks())})
+    scene.frame_set(frames[0])
+    environment = write_world(bpy, scene, out, notes)
+    lamps, materials, shapes = lights.written(_of("light", seen), frames, fps)
+    if solid:
+        _write_glb(bpy, out / "blender-scene.glb", is_moving=len(frames) > 1)
+        shapes.insert(0, {"type": "mesh", "file": "blender-scene.glb", "name": scene.name[:100]})
+    document: dict[str, Any] = {
+        "name": scene.name[:200],
+        "fps": fps,
+        "settings": _settings(scene),
+        "notes": [note[:400] for note in _short(notes)],
+        "cameras": cameras.written(_of("camera", seen), frames, fps),
+        "environment": environment,
+        "lights": lamps,
+        "materials": materials,
+        "shapes": shapes,
+    }
+    (out / "blender-scene.yaml").write_text(_yaml({name: value for name, value in document.items() if value}))
+    return notes
+
+
+def _yaml(document: dict[str, Any]) -> str:
+    """JSON, which is YAML, with a line for each thing."""
+    parts = []
+    for name, value in document.items():
+        if isinstance(value, list):
+            parts.append(f'"{name}": [\n  ' + ",\n  ".join(json.dumps(each, ensure_ascii=False) for each in value) + "\n]")
+        else:
+            parts.append(f'"{name}": {json.dumps(value, ensure_ascii=False)}')
+    return "{" + ",\n".join(parts) + "}\n"
+
+
+def _write_glb(bpy: Any, path: Path, is_moving: bool) -> None:
+    wanted = {
+        "filepath": str(path),
+        "export_format": "GLB",
+        "use_active_scene": True,
+        "use_renderable": True,
+        "export_cameras": False,
+        "export_lights": False,
+        "export_extras": False,
+        "export_apply": False,  # what is to be applied is applied
+        "export_yup": True,
+        "export_tangents": False,
+        "export_image_format": "AUTO",
+        "export_skins": True,
+        "export_all_influences": True,
+        "export_morph": True,
+        "export_animations": is_moving,
+        "export_animation_mode": "SCENE",
+        "export_anim_scene_split_object": False,
+        "export_frame_range": True,
+        "export_force_sampling": True,
+        "export_optimize_animation_size": True,
+        "export_current_frame": False,
+        "export_gpu_instances": False,
+    }
+    known = set(bpy.ops.export_scene.gltf.get_rna_type().properties.keys())
+    bpy.ops.export_scene.gltf(**{name: value for name, value in wanted.items() if name in known})
+
+
+def _settings(scene: Any) -> dict[str, Any]:
+    render = scene.render
+    part = render.resolution_percentage / 100
+    found: dict[str, Any] = {
+        "width": min(max(round(render.resolution_x * part), 1), 16384),
+        "height": min(max(round(render.resolution_y * part), 1), 16384),
+    }
+    cycles = getattr(scene, "cycles", None)
+    if render.engine == "CYCLES" and cycles is not None:
+        found["max_depth"] = min(cycles.max_bounces + 2, 1024)  # their first bounce is what a camera's hit is lit by
+    if render.use_motion_blur:
+        found["shutter"] = round(min(max(render.motion_blur_shutter, 0.001), 64.0), 6)
+        found["shutter_at"] = "trailing" if getattr(render, "motion_blur_position", "CENTER") == "END" else "centred"
+    return found
+
+
+def _materials(things: list[Any]) -> list[Any]:
+    found = {slot.material.name: slot.material for thing in things for slot in thing.material_slots if slot.material is not None}
+    return [found[name] for name in sorted(found)]
+
+
+def _note_left_out(shown: list[Any], notes: list[str]) -> None:
+    for kind, words in dict(LEFT_OUT).items():
+        names = [thing.name for thing in shown if thing.type == kind]
+        if names:
+            notes.append(f"{words} are not taken over: {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}")
+
+
+def _note_missing(bpy: Any, notes: list[str]) -> None:
+    """Files that did not come along, by their names alone: where they lay is nobody's business."""
+    images = [i for i in bpy.data.images if i.source in ("FILE", "SEQUENCE", "TILED") and i.users and i.packed_file is None]
+    lost = sorted({_bare(i.filepath) for i in images if "missing-files" in i.filepath})
+    if lost:
+        notes.append(
+            f"Missing pictures: {', '.join(lost[:8])}{' ...' if len(lost) > 8 else ''}. Give them with the file, or pack them in "
+            "Blender (File > External Data > Pack Resources)"
+        )
+    links = sorted({_bare(each.filepath) for each in bpy.data.libraries if "missing-files" in each.filepath})
+    if links:
+        notes.append(
+            f"Missing linked files: {', '.join(links[:8])}. Give them with the file, or make what is linked local in Blender "
+            "(Object > Relations > Make Local > All)"
+        )
+
+
+def _bare(path: str) -> str:
+    return path.replace("\\", "/").rsplit("/", 1)[-1]
+
+
+def _short(notes: list[str]) -> list[str]:
+    return notes if len(notes) <= MOST_NOTES else [*notes[:MOST_NOTES], f"{len(notes) - MOST_NOTES} more notes are left out"]
+
+
+def _named(kind: str, looks: dict[str, Any]) -> dict[str, Any]:
+    return {f"{kind} {name}": look for name, look in looks.items()}
+
+
+def _of(kind: str, seen: dict[str, list[Any]]) -> dict[str, list[Any]]:
+    return {name.removeprefix(f"{kind} "): values for name, values in seen.items() if name.startswith(f"{kind} ")}

@@ -1,0 +1,94 @@
+"""Where Blender is: a program, or a Python that has it as a module."""
+
+from __future__ import annotations
+
+import functools
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+from renderer.places import cache_home
+
+__all__ = ["BPY", "NAMED", "Blender", "BlenderError", "environment_python", "find", "look_at"]
+
+NAMED = "RAYFARM_BLENDER"
+BPY = "bpy>=4.5,<4.6"  # a release with long-term support
+LEAST = (4, 2)
+PATIENCE_S = 120.0
+_MODULE = "import importlib.metadata as m, sys; print(m.version('bpy')); print(sys.prefix); print(sys.base_prefix)"
+
+
+class BlenderError(Exception):
+    """Why there is no Blender that can be used, as a sentence that says what to do."""
+
+
+@dataclass(frozen=True)
+class Blender:
+    """What starts it with a script of ours, to which the script's own arguments are added."""
+
+    program: str
+    version: str
+    is_module: bool
+    reads: tuple[str, ...]  # the folders that it needs
+
+    def command(self, script: Path, *arguments: str) -> list[str]:
+        """The whole command."""
+        if self.is_module:
+            return [self.program, "-I", str(script), *arguments]
+        options = ["--background", "--factory-startup", "--disable-autoexec", "--python-exit-code", "3"]
+        return [self.program, *options, "--python", str(script), "--", *arguments]
+
+
+def environment_python() -> Path:
+    """The Python of the environment that `rayfarm worker --blender` makes for Blender."""
+    return cache_home() / "blender" / "bin" / "python"
+
+
+def find() -> Blender | None:
+    """The one that RAYFARM_BLENDER names, else the environment's, else the program on the PATH; None where there is none.
+
+    Raises BlenderError where the one that is named cannot be used.
+    """
+    if named := os.environ.get(NAMED):
+        return look_at(named)
+    for path in (str(environment_python()), shutil.which("blender")):
+        if path is not None and Path(path).exists():
+            try:
+                return look_at(path)
+            except BlenderError:
+                continue
+    return None
+
+
+@functools.cache
+def look_at(path: str) -> Blender:
+    """The Blender at a path: a program's, or that of a Python that has the module. Raises BlenderError."""
+    place = Path(path).expanduser()
+    program = str(place) if place.exists() else shutil.which(path)
+    if program is None:
+        raise BlenderError(f"There is no Blender at {path}. Give the path of its program, or of a Python that has bpy.")
+    is_module = Path(program).name.startswith("python")
+    command = [program, "-I", "-c", _MODULE] if is_module else [program, "--background", "--factory-startup", "--version"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise BlenderError(f"{program} does not start ({error}).") from None
+    lines = done.stdout.strip().splitlines()
+    if done.returncode != 0 or not lines:
+        what = "has no module bpy" if is_module else "is no Blender"
+        raise BlenderError(f"{program} {what}. Give the path of Blender's program, or of a Python that has bpy.")
+    if is_module:
+        version, folders = lines[0], tuple(lines[1:])
+    else:
+        said = next((line for line in lines if line.startswith("Blender ")), "")
+        version, folders = said.removeprefix("Blender ").split(" ")[0], (str(Path(program).resolve().parent),)
+    if _numbers(version) < LEAST:
+        raise BlenderError(f"{program} is Blender {version or '?'}; .blend files are opened by {LEAST[0]}.{LEAST[1]} and later.")
+    return Blender(program, version, is_module, folders)
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    parts = version.split(".")[:2]
+    return tuple(int(part) for part in parts) if all(part.isdigit() for part in parts) and len(parts) == 2 else (0, 0)

@@ -1,0 +1,67 @@
+"""What is worked out as a picture: values over the unit square of UVs, counted from above as ours are."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import Texture, UvTransform
+
+__all__ = ["SIZE", "Grid", "checks", "grid", "looked_up"]
+
+SIZE = 1024
+F64 = npt.NDArray[np.float64]
+
+
+class Grid(NamedTuple):
+    """UVs of the pixels' middles, (SIZE, SIZE) each."""
+
+    u: F64
+    v: F64
+
+    def moved(self, transform: UvTransform) -> tuple[F64, F64]:
+        """The UVs after a texture's transform."""
+        a, b, c, d, e, f = transform
+        return a * self.u + b * self.v + c, d * self.u + e * self.v + f
+
+
+def grid() -> Grid:
+    """All of them."""
+    middles = (np.arange(SIZE) + 0.5) / SIZE
+    u, v = np.meshgrid(middles, middles)
+    return Grid(u, v)
+
+
+def checks(at: Grid, transform: UvTransform) -> npt.NDArray[np.bool_]:
+    """(SIZE, SIZE, 1) where the first of two textures in turn is seen."""
+    u, v = at.moved(transform)
+    odd = (np.floor(u) + np.floor(1 - v)) % 2 != 0
+    return np.asarray(~odd[..., None])
+
+
+def looked_up(texture: Texture, pixels: npt.NDArray[np.float32], at: Grid) -> F64:
+    """(SIZE, SIZE, 3) a texture's colours, bilinear or of the nearest texel."""
+    u, v = at.moved(texture.transform)
+    height, width = pixels.shape[:2]
+    x, y = (_wrapped(each, wrap) for each, wrap in ((u, texture.wrap_s), (v, texture.wrap_t)))
+    if texture.filter == "nearest":
+        return pixels[np.clip((y * height).astype(int), 0, height - 1), np.clip((x * width).astype(int), 0, width - 1)].astype(
+            float
+        )
+    x, y = x * width - 0.5, y * height - 0.5
+    left, above = np.floor(x).astype(int), np.floor(y).astype(int)
+    across, down = (x - left)[..., None], (y - above)[..., None]
+    columns = [_index(left + k, width, texture.wrap_s) for k in (0, 1)]
+    rows = [_index(above + k, height, texture.wrap_t) for k in (0, 1)]
+    upper, lower = (pixels[r, columns[0]] * (1 - across) + pixels[r, columns[1]] * across for r in rows)
+    return np.asarray(upper * (1 - down) + lower * down, float)
+
+
+def _wrapped(values: F64, wrap: str) -> F64:
+    return np.asarray(values - np.floor(values) if wrap == "repeat" else np.clip(values, 0, 1))
+
+
+def _index(index: npt.NDArray[np.int64], size: int, wrap: str) -> npt.NDArray[np.int64]:
+    return index % size if wrap == "repeat" else np.clip(index, 0, size - 1)

@@ -1,0 +1,157 @@
+"""Cameras, and the settings that the film, the sampler and the integrator ask for."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import SettingsError
+from renderer.scene.description import Camera, SceneDescription, Vec3
+from renderer.scene.matrices import Matrix
+from renderer.scene.readers.pbrt.notes import Notes
+from renderer.scene.readers.pbrt.parameters import Parameters
+from renderer.settings import MAX_DEPTH, MAX_SIZE, MAX_SPP, View
+
+__all__ = ["MIRROR", "add_camera", "exposure_of", "mirrors", "set_film", "set_filter", "set_integrator", "set_sampler"]
+
+MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
+_FILM = (1280, 720)
+_FAR = 1e6
+_FILTERS = {"box": "box", "triangle": "tent"}
+_UNSAID = ("filename", "savefp16", "diagonal", "coordinatesystem", "buckets", "nbuckets", "lambdamin", "lambdamax")
+
+
+def mirrors(source: Parameters | None, to_world: Matrix) -> bool:
+    """Whether the scene is mirrored, so that a camera of a right-handed world shows the same picture."""
+    axes = to_world[:3, :3]
+    is_left_handed = float((axes[:, 0] * np.cross(axes[:, 1], axes[:, 2])).sum()) > 0
+    # A spherical camera's picture runs the other way round.
+    return is_left_handed != (source is not None and source.type == "spherical")
+
+
+def exposure_of(camera: Parameters | None, film: Parameters | None) -> float:
+    """What the film multiplies all light by: by its speed, and by how long the shutter is open."""
+    seconds = camera.number("shutterclose", 1.0) - camera.number("shutteropen", 0.0) if camera is not None else 1.0
+    speed = film.number("iso", 100.0) if film is not None else 100.0
+    found = abs(seconds) * speed / 100
+    if not 0 < found < 1e9:
+        raise (film or camera).place.wrong(  # type: ignore[union-attr]
+            f"the film sees {found:g} times the light: give an iso above 0, and a shutterclose after shutteropen"
+        )
+    return found
+
+
+def set_film(source: Parameters, description: SceneDescription, notes: Notes) -> None:
+    """The size of the picture."""
+    for key, name, default in (("width", "xresolution", _FILM[0]), ("height", "yresolution", _FILM[1])):
+        size = source.integer(name, default)
+        if size < 1:
+            raise source.place.wrong(f"{name} is {size}; it is at least 1")
+        description.defaults[key] = min(size, MAX_SIZE)
+    for name in ("cropwindow", "pixelbounds"):
+        if source.get(name) is not None:
+            notes.add(source.place, f"{name} of the film is not taken over: the whole picture is rendered")
+    sensor = source.text("sensor", "cie1931")
+    if sensor != "cie1931":
+        notes.add(source.place, f"The film sees as the CIE's observer, and not as the sensor {sensor[:40]!r}")
+    if source.number("whitebalance", 0.0) > 0:
+        notes.add(source.place, "whitebalance of the film is not taken over: colours are as the light makes them")
+    source.used.update(_UNSAID)
+
+
+def set_sampler(source: Parameters, description: SceneDescription) -> None:
+    """How many samples a pixel has."""
+    count = source.integer("pixelsamples", 16)
+    if source.type == "stratified":
+        count = source.integer("xsamples", 4) * source.integer("ysamples", 4)
+    description.defaults["spp"] = min(max(count, 1), MAX_SPP)
+    source.used.update(source.values)
+
+
+def set_filter(source: Parameters, description: SceneDescription) -> None:
+    """How wide a pixel looks; pbrt's Gaussian is much as ours of Blackman and Harris."""
+    description.defaults["filter"] = _FILTERS.get(source.type, "blackman-harris")
+    source.used.update(source.values)
+
+
+def set_integrator(source: Parameters, description: SceneDescription, notes: Notes) -> None:
+    """How light is followed; pbrt counts bounces, ours the path's segments."""
+    if source.type == "ao":
+        description.defaults["integrator"] = "ao"
+        distance = source.number("maxdistance", math.inf)
+        if 0 < distance < 1e15:
+            description.defaults["ao_distance"] = distance
+        return
+    if source.type not in ("path", "volpath", "simplepath", "simplevolpath", "randomwalk"):
+        notes.add(source.place, f"{source}: rendered by path tracing")
+    if source.flag("regularize", False):
+        notes.add(source.place, "regularize of the integrator is not taken over: nothing is made rougher")
+    description.defaults["max_depth"] = min(max(source.integer("maxdepth", 5) + 1, 1), MAX_DEPTH)
+    source.used.update(source.values)
+
+
+def add_camera(source: Parameters, to_world: Matrix, description: SceneDescription, notes: Notes) -> None:
+    """The camera. to_world: (4, 4), of its own space, in which it looks along +Z, with +Y up."""
+    width, height = (description.defaults.get(key, size) for key, size in zip(("width", "height"), _FILM, strict=True))
+    right, up, forward, eye = (to_world[:3, k] for k in range(4))
+    fields: dict[str, Any] = {"eye": _vec(eye), "target": _vec(eye + _unit(forward)), "up": _vec(_unit(up))}
+    axis = int(np.argmax(np.abs(up)))
+    description.up = _vec(np.sign(up[axis]) * np.eye(3)[axis])  # the world's axis that is most so
+    _, _, low, high = _window(source, width / height, notes)
+    source.used.update(("shutteropen", "shutterclose"))
+    if source.type == "orthographic":
+        tall = (high - low) * float(np.linalg.norm(up))
+        if source.number("lensradius", 0.0) > 0:
+            notes.add(source.place, "An orthographic camera is sharp everywhere here")
+        source.used.add("focaldistance")
+        fields |= {"projection": "orthographic", "height": tall}
+    elif source.type == "spherical":
+        if source.text("mapping", "equalarea") != "equirectangular":
+            notes.add(source.place, "A spherical camera's picture is equirectangular here, and not of equal area")
+        fields |= {"projection": "panorama", "target": _vec(eye - _unit(right))}
+    else:
+        fov = source.number("fov", 90.0)
+        if source.type != "perspective":
+            notes.add(source.place, f"{source} is rendered as a perspective camera of 40 degrees; its lenses are not followed")
+            source.used.update(source.values)
+            fov = 40.0
+        half = math.tan(math.radians(min(max(fov, 1e-3), 179.0)) / 2) * (high - low) / 2
+        fields["fov"] = min(max(math.degrees(2 * math.atan(half)), 0.01), 179.0)
+        lens = source.number("lensradius", 0.0) * float(np.linalg.norm(right))
+        focus = source.number("focaldistance", _FAR) * float(np.linalg.norm(forward))
+        if lens > 0 and focus > 0:
+            fields |= {"aperture": lens, "focus": focus}
+    try:
+        description.cameras.append(Camera(source.type, View(**fields)))
+    except SettingsError as error:
+        notes.add(source.place, f"{source} sees nothing here: {error}")
+
+
+def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, float, float, float]:
+    """What of the plane before the camera is seen: left, right, low, high."""
+    frame = source.number("frameaspectratio", ratio)
+    if not frame > 0:
+        raise source.place.wrong(f"frameaspectratio of {source} is {frame:g}; it is above 0")
+    window = (-frame, frame, -1.0, 1.0) if frame > 1 else (-1.0, 1.0, -1 / frame, 1 / frame)
+    said = source.numbers("screenwindow", "float")
+    if said is not None:
+        if len(said) != 4 or not said[0] < said[1] or not said[2] < said[3]:
+            raise source.place.wrong("screenwindow takes four numbers: left, right, low and high")
+        window = (float(said[0]), float(said[1]), float(said[2]), float(said[3]))
+    left, right, low, high = window
+    if abs(left + right) > 1e-4 * (right - left) or abs(low + high) > 1e-4 * (high - low):
+        notes.add(source.place, "screenwindow is not about the middle: the picture's middle is the line of sight here")
+    if abs((right - left) / (high - low) / ratio - 1) > 1e-3:
+        notes.add(source.place, "The picture's shape is not that of screenwindow or frameaspectratio: it is not stretched here")
+    return window
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-300))
+
+
+def _vec(vector: np.ndarray) -> Vec3:
+    x, y, z = (float(v) for v in vector)
+    return x, y, z

@@ -1,0 +1,68 @@
+"""Metals: the index of refraction eta + i k at red, green and blue, by which head on as much is reflected as of the spectrum."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import Vec3
+from renderer.scene.readers.pbrt.named import METALS
+from renderer.scene.readers.pbrt.parameters import Parameters, text_of
+from renderer.scene.readers.pbrt.spectra import WEIGHTS, Colors
+
+__all__ = ["head_on", "index_of", "of_reflectance"]
+
+F64 = npt.NDArray[np.float64]
+_BRIGHTEST = 0.9999  # pbrt's
+_BRIGHTEST_METAL = 0.998
+
+
+def index_of(source: Parameters, colors: Colors, prefix: str = "") -> tuple[Vec3, Vec3]:
+    """eta and k of a conductor; copper where it does not say."""
+    eta, k = source.get(f"{prefix}eta", "spectrum", "rgb", "float"), source.get(f"{prefix}k", "spectrum", "rgb", "float")
+    names = [text_of(each) if each is not None else "" for each in (eta, k)]
+    if eta is None and k is None:
+        names = ["metal-Cu-eta", "metal-Cu-k"]
+    metals = [_metal(name, part) for name, part in zip(names, ("eta", "k"), strict=True)]
+    if metals[0] is not None and metals[0] == metals[1]:
+        return METALS[metals[0]]
+    if eta is not None and k is not None and {eta.type, k.type} == {"spectrum"} and not any(metals):
+        return _matched(colors.spectrum(eta), colors.spectrum(k))
+    found = []
+    for part, metal, parameter in zip((0, 1), metals, (eta, k), strict=True):
+        if metal is not None or parameter is None:
+            found.append(METALS[metal or "Cu"][part])
+        else:
+            found.append(colors.numbers(parameter))
+    return found[0], found[1]
+
+
+def _metal(name: str, part: str) -> str | None:
+    middle = name.removeprefix("metal-").removesuffix(f"-{part}")
+    return middle if name == f"metal-{middle}-{part}" and middle in METALS else None
+
+
+def _matched(eta: F64, k: F64) -> tuple[Vec3, Vec3]:
+    mean = np.maximum(WEIGHTS @ eta, 1e-3)
+    wanted = np.clip(WEIGHTS @ head_on(eta, k), 0.0, _BRIGHTEST_METAL)  # gold is redder than Rec.709's red
+    square = (wanted * (mean + 1) ** 2 - (mean - 1) ** 2) / (1 - wanted)
+    # Where no k reflects so little, it is the index.
+    root = np.sqrt(wanted)
+    mean = np.where(square < 0, (1 + root) / (1 - root), mean)
+    return _vec(mean), _vec(np.sqrt(np.maximum(square, 0)))
+
+
+def head_on(eta: F64, k: F64) -> F64:
+    """What is reflected at normal incidence."""
+    return np.asarray(((eta - 1) ** 2 + k * k) / ((eta + 1) ** 2 + k * k))
+
+
+def of_reflectance(rgb: Vec3) -> tuple[Vec3, Vec3]:
+    """An index of 1 with the k by which head on so much is reflected: pbrt's rule."""
+    values = np.clip(np.array(rgb), 0.0, _BRIGHTEST)
+    return (1.0, 1.0, 1.0), _vec(2 * np.sqrt(values) / np.sqrt(1 - values))
+
+
+def _vec(values: F64) -> Vec3:
+    r, g, b = (float(v) for v in values)
+    return r, g, b

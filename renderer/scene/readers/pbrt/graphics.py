@@ -1,0 +1,387 @@
+"""What statements change, and what they make."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import PurePosixPath
+
+import numpy as np
+
+from renderer.scene.animation import Moment
+from renderer.scene.description import SceneDescription
+from renderer.scene.files import SceneFiles
+from renderer.scene.matrices import Matrix, product
+from renderer.scene.readers.pbrt import cameras, transforms
+from renderer.scene.readers.pbrt.lights import Lights
+from renderer.scene.readers.pbrt.materials import Materials
+from renderer.scene.readers.pbrt.notes import Notes, Place
+from renderer.scene.readers.pbrt.parameters import Parameter, Parameters
+from renderer.scene.readers.pbrt.shapes import Looks, Shapes
+from renderer.scene.readers.pbrt.spectra import SPACES, Colors
+from renderer.scene.readers.pbrt.statements import MAX_DEPTH, Statement, Statements
+from renderer.scene.readers.pbrt.textures import Textures
+from renderer.scene.readers.pbrt.transforms import Ctm
+
+__all__ = ["Graphics"]
+
+_MOST_STATES = 1_000  # blocks within each other
+_LEAST_SECONDS = 1e-4
+_DIRECTIVES = (
+    *(
+        "Include",
+        "Import",
+        "Identity",
+        "Translate",
+        "Scale",
+        "Rotate",
+        "LookAt",
+        "Transform",
+        "ConcatTransform",
+        "CoordinateSystem",
+    ),
+    *("CoordSysTransform", "ActiveTransform", "StartTime", "EndTime", "All", "TransformTimes", "ReverseOrientation", "Attribute"),
+    *("AttributeBegin", "AttributeEnd", "TransformBegin", "TransformEnd", "ObjectBegin", "ObjectEnd", "ObjectInstance"),
+    *("WorldBegin", "Camera", "Film", "Integrator", "Sampler", "PixelFilter", "ColorSpace", "Accelerator", "Option", "Material"),
+    *("MakeNamedMaterial", "NamedMaterial", "Texture", "LightSource", "AreaLightSource", "Shape", "MakeNamedMedium"),
+    "MediumInterface",
+)
+_MEDIA = "Media are not rendered: the scene is as in clear air"
+
+
+@dataclass
+class _State:
+    """What AttributeBegin saves."""
+
+    ctm: Ctm = field(default_factory=lambda: (np.eye(4),) * 2)
+    active: tuple[bool, bool] = (True, True)
+    reverse: bool = False
+    material: Parameters | None = None
+    area: Parameters | None = None
+    space: str = "srgb"
+    attributes: dict[str, dict[str, Parameter]] = field(default_factory=dict)
+
+
+class Graphics:
+    """Carries statements out. Raises SceneError, with a line, where one cannot be."""
+
+    def __init__(self, files: SceneFiles, description: SceneDescription, moment: Moment, notes: Notes) -> None:
+        self._files, self._description, self._moment, self._notes = files, description, moment, notes
+        self._statements = Statements(files)
+        self._textures = Textures(files, Colors(files, notes), notes, description)
+        self._materials = Materials(self._textures, description, notes)
+        self._lights = Lights(files, self._textures, description, notes)
+        self._shapes: Shapes | None = None
+        self._state, self._saved = _State(), list[tuple[str, _State]]()
+        self._named: dict[str, Ctm] = {}
+        self._world: Ctm = self._state.ctm
+        self._times = 0.0, 1.0
+        self._camera: tuple[Parameters, Ctm] | None = None
+        self._film: Parameters | None = None
+        self._all: list[Parameters] = []
+        self._depth = 0
+        self._outer = np.eye(4)
+        self._do: dict[str, Callable[[Statement], None]] = {name: getattr(self, _method(name)) for name in _DIRECTIVES}
+
+    def run(self, name: str) -> None:
+        """Carries out a file's statements."""
+        for statement in self._statements.of(name, self._depth):
+            do = self._do.get(statement.directive)
+            if do is None:
+                raise statement.place.wrong(
+                    f"{statement.directive[:40]!r} is no directive of pbrt-v4; an older scene becomes one by `pbrt --upgrade`"
+                )
+            do(statement)
+
+    def end(self, main: str) -> None:
+        """All is said. Raises SceneError where a block is open, or the world never began."""
+        if self._shapes is None:
+            raise Place(PurePosixPath(main).name, 1).wrong(
+                "has no WorldBegin: nothing is in its world; give the scene's main file"
+            )
+        if self._saved:
+            raise Place(PurePosixPath(main).name, 1).wrong(f"{self._saved[-1][0]} has no end to it; close it")
+        self._shapes.flush()
+        for each in self._all:
+            each.say_unused(self._notes)
+
+    # Files
+
+    def _on_include(self, statement: Statement) -> None:
+        wanted = self._name(statement)
+        found = self._files.find(wanted, statement.place.file)
+        if found is None:
+            raise statement.place.wrong(f"includes {PurePosixPath(wanted).name[:120]!r}, which is not among the files; add it")
+        if self._depth >= MAX_DEPTH:
+            raise statement.place.wrong(f"files include each other {MAX_DEPTH} deep; take one out of the circle")
+        self._depth += 1
+        self.run(found)
+        self._depth -= 1
+
+    def _on_import(self, statement: Statement) -> None:
+        state = replace(self._state)
+        self._on_include(statement)
+        self._state = state
+
+    # Transformations
+
+    def _numbers(self, statement: Statement, count: int) -> Matrix:
+        found = [each for each in statement.arguments if isinstance(each, np.ndarray)]
+        numbers = np.concatenate(found) if found else np.zeros(0)
+        if len(found) != len(statement.arguments) or len(numbers) != count:
+            raise statement.place.wrong(f"{statement.directive} takes {count} number{'s' if count > 1 else ''}")
+        return numbers
+
+    def _apply(self, matrix: Matrix, replaces: bool = False) -> None:
+        """To the transformations that are active."""
+        old = self._state.ctm
+        first, last = (
+            (matrix if replaces else product(each, matrix)) if active else each
+            for each, active in zip(old, self._state.active, strict=True)
+        )
+        same = old[0] is old[1] and all(self._state.active)
+        self._state.ctm = (first, first if same or np.array_equal(first, last) else last)
+
+    def _on_identity(self, statement: Statement) -> None:
+        self._apply(np.eye(4), replaces=True)
+
+    def _on_translate(self, statement: Statement) -> None:
+        self._apply(transforms.translation(self._numbers(statement, 3)))
+
+    def _on_scale(self, statement: Statement) -> None:
+        self._apply(transforms.scaling(self._numbers(statement, 3), statement.place))
+
+    def _on_rotate(self, statement: Statement) -> None:
+        degrees, *axis = self._numbers(statement, 4)
+        self._apply(transforms.rotation(float(degrees), np.array(axis), statement.place))
+
+    def _on_look_at(self, statement: Statement) -> None:
+        self._apply(transforms.look_at(self._numbers(statement, 9), statement.place))
+
+    def _on_transform(self, statement: Statement) -> None:
+        self._apply(transforms.matrix(self._numbers(statement, 16)), replaces=True)
+
+    def _on_concat_transform(self, statement: Statement) -> None:
+        self._apply(transforms.matrix(self._numbers(statement, 16)))
+
+    def _on_coordinate_system(self, statement: Statement) -> None:
+        self._named[self._name(statement)] = self._state.ctm
+
+    def _on_coord_sys_transform(self, statement: Statement) -> None:
+        name = self._name(statement)
+        if name not in self._named:
+            raise statement.place.wrong(f"there is no coordinate system {name[:60]!r}; CoordinateSystem names one before")
+        self._state.ctm = self._named[name]
+
+    def _on_active_transform(self, statement: Statement) -> None:
+        """Its word stands without quotes, and so is a directive of its own."""
+
+    def _on_start_time(self, statement: Statement) -> None:
+        self._state.active = (True, False)
+
+    def _on_end_time(self, statement: Statement) -> None:
+        self._state.active = (False, True)
+
+    def _on_all(self, statement: Statement) -> None:
+        self._state.active = (True, True)
+
+    def _on_transform_times(self, statement: Statement) -> None:
+        start, end = (float(v) for v in self._numbers(statement, 2))
+        if not start < end:
+            raise statement.place.wrong("TransformTimes takes a time and a later one")
+        self._times = start, end
+
+    # Blocks
+
+    def _save(self, statement: Statement) -> None:
+        if len(self._saved) >= _MOST_STATES:
+            raise statement.place.wrong(f"blocks are nested more than {_MOST_STATES} deep; close some")
+        self._saved.append((statement.directive, replace(self._state)))
+
+    def _restore(self, statement: Statement, opened: str) -> _State:
+        if not self._saved or self._saved[-1][0] != opened:
+            raise statement.place.wrong(f"{statement.directive} has no {opened} that it could end")
+        return self._saved.pop()[1]
+
+    def _on_attribute_begin(self, statement: Statement) -> None:
+        self._save(statement)
+
+    def _on_attribute_end(self, statement: Statement) -> None:
+        self._state = self._restore(statement, "AttributeBegin")
+
+    def _on_transform_begin(self, statement: Statement) -> None:
+        self._save(statement)
+
+    def _on_transform_end(self, statement: Statement) -> None:
+        found = self._restore(statement, "TransformBegin")
+        self._state = replace(self._state, ctm=found.ctm, active=found.active)
+
+    def _on_object_begin(self, statement: Statement) -> None:
+        shapes = self._in_world(statement)
+        if shapes.in_object:
+            raise statement.place.wrong("an object cannot stand in another; end the first one before")
+        self._save(statement)
+        shapes.begin(self._name(statement))
+
+    def _on_object_end(self, statement: Statement) -> None:
+        self._state = self._restore(statement, "ObjectBegin")
+        self._in_world(statement).end()
+
+    def _on_object_instance(self, statement: Statement) -> None:
+        shapes = self._in_world(statement)
+        if shapes.in_object:
+            raise statement.place.wrong("an object cannot be shown within another")
+        shapes.instance(self._name(statement), self._state.ctm, statement.place)
+
+    def _on_attribute(self, statement: Statement) -> None:
+        (target,), found = Parameters.of("Attribute", statement, 1, self._state.space)
+        known = dict(self._state.attributes)
+        known[target] = known.get(target, {}) | found.values
+        self._state.attributes = known
+
+    def _on_reverse_orientation(self, statement: Statement) -> None:
+        self._state.reverse = not self._state.reverse
+
+    def _on_color_space(self, statement: Statement) -> None:
+        name = self._name(statement)
+        if name not in SPACES:
+            raise statement.place.wrong(f"{name[:40]!r} is no colour space of pbrt's; they are {', '.join(SPACES)}")
+        self._state.space = name
+
+    # Before the world
+
+    def _on_camera(self, statement: Statement) -> None:
+        source = self._kept(statement, "camera")
+        self._camera = source, self._state.ctm
+        back = [transforms.inverse(each, statement.place) for each in self._state.ctm]
+        self._named["camera"] = (back[0], back[0] if self._state.ctm[0] is self._state.ctm[1] else back[1])
+
+    def _on_film(self, statement: Statement) -> None:
+        self._film = self._kept(statement, "film")
+        cameras.set_film(self._film, self._description, self._notes)
+
+    def _on_integrator(self, statement: Statement) -> None:
+        cameras.set_integrator(self._kept(statement, "integrator"), self._description, self._notes)
+
+    def _on_sampler(self, statement: Statement) -> None:
+        cameras.set_sampler(self._kept(statement, "sampler"), self._description)
+
+    def _on_pixel_filter(self, statement: Statement) -> None:
+        cameras.set_filter(self._kept(statement, "filter"), self._description)
+
+    def _on_accelerator(self, statement: Statement) -> None:
+        """Trees are ours."""
+
+    def _on_option(self, statement: Statement) -> None:
+        """Options are of pbrt's running, not of the scene."""
+
+    def _on_world_begin(self, statement: Statement) -> None:
+        if self._shapes is not None:
+            raise statement.place.wrong("the world has begun before; take this WorldBegin out")
+        description = self._description
+        source = self._camera[0] if self._camera else None
+        self._lights.exposure = cameras.exposure_of(source, self._film)
+        opens, closes = (
+            sorted((source.number("shutteropen", 0.0), source.number("shutterclose", 1.0))) if source is not None else (0.0, 1.0)
+        )
+        description.fps = min(max(1 / max(closes - opens, _LEAST_SECONDS), 1e-3), 1e4)
+        seconds = (opens + closes) / 2 + self._moment.seconds(description.fps)
+        share = (seconds - self._times[0]) / (self._times[1] - self._times[0])
+        to_world, outer = np.eye(4), np.eye(4)
+        if self._camera is not None:
+            to_world = transforms.between(self._named["camera"], share)
+            description.moves |= self._named["camera"][0] is not self._named["camera"][1]
+        for key, size in (("width", 1280), ("height", 720)):
+            description.defaults.setdefault(key, size)
+        description.defaults.setdefault("spp", 16)
+        description.defaults.setdefault("max_depth", 6)
+        if cameras.mirrors(source, to_world):
+            outer = cameras.MIRROR
+        if self._camera is not None:
+            cameras.add_camera(self._camera[0], product(outer, to_world), description, self._notes)
+        self._outer = outer
+        self._shapes = Shapes(self._files, self._materials, self._lights, self._textures, description, self._notes, outer, share)
+        self._state.ctm, self._state.active = (np.eye(4),) * 2, (True, True)
+        self._named["world"] = self._state.ctm
+
+    # The world
+
+    def _on_material(self, statement: Statement) -> None:
+        self._state.material = self._kept(statement, "material")
+
+    def _on_make_named_material(self, statement: Statement) -> None:
+        (name,), found = Parameters.of("material", statement, 1, self._state.space)
+        found.type = found.text("type")
+        found.defaults = self._state.attributes.get("material", {})
+        self._all.append(found)
+        self._materials.named[name] = found
+
+    def _on_named_material(self, statement: Statement) -> None:
+        name = self._name(statement)
+        if name not in self._materials.named:
+            raise statement.place.wrong(f"there is no material {name[:60]!r}; MakeNamedMaterial names one before it is used")
+        self._state.material = self._materials.named[name]
+
+    def _on_texture(self, statement: Statement) -> None:
+        (name, kind, _), found = Parameters.of("texture", statement, 3, self._state.space)
+        if kind not in ("float", "spectrum", "color"):
+            raise statement.place.wrong(f"a texture is of floats or of spectra, and not of {kind[:40]!r}")
+        found.defaults = self._state.attributes.get("texture", {})
+        self._all.append(found)
+        self._textures.define(name, kind, found)
+
+    def _on_light_source(self, statement: Statement) -> None:
+        self._in_world(statement)
+        source = self._parameters(statement, "light")
+        ctm = self._state.ctm
+        if ctm[0] is not ctm[1]:
+            self._notes.add(statement.place, "A light that moves stands still, as in pbrt")
+        self._lights.add(source, product(self._outer, ctm[0]))
+        source.say_unused(self._notes)
+
+    def _on_area_light_source(self, statement: Statement) -> None:
+        self._state.area = self._kept(statement, "light")
+
+    def _on_shape(self, statement: Statement) -> None:
+        shapes = self._in_world(statement)
+        state = self._state
+        source = self._parameters(statement, "shape")
+        shapes.add(source, Looks(state.ctm, state.material, state.area, state.reverse))
+        source.say_unused(self._notes)
+
+    def _on_make_named_medium(self, statement: Statement) -> None:
+        self._notes.add(statement.place, _MEDIA)
+
+    def _on_medium_interface(self, statement: Statement) -> None:
+        if any(each for each in statement.arguments if isinstance(each, str) and each):
+            self._notes.add(statement.place, _MEDIA)
+
+    # Helpers
+
+    def _in_world(self, statement: Statement) -> Shapes:
+        if self._shapes is None:
+            raise statement.place.wrong(f"{statement.directive} stands before WorldBegin; put it behind that")
+        return self._shapes
+
+    def _name(self, statement: Statement) -> str:
+        first = statement.arguments[0] if statement.arguments else ""
+        name = first if isinstance(first, str) else first[0] if isinstance(first, tuple) and first else ""
+        if not isinstance(name, str) or not name:
+            raise statement.place.wrong(f"{statement.directive} takes a name in quotes")
+        return name
+
+    def _parameters(self, statement: Statement, what: str) -> Parameters:
+        _, found = Parameters.of(what, statement, 1, self._state.space)
+        found.defaults = self._state.attributes.get(what, {})
+        return found
+
+    def _kept(self, statement: Statement, what: str) -> Parameters:
+        """The same of what is looked at later."""
+        found = self._parameters(statement, what)
+        self._all.append(found)
+        return found
+
+
+def _method(directive: str) -> str:
+    return "_on_" + re.sub(r"(?<!^)(?=[A-Z])", "_", directive).lower()

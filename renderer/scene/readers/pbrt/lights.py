@@ -1,0 +1,230 @@
+"""Lights without a body, light from all around, and what surfaces shine with.
+
+pbrt scales each light's spectrum to a luminance of 1 before its scale, power or illuminance is taken; an rgb is so as it stands.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.scene.description import Environment, Image, Light, SceneDescription, Vec3
+from renderer.scene.files import SceneFiles
+from renderer.scene.matrices import Matrix, product
+from renderer.scene.readers.pbrt.equal_area import equirectangular
+from renderer.scene.readers.pbrt.materials import Emission
+from renderer.scene.readers.pbrt.notes import Notes
+from renderer.scene.readers.pbrt.parameters import Parameters
+from renderer.scene.readers.pbrt.spectra import luminance
+from renderer.scene.readers.pbrt.textures import Textures, linear
+
+__all__ = ["Lights"]
+
+_MOST = 1e9
+_MOST_LIGHTS = 1_000_000
+_BETWEEN_CONES = "Between its cones a spot light falls off a little otherwise than pbrt's, with as many watts in all"
+
+
+class Lights:
+    """Adds lights to a description. exposure: of the film, which all light is multiplied by."""
+
+    def __init__(self, files: SceneFiles, textures: Textures, description: SceneDescription, notes: Notes) -> None:
+        self._files, self._textures, self._description, self._notes = files, textures, description, notes
+        self.exposure = 1.0
+
+    def add(self, source: Parameters, world: Matrix) -> None:
+        """A light of the scene. world: (4, 4), of its own space."""
+        place = source.place
+        if len(self._description.lights) >= _MOST_LIGHTS:
+            raise place.wrong(f"there are more than {_MOST_LIGHTS} lights; leave some out")
+        if source.type == "infinite":
+            self._infinite(source, world)
+        elif source.type == "distant":
+            start, end = source.vector("from", (0.0, 0.0, 0.0)), source.vector("to", (0.0, 0.0, 1.0))
+            towards = product(world[:3, :3], (np.array(end) - np.array(start))[:, None])[:, 0]
+            scale = source.number("scale", 1.0)
+            illuminance = source.number("illuminance", -1.0)
+            rgb = self._times(self._color(source, "L"), scale * (illuminance if illuminance > 0 else 1.0))
+            self._description.lights.append(Light("directional", rgb, direction=_unit(towards), name="distant"))
+        elif source.type in ("point", "goniometric"):
+            scale = source.number("scale", 1.0) * self._goniometric(source)
+            power = source.number("power", -1.0)
+            rgb = self._times(self._color(source, "I"), power / (4 * math.pi) * scale if power > 0 else scale)
+            at = self._at(source.vector("from", (0.0, 0.0, 0.0)), world)
+            self._description.lights.append(Light("point", rgb, at, name=source.type))
+        elif source.type == "spot":
+            self._spot(source, world)
+        else:
+            source.used.update(source.values)
+            self._notes.add(place, f"{source} is no light that is read: it is left out")
+
+    def shines(self, source: Parameters, areas: np.ndarray) -> Emission:
+        """What a surface shines with. areas: (n,) of the parts that pbrt takes for a light each, for lights of a power."""
+        if source.type != "diffuse":
+            self._notes.add(source.place, f"{source} is no light that is read: its surface does not shine")
+            return Emission()
+        both = source.flag("twosided", False)
+        factor = source.number("scale", 1.0)
+        texture, mean = None, 1.0
+        if source.text("filename"):
+            texture = self._picture(source)
+            if texture is not None:
+                mean = luminance(self._mean(texture))
+        power = source.number("power", -1.0)
+        if power > 0:
+            spread = float(areas.sum())
+            if not spread > 0:
+                return Emission()
+            if len(areas) > 1 and areas.max() > 1.01 * areas.min():
+                self._notes.add(
+                    source.place, "A light of a power has it for each of its triangles; they shine evenly here, with as much"
+                )
+            factor *= power * len(areas) / (math.pi * spread * (2 if both else 1) * max(mean, 1e-9))
+        rgb = self._times(self._color(source, "L"), factor)
+        return Emission(rgb, texture, both)
+
+    def _picture(self, source: Parameters) -> int | None:
+        name = self._files.find(source.text("filename"), source.place.file)
+        if name is None:
+            self._textures.shelf.missing(source.text("filename"), str(source.place))
+            return None
+        return self._textures.shelf.texture(self._textures.shelf.image_file(name), "clamp", "clamp")
+
+    def _mean(self, texture: int) -> Vec3:
+        r, g, b = (float(v) for v in linear(self._textures.shelf.image_of(texture)).reshape(-1, 3).mean(axis=0))
+        return r, g, b
+
+    def _color(self, source: Parameters, name: str) -> Vec3:
+        return self._textures.colors.light(source.color(name))
+
+    def _times(self, rgb: Vec3, factor: float) -> Vec3:
+        r, g, b = (min(max(v * factor * self.exposure, 0.0), _MOST) for v in rgb)
+        return r, g, b
+
+    @staticmethod
+    def _at(point: Vec3, world: Matrix) -> Vec3:
+        x, y, z = (float(v) for v in product(world, np.array([*point, 1.0])[:, None])[:3, 0])
+        return x, y, z
+
+    def _goniometric(self, source: Parameters) -> float:
+        if source.type == "point":
+            return 1.0
+        self._notes.add(source.place, "A goniometric light shines evenly here, with as many watts as its picture has")
+        name = self._files.find(source.text("filename"), source.place.file)
+        image = None if name is None else self._textures.shelf.image_file(name)
+        if image is None or source.number("power", -1.0) > 0:
+            return 1.0
+        return float(linear(self._description.images[image]).mean())
+
+    def _spot(self, source: Parameters, world: Matrix) -> None:
+        outer = min(max(source.number("coneangle", 30.0), 0.01), 180.0)
+        inner = min(max(outer - source.number("conedeltaangle", 5.0), 0.0), outer)
+        end, start = math.cos(math.radians(outer)), math.cos(math.radians(inner))
+        scale, power = source.number("scale", 1.0), source.number("power", -1.0)
+        if power > 0:
+            scale *= power / (2 * math.pi * ((1 - start) + (start - end) / 2))
+        if start - end > 1e-6:
+            self._notes.add(source.place, _BETWEEN_CONES)
+        # glTF's falloff is a square, pbrt's a smooth step: moved by a sixth of its width, it lets as much through.
+        shift = (start - end) / 6
+        cones = [math.degrees(math.acos(min(max(cosine - shift, -1.0), 1.0))) for cosine in (start, end)]
+        first, last = np.array(source.vector("from", (0.0, 0.0, 0.0))), np.array(source.vector("to", (0.0, 0.0, 1.0)))
+        towards = product(world[:3, :3], (last - first)[:, None])[:, 0]
+        x, y, z = (float(v) for v in first)
+        rgb = self._times(self._color(source, "I"), scale)
+        light = Light(
+            "spot", rgb, self._at((x, y, z), world), _unit(towards), inner_cone=cones[0], outer_cone=cones[1], name="spot"
+        )
+        self._description.lights.append(light)
+
+    def _infinite(self, source: Parameters, world: Matrix) -> None:
+        if source.numbers("portal", "point3", "point") is not None:
+            self._notes.add(source.place, "The portal of an infinite light is not taken over: it shines from everywhere")
+        scale, illuminance = source.number("scale", 1.0), source.number("illuminance", -1.0)
+        if not source.text("filename"):
+            factor = scale * (illuminance / math.pi if illuminance > 0 else 1.0)
+            self._surround(Environment(self._times(self._color(source, "L"), factor)), source)
+            return
+        name = self._files.find(source.text("filename"), source.place.file)
+        image = None
+        if name is None:
+            self._textures.shelf.missing(source.text("filename"), str(source.place))
+        else:
+            image = self._textures.shelf.image_file(name)
+        if image is None:
+            return
+        pixels = np.maximum(linear(self._description.images[image]), 0)
+        if pixels.shape[0] != pixels.shape[1]:
+            self._notes.add(
+                source.place,
+                "The picture of an infinite light is not square, as pbrt's are: it is taken as equirectangular, +Z up",
+            )
+            pixels = _square(pixels)
+        if illuminance > 0:
+            scale *= illuminance / max(_illuminance(pixels), 1e-9)
+        turn = _rotation(world[:3, :3])
+        around = Image(f"{name} all around", equirectangular(pixels, turn), srgb=False)
+        self._description.images[image] = around  # nothing else looks at what it was
+        self._surround(Environment(self._times((1.0, 1.0, 1.0), scale), image), source)
+
+    def _surround(self, environment: Environment, source: Parameters) -> None:
+        first = self._description.environment
+        if first is None:
+            self._description.environment = environment
+            return
+        images = [each.image for each in (first, environment)]
+        if None not in images:
+            self._notes.add(source.place, "A scene has one picture of light from all around: this one is left out")
+            return
+        if images == [None, None]:
+            r, g, b = (a + c for a, c in zip(first.color, environment.color, strict=True))
+            self._description.environment = Environment((r, g, b))
+            return
+        pictured, even = (first, environment) if first.image is not None else (environment, first)
+        assert pictured.image is not None
+        image = self._description.images[pictured.image]
+        added = image.pixels * np.array(pictured.color, np.float32) + np.array(even.color, np.float32)
+        self._description.images[pictured.image] = Image(f"{image.name} and more", added.astype(np.float32), srgb=False)
+        self._description.environment = Environment((1.0, 1.0, 1.0), pictured.image)
+
+
+def _illuminance(pixels: np.ndarray) -> float:
+    """What falls on a level surface from the upper half of a square picture, as pbrt counts it: by half its pixels."""
+    size = len(pixels)
+    middles = (np.arange(size) + 0.5) / size * 2 - 1
+    x, y = np.meshgrid(middles, middles)
+    depth = 1 - (np.abs(x) + np.abs(y))
+    cosine = np.maximum(np.copysign(1 - (1 - np.abs(depth)) ** 2, depth), 0)
+    bright = pixels @ np.array([0.2126, 0.7152, 0.0722])
+    return float((bright * cosine).sum() * 2 * math.pi / size**2)
+
+
+def _square(pixels: np.ndarray) -> np.ndarray:
+    """A square picture of an equirectangular one: +Z up, and its left edge along +X."""
+    size = int(min(max(pixels.shape[0], 2), 2048))
+    middles = (np.arange(size) + 0.5) / size * 2 - 1
+    u, v = np.meshgrid(middles, middles)
+    up, vp = np.abs(u), np.abs(v)
+    depth = 1 - (up + vp)
+    r = 1 - np.abs(depth)
+    phi = np.where(r > 0, (vp - up) / np.maximum(r, 1e-300) + 1, 1) * np.pi / 4
+    z = np.copysign(1 - r * r, depth)
+    angle = np.arctan2(np.copysign(np.sin(phi), v), np.copysign(np.cos(phi), u)) % (2 * np.pi)
+    row = np.clip((np.arccos(np.clip(z, -1, 1)) / np.pi * pixels.shape[0]).astype(int), 0, pixels.shape[0] - 1)
+    column = np.clip((angle / (2 * np.pi) * pixels.shape[1]).astype(int), 0, pixels.shape[1] - 1)
+    return np.ascontiguousarray(pixels[row, column])
+
+
+def _rotation(matrix: Matrix) -> Matrix:
+    """A transformation without its scale; it may mirror."""
+    lengths = np.sqrt((matrix * matrix).sum(axis=0))
+    return np.asarray(matrix / np.maximum(lengths, 1e-300))
+
+
+def _unit(vector: np.ndarray) -> Vec3:
+    length = float(np.sqrt((vector * vector).sum()))
+    if not length > 0:
+        return 0.0, 0.0, 1.0
+    x, y, z = (float(v) / length for v in vector)
+    return x, y, z

@@ -1,0 +1,297 @@
+"""pbrt's materials as ours.
+
+Its roughness becomes its alpha by a square root unless told otherwise; ours is the square root of alpha.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from renderer.scene.description import Image, Material, SceneDescription, Vec3
+from renderer.scene.readers.pbrt.coats import dielectric_albedo, under_a_coat
+from renderer.scene.readers.pbrt.conductors import head_on, index_of, of_reflectance
+from renderer.scene.readers.pbrt.notes import Notes
+from renderer.scene.readers.pbrt.parameters import Parameters
+from renderer.scene.readers.pbrt.textures import Textures, Varying, linear
+
+__all__ = ["Emission", "Materials", "is_nothing"]
+
+_HALF: Vec3 = (0.5, 0.5, 0.5)
+_NO_LIGHT: Vec3 = (0.0, 0.0, 0.0)
+_SMOOTH = 1e-3  # alpha, below which pbrt takes a surface for a mirror
+_MAX_NESTED = 16
+_IGNORED = ("thickness", "maxdepth", "nsamples", "regularize")
+
+
+@dataclass(frozen=True)
+class Emission:
+    """What a surface shines with."""
+
+    radiance: Vec3 = _NO_LIGHT
+    texture: int | None = None
+    both_sides: bool = False
+
+
+def is_nothing(source: Parameters | None) -> bool:
+    """Whether a material only bounds a medium, and is not seen."""
+    return source is not None and source.type in ("interface", "", "none")
+
+
+class Materials:
+    """Adds materials to a description; the same material with the same light and holes gives the same number again."""
+
+    def __init__(self, textures: Textures, description: SceneDescription, notes: Notes) -> None:
+        self._textures, self._description, self._notes = textures, description, notes
+        self.named: dict[str, Parameters] = {}
+        self._numbers: dict[tuple[Any, ...], int] = {}
+        self._made: dict[int, Material] = {}
+
+    def number(self, source: Parameters | None, emission: Emission, alpha: Varying) -> int:
+        """The description's number of a material. alpha: how much of the surface is there."""
+        key = (id(source), emission, alpha)
+        if key not in self._numbers:
+            made = Material(base_color=_HALF) if source is None else self.of(source, 0)
+            made = self._cut(made, alpha, source)
+            made = replace(made, emission=emission.radiance, emission_texture=emission.texture, double_sided=emission.both_sides)
+            self._description.materials.append(made)
+            self._numbers[key] = len(self._description.materials) - 1
+        return self._numbers[key]
+
+    def of(self, source: Parameters, depth: int) -> Material:
+        """A material without light and holes."""
+        if id(source) not in self._made:
+            self._made[id(source)] = self._make(source, depth)
+        return self._made[id(source)]
+
+    def _make(self, source: Parameters, depth: int) -> Material:
+        if depth > _MAX_NESTED:
+            raise source.place.wrong(f"{source} is made of materials that are nested too deep")
+        make = {
+            "diffuse": self._diffuse,
+            "coateddiffuse": self._coated,
+            "conductor": self._conductor,
+            "coatedconductor": self._coated_conductor,
+            "dielectric": self._glass,
+            "thindielectric": self._glass,
+            "diffusetransmission": self._leaf,
+        }.get(source.type)
+        if source.type == "mix":
+            return self._mix(source, depth)
+        if make is None:
+            made = self._nearest(source)
+        else:
+            made = make(source)
+        source.used.update(_IGNORED)
+        return self._bent(source, replace(made, name=source.type))
+
+    def _diffuse(self, source: Parameters) -> Material:
+        return _painted(self._textures.color(source, "reflectance", _HALF))
+
+    def _coated(self, source: Parameters) -> Material:
+        """Paint under varnish: what of the light that enters comes out again, after being thrown back within."""
+        color = self._textures.color(source, "reflectance", _HALF)
+        ior, _ = self._textures.colors.index(source.get("eta", "float", "spectrum"))
+        ior = min(max(ior, 1.0), 4.0)
+        self._medium(source)
+        inner = 1 - (1 - dielectric_albedo(ior)) / ior**2  # what is thrown back from within, of light from everywhere
+        if color.texture is None:
+            color = Varying(under_a_coat(color.value, inner))
+        else:
+            factor = color.value
+            texture = self._textures.shelf.derived(
+                color.texture,
+                f"under a coat of {inner} by {factor}",
+                lambda it: Image(f"{it.name} coated", under_a_coat(linear(it) * np.array(factor, np.float32), inner), False),
+            )
+            color = Varying((1.0, 1.0, 1.0), texture)
+        made = _painted(color)
+        return replace(made, kind="metallic_roughness", ior=ior, **self._rough(source, ""))
+
+    def _conductor(self, source: Parameters) -> Material:
+        rough = self._rough(source, "")
+        if source.get("reflectance") is None:
+            eta, k = index_of(source, self._textures.colors)
+            return Material(kind="conductor", eta=eta, k=k, **rough)
+        color = self._textures.color(source, "reflectance", _HALF)
+        if color.is_constant:
+            eta, k = of_reflectance(color.value)
+            return Material(kind="conductor", eta=eta, k=k, **rough)
+        return replace(_painted(color), kind="metallic_roughness", metallic=1.0, **rough)
+
+    def _coated_conductor(self, source: Parameters) -> Material:
+        self._medium(source)
+        ior, _ = self._textures.colors.index(source.get("interface.eta", "float", "spectrum"))
+        if source.get("reflectance") is not None:
+            color = self._textures.color(source, "reflectance", _HALF)
+        else:
+            eta, k = (np.array(v) / max(ior, 1e-3) for v in index_of(source, self._textures.colors, "conductor."))
+            r, g, b = (float(v) for v in head_on(eta, k))
+            color = Varying((r, g, b))
+        coat = self._rough(source, "interface.")
+        self._notes.add(
+            source.place, "coatedconductor is rendered as a metal under a clear coat, without what bounces between them"
+        )
+        metal = self._rough(source, "conductor.")
+        clear = float(coat.get("roughness", 0.0))
+        return replace(
+            _painted(color), kind="metallic_roughness", metallic=1.0, clearcoat=1.0, clearcoat_roughness=clear, **metal
+        )
+
+    def _glass(self, source: Parameters) -> Material:
+        ior, dispersion = self._textures.colors.index(source.get("eta", "float", "spectrum"))
+        if not ior > 0:
+            raise source.place.wrong(f"{source} has the index {ior:g}; it is above 0")
+        if ior < 1:
+            self._notes.add(source.place, f"{source}: an index below 1 is rendered as its inverse")
+        thin = source.type == "thindielectric"
+        rough = {} if thin else self._rough(source, "", brushed=False)
+        return Material(
+            kind="glass",
+            base_color=(1.0, 1.0, 1.0),
+            ior=min(max(ior, 1 / ior), 1000.0),
+            dispersion=min(dispersion, 20.0),
+            thin=thin,
+            **rough,
+        )
+
+    def _leaf(self, source: Parameters) -> Material:
+        back = self._textures.color(source, "reflectance", (0.25,) * 3)
+        through = self._textures.color(source, "transmittance", (0.25,) * 3)
+        scale = min(max(source.number("scale", 1.0), 0.0), 1e6)
+        tops = []
+        for each in (back, through):
+            top = max(each.value) if each.is_constant else 0.5 * max(each.value)
+            tops.append(scale * top)
+        share = tops[1] / sum(tops) if sum(tops) > 0 else 0.0
+        colors = []
+        for each, part in ((back, 1 - share), (through, share)):
+            factor = scale / part if part > 0 else 0.0
+            r, g, b = (min(v * factor, 1.0) for v in each.value)
+            colors.append((r, g, b))
+        return Material(
+            kind="metallic_roughness",
+            base_color=colors[0],
+            base_color_texture=back.texture,
+            specular=0.0,
+            diffuse_transmission=share,
+            diffuse_transmission_color=colors[1],
+            diffuse_transmission_color_texture=through.texture,
+        )
+
+    def _mix(self, source: Parameters, depth: int) -> Material:
+        names = source.texts("materials")
+        parts = [self.named.get(name) for name in names]
+        if len(parts) != 2 or None in parts:
+            missing = [name for name, part in zip(names, parts, strict=True) if part is None]
+            raise source.place.wrong(
+                f"{source} takes the names of two materials that stand before"
+                + (f"; there is no {missing[0][:60]!r}" if missing else "")
+            )
+        amount = min(max(self._textures.one_number(source, "amount", 0.5), 0.0), 1.0)
+        first, second = (self.of(part, depth + 1) for part in parts if part is not None)
+        if amount in (0.0, 1.0):
+            return second if amount else first
+        if first.kind == second.kind == "diffuse" and first.base_color_texture is second.base_color_texture is None:
+            r, g, b = (a * (1 - amount) + b * amount for a, b in zip(first.base_color, second.base_color, strict=True))
+            return replace(first, base_color=(r, g, b))
+        self._notes.add(source.place, f"{source} mixes two materials: the one that counts for more is rendered")
+        return second if amount > 0.5 else first
+
+    def _nearest(self, source: Parameters) -> Material:
+        """What pbrt renders and ours does not."""
+        if source.type == "subsurface":
+            color = self._textures.color(source, "reflectance", _HALF)
+            ior, _ = self._textures.colors.index(source.get("eta", "float", "spectrum"))
+            self._notes.add(source.place, "Light below the surface of a subsurface material is not followed: rendered as paint")
+            made = replace(_painted(color), kind="metallic_roughness", ior=min(max(ior, 1.0), 4.0), **self._rough(source, ""))
+        elif source.type == "hair":
+            color = self._textures.color(source, "reflectance" if source.get("reflectance") else "color", (0.15, 0.08, 0.04))
+            self._notes.add(
+                source.place, "hair is rendered as a glossy surface in its colour, brown where it has none of its own"
+            )
+            made = replace(_painted(color), kind="metallic_roughness", roughness=0.4)
+        else:
+            self._notes.add(source.place, f"{source} is not read: rendered as a grey matt surface")
+            made = Material(base_color=_HALF)
+        source.used.update(source.values)
+        return made
+
+    def _bent(self, source: Parameters, made: Material) -> Material:
+        if source.get("displacement") is not None:
+            self._notes.add(source.place, f"displacement of {source} is not taken over: it is smooth there")
+        wanted = source.text("normalmap")
+        if not wanted:
+            return made
+        texture = self._textures.normals(wanted, source)
+        return made if texture is None else replace(made, normal_texture=texture)
+
+    def _medium(self, source: Parameters) -> None:
+        albedo = source.get("albedo")
+        if source.number("g", 0.0) != 0 or (
+            albedo is not None
+            and (albedo.type == "texture" or self._textures.mean(self._textures.color(source, "albedo", _NO_LIGHT)) != _NO_LIGHT)
+        ):
+            self._notes.add(source.place, f"{source}: what scatters within its coat is not taken over")
+
+    def _rough(self, source: Parameters, prefix: str, brushed: bool = True) -> dict[str, Any]:
+        """Our roughness, and how brushed it is, as fields of a material."""
+        remaps = source.flag("remaproughness", True)
+        power = 0.25 if remaps else 0.5  # ours is the root of alpha
+        name = f"{prefix}roughness"
+        u, v = (f"{prefix}{axis}roughness" for axis in "uv")
+        if source.get(u) is None and source.get(v) is None:
+            found = self._textures.number(source, name, 0.0)
+            if found.is_constant:
+                return {"roughness": _ours(found.value[0], power)}
+            factor = found.value[0]
+            texture = self._textures.shelf.derived(
+                found.texture,
+                f"roughness by {factor} to {power}",
+                lambda it: Image(
+                    f"{it.name} roughness", np.clip(linear(it) * np.float32(factor), 0, 1) ** np.float32(power), False
+                ),
+            )
+            return {"roughness": 1.0, "metallic_roughness_texture": self._textures.without_metal(texture)}
+        source.used.add(name)
+        rough = [_ours(self._textures.one_number(source, each, 0.0), power) for each in (u, v)]
+        along, across = (value**2 for value in rough)
+        if along == across:
+            return {"roughness": rough[0]}
+        if not brushed:
+            self._notes.add(source.place, f"{source} is as rough in both directions here")
+            return {
+                "roughness": math.sqrt(math.sqrt(along * across)) if along * across > 0 else math.sqrt(max(along, across) / 2)
+            }
+        least, most = min(along, across), max(along, across)
+        # glTF's anisotropy: along its direction alpha goes towards 1 by the square of the strength.
+        strength = math.sqrt((most - least) / (1 - least)) if least < 1 else 0.0
+        return {
+            "roughness": math.sqrt(max(least, _SMOOTH)),
+            "anisotropy": strength,
+            "anisotropy_rotation": 0.0 if along > across else math.pi / 2,
+        }
+
+    def _cut(self, made: Material, alpha: Varying, source: Parameters | None) -> Material:
+        if alpha.is_constant:
+            opacity = min(max(alpha.value[0], 0.0), 1.0)
+            return made if opacity == 1 else replace(made, opacity=opacity, alpha_mode="blend")
+        texture = self._textures.with_alpha(made.base_color_texture, alpha)
+        if texture is None:
+            if source is not None:
+                self._notes.add(source.place, "Holes of another place than the colour's are not cut: their mean is taken")
+            return replace(made, opacity=min(max(self._textures.mean(alpha)[0], 0.0), 1.0), alpha_mode="blend")
+        return replace(made, base_color_texture=texture, alpha_mode="blend")
+
+
+def _painted(color: Varying) -> Material:
+    r, g, b = (min(max(v, 0.0), 1.0) for v in color.value)
+    return Material(base_color=(r, g, b), base_color_texture=color.texture)
+
+
+def _ours(roughness: float, power: float) -> float:
+    value = min(max(roughness, 0.0), 1.0) ** power
+    return 0.0 if value**2 < _SMOOTH else value

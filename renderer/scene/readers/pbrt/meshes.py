@@ -1,0 +1,198 @@
+"""Shapes of triangles and of patches, in their own space; v of the UVs is counted from above."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import PurePosixPath
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import Mesh, SceneDescription
+from renderer.scene.files import SceneFiles
+from renderer.scene.normals import face_normals, smoothed
+from renderer.scene.readers.other import read_data
+from renderer.scene.readers.pbrt.loop import subdivided
+from renderer.scene.readers.pbrt.notes import Notes
+from renderer.scene.readers.pbrt.parameters import Parameters
+from renderer.scene.readers.pbrt.statements import unpacked
+
+__all__ = ["MESHES", "mesh_of", "turned", "with_uvs"]
+
+MESHES = ("trianglemesh", "plymesh", "bilinearmesh", "loopsubdiv")
+_NORMALS = rb"\A[^\0]{0,20000}?property\s+\w+\s+nx\b"
+_EVERY_EDGE = 181.0
+_MOST_TRIANGLES = 8_000_000
+_PATCH = 8  # squares along a side of a patch that is bent
+_FLAT = 1e-5
+
+
+def mesh_of(source: Parameters, files: SceneFiles, notes: Notes) -> Mesh:
+    """The mesh of a shape. Raises SceneError."""
+    if source.type == "trianglemesh":
+        return _triangles(source)
+    if source.type == "plymesh":
+        return _of_file(source, files, notes)
+    if source.type == "bilinearmesh":
+        return _patches(source, notes)
+    return _subdivided(source, notes)
+
+
+def _triangles(source: Parameters) -> Mesh:
+    points = _points(source)
+    indices = _indices(source, len(points), 3, None if len(points) != 3 else np.arange(3))
+    mesh = Mesh("trianglemesh", points.astype(np.float32), indices.astype(np.int32))
+    mesh.normals, mesh.uvs = _vectors(source, "N", len(points)), _uvs(source, len(points))
+    if source.get("S") is not None:
+        mesh.tangents = None
+    return _facing(mesh)
+
+
+def _of_file(source: Parameters, files: SceneFiles, notes: Notes) -> Mesh:
+    wanted = source.text("filename")
+    name = files.find(wanted, source.place.file)
+    if name is None:
+        raise source.place.wrong(f"{PurePosixPath(wanted).name[:120] or 'its file'!r} is not among the files; add it")
+    for each in ("displacement", "displacement.edgelength"):
+        if source.get(each) is not None:
+            notes.add(source.place, "displacement of meshes is not taken over: they are as in their file")
+    part: SceneDescription = files.recall(("ply", name), lambda: _read(files, name))
+    mesh = _one(part)
+    return replace(_facing(mesh))
+
+
+def _read(files: SceneFiles, name: str) -> SceneDescription:
+    data = files.read(name)
+    if name.lower().endswith(".gz"):
+        data = unpacked(data, name)
+    part = SceneDescription(name=name)
+    read_data(data, ".ply", files, name, part)
+    if re.search(_NORMALS, data) is None:
+        part.meshes = [replace(mesh, normals=None) for mesh in part.meshes]
+    return part
+
+
+def _one(part: SceneDescription) -> Mesh:
+    mesh = part.meshes[0] if part.meshes else Mesh("plymesh", np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    return replace(mesh, colors=None, material=0)
+
+
+def _patches(source: Parameters, notes: Notes) -> Mesh:
+    points = _points(source)
+    corners = _indices(source, len(points), 4, None if len(points) != 4 else np.arange(4))
+    normals, uvs = _vectors(source, "N", len(points)), _uvs(source, len(points))
+    if source.text("emissionfilename"):
+        notes.add(source.place, "emissionfilename of a bilinearmesh is not taken over: it shines evenly")
+    quads = points[corners]  # (Q, 4, 3): 00, 10, 01, 11
+    cross = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])
+    away = np.abs(np.einsum("qc,qc->q", cross, quads[:, 3] - quads[:, 0]))
+    size = np.linalg.norm(quads[:, 3] - quads[:, 0], axis=1) * np.linalg.norm(cross, axis=1)
+    skew = quads[:, 3] - quads[:, 1] - quads[:, 2] + quads[:, 0]  # 0 of a parallelogram, whose UVs two triangles show rightly
+    even = np.linalg.norm(skew, axis=1) <= _FLAT * np.linalg.norm(quads[:, 3] - quads[:, 0], axis=1)
+    steps = 1 if (away <= _FLAT * size).all() and (even.all() or uvs is None) else _PATCH
+    while steps > 1 and 2 * steps * steps * len(corners) > _MOST_TRIANGLES:
+        steps //= 2
+    side = np.linspace(0, 1, steps + 1)
+    v, u = np.meshgrid(side, side, indexing="ij")
+    weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v], axis=-1).reshape(-1, 4)
+    own = np.stack([u, 1 - v], axis=-1).reshape(-1, 2)
+
+    def mixed(values: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+        return np.einsum("sk,qkx->qsx", weights, values[corners].astype(float)).reshape(-1, values.shape[1]).astype(np.float32)
+
+    row = steps + 1
+    at = (np.arange(steps)[:, None] * row + np.arange(steps)).reshape(-1)
+    one = np.concatenate([np.stack([at, at + 1, at + row + 1], 1), np.stack([at, at + row + 1, at + row], 1)])
+    triangles = (one[None] + (np.arange(len(corners)) * row * row)[:, None, None]).reshape(-1, 3)
+    mesh = Mesh("bilinearmesh", mixed(points), triangles.astype(np.int32))
+    mesh.uvs = np.tile(own, (len(corners), 1)).astype(np.float32) if uvs is None else mixed(uvs)
+    mesh.normals = None if normals is None else mixed(normals)
+    if normals is None and steps > 1:
+        mesh = smoothed(mesh, _EVERY_EDGE)
+    return _facing(mesh)
+
+
+def _subdivided(source: Parameters, notes: Notes) -> Mesh:
+    points = _points(source)
+    triangles = _indices(source, len(points), 3, None)
+    wanted = min(max(source.integer("levels", source.integer("nlevels", 3)), 0), 16)
+    levels = wanted
+    while levels and len(triangles) * 4**levels > _MOST_TRIANGLES:
+        levels -= 1
+    if levels < wanted:
+        notes.add(source.place, f"{source} is refined {levels} times and not {wanted}, so that it does not grow too large")
+    fine, faces = subdivided(points, triangles, levels)
+    mesh = Mesh("loopsubdiv", fine.astype(np.float32), faces.astype(np.int32))
+    return smoothed(mesh, _EVERY_EDGE)
+
+
+def turned(mesh: Mesh) -> Mesh:
+    """Inside out."""
+    normals = None if mesh.normals is None else -mesh.normals
+    return replace(mesh, triangles=np.ascontiguousarray(mesh.triangles[:, ::-1]), normals=normals)
+
+
+def with_uvs(mesh: Mesh) -> Mesh:
+    """With the UVs that pbrt gives each triangle that has none: (0, 0), (1, 0), (1, 1)."""
+    if mesh.uvs is not None:
+        return mesh
+    corners = mesh.triangles.reshape(-1)
+    uvs = np.tile(np.array([(0, 1), (1, 1), (1, 0)], np.float32), (len(mesh.triangles), 1))
+    normals = None if mesh.normals is None else mesh.normals[corners]
+    own = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+    return replace(mesh, positions=mesh.positions[corners], triangles=own, normals=normals, uvs=uvs)
+
+
+def _facing(mesh: Mesh) -> Mesh:
+    """With each triangle's front where its normals are."""
+    if mesh.normals is None or not len(mesh.triangles):
+        return mesh
+    along = np.einsum("tc,tc->t", face_normals(mesh.positions, mesh.triangles), mesh.normals[mesh.triangles].sum(axis=1))
+    if not (along < 0).any():
+        return mesh
+    triangles = np.where((along < 0)[:, None], mesh.triangles[:, ::-1], mesh.triangles)
+    return replace(mesh, triangles=np.ascontiguousarray(triangles))
+
+
+def _points(source: Parameters) -> npt.NDArray[np.float64]:
+    found = source.numbers("P", "point3", "point")
+    if found is None or not len(found):
+        raise source.place.wrong(f'{source} has no points; give them as "point3 P" [ ... ]')
+    return found
+
+
+def _indices(source: Parameters, count: int, corners: int, default: npt.NDArray[np.int64] | None) -> npt.NDArray[np.int64]:
+    found = source.numbers("indices", "integer")
+    if found is None:
+        if default is None:
+            raise source.place.wrong(f'{source} has no indices; give them as "integer indices" [ ... ]')
+        found = default.astype(float)
+    if len(found) % corners or not len(found):
+        raise source.place.wrong(f"{source} has {len(found)} indices; it takes a multiple of {corners}")
+    if found.min() < 0 or found.max() >= count:
+        worst = found.max() if found.max() >= count else found.min()
+        raise source.place.wrong(f"{source} has the index {worst:.0f} where there are {count} points")
+    return found.astype(np.int64).reshape(-1, corners)
+
+
+def _vectors(source: Parameters, name: str, count: int) -> npt.NDArray[np.float32] | None:
+    found = source.numbers(name, "normal", "normal3", "vector", "vector3")
+    if found is None:
+        return None
+    if len(found) != count:
+        raise source.place.wrong(f"{source} has {len(found)} of {name} and {count} points")
+    return found.astype(np.float32)
+
+
+def _uvs(source: Parameters, count: int) -> npt.NDArray[np.float32] | None:
+    found = source.numbers("uv", "point2", "float")
+    if found is None:
+        found = source.numbers("st", "point2", "float")
+    if found is None:
+        return None
+    if found.size != 2 * count:
+        raise source.place.wrong(f"{source} has {found.size // 2} of uv and {count} points")
+    pairs = found.reshape(-1, 2)
+    return np.column_stack([pairs[:, 0], 1 - pairs[:, 1]]).astype(np.float32)

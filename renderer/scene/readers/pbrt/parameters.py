@@ -1,0 +1,164 @@
+"""A statement's parameters, by name and type, as `"float radius" 2`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import Vec3
+from renderer.scene.readers.pbrt.notes import Notes, Place
+from renderer.scene.readers.pbrt.statements import Argument, Statement
+
+__all__ = ["Parameter", "Parameters"]
+
+F64 = npt.NDArray[np.float64]
+_WIDTHS = {"point2": 2, "vector2": 2, "point3": 3, "vector3": 3, "point": 3, "vector": 3, "normal3": 3, "normal": 3, "rgb": 3}
+_NUMBERS = ("float", "integer", "blackbody", *_WIDTHS)
+_TYPES = (*_NUMBERS, "string", "texture", "bool", "spectrum")
+_COLORS = ("rgb", "blackbody", "spectrum")
+
+
+class Parameter(NamedTuple):
+    """A value as a file has it."""
+
+    type: str
+    value: Argument
+    place: Place
+    space: str  # the colour space that an rgb is in
+
+
+@dataclass
+class Parameters:
+    """What a statement says of a thing `what`, of a type as "diffuse"; asked for is what counts as understood.
+
+    defaults: what an Attribute directive has said of all such things.
+    """
+
+    what: str
+    type: str
+    place: Place
+    values: dict[str, Parameter] = field(default_factory=dict)
+    defaults: dict[str, Parameter] = field(default_factory=dict)
+    used: set[str] = field(default_factory=set)
+
+    @classmethod
+    def of(cls, what: str, statement: Statement, names: int, space: str) -> tuple[list[str], Parameters]:
+        """The names that a directive begins with, and its parameters, whose type is the last name. Raises SceneError."""
+        place, arguments = statement.place, statement.arguments
+        first = arguments[:names]
+        if len(first) < names or not all(isinstance(each, str | tuple) for each in first):
+            raise place.wrong(f'{statement.directive} takes {names} name{"s" if names > 1 else ""} in quotes, as "diffuse"')
+        called = [each if isinstance(each, str) else str(each[0]) if len(each) else "" for each in first]
+        made = cls(what, called[-1] if called else "", place)
+        rest = arguments[names:]
+        for declared, value in zip(rest[::2], rest[1::2], strict=False):
+            parameter, name = _declared(declared, value, statement, space)
+            made.values[name] = parameter
+        if len(rest) % 2:
+            raise place.wrong(f'{made} has a parameter without a value; write it as "float radius" 2')
+        return called, made
+
+    def __str__(self) -> str:
+        return f"{self.what} {self.type[:60]!r}" if self.type else self.what
+
+    def get(self, name: str, *types: str) -> Parameter | None:
+        """A parameter of one of the types; None where it is not there. Raises SceneError where it is of another."""
+        self.used.add(name)
+        found = self.values.get(name) or self.defaults.get(name)
+        if found is None:
+            return None
+        if types and found.type not in types:
+            raise found.place.wrong(f"{name!r} of {self} is of type {found.type}; it takes {' or '.join(dict.fromkeys(types))}")
+        return found
+
+    def number(self, name: str, default: float) -> float:
+        """A float, or an integer."""
+        found = self.get(name, "float", "integer")
+        return default if found is None else float(self._some(found, name, 1)[0])
+
+    def integer(self, name: str, default: int) -> int:
+        """A whole number within 32 bits."""
+        return int(min(max(self.number(name, default), -(2**31)), 2**31 - 1))
+
+    def flag(self, name: str, default: bool) -> bool:
+        """true or false, also in quotes as older files have it."""
+        found = self.get(name, "bool", "string")
+        if found is None or isinstance(found.value, np.ndarray) or not len(found.value):
+            return default
+        value = found.value if isinstance(found.value, str) else found.value[0]
+        return value if isinstance(value, bool) else value == "true"
+
+    def text(self, name: str, default: str = "") -> str:
+        """A string, or the name of a texture."""
+        found = self.get(name, "string", "texture", "spectrum")
+        return default if found is None else text_of(found) or default
+
+    def texts(self, name: str) -> tuple[str, ...]:
+        """Several strings."""
+        found = self.get(name, "string")
+        if found is None or isinstance(found.value, np.ndarray):
+            return ()
+        return (found.value,) if isinstance(found.value, str) else tuple(str(each) for each in found.value)
+
+    def vector(self, name: str, default: Vec3) -> Vec3:
+        """Three numbers."""
+        found = self.get(name, "point3", "vector3", "point", "vector", "normal", "normal3")
+        if found is None:
+            return default
+        x, y, z = (float(v) for v in self._some(found, name, 3)[:3])
+        return x, y, z
+
+    def numbers(self, name: str, *types: str) -> F64 | None:
+        """(n,) all numbers of a list, or (n, width) of points, vectors and normals; None where there is none."""
+        found = self.get(name, *(types or _NUMBERS))
+        if found is None:
+            return None
+        values = self._some(found, name, 0)
+        width = _WIDTHS.get(found.type, 1)
+        if len(values) % width:
+            raise found.place.wrong(f"{name!r} of {self} has {len(values)} numbers; it takes a multiple of {width}")
+        return values.reshape(-1, width) if width > 1 else values
+
+    def names_texture(self, name: str) -> bool:
+        """Whether a texture stands in a value's place."""
+        found = self.values.get(name) or self.defaults.get(name)
+        return found is not None and found.type == "texture"
+
+    def color(self, name: str) -> Parameter | None:
+        """A colour: rgb, a black body, or a spectrum."""
+        return self.get(name, *_COLORS)
+
+    def say_unused(self, notes: Notes) -> None:
+        """Notes what nobody asked for."""
+        for name, parameter in self.values.items():
+            if name not in self.used:
+                notes.add(parameter.place, f"{name[:60]!r} of {self} is not taken over")
+
+    def _some(self, found: Parameter, name: str, least: int) -> F64:
+        if not isinstance(found.value, np.ndarray) or len(found.value) < least:
+            raise found.place.wrong(f"{name!r} of {self} takes {'numbers' if least != 1 else 'a number'}")
+        return found.value
+
+
+def text_of(found: Parameter) -> str:
+    """The text that a parameter has; empty where it has numbers."""
+    value = found.value
+    if isinstance(value, str):
+        return value
+    return str(value[0]) if isinstance(value, tuple) and value else ""
+
+
+def _declared(declared: Argument, value: Argument, statement: Statement, space: str) -> tuple[Parameter, str]:
+    words = declared.split() if isinstance(declared, str) else []
+    if len(words) != 2 or words[0] not in _TYPES:
+        said = declared[:40] if isinstance(declared, str) else "a value"
+        raise statement.place.wrong(
+            f'{said!r} of {statement.directive} is no parameter; it takes a type and a name, as "float radius"'
+        )
+    kind, name = words
+    if kind in _NUMBERS and not isinstance(value, np.ndarray):
+        raise statement.place.wrong(f"{name[:60]!r} of {statement.directive} takes numbers")
+    return Parameter(kind, value, statement.place, space), name

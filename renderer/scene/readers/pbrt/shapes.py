@@ -1,0 +1,207 @@
+"""Shapes placed in the world, with their material and light; objects that are shown many times."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.scene.description import Instance, Mesh, SceneDescription, Sphere
+from renderer.scene.files import SceneFiles
+from renderer.scene.matrices import Matrix, product
+from renderer.scene.normals import face_normals
+from renderer.scene.readers.pbrt.curves import Strand, strand_of, together
+from renderer.scene.readers.pbrt.lights import Lights
+from renderer.scene.readers.pbrt.materials import Emission, Materials, is_nothing
+from renderer.scene.readers.pbrt.meshes import MESHES, mesh_of, turned, with_uvs
+from renderer.scene.readers.pbrt.notes import Notes, Place
+from renderer.scene.readers.pbrt.parameters import Parameters
+from renderer.scene.readers.pbrt.quadrics import QUADRICS, quadric, shape_key, whole_sphere
+from renderer.scene.readers.pbrt.textures import Textures
+from renderer.scene.readers.pbrt.transforms import Ctm, between
+
+__all__ = ["Looks", "Part", "Shapes"]
+
+_MOST_INSTANCES = 5_000_000
+_ROUND = 1e-4
+
+
+class Looks(NamedTuple):
+    """What a shape is given besides its own parameters."""
+
+    ctm: Ctm
+    material: Parameters | None
+    area: Parameters | None  # of its light
+    reverse: bool
+
+
+class Part(NamedTuple):
+    """A mesh of the description, or a sphere of a radius, in its place."""
+
+    mesh: int
+    ctm: Ctm
+    name: str
+    radius: float = 0.0
+    material: int = 0
+
+
+class Shapes:
+    """Adds shapes to a description. time: the share of the transformations' time that is shown."""
+
+    def __init__(
+        self,
+        files: SceneFiles,
+        materials: Materials,
+        lights: Lights,
+        textures: Textures,
+        description: SceneDescription,
+        notes: Notes,
+        outer: Matrix,
+        time: float,
+    ) -> None:
+        self._files, self._materials, self._lights, self._textures = files, materials, lights, textures
+        self._description, self._notes, self._outer, self._time = description, notes, outer, time
+        self.objects: dict[str, list[Part]] = {}
+        self._open: list[Part] | None = None
+        self._quadrics: dict[tuple[object, ...], int] = {}  # the meshes of shapes that are alike
+        self._strands: dict[tuple[int, bytes, bytes], tuple[list[Strand], Ctm]] = {}
+
+    def begin(self, name: str) -> None:
+        """What follows belongs to an object."""
+        self.flush()
+        self._open = self.objects[name] = []
+
+    def end(self) -> None:
+        """The object is whole."""
+        self.flush()
+        self._open = None
+
+    @property
+    def in_object(self) -> bool:
+        """Whether shapes belong to an object."""
+        return self._open is not None
+
+    def instance(self, name: str, ctm: Ctm, place: Place) -> None:
+        """Shows an object."""
+        if name not in self.objects:
+            raise place.wrong(f"there is no object {name[:60]!r}; its ObjectBegin stands before it is shown")
+        for part in self.objects[name]:
+            self._place(part, ctm)
+
+    def add(self, source: Parameters, looks: Looks) -> None:
+        """Adds a shape."""
+        if source.type not in (*MESHES, *QUADRICS, "curve"):
+            source.used.update(source.values)
+            self._notes.add(source.place, f"{source} is no shape that is read: it is left out")
+            return
+        if is_nothing(looks.material):
+            source.used.update(source.values)
+            self._notes.add(source.place, "A surface that only bounds a medium is not seen, and left out")
+            return
+        alpha = self._textures.number(source, "alpha", 1.0)
+        if alpha.is_constant and alpha.value[0] <= 0:
+            source.used.update(source.values)
+            return
+        if source.type == "curve":
+            strand = strand_of(source, self._notes)
+            number = self._materials.number(looks.material, self._emission(looks, np.zeros(0)), alpha)
+            key = number, looks.ctm[0].tobytes(), looks.ctm[1].tobytes()
+            self._strands.setdefault(key, ([], looks.ctm))[0].append(strand)
+            return
+        radius = whole_sphere(source)
+        mesh, areas = self._mesh(source, looks, radius)
+        number = self._materials.number(looks.material, self._emission(looks, areas), alpha)
+        if radius is not None and not looks.reverse and not self._is_textured(number) and self._is_round(looks.ctm):
+            self._keep(Part(-1, looks.ctm, "sphere", radius, number))
+            return
+        shared = (*shape_key(source), number, looks.reverse) if source.type in QUADRICS else None
+        if shared is not None and shared in self._quadrics:
+            self._keep(Part(self._quadrics[shared], looks.ctm, source.type))
+            return
+        mesh = mesh if mesh is not None else quadric(source).mesh
+        if self._is_textured(number):
+            mesh = with_uvs(mesh)
+        self._add_mesh(replace(mesh, material=number), looks.ctm)
+        if shared is not None:
+            self._quadrics[shared] = len(self._description.meshes) - 1
+
+    def flush(self) -> None:
+        """Makes meshes of the curves so far."""
+        strands, self._strands = self._strands, {}
+        for (number, _, _), (found, ctm) in strands.items():
+            self._add_mesh(replace(together(found), material=number), ctm)
+
+    def _mesh(self, source: Parameters, looks: Looks, radius: float | None) -> tuple[Mesh | None, np.ndarray]:
+        """The mesh (of a whole sphere only where it is needed), and the areas that pbrt takes for a light each."""
+        if radius is not None and not looks.reverse:
+            return None, np.array([4 * np.pi * radius**2])
+        if source.type in QUADRICS:
+            made = quadric(source)
+            return turned(made.mesh) if looks.reverse else made.mesh, np.array([made.area])
+        mesh = mesh_of(source, self._files, self._notes)
+        if looks.reverse:
+            mesh = turned(mesh)
+        if looks.area is None:
+            return mesh, np.zeros(0)
+        placed = mesh.positions.astype(float) @ looks.ctm[0][:3, :3].T
+        areas = 0.5 * np.linalg.norm(face_normals(placed, mesh.triangles), axis=1)
+        return mesh, areas
+
+    def _emission(self, looks: Looks, areas: np.ndarray) -> Emission:
+        if looks.area is None:
+            return Emission()
+        if self.in_object:
+            self._notes.add(looks.area.place, "Shapes of an object that is shown many times do not shine, as in pbrt")
+            return Emission()
+        return self._lights.shines(looks.area, areas)
+
+    def _is_textured(self, number: int) -> bool:
+        made = self._description.materials[number]
+        return any(name.endswith("_texture") and value is not None for name, value in vars(made).items())
+
+    def _is_round(self, ctm: Ctm) -> bool:
+        for each in ctm:
+            axes = each[:3, :3]
+            square = product(np.ascontiguousarray(axes.T), axes)
+            size = square[0, 0]
+            if not np.abs(square - size * np.eye(3)).max() <= _ROUND * size:
+                return False
+        return True
+
+    def _add_mesh(self, mesh: Mesh, ctm: Ctm) -> None:
+        self._description.meshes.append(mesh)
+        self._keep(Part(len(self._description.meshes) - 1, ctm, mesh.name))
+
+    def _keep(self, part: Part) -> None:
+        if self._open is not None:
+            self._open.append(part)
+        else:
+            self._place(part, None)
+
+    def _place(self, part: Part, outer: Ctm | None) -> None:
+        """Shows a part, in the place of an instance."""
+        if len(self._description.instances) + len(self._description.spheres) >= _MOST_INSTANCES:
+            raise Place(self._description.name, 0).wrong(
+                f"more than {_MOST_INSTANCES // 10**6} million shapes are shown; show fewer"
+            )
+        moves = any(each[0] is not each[1] for each in (part.ctm, outer) if each is not None)
+        inner = between(part.ctm, self._time)
+        world = product(self._outer, inner if outer is None else product(between(outer, self._time), inner))
+        self._description.moves |= moves
+        if part.mesh >= 0:
+            self._description.instances.append(Instance(part.mesh, world, name=part.name, moves=moves))
+            return
+        scale = float(np.sqrt((world[:3, 0] ** 2).sum()))
+        if outer is not None and not self._is_round((world, world)):
+            self._ball(part, world, moves)
+            return
+        x, y, z = (float(v) for v in world[:3, 3])
+        self._description.spheres.append(Sphere((x, y, z), part.radius * scale, part.material, part.name, moves=moves))
+
+    def _ball(self, part: Part, world: Matrix, moves: bool) -> None:
+        source = Parameters("shape", "sphere", Place(self._description.name, 0))
+        mesh = replace(quadric(source).mesh, material=part.material)
+        self._description.meshes.append(mesh)
+        sized = product(world, np.diag([part.radius, part.radius, part.radius, 1.0]))
+        self._description.instances.append(Instance(len(self._description.meshes) - 1, sized, name=part.name, moves=moves))

@@ -1,0 +1,156 @@
+"""Spectra and colours as linear Rec.709, as pbrt's film would show them.
+
+pbrt follows light by wavelengths. An rgb of a light stands for its colour space's white light times a smooth spectrum, so that
+on the film it is that rgb again; any other spectrum of a light is scaled to a luminance of 1, and keeps its colour; what
+reflects is seen in white light. Ours follows three colours, each for itself: what bounces often off strong
+colours comes out a little otherwise.
+"""
+
+from __future__ import annotations
+
+from pathlib import PurePosixPath
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import Vec3
+from renderer.scene.files import SceneFiles
+from renderer.scene.readers.pbrt.named import CHROMATICITIES, GLASSES, METALS
+from renderer.scene.readers.pbrt.notes import Notes
+from renderer.scene.readers.pbrt.observer import D65, MATCHING, at_wavelengths, planck
+from renderer.scene.readers.pbrt.parameters import Parameter, text_of
+
+__all__ = ["SPACES", "WEIGHTS", "Colors", "luminance"]
+
+F64 = npt.NDArray[np.float64]
+
+_MOST = 1e9
+SPACES = ("srgb", "dci-p3", "rec2020", "aces2065-1")
+# Chromaticities of red, green, blue and white.
+_PRIMARIES = {
+    "srgb": ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06), (0.3127, 0.3290)),
+    "dci-p3": ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), (0.3127, 0.3290)),
+    "rec2020": ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046), (0.3127, 0.3290)),
+    "aces2065-1": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), (0.32168, 0.33767)),
+}
+
+
+def _to_xyz(space: str) -> F64:
+    *primaries, white = (np.array([x / y, 1.0, (1 - x - y) / y]) for x, y in _PRIMARIES[space])
+    columns = np.stack(primaries, axis=1)
+    return np.asarray(columns * np.linalg.solve(columns, white))
+
+
+_FROM_XYZ = np.linalg.inv(_to_xyz("srgb"))
+_INTO_709 = {space: np.eye(3) if space == "srgb" else _FROM_XYZ @ _to_xyz(space) for space in SPACES}
+WEIGHTS = _FROM_XYZ @ (MATCHING * D65)
+WEIGHTS = WEIGHTS / WEIGHTS.sum(axis=1, keepdims=True)  # (3, W): how much each wavelength of daylight adds to a colour
+
+
+def luminance(rgb: Vec3) -> float:
+    """Rec.709's."""
+    return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
+
+
+class Colors:
+    """Looks colours up."""
+
+    def __init__(self, files: SceneFiles, notes: Notes) -> None:
+        self._files, self._notes = files, notes
+
+    def light(self, found: Parameter | None) -> Vec3:
+        """What a light is like at a scale of 1; white where nothing is said."""
+        if found is None:
+            return 1.0, 1.0, 1.0
+        if found.type == "rgb":
+            return self._sound(_INTO_709[found.space] @ self._three(found), found)
+        if found.type == "blackbody":
+            kelvin = float(np.asarray(found.value, float).reshape(-1)[:1].sum())
+            if not 0 < kelvin < 1e9:
+                raise found.place.wrong("a black body has a temperature above 0, in kelvins")
+            return self._shown(planck(kelvin), found)
+        name = text_of(found)
+        if name in CHROMATICITIES:
+            x, y = CHROMATICITIES[name]
+            return self._sound(_FROM_XYZ @ np.array([x / y, 1.0, (1 - x - y) / y]), found)
+        return self._shown(self.spectrum(found), found)
+
+    def albedo(self, found: Parameter) -> Vec3:
+        """What reflects, 0 to 1."""
+        if found.type == "rgb":
+            into = _INTO_709[found.space]
+            rgb = (into @ self._three(found)) / into.sum(axis=1)
+        elif found.type == "blackbody":
+            raise found.place.wrong("a black body shines, it is no colour of a surface; give an rgb or a spectrum")
+        else:
+            rgb = WEIGHTS @ self.spectrum(found)
+        r, g, b = (float(min(max(v, 0.0), 1.0)) for v in rgb)
+        return r, g, b
+
+    def numbers(self, found: Parameter) -> Vec3:
+        """Three numbers that are no colours, as an index of refraction."""
+        if found.type == "float":
+            value = float(np.asarray(found.value, float).reshape(-1)[:1].sum())
+            return value, value, value
+        r, g, b = (float(v) for v in (self._three(found) if found.type == "rgb" else WEIGHTS @ self.spectrum(found)))
+        return r, g, b
+
+    def index(self, found: Parameter | None) -> tuple[float, float]:
+        """An index of refraction, and 20 / Abbe number."""
+        if found is None:
+            return 1.5, 0.0
+        name = text_of(found)
+        if name in GLASSES:
+            ior, abbe = GLASSES[name]
+            return ior, 20 / abbe
+        _, green, _ = self.numbers(found)
+        return green, 0.0
+
+    def spectrum(self, found: Parameter) -> F64:
+        """(W,) values of a spectrum: pairs, one number, or a file of pairs."""
+        if isinstance(found.value, np.ndarray):
+            values = found.value.reshape(-1)
+            if len(values) == 1:
+                return np.full(len(D65), values[0])
+        else:
+            values = self._file(text_of(found), found)
+        if len(values) < 2 or len(values) % 2:
+            raise found.place.wrong("a spectrum takes pairs of a wavelength in nanometres and a value")
+        return at_wavelengths(values[::2], values[1::2])
+
+    def _file(self, wanted: str, found: Parameter) -> F64:
+        metal = wanted.removeprefix("metal-").rpartition("-")
+        if metal[0] in METALS and metal[2] in ("eta", "k"):
+            raise found.place.wrong(f"{wanted[:60]!r} is an index of refraction, and no colour")
+        name = self._files.find(wanted, found.place.file)
+        if name is None:
+            raise found.place.wrong(
+                f"{PurePosixPath(wanted).name[:80]!r} is no spectrum that is known, and no file of the scene; add the file"
+            )
+        words = [line.partition("#")[0].split() for line in self._files.read(name).decode("utf-8", "replace").splitlines()]
+        try:
+            values = np.array([float(word) for line in words for word in line])
+        except ValueError:
+            raise found.place.wrong(f"{name} holds what are no numbers; a spectrum's file has pairs of them") from None
+        if not np.isfinite(values).all():
+            raise found.place.wrong(f"{name} holds numbers that are infinite, or none")
+        return values
+
+    def _shown(self, spectrum: F64, found: Parameter) -> Vec3:
+        xyz = MATCHING @ spectrum
+        if not xyz[1] > 0:
+            raise found.place.wrong("a light's spectrum is dark wherever an eye sees; give one between 380 and 780 nanometres")
+        return self._sound(_FROM_XYZ @ (xyz / xyz[1]), found)
+
+    def _sound(self, rgb: F64, found: Parameter) -> Vec3:
+        if rgb.min() < -1e-3 * max(float(rgb.max()), 1e-9):
+            self._notes.add(found.place, "A colour is stronger than Rec.709 has any: it is the nearest that a screen shows")
+        r, g, b = (float(min(max(v, 0.0), _MOST)) for v in rgb)
+        return r, g, b
+
+    @staticmethod
+    def _three(found: Parameter) -> F64:
+        values = np.asarray(found.value, float).reshape(-1)
+        if len(values) != 3:
+            raise found.place.wrong("an rgb takes three numbers")
+        return values

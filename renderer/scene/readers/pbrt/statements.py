@@ -1,0 +1,178 @@
+"""A file of pbrt, and all that it includes, as statements: a directive with its arguments.
+
+Lists of numbers, which are nearly all of a large file, are taken as a whole and never token by token.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+import zlib
+from collections.abc import Iterator
+from pathlib import PurePosixPath
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError
+from renderer.scene.files import MAX_FILE_BYTES, SceneFiles
+from renderer.scene.readers.pbrt.notes import Place
+
+__all__ = ["MAX_DEPTH", "MAX_STATEMENTS", "Argument", "Statement", "Statements", "unpacked"]
+
+Argument = str | npt.NDArray[np.float64] | tuple[str, ...] | tuple[bool, ...]  # a quoted text, or a list in brackets or of one
+
+MAX_DEPTH = 32  # of files that include each other
+MAX_FILES = 20_000
+MAX_STATEMENTS = 5_000_000
+MAX_TEXT = 2 << 30  # bytes of all files together
+_TOKEN = re.compile(r'\s+|#[^\n]*|"(?P<text>[^"\n]*)"|(?P<open>\[)|(?P<word>[^\s"\[\]#]+)')
+_LIST = re.compile(r'(?:[^"\]#]+|"[^"\n]*"|#[^\n]*)*+\]')
+_COMMENT = re.compile(r'("[^"\n]*")|#[^\n]*')
+_QUOTED = re.compile(r'"([^"\n]*)"')
+_LONG = 2000  # characters, from which a list is taken at once
+_TRUTHS = {"true": True, "false": False}
+
+
+class Statement(NamedTuple):
+    """A directive, what stands behind it, and where."""
+
+    directive: str
+    arguments: list[Argument]
+    place: Place
+
+
+class Statements:
+    """Reads statements. Raises SceneError, with a line, where there are none."""
+
+    def __init__(self, files: SceneFiles) -> None:
+        self._files = files
+        self._count = self._bytes = self._opened = 0
+
+    def of(self, name: str, depth: int = 0) -> Iterator[Statement]:
+        """The statements of a file; those that include others are among them."""
+        if depth > MAX_DEPTH:
+            raise SceneError(f"{name}: is included {MAX_DEPTH} files deep; do files include each other?")
+        self._opened += 1
+        if self._opened > MAX_FILES:
+            raise SceneError(f"{name}: more than {MAX_FILES} files are included; put them together")
+        data = self._files.read(name)
+        if name.lower().endswith(".gz"):
+            data = unpacked(data, name)
+        self._bytes += len(data)
+        if self._bytes > MAX_TEXT:
+            raise SceneError(f"{name}: with it the scene has more than {MAX_TEXT >> 30} GiB of text; make it smaller")
+        yield from self._parsed(data.decode("utf-8", "replace"), PurePosixPath(name).name)
+
+    def _parsed(self, text: str, file: str) -> Iterator[Statement]:
+        directive, arguments, place = "", list[Argument](), Place(file, 1)
+        at, line, counted = 0, 1, 0
+        while at < len(text):
+            found = _TOKEN.match(text, at)
+            if found is None:
+                line += text.count("\n", counted, at)
+                raise Place(file, line).wrong(f"{text[at : at + 20]!r} is nothing that pbrt knows; mend it there")
+            end = found.end()
+            word = found["word"]
+            if word is not None and word not in _TRUTHS and not _starts_number(word):
+                if directive:
+                    yield self._counted(Statement(directive, arguments, place))
+                line, counted = line + text.count("\n", counted, at), at
+                directive, arguments, place = word, [], Place(file, line)
+            elif found.lastgroup is not None:
+                if not directive:
+                    raise place.wrong(f"begins with {text[at : at + 20]!r}, and not with a directive; is it a scene of pbrt?")
+                if found["open"] is not None:
+                    value, end = _listed(text, end, place)
+                    arguments.append(value)
+                else:
+                    arguments.append(found["text"] if word is None else _one(word, place))
+            at = end
+        if directive:
+            yield self._counted(Statement(directive, arguments, place))
+
+    def _counted(self, statement: Statement) -> Statement:
+        self._count += 1
+        if self._count > MAX_STATEMENTS:
+            raise statement.place.wrong(
+                f"there are more than {MAX_STATEMENTS // 10**6} million statements; make the scene smaller"
+            )
+        return statement
+
+
+def unpacked(data: bytes, name: str) -> bytes:
+    """What a .gz file holds. Raises SceneError."""
+    packed = zlib.decompressobj(wbits=31)
+    try:
+        found = packed.decompress(data, MAX_FILE_BYTES)
+    except zlib.error as error:
+        raise SceneError(f"{name}: could not be unpacked ({error}); pack it again") from None
+    if packed.unconsumed_tail or not packed.eof:
+        raise SceneError(f"{name}: is cut off, or holds more than {MAX_FILE_BYTES >> 30} GiB; pack it again")
+    return found
+
+
+def _starts_number(word: str) -> bool:
+    return word[0].isdigit() or word[0] in "+-."
+
+
+def _one(word: str, place: Place) -> Argument:
+    return (_TRUTHS[word],) if word in _TRUTHS else _numbers([word], place)
+
+
+def _listed(text: str, start: int, place: Place) -> tuple[Argument, int]:
+    """The list whose bracket opened before `start`, and where it ends."""
+    end = text.find("]", start)
+    inside = text[start:end]
+    if '"' in inside or "#" in inside:  # a bracket may stand within quotes, or in a comment
+        whole = _LIST.match(text, start)
+        end = whole.end() - 1 if whole is not None else -1
+        inside = text[start:end]
+    if end < 0:
+        raise place.wrong("a list in brackets does not end; close it with ]")
+    if "#" in inside:
+        inside = _COMMENT.sub(lambda found: found[1] or "", inside)
+    if '"' in inside:
+        return tuple(_QUOTED.findall(inside)), end + 1
+    if len(inside) > _LONG and (quick := _at_once(inside)) is not None:
+        return _finite(quick, place), end + 1
+    words = inside.split()
+    if words and words[0] in _TRUTHS:
+        if any(word not in _TRUTHS for word in words):
+            raise place.wrong(f"{inside[:40]!r} are neither numbers nor true and false")
+        return tuple(_TRUTHS[word] for word in words), end + 1
+    return _numbers(words, place), end + 1
+
+
+def _numbers(words: list[str], place: Place) -> npt.NDArray[np.float64]:
+    try:
+        found: npt.NDArray[Any] = np.array(words, np.float64)
+    except ValueError:
+        odd = next((word for word in words if not _is_number(word)), "")
+        raise place.wrong(f"{odd[:40]!r} is no number; mend it there") from None
+    return _finite(found, place)
+
+
+def _at_once(text: str) -> npt.NDArray[np.float64] | None:
+    """Numbers with spaces between them; None where something else is among them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            return np.fromstring(text, np.float64, sep=" ")
+        except (ValueError, DeprecationWarning):
+            return None
+
+
+def _finite(found: npt.NDArray[np.float64], place: Place) -> npt.NDArray[np.float64]:
+    if not np.isfinite(found).all():
+        raise place.wrong("a number is infinite, or none; mend it there")
+    return found
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,357 @@
+"""What varies over a surface: pbrt's textures as ours.
+
+An image, how it repeats and where it lies is taken over as it is; what textures are made of others, is worked out as a picture.
+pbrt counts v from below, ours from above: meshes are turned so when they are made, and the transforms of textures here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.image.tonemap import decode_srgb, encode_srgb
+from renderer.scene.description import Image, SceneDescription, TexelFilter, UvTransform, Vec3, Wrap
+from renderer.scene.files import SceneFiles
+from renderer.scene.readers.pbrt.baked import SIZE, Grid, checks, grid, looked_up
+from renderer.scene.readers.pbrt.notes import Notes
+from renderer.scene.readers.pbrt.parameters import Parameter, Parameters, text_of
+from renderer.scene.readers.pbrt.spectra import Colors
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["Definition", "Textures", "Varying"]
+
+_WRAPS: dict[str, Wrap] = {"repeat": "repeat", "clamp": "clamp", "black": "clamp"}
+_MAX_NESTED = 24
+_MOST_PARTS = 32  # of a texture that is worked out as a picture
+_SOLID = {"fbm": 0.0, "wrinkled": 0.3, "windy": 0.3}  # what varies in space, and a middling value of it
+_ONE: Vec3 = (1.0, 1.0, 1.0)
+_BLACK: Vec3 = (0.0, 0.0, 0.0)
+
+
+class Definition(NamedTuple):
+    """A texture as a file names it: of floats or of spectra. parts: the textures that it may be made of, by kind and name."""
+
+    kind: str
+    parameters: Parameters
+    parts: dict[tuple[str, str], Definition]
+
+
+@dataclass(frozen=True)
+class Varying:
+    """A value, and the texture that it is multiplied by."""
+
+    value: Vec3
+    texture: int | None = None
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether there is no texture."""
+        return self.texture is None
+
+
+class Textures:
+    """Looks up values of materials, lights and shapes."""
+
+    def __init__(self, files: SceneFiles, colors: Colors, notes: Notes, description: SceneDescription) -> None:
+        self._files, self._notes, self._description = files, notes, description
+        self.shelf = TextureShelf(description, files)
+        self.colors = colors
+        self.named: dict[tuple[str, str], Definition] = {}
+        self._known: dict[int, Varying] = {}
+        self._constants: dict[int, Vec3 | None] = {}
+
+    def define(self, name: str, kind: str, parameters: Parameters) -> None:
+        """A name for a texture; kind: float or spectrum."""
+        wanted = [text_of(each) for each in parameters.values.values() if each.type == "texture"]
+        parts = {(k, n): self.named[k, n] for n in wanted for k in ("float", "spectrum") if (k, n) in self.named}
+        self.named["float" if kind == "float" else "spectrum", name] = Definition(kind, parameters, parts)
+
+    def color(self, owner: Parameters, name: str, default: Vec3) -> Varying:
+        """A colour of a surface."""
+        if owner.names_texture(name):
+            return self._of_name(owner, name, "spectrum", default)
+        found = owner.get(name, "rgb", "spectrum", "float")
+        if found is None:
+            return Varying(default)
+        return Varying(_unit(self.colors.numbers(found)) if found.type == "float" else self.colors.albedo(found))
+
+    def number(self, owner: Parameters, name: str, default: float) -> Varying:
+        """A number."""
+        if owner.names_texture(name):
+            return self._of_name(owner, name, "float", (default,) * 3)
+        return Varying((owner.number(name, default),) * 3)
+
+    def mean(self, varying: Varying) -> Vec3:
+        """The mean of a value over its texture."""
+        if varying.texture is None:
+            return varying.value
+        r, g, b = (float(v) for v in linear(self.shelf.image_of(varying.texture)).reshape(-1, 3).mean(axis=0) * varying.value)
+        return r, g, b
+
+    def one_number(self, owner: Parameters, name: str, default: float) -> float:
+        """A number that does not vary: of a texture the mean, which is noted."""
+        found = self.number(owner, name, default)
+        if not found.is_constant:
+            self._notes.add(owner.place, f"{name} of {owner} varies over the surface: its mean is taken")
+        return self.mean(found)[0]
+
+    def normals(self, wanted: str, owner: Parameters) -> int | None:
+        """The texture of a file of normals."""
+        name = self._files.find(wanted, owner.place.file)
+        if name is None:
+            self.shelf.missing(wanted, str(owner.place))
+            return None
+        return self.shelf.texture(self.shelf.image_file(name, srgb=False))
+
+    def without_metal(self, texture: int | None) -> int | None:
+        """A texture of roughness in glTF's packing: green roughness, and blue as much metal as there is."""
+
+        def packed(image: Image) -> Image:
+            pixels = np.array(linear(image))
+            pixels[..., 2] = 1.0
+            return Image(f"{image.name} packed", pixels, srgb=False)
+
+        return self.shelf.derived(texture, "roughness packed", packed)
+
+    def with_alpha(self, color: int | None, alpha: Varying) -> int | None:
+        """The texture of a colour (None: white) with holes; None where the two do not lie on each other."""
+        if alpha.texture is None:
+            return color
+        holes = self._description.textures[alpha.texture]
+        factor = alpha.value[0]
+
+        def cut(image: Image | None, by: Image) -> Image:
+            mask = np.clip(linear(by)[..., 0] * factor, 0, 1)
+            rgb = np.full((*mask.shape, 3), 255, np.uint8)
+            if image is not None:
+                if image.pixels.dtype == np.uint8 and image.srgb:
+                    rgb = image.pixels[..., :3]
+                else:
+                    rgb = np.rint(encode_srgb(np.clip(linear(image), 0, 1)) * 255).astype(np.uint8)
+            if rgb.shape[:2] != mask.shape:
+                rows, columns = (np.arange(n) * m // n for n, m in zip(rgb.shape[:2], mask.shape, strict=True))
+                mask = mask[rows[:, None], columns[None, :]]
+            return Image(f"{by.name} as holes", np.dstack([rgb, np.rint(mask * 255).astype(np.uint8)]))
+
+        if color is None:
+            return self.shelf.derived(alpha.texture, f"holes by {factor}", lambda it: cut(None, it))
+        own = self._description.textures[color]
+        if (own.transform, own.wrap_s, own.wrap_t) != (holes.transform, holes.wrap_s, holes.wrap_t):
+            return None
+        return self.shelf.combined(color, alpha.texture, f"holes by {factor}", cut)
+
+    def _of_name(self, owner: Parameters, name: str, kind: str, default: Vec3) -> Varying:
+        wanted = owner.text(name)
+        definition = self.named.get((kind, wanted))
+        if definition is None:
+            raise owner.place.wrong(
+                f"{owner} has the texture {wanted[:60]!r} as {name}, but no {kind} texture of this name stands before"
+            )
+        return self.of(definition, default)
+
+    def of(self, definition: Definition, default: Vec3 = _ONE) -> Varying:
+        """A texture; the default where it shows nothing."""
+        return self._made(definition, default, 0)
+
+    def _made(self, definition: Definition, default: Vec3, depth: int) -> Varying:
+        key = id(definition.parameters)
+        if key not in self._known:
+            self._known[key] = self._make(definition, default, depth)
+        return self._known[key]
+
+    def _make(self, definition: Definition, default: Vec3, depth: int) -> Varying:
+        kind, source, _ = definition
+        if depth > _MAX_NESTED:
+            raise source.place.wrong(f"{source} is made of textures that are nested too deep")
+        if source.type == "imagemap":
+            return self._image(source, default)
+        if source.type in _SOLID or source.type in ("marble", "ptex"):
+            value = _SOLID.get(source.type, 0.5)
+            self._notes.add(source.place, f"{source} is not read: one value stands for all of it")
+            source.used.update(source.values)
+            return Varying((value,) * 3)
+        constant = self._constant(definition, depth)
+        if constant is not None:
+            return Varying(constant)
+        if source.type == "scale":
+            for name, of, other, kind_of_other in (("scale", "float", "tex", kind), ("tex", kind, "scale", "float")):
+                factor = self._constant_part(definition, name, of, _ONE, depth)
+                if factor is not None:
+                    scaled = self._made(self._child(definition, other, kind_of_other), _ONE, depth + 1)
+                    return Varying(_times(scaled.value, factor), scaled.texture)
+        if source.type == "checkerboard" and source.integer("dimension", 2) == 2:
+            first = self._constant_part(definition, "tex1", kind, _ONE, depth)
+            second = self._constant_part(definition, "tex2", kind, _BLACK, depth)
+            if first is not None and second is not None:
+                return self._checks(source, first, second)
+        return self._baked(definition, depth)
+
+    def _constant(self, definition: Definition, depth: int) -> Vec3 | None:
+        """The value of a texture that is the same everywhere; None of another."""
+        key = id(definition.parameters)
+        if key not in self._constants:
+            self._constants[key] = self._same_everywhere(definition, depth)
+        return self._constants[key]
+
+    def _same_everywhere(self, definition: Definition, depth: int) -> Vec3 | None:
+        kind, source, _ = definition
+        if depth > _MAX_NESTED:
+            raise source.place.wrong(f"{source} is made of textures that are nested too deep")
+        if source.type == "constant":
+            return self._value(source, "value", kind, _ONE)
+        if source.type == "scale":
+            parts = [self._constant_part(definition, n, k, _ONE, depth) for n, k in (("tex", kind), ("scale", "float"))]
+            return None if parts[0] is None or parts[1] is None else _times(parts[0], parts[1])
+        if source.type != "mix":
+            return None
+        first, second = (self._constant_part(definition, n, kind, d, depth) for n, d in (("tex1", _BLACK), ("tex2", _ONE)))
+        amount = self._constant_part(definition, "amount", "float", (0.5,) * 3, depth)
+        if first is None or second is None or amount is None:
+            return None
+        return _vec(np.array(first) * (1 - amount[0]) + np.array(second) * amount[0])
+
+    def _constant_part(self, definition: Definition, name: str, kind: str, default: Vec3, depth: int) -> Vec3 | None:
+        if definition.parameters.names_texture(name):
+            return self._constant(self._child(definition, name, kind), depth + 1)
+        return self._value(definition.parameters, name, kind, default)
+
+    def _child(self, definition: Definition, name: str, kind: str) -> Definition:
+        source = definition.parameters
+        wanted = source.text(name)
+        found = definition.parts.get(("float" if kind == "float" else "spectrum", wanted))
+        if found is None:
+            raise source.place.wrong(f"{source} is made of the texture {wanted[:60]!r}, which does not stand before")
+        return found
+
+    def _value(self, source: Parameters, name: str, kind: str, default: Vec3) -> Vec3:
+        found: Parameter | None = source.get(name, "float", "rgb", "spectrum", "blackbody")
+        if found is None:
+            return default
+        if found.type == "float":
+            return (source.number(name, 1.0),) * 3
+        return self.colors.albedo(found) if found.type != "blackbody" else self.colors.light(found)
+
+    def _place(self, source: Parameters) -> UvTransform:
+        """How our UVs become those of an image or of squares, both counted from above."""
+        mapping = source.text("mapping", "uv")
+        su, sv = source.number("uscale", 1.0), source.number("vscale", 1.0)
+        du, dv = source.number("udelta", 0.0), source.number("vdelta", 0.0)
+        if mapping != "uv":
+            self._notes.add(source.place, f"{source} is laid on by its {mapping[:30]} mapping; it is laid on by UVs here")
+        return su, 0.0, du, 0.0, sv, 1 - sv - dv
+
+    def _image(self, source: Parameters, default: Vec3) -> Varying:
+        wanted = source.text("filename")
+        name = self._files.find(wanted, source.place.file)
+        if name is None:
+            self.shelf.missing(wanted, str(source.place))
+            source.used.update(source.values)
+            return Varying(default)
+        encoding = source.text("encoding", "sRGB")
+        if encoding.startswith("gamma"):
+            self._notes.add(source.place, f"{source}: its encoding {encoding[:20]!r} is taken as sRGB")
+        image = self.shelf.image_file(name, encoding.lower() != "linear")
+        if image is None:
+            return Varying(default)
+        said = source.text("wrap", "repeat")
+        if said not in ("repeat", "clamp"):
+            self._notes.add(source.place, f"{source}: beyond its edges it is {said[:30]}; its edges go on here")
+        wrap = _WRAPS.get(said, "clamp")
+        filter: TexelFilter = "nearest" if source.text("filter", "bilinear") == "point" else "linear"
+        source.used.add("maxanisotropy")
+        texture = self.shelf.texture(image, wrap, wrap, 0, self._place(source), (), filter)
+        scale = source.number("scale", 1.0)
+        if source.flag("invert", False):
+            texture = self.shelf.derived(
+                texture,
+                f"inverted by {scale}",
+                lambda it: Image(f"{it.name} inverted", np.maximum(1 - scale * linear(it), 0), False),
+            )
+            scale = 1.0
+        return Varying((scale,) * 3, texture)
+
+    def _checks(self, source: Parameters, first: Vec3, second: Vec3) -> Varying:
+        su, _, du, _, sv, _ = self._place(source)
+        # Two squares each way are one image; from above, its lower left one is the first.
+        pixels = np.array([[second, first], [first, second]], np.float32)
+        image = self.shelf.add(Image(f"checkerboard {len(self._description.images)}", pixels, srgb=False))
+        transform = (su / 2, 0.0, du / 2, 0.0, sv / 2, (1 - sv - source.number("vdelta", 0.0)) / 2 + 0.5)
+        return Varying(_ONE, self.shelf.texture(image, "repeat", "repeat", 0, transform, (), "nearest"))
+
+    def _baked(self, definition: Definition, depth: int) -> Varying:
+        source = definition.parameters
+        pixels = self._on_grid(definition, grid(), depth, {})
+        image = self.shelf.add(
+            Image(f"{source.type} {len(self._description.images)}", np.ascontiguousarray(pixels, np.float32), False)
+        )
+        self._notes.add(source.place, f"{source} is worked out as a picture of {SIZE} x {SIZE}, which repeats with the UVs")
+        return Varying(_ONE, self.shelf.texture(image))
+
+    def _on_grid(self, definition: Definition, at: Grid, depth: int, known: dict[int, np.ndarray]) -> np.ndarray:
+        """(SIZE, SIZE, 3) a texture over the unit square. known: those that were worked out for the same picture."""
+        key = id(definition.parameters)
+        if key not in known:
+            if len(known) >= _MOST_PARTS:
+                raise definition.parameters.place.wrong(f"a texture is made of more than {_MOST_PARTS} others; make it of fewer")
+            known[key] = np.asarray(self._on_new_grid(definition, at, depth, known), np.float32)
+        return known[key]
+
+    def _on_new_grid(self, definition: Definition, at: Grid, depth: int, known: dict[int, np.ndarray]) -> np.ndarray:
+        kind, source, _ = definition
+        if depth > _MAX_NESTED:
+            raise source.place.wrong(f"{source} is made of textures that are nested too deep")
+
+        def part(name: str, of: str, default: Vec3) -> np.ndarray:
+            if source.names_texture(name):
+                return self._on_grid(self._child(definition, name, of), at, depth + 1, known)
+            return np.broadcast_to(np.array(self._value(source, name, of, default)), (SIZE, SIZE, 3))
+
+        if source.type == "scale":
+            return part("tex", kind, _ONE) * part("scale", "float", _ONE)
+        if source.type == "mix":
+            amount = part("amount", "float", (0.5,) * 3)
+            return part("tex1", kind, _BLACK) * (1 - amount) + part("tex2", kind, _ONE) * amount
+        if source.type == "checkerboard":
+            if source.integer("dimension", 2) != 2:
+                self._notes.add(source.place, f"{source} of cubes in space is laid on as squares, by UVs")
+            return np.where(checks(at, self._place(source)), part("tex1", kind, _ONE), part("tex2", kind, _BLACK))
+        if source.type == "bilerp":
+            corners = [np.array(self._value(source, f"v{k}", kind, (float(k[1]),) * 3)) for k in ("00", "01", "10", "11")]
+            x, y = at.moved(self._place(source))
+            s, t = x[..., None], 1 - y[..., None]
+            return (1 - s) * ((1 - t) * corners[0] + t * corners[1]) + s * ((1 - t) * corners[2] + t * corners[3])
+        if source.type in ("imagemap", "constant"):
+            found = self._made(definition, _ONE, depth)
+            if found.texture is None:
+                return np.broadcast_to(np.array(found.value), (SIZE, SIZE, 3))
+            return (
+                looked_up(self._description.textures[found.texture], linear(self.shelf.image_of(found.texture)), at) * found.value
+            )
+        self._notes.add(source.place, f"{source} is not read: one value stands for all of it")
+        source.used.update(source.values)
+        return np.full((SIZE, SIZE, 3), 0.5)
+
+
+def linear(image: Image) -> np.ndarray:
+    """(h, w, 3) float32 of an image's pixels, as light is added."""
+    pixels = np.asarray(image.pixels[..., :3])
+    if pixels.dtype != np.uint8:
+        return np.asarray(pixels, np.float32)
+    table = np.arange(256, dtype=np.float32) / 255
+    return np.asarray((decode_srgb(table) if image.srgb else table)[pixels], np.float32)
+
+
+def _unit(rgb: Vec3) -> Vec3:
+    r, g, b = (min(max(v, 0.0), 1.0) for v in rgb)
+    return r, g, b
+
+
+def _times(a: Vec3, b: Vec3) -> Vec3:
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
+
+
+def _vec(values: np.ndarray) -> Vec3:
+    r, g, b = (float(v) for v in values)
+    return r, g, b

@@ -1,0 +1,144 @@
+"""Transformations as pbrt's directives write them, at the beginning and at the end of time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.scene.animation.curves import slerp
+from renderer.scene.animation.trigonometry import sin_cos
+from renderer.scene.matrices import Matrix, product
+from renderer.scene.readers.pbrt.notes import Place
+
+__all__ = ["Ctm", "between", "inverse", "look_at", "matrix", "rotation", "scaling", "translation"]
+
+Ctm = tuple[Matrix, Matrix]  # (4, 4) each: when the time of the transformations begins, and when it ends
+_TURNS = 64  # steps of the iteration that tells rotation from scale
+
+
+def translation(numbers: Matrix) -> Matrix:
+    """By three numbers."""
+    found = np.eye(4)
+    found[:3, 3] = numbers
+    return found
+
+
+def scaling(numbers: Matrix, place: Place) -> Matrix:
+    """By three numbers, none of them 0."""
+    if not np.abs(numbers).min() > 0:
+        raise place.wrong("a scale is 0: nothing is left of what it scales; give another")
+    return np.diag([*numbers, 1.0])
+
+
+def rotation(degrees: float, axis: Matrix, place: Place) -> Matrix:
+    """About an axis."""
+    length = math.sqrt(float((axis * axis).sum()))
+    if not length > 0 or abs(degrees) > 1e6:
+        raise place.wrong("Rotate takes degrees and an axis that is not 0 0 0")
+    x, y, z = (float(v) / length for v in axis)
+    sine, cosine = sin_cos(math.radians(degrees))
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    found = np.eye(4)
+    found[:3, :3] = np.eye(3) + sine * cross + (1 - cosine) * product(cross, cross)
+    return found
+
+
+def look_at(numbers: Matrix, place: Place) -> Matrix:
+    """From the world to a camera that looks along +Z with +X to the right: its eye, what it looks at, and what is up."""
+    eye, target, up = numbers[:3], numbers[3:6], numbers[6:]
+    forward = _unit(target - eye)
+    right = _unit(np.cross(_unit(up), forward))
+    if not forward.any() or not right.any():
+        raise place.wrong("LookAt looks nowhere, or along its up direction; move the eye, or give another up")
+    found = np.eye(4)
+    found[:3, :3] = np.stack([right, np.cross(forward, right), forward])
+    found[:3, 3] = [-float((row * eye).sum()) for row in found[:3, :3]]
+    return found
+
+
+def matrix(numbers: Matrix) -> Matrix:
+    """Of 16 numbers, column by column."""
+    return np.array(numbers.reshape(4, 4).T)
+
+
+def between(ctm: Ctm, share: float) -> Matrix:
+    """What lies at a share of the time between two transformations: moved straight, turned along the arc, scaled evenly."""
+    first, last = ctm
+    if share <= 0 or first is last or np.array_equal(first, last):
+        return first
+    if share >= 1:
+        return last
+    (turn_a, scale_a), (turn_b, scale_b) = _parts(first), _parts(last)
+    turned = slerp(_quaternion(turn_a), _quaternion(turn_b), share)
+    found = np.eye(4)
+    found[:3, :3] = product(_turn(turned), scale_a * (1 - share) + scale_b * share)
+    found[:3, 3] = first[:3, 3] * (1 - share) + last[:3, 3] * share
+    return found
+
+
+def _unit(vector: Matrix) -> Matrix:
+    length = math.sqrt(float((vector * vector).sum()))
+    return vector / length if length > 0 else np.zeros(3)
+
+
+def _parts(transform: Matrix) -> tuple[Matrix, Matrix]:
+    """The rotation and the scale, also askew, whose product it is. Source: Shoemake and Duff 1992, polar decomposition."""
+    whole = transform[:3, :3]
+    turn = whole
+    for _ in range(_TURNS):
+        x, y, z = turn
+        cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
+        determinant = float((x * cofactors[0]).sum())
+        if determinant == 0:
+            return np.eye(3), whole
+        following = (turn + cofactors / determinant) / 2
+        settled = np.abs(following - turn).max() < 1e-14
+        turn = following
+        if settled:
+            break
+    x, y, z = turn
+    if float((x * np.cross(y, z)).sum()) < 0:
+        turn = -turn  # what mirrors belongs to the scale
+    return turn, product(np.ascontiguousarray(turn.T), whole)
+
+
+def _quaternion(turn: Matrix) -> list[float]:
+    (a, b, c), (d, e, f), (g, h, i) = turn.tolist()
+    squares = [1 + a - e - i, 1 - a + e - i, 1 - a - e + i, 1 + a + e + i]
+    largest = squares.index(max(squares))
+    rows = (
+        (squares[0], b + d, c + g, h - f),
+        (b + d, squares[1], f + h, c - g),
+        (c + g, f + h, squares[2], d - b),
+        (h - f, c - g, d - b, squares[3]),
+    )
+    length = 2 * math.sqrt(max(squares[largest], 1e-300))
+    return [v / length for v in rows[largest]]
+
+
+def _turn(quaternion: list[float]) -> Matrix:
+    length = math.sqrt(math.fsum(q * q for q in quaternion)) or 1.0
+    x, y, z, w = (q / length for q in quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def inverse(transform: Matrix, place: Place) -> Matrix:
+    """What undoes a transformation. Raises SceneError where nothing does."""
+    if not np.array_equal(transform[3], (0.0, 0.0, 0.0, 1.0)):
+        raise place.wrong("a transformation of a perspective has no place here; its last row is 0 0 0 1")
+    x, y, z = transform[:3, 0], transform[:3, 1], transform[:3, 2]
+    rows = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
+    determinant = float((x * rows[0]).sum())
+    if determinant == 0 or not np.isfinite(determinant):
+        raise place.wrong("a transformation leaves nothing of space: it cannot be undone; mend it")
+    found = np.eye(4)
+    found[:3, :3] = rows / determinant
+    found[:3, 3] = -product(found[:3, :3], transform[:3, 3:])[:, 0]
+    return found

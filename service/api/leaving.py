@@ -1,0 +1,44 @@
+"""Leaving an OpenID provider with the farm: the browser keeps the ID token of its login, by which the provider knows it."""
+
+from __future__ import annotations
+
+from starlette.requests import Request, cookie_parser
+from starlette.responses import Response
+
+from service.access.access import SESSION_S
+from service.api.cookies import set_cookie
+from service.api.gate import cookie_name
+from service.farm import Farm
+
+__all__ = ["base_url", "forget_login", "keep_login", "way_out"]
+
+LONGEST = 3500  # browsers keep cookies of 4 kB
+UNKNOWN = "-"  # the session is the provider's, and its ID token too long to be kept
+
+
+def keep_login(request: Request, response: Response, farm: Farm, token: str) -> None:
+    """A provider has let the browser in. token: the ID token."""
+    set_cookie(request, response, _cookie(farm, request), token if len(token) <= LONGEST else UNKNOWN, SESSION_S)
+
+
+def forget_login(request: Request, response: Response, farm: Farm) -> None:
+    """The browser's session is over, or is another's."""
+    if (name := _cookie(farm, request)) in request.cookies:
+        set_cookie(request, response, name, "", 0)
+
+
+def way_out(request: Request, farm: Farm) -> str | None:
+    """Where a browser that is logged out here goes on to, so that it is at the provider too; None: nowhere."""
+    shown = cookie_parser(request.headers.get("cookie", "")).get(_cookie(farm, request), "")
+    if not shown or farm.access.oidc is None:
+        return None
+    return farm.access.oidc.way_out("" if shown == UNKNOWN else shown, f"{base_url(request, farm)}/")
+
+
+def base_url(request: Request, farm: Farm) -> str:
+    """The address of the page, without the last slash."""
+    return farm.settings.public_url.rstrip("/") or str(request.base_url).rstrip("/")
+
+
+def _cookie(farm: Farm, request: Request) -> str:
+    return f"{cookie_name(farm.access, request.scope)}-openid-hint"

@@ -1,0 +1,53 @@
+"""Requests that are sent twice by the same Idempotency-Key: the second is answered with what the first has made.
+
+Keys are their users': the same key of two users is of two requests.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Annotated
+
+from fastapi import Header, Response
+from sqlalchemy import select
+
+from service.access.projects import Sight
+from service.api.describe import job_out
+from service.api.schemas import JobOut
+from service.errors import Conflict
+from service.farm import Farm
+from service.store.models import Job
+
+__all__ = ["Key", "earlier", "kept_key", "repeat"]
+
+Key = Annotated[
+    str | None,
+    Header(max_length=255, pattern="^[ -~]*$", description="A repeated POST of a user's with the same key makes one job."),
+]
+
+
+def kept_key(key: str | None, user: str | None) -> str | None:
+    """As a job's row has it. user: None where nobody is asked who they are."""
+    return hashlib.sha256(f"{user or ''}\0{key}".encode()).hexdigest() if key else None
+
+
+def earlier(key: str | None, user: str | None, farm: Farm) -> Job | None:
+    """The user's job that was made by this key; jobs of before keys were their users' have the key itself."""
+    if not key:
+        return None
+    with farm.sessions() as session:
+        if (found := session.scalar(select(Job).where(Job.idempotency_key == kept_key(key, user)))) is not None:
+            return found
+        return session.scalar(
+            select(Job).where(Job.idempotency_key == key, Job.user.is_(None) if user is None else Job.user == user)
+        )
+
+
+def repeat(found: Job, asked: dict[str, object], farm: Farm, response: Response, sight: Sight) -> JobOut:
+    """The answer that the first one got, as it is now. Raises Conflict where the key was of another request."""
+    if found.request != asked or not sight.sees(found.project):
+        raise Conflict("This Idempotency-Key was used for another request. Take a new key for a new job.")
+    response.headers["Idempotent-Replayed"] = "true"
+    response.headers["Location"] = f"/api/jobs/{found.id}"
+    with farm.sessions() as session:
+        return job_out(found, session, farm.engine)

@@ -1,0 +1,42 @@
+"""/api/sites: where the machines of a site add up their sums before they travel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter
+from pydantic import BaseModel, Field
+
+from service.farm import FarmDependency
+from worker.site import SITE
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/sites", tags=["workers"])
+
+
+class SiteOut(BaseModel):
+    """A site's reducer, by its own report, since it started."""
+
+    name: str
+    host: str
+    started: float
+    workers: list[str] = Field(description="those of the site, by name")
+    results: int = Field(description="that its workers have sent it")
+    sent: int = Field(description="results that became of them")
+    bytes_in: int
+    bytes_out: int
+    batches_waiting: int = Field(description="whose sums it has and has not sent")
+
+
+@router.get("", response_model=list[SiteOut])
+def list_sites(farm: FarmDependency) -> list[SiteOut]:
+    """The sites whose sums are added up before they travel (`rayfarm site`), by name."""
+    roster = farm.engine.snapshot.roster
+    found = []
+    for name, site in sorted(roster.sites.items()):
+        workers = sorted(worker for worker, offer in roster.offers.items() if f"{SITE}{name}" in offer.tags)
+        counts = {key: getattr(site, key) for key in ("results", "sent", "bytes_in", "bytes_out")}
+        about: dict[str, Any] = {"name": name, "host": site.host, "started": site.started, "workers": workers}
+        found.append(SiteOut(**about, **counts, batches_waiting=len(site.in_hand)))
+    return found

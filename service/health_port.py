@@ -1,0 +1,99 @@
+"""/healthz at a port of its own, answered by a thread that waits for nobody: a service that is busy is not taken for dead.
+
+At the farm's own port the event loop answers, in its turn. Here the loop is judged by how long it has not had one: a restart
+helps a loop that hangs, and none that has much to do.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+import time
+from collections.abc import Callable
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+from service.errors import CannotStart
+
+__all__ = ["HealthPort"]
+
+TICK_S = 0.25
+HANGS_S = 20.0  # a loop that has not had a turn for so long
+PATIENCE_S = 5.0  # with who asks
+
+
+class HealthPort:
+    """Begun and ended from the event loop's thread."""
+
+    def __init__(self, host: str, port: int, is_engine_alive: Callable[[], bool]) -> None:
+        """Raises CannotStart where nobody can listen there."""
+        self._is_engine_alive = is_engine_alive
+        self._ticked = time.monotonic()
+        self._handle: asyncio.TimerHandle | None = None
+        handler = type("Handler", (_Handler,), {"health": self})
+        try:
+            self._server = _Server((host, port), handler)
+        except OSError as error:
+            raise CannotStart(
+                f"Nobody can listen at {host}:{port} ({error}). Set RAYFARM_HEALTH_PORT to a port that is free."
+            ) from None
+        self.port = self._server.server_port
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Begin to answer, for a service with this event loop."""
+        self._tick(loop)
+        threading.Thread(target=self._server.serve_forever, name="health", daemon=True).start()
+
+    def stop(self) -> None:
+        """Answer no more."""
+        if self._handle is not None:
+            self._handle.cancel()
+        self._server.shutdown()
+        self._server.server_close()
+
+    def trouble(self) -> str | None:
+        """Why the process is to be restarted, as a sentence; None where it is sane."""
+        if not self._is_engine_alive():
+            return "The engine has ended. Restart the service."
+        if self.waited_s > HANGS_S:
+            return f"The event loop has not had a turn for {self.waited_s:.0f} s. Restart the service."
+        return None
+
+    @property
+    def waited_s(self) -> float:
+        """For how long the event loop has not had a turn."""
+        return max(0.0, time.monotonic() - self._ticked - TICK_S)
+
+    def _tick(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._ticked = time.monotonic()
+        self._handle = loop.call_later(TICK_S, self._tick, loop)
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+
+
+class _Handler(BaseHTTPRequestHandler):
+    health: HealthPort
+    timeout = PATIENCE_S
+
+    def do_GET(self) -> None:
+        if self.path != "/healthz":
+            return self._answer(HTTPStatus.NOT_FOUND, {"detail": "There is /healthz here, and nothing else."})
+        why = self.health.trouble()
+        if why is not None:
+            return self._answer(HTTPStatus.SERVICE_UNAVAILABLE, {"detail": why})
+        return self._answer(HTTPStatus.OK, {"status": "ok", "loop_waited_s": round(self.health.waited_s, 3)})
+
+    def _answer(self, status: HTTPStatus, body: dict[str, Any]) -> None:
+        data = json.dumps(body).encode()
+        self.send_response(status)
+        self.send_header("Content-Type", "application/json")
+        self.send_header("Content-Length", str(len(data)))
+        self.end_headers()
+        self.wfile.write(data)
+
+    def log_message(self, *_: Any) -> None:
+        """Whoever asks every second is not noted."""

@@ -1,0 +1,168 @@
+"""The life of a service's process: it owns the farm, or stands by until it may; whoever loses the farm stands by again."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import socket
+from collections.abc import Callable
+
+from renderer import __version__
+from service.errors import CannotStart, FarmError, NotOwner
+from service.farm import Farm
+from service.owning.candidate import Candidate
+from service.owning.ownership import Ownership
+from service.settings import Settings
+from worker import tracing
+from worker.log_lines import by_json
+
+__all__ = ["Life"]
+
+TRY_EVERY_S = 0.1
+REFUSES_TO_START = 3  # the exit code that uvicorn has for this
+FAULT = 1
+
+log = logging.getLogger(__name__)
+
+
+class Life:
+    """Lives on one event loop."""
+
+    def __init__(self, settings: Settings, take_over: Callable[[Farm], None]) -> None:
+        """take_over: told of each farm that this service works as, before the first request is answered from it."""
+        self._settings = settings
+        self._take_over = take_over
+        self._candidate: Candidate | None = None
+        self._farm: Farm | None = None
+        self._lost = asyncio.Event()
+        self.taken = asyncio.Event()  # while it is the farm
+        self._task: asyncio.Task[None] | None = None
+        self._has_printed = False
+
+    async def begin(self) -> None:
+        """Own the farm, or begin to stand by. Raises CannotStart."""
+        self._candidate = Candidate(self._settings)
+        owning = self._candidate.attempt()
+        if owning is not None:
+            self._own(owning)
+        else:
+            log.warning("stands by: %s", self.why)
+        self._task = asyncio.create_task(self._go_on())
+
+    async def end(self) -> None:
+        """End in order."""
+        if self._task is not None:
+            self._task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._task
+        if self._farm is not None:
+            await asyncio.to_thread(self._farm.stop)
+        elif self._candidate is not None:
+            self._candidate.close()
+
+    @property
+    def stands_by(self) -> bool:
+        """Whether another service is the farm now, as far as is known."""
+        return self._farm is None or self._farm.owning.is_lost
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether it goes on by itself: as the farm its engine does."""
+        goes_on = self._task is not None and not self._task.done()
+        return goes_on and (self._farm is None or self._farm.engine.is_alive)
+
+    @property
+    def why(self) -> str:
+        """What is said while it stands by."""
+        known = self._candidate.known if self._candidate is not None else None
+        owner = f" ({known.place})" if known is not None and known.owner is not None else ""
+        return f"This service stands by: another one{owner} works as the farm. It takes over when that one ends or hangs."
+
+    @property
+    def owner_url(self) -> str:
+        """Where the service that works as the farm is reached from here; empty: nobody knows."""
+        known = self._candidate.known if self._candidate is not None else None
+        return known.url if known is not None and known.owner is not None else ""
+
+    async def confirm(self) -> None:
+        """Make sure that this service may answer as the farm, also where it stood still. Raises NotOwner, Unavailable."""
+        farm = self._farm
+        if farm is None:
+            raise NotOwner
+        if farm.owning.is_doubtful:
+            await asyncio.to_thread(farm.owning.guard)
+
+    def close_streams(self) -> None:
+        """End what stays open, as the server is about to. May be called from a signal handler."""
+        if self._farm is not None:
+            self._farm.broadcast.close()
+
+    def _own(self, owning: Ownership) -> None:
+        """Work as the farm. Raises CannotStart; then it stands by again."""
+        self._lost.clear()
+        loop = asyncio.get_running_loop()
+        try:
+            farm = Farm(self._settings, owning)
+        except BaseException:
+            owning.stop()
+            self._candidate = Candidate(self._settings)
+            raise
+        tracing.begin("rayfarm-service", farm.instance, __version__)
+
+        def lose() -> None:
+            loop.call_soon_threadsafe(self._lost.set)
+
+        farm.start(loop, lose)
+        self._take_over(farm)
+        self._farm, self._candidate = farm, None
+        self.taken.set()
+        if self._settings.print_link and farm.access.needs_login and not self._has_printed:
+            self._print_link(farm)
+
+    def _print_link(self, farm: Farm) -> None:
+        self._has_printed = True
+        where = f"http://{socket.gethostname()}:{self._settings.port}"
+        said = f"Log in, once, within a day, at {where} or another of its addresses: /#/login?code={farm.access.owner_link()}"
+        log.warning(said) if by_json() else print(said)
+
+    async def _go_on(self) -> None:
+        try:
+            await self._change_hands()
+        except Exception:
+            log.critical("the service cannot go on, and ends", exc_info=True)
+            os._exit(FAULT)
+
+    async def _change_hands(self) -> None:
+        while True:
+            if self._farm is None:
+                await self._stand_by()
+            await self._lost.wait()
+            self.taken.clear()
+            farm, self._farm = self._farm, None
+            assert farm is not None
+            farm.broadcast.close()
+            await asyncio.to_thread(farm.stop)
+            self._candidate = Candidate(self._settings)
+
+    async def _stand_by(self) -> None:
+        """Until this service is the farm. Where it never can be, its process ends."""
+        said = ""
+        while True:
+            assert self._candidate is not None
+            try:
+                owning = await asyncio.to_thread(self._candidate.attempt)
+                if owning is not None:
+                    self._own(owning)
+                    return
+            except CannotStart as error:
+                log.critical("%s", error)
+                os._exit(REFUSES_TO_START)  # the server knows no other way to end with a code
+            except Exception as error:
+                if str(error) != said:
+                    said = str(error)
+                    log.warning(
+                        "stands by, and cannot tell whether it is needed: %s", error, exc_info=not isinstance(error, FarmError)
+                    )
+            await asyncio.sleep(TRY_EVERY_S)

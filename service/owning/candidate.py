@@ -1,0 +1,144 @@
+"""A service that would own the farm: it does at once where nobody else does, and else stands by.
+
+Three things tell that an owner is dead: it has given the farm up; the folder's lock, which it held, can be had; its process is
+gone from this machine. One that hangs shows none of these. It is asked, in the database, and where it does not answer for
+`lease_s` the farm is taken over from it; what it still tries to write is refused (ownership.py).
+"""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import socket
+import time
+from collections.abc import Callable
+
+from sqlalchemy import inspect
+
+from service.errors import CannotStart, Unavailable
+from service.owning import rows
+from service.owning.folder_lock import FolderLock
+from service.owning.ownership import LOOK_EVERY_S, Ownership
+from service.owning.process import end, is_gone, is_stopped, this_process
+from service.owning.silence import Silence
+from service.settings import Settings
+from service.store.database import Sessions, open_database
+from service.store.models import Owner
+from service.store.upgrade import refuse_newer, upgrade
+
+__all__ = ["Candidate", "own"]
+
+PATIENCE_S = 1.0  # with a locked database
+
+log = logging.getLogger(__name__)
+
+
+class Candidate:
+    """Used by one thread at a time. Raises CannotStart for settings or a database that this service cannot work with."""
+
+    def __init__(self, settings: Settings, clock: Callable[[], float] = time.monotonic) -> None:
+        settings.make_folders()
+        self._settings = settings
+        self._clock = clock
+        self._lock = FolderLock(settings.data)
+        self._engine = open_database(settings.database)
+        self._sessions = Sessions(self._engine, PATIENCE_S)
+        place = f"{socket.gethostname()}:{settings.port}"
+        self._me = rows.Claimant(secrets.token_hex(8), place, settings.own_url, settings.instance(), this_process())
+        self._silence = Silence(settings.lease_s, clock)
+        self._has_table = False
+        self._looks_at = 0.0  # the row, not before
+        self._stuck_since: float | None = None
+        self.known: Owner | None = None  # the row as it was last seen
+
+    def attempt(self) -> Ownership | None:
+        """Own the farm, where that may be; None: not now. Made to be called often. Raises what the database does."""
+        has_lock = self._lock.attempt()
+        if self._clock() < self._looks_at and not (has_lock and self._may_be_dead()):
+            self._lock.release()
+            return None
+        self._looks_at = self._clock() + LOOK_EVERY_S
+        try:
+            epoch = self._epoch(has_lock)
+        except BaseException:
+            self._lock.release()
+            raise
+        if epoch is None:
+            self._lock.release()
+            return None
+        return Ownership(self._engine, self._sessions, self._lock, epoch, self._settings.lease_s, self._clock)
+
+    def close(self) -> None:
+        """Stand by no longer."""
+        self._lock.release()
+        self._engine.dispose()
+
+    def _may_be_dead(self) -> bool:
+        """Whether the lock, which is held here, says something: also before the row was ever seen."""
+        return self.known is None or self.known.locked
+
+    def _epoch(self, has_lock: bool) -> int | None:
+        if not self._is_made():
+            if not has_lock:
+                return None  # its owner is of a release that knew the lock alone
+            upgrade(self._engine)
+        row = self.known = rows.look(self._sessions)
+        if row is not None and not self._is_free(row, has_lock):
+            return None
+        refuse_newer(self._engine)
+        epoch = rows.take(self._sessions, row, self._me, has_lock)
+        if epoch is not None:
+            if row is not None and row.owner is not None:
+                log.warning("takes over from %s, which has ended or does not answer", row.place)
+            upgrade(self._engine)
+        return epoch
+
+    def _is_made(self) -> bool:
+        self._has_table = self._has_table or inspect(self._engine).has_table(Owner.__tablename__)
+        return self._has_table
+
+    def _is_free(self, row: Owner, has_lock: bool) -> bool:
+        # A database that lies in the folder may be a copy, whose row tells of the farm that it was copied from.
+        is_of_this_folder = row.folder == self._me.folder or not self._settings.database_url
+        if row.owner is None or (has_lock and row.locked and is_of_this_folder) or is_gone(row.process):
+            return True
+        if self._silence.is_broken(row):
+            if not is_of_this_folder and self._silence.has_answered(row):
+                raise CannotStart(
+                    f"Another service ({row.place}) works with this database, and its films lie in another folder. Give "
+                    "this one the same folder (RAYFARM_DATA), or a database of its own (RAYFARM_DATABASE_URL)."
+                )
+            self._ask(row)
+        return self._silence.is_too_long
+
+    def _ask(self, row: Owner) -> None:
+        try:
+            self._silence.asked(row.epoch, rows.ask(self._sessions, self._me.place))
+        except Unavailable:
+            self._free_the_database(row)
+            raise
+        self._stuck_since = None
+
+    def _free_the_database(self, row: Owner) -> None:
+        """A process that was stopped in the middle of writing holds SQLite's lock for as long as it stands still."""
+        now = self._clock()
+        self._stuck_since = self._stuck_since if self._stuck_since is not None else now
+        if now - self._stuck_since > self._settings.lease_s and is_stopped(row.process) and end(row.process or {}):
+            log.warning("ended %s, which stands still and holds the database", row.place)
+
+
+def own(settings: Settings, patience_s: float) -> Ownership:
+    """Own the farm, or raise CannotStart: for whoever does not stand by. patience_s: an earlier service may still be ending."""
+    candidate = Candidate(settings)
+    deadline = time.monotonic() + patience_s
+    try:
+        while (found := candidate.attempt()) is None:
+            if time.monotonic() > deadline:
+                raise CannotStart(
+                    f"Another service works on {settings.data}. Stop it, or set RAYFARM_DATA to a folder of its own."
+                )
+            time.sleep(0.1)
+    except BaseException:
+        candidate.close()
+        raise
+    return found

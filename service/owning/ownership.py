@@ -1,0 +1,164 @@
+"""This service owns the farm: its epoch is the latest, and what it writes is held against that.
+
+Time decides when another may take over, and never whether something may be written. That is decided where it is written, in the
+transaction itself: the database's row has the latest epoch (`fence`), and every film a copy of it (service/store/film_file.py).
+So a service that stood still for an hour and goes on in the middle of a merge writes nothing any more.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+from sqlalchemy import Engine, select, text
+from sqlalchemy.orm import Session
+
+from service.errors import FarmError, NotOwner, Unavailable
+from service.owning import rows
+from service.owning.folder_lock import FolderLock
+from service.store.database import Sessions
+from service.store.models import Owner
+
+__all__ = ["Ownership"]
+
+LOOK_EVERY_S = 0.5
+DOUBT_AFTER = 0.6  # of the time after which another may take over
+LATER_S = 1.0  # until the database that did not answer is asked again by who needs to know
+STUCK_S = 5000  # ms; what a service that stands still holds in PostgreSQL, its server lets go of after that
+# KEY SHARE: the owner's transactions do not wait for each other, nor for who asks and answers; who takes over waits for them.
+OF_POSTGRES = text(
+    "SELECT epoch, set_config('idle_in_transaction_session_timeout', :stuck, true) FROM owners WHERE what = :what FOR KEY SHARE"
+)
+
+log = logging.getLogger(__name__)
+
+
+class Ownership:
+    """Held from `Candidate.attempt` until `stop`, or until it is lost. Safe to use from several threads."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        sessions: Sessions,
+        lock: FolderLock,
+        epoch: int,
+        lease_s: float,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """sessions: that hold nothing against the epoch."""
+        self.engine = engine
+        self.epoch = epoch
+        self.sessions = sessions.fenced(self.fence)
+        self._bare = sessions
+        self._folder = lock
+        self._doubt_s = DOUBT_AFTER * lease_s
+        self._clock = clock
+        self._confirmed = clock()
+        self._asked_in_vain = -LATER_S
+        self._heard = False  # of another that stands by
+        self._said_locked = lock.is_held
+        self._lost = threading.Event()
+        self._stop = threading.Event()
+        self._lock = threading.Lock()
+        self._told = threading.Lock()  # taken once
+        self._on_lost: Callable[[], None] = lambda: None
+        self._moves: Callable[[], bool] = lambda: True
+        self._thread = threading.Thread(target=self._run, name="owning", daemon=True)
+
+    def start(self, on_lost: Callable[[], None], moves: Callable[[], bool]) -> None:
+        """Begin to answer those who ask. on_lost: called once, in a thread, where another has taken over. moves: whether the
+        service does its work; where it does not it answers nobody, and another may try."""
+        self._on_lost, self._moves = on_lost, moves
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Give the farm up."""
+        self._stop.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join()
+        try:
+            if not self.is_lost:
+                rows.give_up(self._bare, self.epoch)
+        except FarmError as error:
+            log.info("the next service has to wait, as it cannot be told that this one has ended: %s", error)
+        self.engine.dispose()
+        self._folder.release()
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether another has taken over."""
+        return self._lost.is_set()
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether another may have taken over since this was last looked at."""
+        return self.is_lost or self._clock() - self._confirmed > self._doubt_s
+
+    @property
+    def has_standby(self) -> bool:
+        """Whether another service has asked since this one began."""
+        return self._heard
+
+    def fence(self, session: Session) -> None:
+        """Let a transaction go on only as the owner's. Raises NotOwner."""
+        if session.get_bind().dialect.name == "postgresql":
+            found = session.execute(OF_POSTGRES, {"what": rows.FARM, "stuck": str(STUCK_S)}).scalar()
+        else:
+            found = session.scalar(select(Owner.epoch).where(Owner.what == rows.FARM))
+        if found != self.epoch:
+            self._lose()
+            raise NotOwner
+
+    def guard(self) -> None:
+        """Whoever is about to act as the owner asks this; it costs nothing unless this process stood still. Raises NotOwner, or
+        Unavailable where another may own the farm and the database does not tell."""
+        if self.is_lost:
+            raise NotOwner
+        if not self.is_doubtful:
+            return
+        with self._lock:
+            if not self.is_lost and self.is_doubtful and self._clock() - self._asked_in_vain > LATER_S:
+                try:
+                    self.confirm()
+                except FarmError as error:
+                    self._asked_in_vain = self._clock()
+                    log.debug("whether this service still owns the farm is not known: %s", error)
+        if self.is_lost:
+            raise NotOwner
+        if self.is_doubtful and self._heard:
+            raise Unavailable("The database does not say whether this service still owns the farm.")
+
+    def confirm(self) -> None:
+        """Look at the row, and answer where somebody has asked. Raises Unavailable."""
+        began = self._clock()
+        row = rows.look(self._bare)
+        if row is None or row.epoch != self.epoch:
+            self._lose()
+            return
+        self._heard = self._heard or row.asked != row.answered
+        has_lock = self._folder.attempt()
+        answered = row.asked if self._moves() else row.answered
+        if (answered, has_lock) != (row.answered, self._said_locked):
+            if not rows.answer(self._bare, self.epoch, answered, has_lock):
+                self._lose()
+                return
+            self._said_locked = has_lock
+        self._confirmed = began
+
+    def _lose(self) -> None:
+        self._lost.set()
+        self._stop.set()
+        if self._told.acquire(blocking=False):
+            log.warning("another service has taken over: this one writes nothing any more")
+            threading.Thread(target=self._on_lost, name="lost", daemon=True).start()
+
+    def _run(self) -> None:
+        while not self._stop.wait(LOOK_EVERY_S):
+            try:
+                self.confirm()
+            except FarmError as error:
+                log.debug("whether this service still owns the farm is not known: %s", error)
+            except Exception:
+                log.exception("a fault in looking who owns the farm")

@@ -1,0 +1,79 @@
+"""A process as others on its machine know it: whether it has ended, whether it stands still, and to end it.
+
+Linux tells; elsewhere, and of another machine's or another container's processes, nothing is known.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+__all__ = ["end", "is_gone", "is_stopped", "this_process"]
+
+PROC = Path("/proc")
+STATE, STARTED = 0, 19  # fields of /proc/PID/stat behind the command's name
+
+
+def this_process() -> dict[str, Any] | None:
+    """What tells it from all others there were and will be; None where that cannot be said."""
+    try:
+        return {**_where(), "pid": os.getpid(), "started": _stat(os.getpid())[STARTED]}
+    except (OSError, IndexError):
+        return None
+
+
+def is_gone(known: dict[str, Any] | None) -> bool:
+    """Whether a process has surely ended. known: as `this_process` said there."""
+    return known is not None and _is_here(known) and _state(known) in (None, "Z", "X")
+
+
+def is_stopped(known: dict[str, Any] | None) -> bool:
+    """Whether a process was told to stand still (SIGSTOP, a debugger), and does."""
+    return known is not None and _is_here(known) and _state(known) in ("T", "t")
+
+
+def end(known: dict[str, Any]) -> bool:
+    """Kill a process, also one that stands still; whether that was possible."""
+    try:
+        handle = os.pidfd_open(known["pid"])
+    except (OSError, AttributeError, KeyError, TypeError):
+        return False
+    try:
+        if not _is_here(known) or _state(known) is None:  # looked at behind the handle: another may have its number by now
+            return False
+        signal.pidfd_send_signal(handle, signal.SIGKILL)
+    except OSError:
+        return False
+    finally:
+        os.close(handle)
+    return True
+
+
+def _where() -> dict[str, str]:
+    """This start of this machine, and the numbers that processes have here: a container has its own."""
+    boot = (PROC / "sys" / "kernel" / "random" / "boot_id").read_text().strip()
+    return {"boot": boot, "numbers": os.readlink(PROC / "self" / "ns" / "pid")}  # noqa: PTH115 - it is no path
+
+
+def _is_here(known: dict[str, Any]) -> bool:
+    with suppress(OSError):
+        return all(known.get(name) == value for name, value in _where().items())
+    return False
+
+
+def _state(known: dict[str, Any]) -> str | None:
+    """The letter that the system says; None: it is gone."""
+    try:
+        found = _stat(int(known["pid"]))
+        return found[STATE] if found[STARTED] == known["started"] else None
+    except FileNotFoundError:
+        return None
+    except (OSError, IndexError, KeyError, ValueError, TypeError):
+        return "?"
+
+
+def _stat(pid: int) -> list[str]:
+    return (PROC / str(pid) / "stat").read_text().rpartition(")")[2].split()

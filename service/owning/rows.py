@@ -1,0 +1,86 @@
+"""The row that says who owns the farm. Each function is one transaction; raises Unavailable where the database is away."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import select, update
+from sqlalchemy.exc import IntegrityError
+
+from service.store.database import Sessions
+from service.store.models import Owner
+
+__all__ = ["FARM", "Claimant", "answer", "ask", "give_up", "look", "take"]
+
+FARM = "farm"
+
+
+@dataclass(frozen=True)
+class Claimant:
+    """A life of a service.
+
+    place: where it is, for people. url: for other services. folder: the id of its data folder. process: service/owning/process.py
+    """
+
+    id: str
+    place: str
+    url: str
+    folder: str
+    process: dict[str, Any] | None
+
+
+def look(sessions: Sessions) -> Owner | None:
+    """The row as it is; None: nobody has owned the farm yet."""
+    with sessions() as session:
+        return session.get(Owner, FARM)
+
+
+def take(sessions: Sessions, seen: Owner | None, claimant: Claimant, has_lock: bool) -> int | None:
+    """Own the farm from now on; the new epoch, or None where another was quicker.
+
+    seen: what was known of it when it was found to be free. has_lock: whether the folder's lock is held as well.
+    """
+    try:
+        with sessions.begin() as session:
+            # FOR UPDATE: it waits for all transactions that the owner has under way, and the next ones see the new epoch.
+            row = session.get(Owner, FARM, with_for_update=True)
+            if (row and row.epoch) != (seen and seen.epoch):
+                return None
+            if row is None:
+                row = Owner(what=FARM, epoch=0, takeovers=0, asked=0, answered=0)
+                session.add(row)
+            row.takeovers += row.owner is not None
+            # From the clock, so that films of a newer backup than the database's are not another's for ever.
+            row.epoch = max(row.epoch + 1, int(time.time()))
+            row.owner, row.place, row.url, row.folder = claimant.id, claimant.place, claimant.url, claimant.folder
+            row.process, row.locked, row.since = claimant.process, has_lock, time.time()
+            row.answered = row.asked
+            return row.epoch
+    except IntegrityError:  # nobody had owned it, and another began in this moment
+        return None
+
+
+def ask(sessions: Sessions, place: str) -> int:
+    """Ask the owner whether it is there; the number that it answers to."""
+    with sessions.begin() as session:
+        session.execute(
+            update(Owner).where(Owner.what == FARM).values(asked=Owner.asked + 1, asked_by=place, asked_at=time.time())
+        )
+        return session.scalar(select(Owner.asked).where(Owner.what == FARM)) or 0
+
+
+def answer(sessions: Sessions, epoch: int, asked: int, has_lock: bool) -> bool:
+    """Say that the owner is there; False where it is not the owner any more."""
+    with sessions.begin() as session:
+        changed = session.execute(
+            update(Owner).where(Owner.what == FARM, Owner.epoch == epoch).values(answered=asked, locked=has_lock)
+        )
+        return bool(changed.rowcount)  # type: ignore[attr-defined]
+
+
+def give_up(sessions: Sessions, epoch: int) -> None:
+    """The owner ends: the next one need not wait."""
+    with sessions.begin() as session:
+        session.execute(update(Owner).where(Owner.what == FARM, Owner.epoch == epoch).values(owner=None, process=None))

@@ -1,0 +1,146 @@
+"""Sound files of every format, small and with much in them: what is damaged."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+from pxr import Usd
+
+from renderer.image.encode import encode
+from tests.peers.test_mitsuba_files import SHAPES, write_files
+from tests.renderer.scene import samples, usd_files
+from tests.renderer.scene.builders import full_gltf, moving_gltf
+from tests.renderer.scene.fbx_text import fbx, light, material, node
+from tests.renderer.scene.pbrt_files import BALL, SQUARE, world
+from tests.renderer.scene.test_assimp import chunk, collada
+from tests.renderer.scene.test_threemf import model, package, solid
+
+__all__ = ["Seed", "seeds"]
+
+Seed = tuple[str, dict[str, bytes]]  # the main file's name, and all files; any of them may be damaged
+
+_FBX = Path(__file__).parents[2] / "data" / "fbx" / "kit.fbx"
+_AC3D = (
+    'AC3Db\nMATERIAL "blue" rgb 0.1 0.2 0.8 amb 0.2 0.2 0.2 emis 0 0 0 spec 0.5 0.5 0.5 shi 10 trans 0.25\nOBJECT world\n'
+    "kids 1\nOBJECT poly\n"
+    "loc 0 1 0\nnumvert 3\n0 0 0\n1 0 0\n0 1 0\nnumsurf 1\nSURF 0x20\nmat 0\nrefs 3\n0 0 0\n1 1 0\n2 0 1\nkids 0\n"
+)
+_X3D = (
+    '<?xml version="1.0"?><X3D version="3.0"><Scene><Transform translation="2 0 0"><Shape><Appearance><Material '
+    'diffuseColor="0.2 0.7 0.1"/></Appearance><IndexedFaceSet coordIndex="0 1 2 -1">'
+    '<Coordinate point="0 0 0 1 0 0 0 1 0"/></IndexedFaceSet></Shape>'
+    "</Transform></Scene></X3D>"
+)
+_YAML = """name: Toy
+settings: {width: 64, height: 32, spp: 4}
+cameras: [{name: front, eye: [0, 1.5, {keys: [[0, 6], [2, 3]]}], target: [0, 0.8, 0], fov: 35}]
+environment: {sky: {sun_elevation: 12, sun_azimuth: 210}, strength: 3}
+textures: {squares: {checker: {colors: ["#e9dfcd", "#9c3b35"], squares: 8}}, skin: {image: skin.png, scale: 2}}
+materials:
+  cloth: {texture: squares}
+  brass: {kind: conductor, metal: brass, roughness: 0.25}
+  lamp: {color: 0, emission: [12, 10, 8]}
+shapes:
+  - {type: quad, material: cloth, transform: [{scale: 3}, {rotate: {axis: x, degrees: -90}}]}
+  - {type: sphere, material: brass, center: [0, 1, 0], radius: 1}
+  - {type: mesh, file: m.obj, transform: [{translate: [1.5, 0, 1]}]}
+  - {type: disk, material: lamp, transform: [{rotate: {axis: x, degrees: 90}}, {translate: [0, 4, 0]}]}
+"""
+_PBRT = f"""AttributeBegin AreaLightSource "diffuse" "rgb L" [9 8 7] Translate 0 2 0 Rotate 90 1 0 0 {SQUARE} AttributeEnd
+Texture "skin" "spectrum" "imagemap" "string filename" "skin.png" "float uscale" 2
+Texture "squares" "spectrum" "checkerboard" "texture tex1" "skin" "rgb tex2" [.1 .2 .3]
+MakeNamedMaterial "board" "string type" "coateddiffuse" "texture reflectance" "squares" "float roughness" 0.1
+NamedMaterial "board" {SQUARE}
+Material "conductor" "spectrum eta" "metal-Au-eta" "spectrum k" "metal-Au-k" "float uroughness" .1 "float vroughness" .3
+ObjectBegin "pair" {BALL} "float zmax" 0.5 Shape "plymesh" "string filename" "m.ply" ObjectEnd
+ActiveTransform EndTime Translate 1 0 0 ActiveTransform All ObjectInstance "pair" Identity
+Include "more.pbrt"
+Shape "loopsubdiv" "integer indices" [0 1 2 0 2 3] "point3 P" [0 0 0 1 0 0 1 1 1 0 1 0] "integer levels" 2
+Shape "bilinearmesh" "point3 P" [0 0 0 1 0 0 0 1 0 1 1 1] "string emissionfilename" ""
+Shape "curve" "point3 P" [0 0 0 1 0 0 1 1 0 2 1 0] "float width0" .2 "float width1" 0.01
+LightSource "infinite" "string filename" "sky.exr" LightSource "spot" "blackbody I" 3000 "float power" 10
+"""
+
+
+def _png(r: int = 200, g: int = 100, b: int = 50) -> bytes:
+    pixels = np.zeros((8, 8, 3), np.uint8)
+    pixels[:4] = r, g, b
+    out = io.BytesIO()
+    Image.fromarray(pixels).save(out, "PNG")
+    return out.getvalue()
+
+
+def _usd(folder: Path) -> list[Seed]:
+    made = usd_files.stage(folder / "a.usda", "Z", 0.01)
+    prim = usd_files.cube(made, "/World/box", scheme="catmullClark")
+    usd_files.mesh(made, "/World/square")
+    surface, _ = usd_files.material(made, "/World/red", diffuseColor=(usd_files.TYPES.Color3f, (0.8, 0.1, 0.1)))
+    usd_files.bind(prim, surface)
+    made.GetRootLayer().Save()
+    Usd.Stage.Open(str(folder / "a.usda")).GetRootLayer().Export(str(folder / "a.usdc"))
+    from pxr import UsdUtils
+
+    UsdUtils.CreateNewUsdzPackage(str(folder / "a.usda"), str(folder / "a.usdz"))
+    return [(name, {name: (folder / name).read_bytes()}) for name in ("a.usda", "a.usdc", "a.usdz")]
+
+
+def _three_ds() -> bytes:
+    import struct
+
+    points = chunk(0x4110, struct.pack("<H9f", 3, 0, 0, 0, 1, 0, 0, 0, 1, 0))
+    faces = chunk(0x4120, struct.pack("<H4H", 1, 0, 1, 2, 0), chunk(0x4130, b"red\0", struct.pack("<HH", 1, 0)))
+    coloured = chunk(0xAFFF, chunk(0xA000, b"red\0"), chunk(0xA020, chunk(0x0011, bytes((255, 0, 51)))))
+    lamp = chunk(0x4000, b"lamp\0", chunk(0x4600, struct.pack("<3f", 0, 0, 7)))
+    return chunk(0x4D4D, chunk(0x3D3D, coloured, lamp, chunk(0x4000, b"tri\0", chunk(0x4100, points, faces))))
+
+
+def seeds() -> dict[str, list[Seed]]:
+    """By format, the files of it."""
+    png = _png()
+    with tempfile.TemporaryDirectory(prefix="rayfarm-seeds-") as name:
+        folder = Path(name)
+        samples.write(folder)
+        write_files(folder)
+        taken = {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        usd = _usd(folder)
+    glb = [(each.glb(), "a.glb") for each in (full_gltf(_png), moving_gltf(_png))] + [(taken["toy.glb"], "toy.glb")]
+    parts = {each.removeprefix("parts/"): data for each, data in taken.items() if each.startswith("parts/")}
+    painted = {each.removeprefix("painted/"): data for each, data in taken.items() if each.startswith("painted/")}
+    peers = {each: taken[each] for each in ("m.obj", "m.ply", "t.png", "painted.xml")}
+    things = material(30, "red", DiffuseColor=(0.8, 0.1, 0.1), ShininessExponent=30.0) + node(50, "lamp", "Light")
+    text = fbx(things + light(60, Intensity=200.0, DecayType=2), [(30, 20), (60, 50), (50, 0)])
+    sky = encode(np.ones((8, 8, 3), np.float32), "exr")
+    beside = {"skin.png": png, "m.ply": taken["m.ply"], "sky.exr": sky, "more.pbrt": f'Material "dielectric" {BALL}'.encode()}
+    group = '<object id="2"><components><component objectid="1" transform="0 1 0 -1 0 0 0 0 1 5 0 0"/></components></object>'
+    threemf = package(model(solid() + group, '<item objectid="2"/><item objectid="1"/>'))
+    return {
+        "glTF (.glb)": [(file, {file: data}) for data, file in glb],
+        "glTF (.gltf)": [(next(file for file in parts if file.endswith(".gltf")), parts)],
+        "USD": usd,
+        "FBX": [("kit.fbx", {"kit.fbx": _FBX.read_bytes()}), ("text.fbx", {"text.fbx": text.encode()})],
+        "OBJ + MTL": [("painted.obj", painted), ("body.obj", {"body.obj": taken["body.obj"]})],
+        "Collada": [("a.dae", {"a.dae": collada().encode()}), ("body.dae", {"body.dae": taken["body.dae"]})],
+        "3MF": [("a.3mf", {"a.3mf": threemf})],
+        "PLY": [(file, {file: taken[file]}) for file in ("body.ply", "ascii.ply")],
+        "STL": [("body.stl", {"body.stl": taken["body.stl"]})],
+        "OFF": [("a.off", {"a.off": b"OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"})],
+        "Mitsuba": [("scene.xml", {"scene.xml": text.encode(), **peers}) for text in SHAPES.values()],
+        "pbrt": [
+            ("scene.pbrt", {"scene.pbrt": world(_PBRT).encode(), **beside}),
+            (
+                "scene.pbrt",
+                {"scene.pbrt": world('Include "more.pbrt.gz"').encode(), "more.pbrt.gz": gzip.compress(SQUARE.encode())},
+            ),
+        ],
+        "Rayfarm's own": [("scene.yaml", {"scene.yaml": _YAML.encode(), "m.obj": taken["m.obj"], "skin.png": png})],
+        "the long tail": [
+            ("a.ac", {"a.ac": _AC3D.encode()}),
+            ("a.x3d", {"a.x3d": _X3D.encode()}),
+            ("a.3ds", {"a.3ds": _three_ds()}),
+        ],
+    }

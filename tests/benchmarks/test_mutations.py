@@ -1,0 +1,63 @@
+"""The campaign of damaged files: what it draws, and what it calls what came of it."""
+
+import os
+import random
+import signal
+
+import pytest
+
+from tests.benchmarks import bench_mutations
+from tests.benchmarks.mutations.damage import WAYS, damaged
+from tests.benchmarks.mutations.tally import OUTCOMES, Tally, into_page, table
+
+TEXT = b"v 1.5 2 3\nv 4 5 6\nf 1 2 3\n" * 20
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_way_damages_and_is_drawn_by_its_seed(way):
+    found = [WAYS[way](data, random.Random(seed)) for data in (TEXT, bytes(range(256))) for seed in range(8)]
+    assert sum(each not in (TEXT, bytes(range(256))) for each in found) >= 12
+    assert found == [WAYS[way](data, random.Random(seed)) for data in (TEXT, bytes(range(256))) for seed in range(8)]
+
+
+def test_files_of_a_byte_or_none_are_damaged_too():
+    for seed in range(100):
+        for data in (b"", b"x"):
+            assert isinstance(damaged(data, random.Random(seed))[0], bytes)
+
+
+def test_a_number_of_a_campaign_is_drawn_by_itself():
+    seeds = {"one": [("a.obj", {"a.obj": TEXT, "b.mtl": b"newmtl a"})], "other": [("c.ply", {"c.ply": TEXT})]}
+    assert bench_mutations.draw(7, 1, seeds) == bench_mutations.draw(7, 1, seeds)
+    assert len({bench_mutations.draw(i, 1, seeds)[0] for i in range(20)}) == 2
+
+
+@pytest.mark.parametrize(
+    ("ends", "outcome"),
+    [
+        (lambda *_: {"outcome": "read"}, "read"),
+        (lambda *_: os.kill(os.getpid(), signal.SIGKILL), "child crashed"),
+        (lambda *_: bytearray(1 << 33), "too large"),
+        (lambda *_: {}[0], "refused by the net"),
+        (lambda *_: signal.pause(), "too slow"),
+    ],
+)
+def test_what_a_child_came_to_is_called_so(ends, outcome, tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(bench_mutations, "read", ends)
+    monkeypatch.setattr(bench_mutations, "SECONDS", 1.0)
+    found = bench_mutations.outcome(tmp_path, "a.obj")
+    assert found["outcome"] == outcome in OUTCOMES
+
+
+def test_the_table_adds_up(tmp_path):
+    found = {"a": Tally(), "b": Tally()}
+    for i in range(5):
+        found["a" if i % 2 else "b"].add(OUTCOMES[i], 0.5 * i, i << 20)
+    rows = table(found).splitlines()
+    assert rows[-1] == "| **all** | 5 | 1 | 1 | 1 | 1 | 1 | 0 | 2.0 s | 4 MiB |"
+    page = tmp_path / "page.md"
+    page.write_text("before\n<!-- mutations: made by `farm.py bench mutations` -->\nold\n<!-- end of mutations -->\nafter\n")
+    into_page(page, "NEW")
+    assert "NEW" in page.read_text()
+    assert "old" not in page.read_text()
+    assert page.read_text().endswith("after\n")

@@ -1,0 +1,135 @@
+"""Small scenes, made in Blender. Run by a Python that has bpy."""
+
+from __future__ import annotations
+
+import bpy
+import mathutils
+
+SIZE = 96, 72
+
+
+def principled(name: str, **values) -> bpy.types.Material:
+    """A material by the names of its sockets, with _ for blanks."""
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    node = material.node_tree.nodes["Principled BSDF"]
+    for key, value in values.items():
+        node.inputs[key.replace("_", " ")].default_value = value
+    return material
+
+
+def add(primitive: str, material: bpy.types.Material, number: int = 0, smooth: bool = True, **where) -> bpy.types.Object:
+    """An object of Blender's own primitives."""
+    getattr(bpy.ops.mesh, f"primitive_{primitive}_add")(**where)
+    thing = bpy.context.object
+    thing.data.materials.append(material)
+    thing.pass_index = number
+    if smooth:
+        bpy.ops.object.shade_smooth()
+    return thing
+
+
+def lamp(kind: str, energy: float, location, **values) -> bpy.types.Object:
+    """A light that looks at the middle of the scene."""
+    light = bpy.data.lights.new(kind.lower(), kind)
+    light.energy = energy
+    for key, value in values.items():
+        setattr(light, key, value)
+    thing = bpy.data.objects.new(kind.lower(), light)
+    thing.location = location
+    bpy.context.collection.objects.link(thing)
+    look(thing)
+    return thing
+
+
+def look(thing: bpy.types.Object, at=(0, 0, 0.6)) -> None:
+    """Turns a thing whose -Z looks."""
+    thing.rotation_euler = (mathutils.Vector(at) - thing.location).to_track_quat("-Z", "Y").to_euler()
+
+
+def empty() -> bpy.types.Scene:
+    """A scene without anything, of a small picture."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.image_settings.color_depth = "32"
+    scene.world = bpy.data.worlds.new("world")
+    scene.world.use_nodes = True
+    background(scene).inputs["Color"].default_value = (0.2, 0.25, 0.35, 1)
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    scene.collection.objects.link(camera)
+    camera.location = (4.5, -5, 3.2)
+    camera.data.lens = 45
+    look(camera)
+    scene.camera = camera
+    return scene
+
+
+def background(scene: bpy.types.Scene) -> bpy.types.Node:
+    """The world's shader."""
+    return scene.world.node_tree.nodes["Background"]
+
+
+def table(scene: bpy.types.Scene) -> None:
+    """Things of several principled materials on a floor."""
+    add("plane", principled("floor", Base_Color=(0.6, 0.55, 0.5, 1), Roughness=0.8), 1, size=12)
+    add(
+        "uv_sphere", principled("red", Base_Color=(0.7, 0.08, 0.05, 1), Roughness=0.35), 2, location=(-1.2, -0.3, 0.7), radius=0.7
+    )
+    gold = principled("gold", Base_Color=(0.9, 0.6, 0.2, 1), Metallic=1, Roughness=0.5)
+    add("uv_sphere", gold, 3, location=(0.5, 0.6, 0.8), radius=0.8)
+    coated = principled("coated", Base_Color=(0.05, 0.2, 0.5, 1), Roughness=0.6, Coat_Weight=1, Coat_Roughness=0.4)
+    add("cube", coated, 4, smooth=False, location=(1.1, -1.1, 0.45), size=0.9, rotation=(0, 0, 0.6))
+    cloth = principled("cloth", Base_Color=(0.1, 0.4, 0.15, 1), Roughness=1, Specular_IOR_Level=0.2)
+    add("torus", cloth, 5, location=(-0.3, -1.5, 0.25), major_radius=0.5, minor_radius=0.22)
+
+
+def world_node(scene: bpy.types.Scene, kind: str) -> bpy.types.Node:
+    """A node that colours the world."""
+    tree = scene.world.node_tree
+    node = tree.nodes.new(kind)
+    tree.links.new(node.outputs["Color"], background(scene).inputs["Color"])
+    return node
+
+
+def painted(name: str, width: int, height: int, paint, is_float: bool = False) -> bpy.types.Image:
+    """An image of a formula of x and y from 0 to 1, the latter upwards; packed, as a file in a .blend is."""
+    image = bpy.data.images.new(name, width, height, float_buffer=is_float)
+    rows = [(*paint((x + 0.5) / width, (y + 0.5) / height), 1.0) for y in range(height) for x in range(width)]
+    image.pixels.foreach_set([c for pixel in rows for c in pixel])
+    image.update()
+    return image
+
+
+def textured(material: bpy.types.Material, image: bpy.types.Image, socket: str, scale: float | None = 2.0) -> None:
+    """An image on a socket, by a Mapping where it is scaled."""
+    tree = material.node_tree
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image = image
+    tree.links.new(node.outputs["Color"], tree.nodes["Principled BSDF"].inputs[socket])
+    if scale is not None:
+        mapping, at = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
+        mapping.inputs["Scale"].default_value = (scale, scale / 2, 1)
+        mapping.inputs["Rotation"].default_value[2] = 0.4
+        mapping.inputs["Location"].default_value = (0.1, 0.2, 0)
+        tree.links.new(at.outputs["UV"], mapping.inputs["Vector"])
+        tree.links.new(mapping.outputs["Vector"], node.inputs["Vector"])
+
+
+def leaves(scene: bpy.types.Scene) -> None:
+    """A collection that is shown many times, each place another."""
+    stem = bpy.data.collections.new("stem")
+    bpy.ops.mesh.primitive_cone_add(radius1=0.12, depth=0.5)
+    thing = bpy.context.object
+    thing.data.materials.append(principled("leaf", Base_Color=(0.2, 0.5, 0.1, 1), Roughness=0.9))
+    for each in thing.users_collection:
+        each.objects.unlink(thing)
+    stem.objects.link(thing)
+    for i in range(14):
+        shown = bpy.data.objects.new(f"leaf {i}", None)
+        shown.instance_type, shown.instance_collection = "COLLECTION", stem
+        shown.location = (-2.5 + 0.4 * i, 1.6 - 0.05 * i, 0.3)
+        shown.rotation_euler = (0.1 * i, 0, 0.3 * i)
+        shown.scale = (1, 1, 0.6 + 0.1 * i)
+        scene.collection.objects.link(shown)

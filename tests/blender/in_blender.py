@@ -1,0 +1,382 @@
+"""What tests/blender/test_in_blender.py has Blender do. Run by a Python that has bpy: nothing of ours is imported but the add-on.
+
+    python in_blender.py FOLDER URL TASK,TASK [TOKEN]
+
+FOLDER has the add-on's package; what a task makes, it writes there. The last line printed is JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+from blender_scenes import SIZE, add, background, empty, lamp, leaves, look, painted, principled, table, textured, world_node
+
+FOLDER, URL, TASK = Path(sys.argv[1]), sys.argv[2], sys.argv[3]
+TOKEN = sys.argv[4] if len(sys.argv) > 4 else ""
+
+
+def use(engine: str, scene: bpy.types.Scene, samples: int) -> None:
+    """The engine, with like settings."""
+    scene.render.engine = engine
+    if engine == "RAYFARM":
+        scene.rayfarm.samples, scene.rayfarm.depth, scene.rayfarm.filter = samples, 14, "box"
+        return
+    cycles = scene.cycles
+    cycles.device, cycles.samples, cycles.use_adaptive_sampling, cycles.use_denoising = "CPU", samples, False, False
+    cycles.pixel_filter_type = "BOX"
+    cycles.filter_width = 1.0
+    cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = 12
+    cycles.transparent_max_bounces = 64
+    cycles.blur_glossy = cycles.sample_clamp_indirect = cycles.sample_clamp_direct = cycles.light_sampling_threshold = 0.0
+
+
+def picture(name: str, scene: bpy.types.Scene, engine: str, samples: int = 256, format: str = "OPEN_EXR") -> str:
+    """Renders it into a file of the folder."""
+    use(engine, scene, samples)
+    scene.render.image_settings.file_format = format
+    scene.render.filepath = str(FOLDER / name)
+    bpy.ops.render.render(write_still=True)
+    return name
+
+
+def both(name: str, scene: bpy.types.Scene, samples: int = 256) -> None:
+    """The same by Cycles and by the farm."""
+    for engine in ("CYCLES", "RAYFARM"):
+        picture(f"{name}-{engine.lower()}.exr", scene, engine, samples)
+
+
+def lamps() -> list[str]:
+    """Each kind of light alone."""
+    kinds = {
+        "sun": ("SUN", 3.0, {"angle": 0.2}),
+        "point": ("POINT", 400.0, {"shadow_soft_size": 0.3, "color": (1, 0.8, 0.6)}),
+        "spot": ("SPOT", 900.0, {"spot_size": 0.9, "spot_blend": 0.15, "shadow_soft_size": 0.1}),
+        "area": ("AREA", 300.0, {"shape": "RECTANGLE", "size": 1.5, "size_y": 0.7}),
+        "disk": ("AREA", 300.0, {"shape": "DISK", "size": 1.5}),
+    }
+    for name, (kind, energy, values) in kinds.items():
+        scene = empty()
+        table(scene)
+        background(scene).inputs["Strength"].default_value = 0.05
+        lamp(kind, energy, (1.5, -2.5, 4), **values)
+        both(f"lamp-{name}", scene)
+    return [f"lamp-{name}" for name in kinds]
+
+
+def surroundings() -> list[str]:
+    """A world of an image that is turned, and textures, alpha and bumps on things."""
+    scene = empty()
+    node = world_node(scene, "ShaderNodeTexEnvironment")
+    node.image = painted("sky", 64, 32, lambda x, y: (0.2 + 2 * (0.1 < x < 0.35) * y, 0.3 + y, 0.4 + 0.8 * (x > 0.6)), True)
+    tree = scene.world.node_tree
+    mapping, at = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
+    mapping.inputs["Rotation"].default_value[2] = 0.8
+    tree.links.new(at.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs["Vector"], node.inputs["Vector"])
+    floor = principled("floor", Roughness=0.9)
+    textured(
+        floor, painted("tiles", 16, 16, lambda x, y: (0.1 + 0.8 * x, 0.7 * y, 0.3 * (int(x * 4) + int(y * 4)) % 2)), "Base Color"
+    )
+    add("plane", floor, size=8)
+    mirror = principled("mirror", Base_Color=(0.9, 0.9, 0.9, 1), Metallic=1, Roughness=0.15)
+    add("uv_sphere", mirror, location=(-1.2, -0.3, 0.9), radius=0.8)
+    rough = principled("spotted", Base_Color=(0.3, 0.5, 0.8, 1), Metallic=0.8)
+    spots = painted("spots", 8, 8, lambda x, y: (0.3 + 0.6 * (x > 0.5),) * 3)
+    spots.colorspace_settings.name = "Non-Color"
+    textured(rough, spots, "Roughness", None)
+    add("cube", rough, smooth=False, location=(1.1, 0.3, 0.6), size=1.2)
+    seen_through = principled("veil", Base_Color=(0.8, 0.2, 0.1, 1), Roughness=1.0, Alpha=0.4)
+    add("plane", seen_through, location=(0.6, -1.6, 0.8), size=1.5, rotation=(1.2, 0, 0.5))
+    glass = principled("glass", Base_Color=(1, 1, 1, 1), Roughness=0.0, Transmission_Weight=1.0, IOR=1.4)
+    add("uv_sphere", glass, location=(-0.5, -1.9, 0.5), radius=0.45, segments=48, ring_count=32)
+    both("surroundings", scene)
+    return ["surroundings"]
+
+
+def cameras() -> list[str]:
+    """Depth of field, a shifted lens, a border, orthographic; of many instances, some by a parent that shows its child often."""
+    names = []
+    for name in ("field", "shift", "border", "flat"):
+        scene = empty()
+        table(scene)
+        leaves(scene)
+        lamp("AREA", 400.0, (2, -3, 5), size=2.0)
+        lens = scene.camera.data
+        if name == "field":
+            lens.dof.use_dof, lens.dof.aperture_fstop, lens.dof.focus_object = True, 0.1, bpy.data.objects["Torus"]
+        elif name == "shift":
+            lens.shift_x, lens.shift_y = 0.15, -0.1
+        elif name == "border":
+            scene.render.use_border, scene.render.use_crop_to_border = True, True
+            scene.render.border_min_x, scene.render.border_max_x = 0.25, 0.75
+            scene.render.border_min_y, scene.render.border_max_y = 0.0, 0.5
+        else:
+            lens.type, lens.ortho_scale = "ORTHO", 5.0
+        both(f"camera-{name}", scene)
+        names.append(f"camera-{name}")
+    return names
+
+
+def moving() -> list[str]:
+    """Motion blur: what turns and flies, what a shape key bends, and the camera."""
+    scene = empty()
+    table(scene)
+    lamp("AREA", 400.0, (2, -3, 5), size=2.0)
+    cube, ball = bpy.data.objects["Cube"], bpy.data.objects["Sphere"]
+    for frame, x, turn in ((1, 1.1, 0.0), (3, 0.1, 1.2)):
+        cube.location[0], cube.rotation_euler[2] = x, turn
+        cube.keyframe_insert("location", frame=frame)
+        cube.keyframe_insert("rotation_euler", frame=frame)
+        scene.camera.location[2] = 3.2 + 0.1 * frame
+        scene.camera.keyframe_insert("location", frame=frame)
+    ball.shape_key_add(name="Basis")
+    fat = ball.shape_key_add(name="fat")
+    for key, vertex in zip(fat.data, ball.data.vertices, strict=True):
+        key.co = vertex.co * 1.6
+    for frame, value in ((1, 0.0), (3, 1.0)):
+        fat.value = value
+        fat.keyframe_insert("value", frame=frame)
+    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 1.0
+    for thing in scene.objects:
+        thing.cycles.use_motion_blur = thing.cycles.use_deform_motion = True
+    names = []
+    for at in ("CENTER", "END"):
+        scene.frame_set(2)
+        scene.render.motion_blur_position = at
+        both(f"moving-{at.lower()}", scene)
+        names.append(f"moving-{at.lower()}")
+    scene.frame_set(2)
+    return names
+
+
+def passes() -> dict:
+    """All planes, as a file of layers."""
+    scene = empty()
+    table(scene)
+    lamp("AREA", 400.0, (2, -3, 5), size=2.0)
+    layer = bpy.context.view_layer
+    for name in ("z", "position", "normal", "object_index", "material_index"):
+        setattr(layer, f"use_pass_{name}", True)
+    bpy.data.materials["gold"].pass_index = 42
+    for engine in ("CYCLES", "RAYFARM"):
+        if engine == "RAYFARM":
+            scene.rayfarm.albedo = True
+        picture(f"passes-{engine.lower()}.exr", scene, engine, 16, "OPEN_EXR_MULTILAYER")
+    return {"eye": list(scene.camera.matrix_world.translation)}
+
+
+def sent_bytes() -> int:
+    """By the last upload to the farm."""
+    from rayfarm_addon.ui import connection
+
+    return connection.connect(URL, TOKEN, "").uploads.sent_bytes
+
+
+def changes() -> dict:
+    """What is sent when all is new, nothing changed, one small thing moved, one large mesh changed, and in the next shot."""
+    scene = empty()
+    table(scene)
+    for i in range(3):
+        bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=6, location=(i, 2, 1))
+        bpy.context.object.name = f"large {i}"
+    sent = {}
+    scene.render.resolution_x = scene.render.resolution_y = 16
+    use("RAYFARM", scene, 1)
+    scene.render.filepath = str(FOLDER / "changes")
+
+    def render(name: str) -> None:
+        bpy.ops.render.render(write_still=False)
+        sent[name] = sent_bytes()
+
+    render("all")
+    render("nothing")
+    scene.camera.location[0] += 0.5
+    render("camera")
+    bpy.data.objects["Torus"].location[2] += 0.2
+    render("moved")
+    bpy.data.objects["large 1"].data.vertices[5].co *= 1.3
+    render("one")
+    return sent
+
+
+def animation() -> list[str]:
+    """Three frames by Ctrl-F12."""
+    scene = empty()
+    table(scene)
+    lamp("AREA", 400.0, (2, -3, 5), size=2.0)
+    cube = bpy.data.objects["Cube"]
+    for frame, x in ((1, 1.1), (3, -0.9)):
+        cube.location[0] = x
+        cube.keyframe_insert("location", frame=frame)
+    scene.frame_start, scene.frame_end = 1, 3
+    use("RAYFARM", scene, 16)
+    scene.render.filepath = str(FOLDER / "shot.####.exr")
+    bpy.ops.render.render(animation=True)
+    return [f"shot.{frame:04}.exr" for frame in (1, 2, 3)]
+
+
+def refused() -> dict:
+    """What Blender says where the farm cannot be reached, or does not let in."""
+    scene = empty()
+    table(scene)
+    use("RAYFARM", scene, 1)
+    try:
+        bpy.ops.render.render()
+        said = ""
+    except RuntimeError as error:
+        said = str(error)
+    try:
+        bpy.ops.rayfarm.test_connection()
+        tested = ""
+    except RuntimeError as error:
+        tested = str(error)
+    return {"said": said, "tested": tested}
+
+
+def cancelled() -> dict:
+    """Esc while tiles come: by the engine's own question whether to go on."""
+    scene = empty()
+    table(scene)
+    use("RAYFARM", scene, 1 << 16)
+    from rayfarm_addon.ui import engine
+
+    whole, shown = engine.RayfarmEngine._show, []
+
+    def counted(self, *args):
+        shown.append(args)
+        return whole(self, *args)
+
+    # There is no Esc without a window: the question is answered here once a tile has come.
+    engine.RayfarmEngine._show = counted
+    engine.RayfarmEngine._is_broken_off = lambda self: bool(shown)
+    bpy.ops.render.render()
+    return {"tiles": len(shown)}
+
+
+class Region:
+    """What Blender tells of a window's region, looked through the scene's camera."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self.width, self.height = SIZE
+        self.scene = scene
+        self.region, self.region_data, self.space_data = self, self, self
+        self.view_perspective, self.camera = "PERSP", None
+
+    @property
+    def view_matrix(self):
+        return self.scene.camera.matrix_world.inverted()
+
+    @property
+    def window_matrix(self):
+        return self.scene.camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=self.width, y=self.height)
+
+
+class Engine:
+    """Of an engine in a window what a viewport asks for."""
+
+    redraws = 0
+
+    def tag_redraw(self) -> None:
+        self.redraws += 1
+
+    def update_stats(self, *_: str) -> None:
+        pass
+
+
+def viewport() -> dict:
+    """All of a viewport but its drawing, for which there must be a window: what it reads, sends and gets."""
+    from rayfarm_addon.ui.viewport import Viewport
+
+    scene = empty()
+    table(scene)
+    for i in range(3):
+        bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=6, location=(i, 9, 1))
+    lamp("AREA", 400.0, (2, -3, 5), size=2.0)
+    use("RAYFARM", scene, 256)
+    scene.rayfarm.view_samples = 256
+    region = Region(scene)
+    view = Viewport(Engine(), URL, TOKEN, "", "test")
+    longest, sent = [0.0], []
+    bpy.app.handlers.depsgraph_update_post.append(lambda scene, depsgraph: view.update(depsgraph))
+    view.update(bpy.context.evaluated_depsgraph_get())
+
+    def seen() -> np.ndarray:
+        """The picture, when there is nothing to add to it."""
+        until = time.monotonic() + 120
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        while time.monotonic() < until:
+            begun = time.monotonic()
+            view.read(depsgraph)
+            view.look(region, depsgraph)
+            longest[0] = max(longest[0], time.monotonic() - begun)
+            shown, text = view._watching.state
+            rests = view._reading is None and not view._waits and view._watching.is_settled
+            if rests and shown is not None and shown.id == view._watching.number and text.endswith("done"):
+                sent.append(sent_bytes())
+                return shown.rgb
+            time.sleep(0.02)
+        raise SystemExit(f"no picture came: {view._watching.state[1]}")
+
+    first = seen()
+    scene.camera.location[0] += 0.7
+    look(scene.camera)
+    bpy.context.view_layer.update()
+    turned = seen()
+    bpy.data.materials["red"].node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.1, 0.1, 0.9, 1)
+    bpy.context.view_layer.update()
+    painted = seen()
+    bpy.data.objects["Cube"].location[2] += 1
+    bpy.context.view_layer.update()
+    lifted = seen()
+    view.end()
+    bpy.app.handlers.depsgraph_update_post.clear()
+    picture("viewport.exr", scene, "RAYFARM")
+    np.savez(FOLDER / "viewport.npz", first=first, turned=turned, painted=painted, lifted=lifted)
+    return {"sent": sent, "longest": longest[0]}
+
+
+def large() -> dict:
+    """Seconds of one core for a million triangles with normals and UVs, from Blender to the files."""
+    from rayfarm_addon.scene.files import digest_of, scene_files
+    from rayfarm_addon.scene.gather import gather
+
+    scene = empty()
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=1000, y_subdivisions=500)
+    bpy.ops.object.shade_smooth()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    begun = time.process_time()
+    *_, found = gather(depsgraph, {})
+    read = time.process_time()
+    files = scene_files(found.scene)
+    for content in files.values():
+        digest_of(content)
+    triangles = sum(len(corners) // 3 for mesh in found.scene.meshes.values() for _, corners in mesh.parts)
+    ends = time.process_time()
+    size = sum(len(content) for content in files.values())
+    return {"triangles": triangles, "read": read - begun, "written": ends - read, "bytes": size, "engine": scene.render.engine}
+
+
+TASKS = {
+    each.__name__: each
+    for each in (lamps, surroundings, cameras, moving, passes, changes, animation, refused, cancelled, viewport, large)
+}
+
+
+def main() -> None:
+    sys.path.insert(0, str(FOLDER))
+    os.environ["RAYFARM_SERVER"], os.environ["RAYFARM_API_TOKEN"] = URL, TOKEN
+    import rayfarm_addon
+
+    rayfarm_addon.register()
+    print(json.dumps({name: TASKS[name]() for name in TASK.split(",")}), flush=True)
+    rayfarm_addon.unregister()
+
+
+if __name__ == "__main__":
+    main()

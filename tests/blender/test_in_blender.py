@@ -1,0 +1,176 @@
+"""The add-on in Blender, by its module, against a real farm: pictures and passes beside Cycles', what is sent, what is said.
+
+Not run here is what takes a window: the drawing of a viewport's picture, and the panels.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
+import pytest
+
+from renderer.image.read import read as read_image
+from service.addon import addon_zip
+from tests.helpers import ROOT, Farm, start_farm, stop_farm
+from tests.peers.blender import python_with_bpy
+
+pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
+
+BLOCK = 4
+MOST = 0.03
+
+Run = Callable[..., Any]
+
+
+@pytest.fixture(scope="module")
+def own_farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
+    if python_with_bpy() is None:
+        pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
+    farm = start_farm(tmp_path_factory.mktemp("farm") / "data", 2)
+    yield farm
+    stop_farm(farm)
+
+
+def blender(folder: Path, url: str, tasks: str) -> Any:
+    """What tasks of in_blender.py give, in a Blender of their own."""
+    (folder / "rayfarm_addon").symlink_to(ROOT / "blender" / "rayfarm_addon")
+    script = Path(__file__).with_name("in_blender.py")
+    done = subprocess.run([python_with_bpy(), script, folder, url, tasks], capture_output=True, text=True, check=False)
+    told = [line for line in done.stdout.splitlines() if line.startswith("{")]
+    assert told, (done.stdout + done.stderr)[-3000:]
+    return json.loads(told[-1])
+
+
+@pytest.fixture(scope="module")
+def pictures(own_farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list[str]]]:
+    folder = tmp_path_factory.mktemp("pictures")
+    return folder, blender(folder, own_farm.url, "lamps,surroundings,cameras,moving")
+
+
+def blocks(picture: np.ndarray) -> np.ndarray:
+    """Means of 4 x 4 pixels, which average most of the noise away."""
+    h, w = picture.shape[0] // BLOCK, picture.shape[1] // BLOCK
+    return picture.astype(float).reshape(h, BLOCK, w, BLOCK, -1).mean((1, 3))
+
+
+def image(path: Path) -> np.ndarray:
+    return read_image(path.read_bytes(), path.name)[..., :3]
+
+
+@pytest.mark.parametrize("task", ["lamps", "surroundings", "cameras", "moving"])
+def test_the_pictures_of_cycles(task: str, pictures: tuple[Path, dict[str, list[str]]]) -> None:
+    folder, names = pictures
+    for name in names[task]:
+        ours, theirs = (blocks(image(folder / f"{name}-{engine}.exr")) for engine in ("rayfarm", "cycles"))
+        difference = float(np.abs(ours - theirs).mean() / theirs.mean())
+        figures = f"{name}: differs by {difference:.2%}; means {ours.mean():.4f} and {theirs.mean():.4f}"
+        print(figures)
+        assert abs(ours.mean() / theirs.mean() - 1) < MOST, figures
+        assert difference < 2 * MOST, figures
+
+
+def layers(path: Path) -> dict[str, np.ndarray]:
+    """The channels of a multilayer EXR by what follows the view layer's name."""
+    picture = oiio.ImageBuf(str(path))
+    planes = np.moveaxis(picture.get_pixels(oiio.FLOAT), -1, 0)
+    return {name.partition(".")[2]: plane for name, plane in zip(picture.spec().channelnames, planes, strict=True)}
+
+
+def test_the_passes_of_cycles(own_farm: Farm, tmp_path: Path) -> None:
+    blender(tmp_path, own_farm.url, "passes")
+    ours, theirs = (layers(tmp_path / f"passes-{engine}.exr") for engine in ("rayfarm", "cycles"))
+    assert set(ours) == {*theirs, *(f"Denoising Albedo.{c}" for c in "RGB")}
+    for name in ("IndexOB.X", "IndexMA.X"):
+        assert len(np.unique(theirs[name])) > 1
+        assert (ours[name] == theirs[name]).mean() > 0.97, name  # at edges each takes the sample that it likes
+    for name in ("Depth.Z", *(f"{kind}.{axis}" for kind in ("Normal", "Position") for axis in "XYZ")):
+        apart = np.abs(ours[name] - theirs[name])
+        assert np.median(apart) < 2e-3, name
+        assert np.percentile(apart, 85) < 2e-2, name
+    red = ours["IndexOB.X"] == 2
+    np.testing.assert_allclose(np.median(ours["Denoising Albedo.R"][red]), 0.7, atol=0.05)
+
+
+def test_only_what_changed_is_sent(own_farm: Farm, tmp_path: Path) -> None:
+    sent = blender(tmp_path, own_farm.url, "changes")["changes"]
+    assert sent["all"] > 1_000_000
+    assert sent["nothing"] == sent["camera"] == 0
+    assert 0 < sent["moved"] < 20_000
+    assert 0 < sent["one"] < 0.4 * sent["all"]
+
+
+def test_a_viewport_shows_what_f12_does(own_farm: Farm, tmp_path: Path) -> None:
+    told = blender(tmp_path, own_farm.url, "viewport")["viewport"]
+    seen = np.load(tmp_path / "viewport.npz")
+    final = image(tmp_path / "viewport.exr")
+    apart = {name: float(np.abs(seen[name] - final).mean() / final.mean()) for name in seen}
+    assert apart["lifted"] < 0.005 < apart["painted"] < apart["turned"], apart
+    first, turned, painted, lifted = told["sent"]
+    assert first == turned, "a camera sends nothing"
+    assert painted < first / 50
+    assert lifted < first / 50
+
+
+def test_a_million_triangles_are_read_in_a_second_of_one_core(own_farm: Farm, tmp_path: Path) -> None:
+    told = blender(tmp_path, own_farm.url, "large")["large"]
+    assert told["triangles"] == 1_000_000
+    assert told["read"] + told["written"] < 2, told  # 0.35 where nothing else runs
+
+
+def test_an_animation_is_a_picture_of_each_frame(own_farm: Farm, tmp_path: Path) -> None:
+    frames = [image(tmp_path / name) for name in blender(tmp_path, own_farm.url, "animation")["animation"]]
+    assert all(np.abs(a - b).mean() > 0.01 for a, b in pairwise(frames))
+    with own_farm.client() as client:
+        names = {job.name for job in client.jobs()}
+    assert {f"Blender, frame {number}" for number in (1, 2, 3)} <= names
+
+
+def test_a_cancelled_picture_is_a_cancelled_job(own_farm: Farm, tmp_path: Path) -> None:
+    assert blender(tmp_path, own_farm.url, "cancelled")["cancelled"]["tiles"] > 0
+    with own_farm.client() as client:
+        job = next(job for job in client.jobs() if job.samples and job.spp == 1 << 16)
+    assert job.state == "cancelled"
+
+
+INSTALLED = """
+import json, sys, bpy
+bpy.ops.extensions.package_install_files(filepath=sys.argv[1], repo="user_default", enable_on_install=True)
+known = bpy.context.preferences.addons["bl_ext.user_default.rayfarm"].preferences
+bpy.context.scene.render.engine = "RAYFARM"
+known.token = "secret"
+bpy.ops.wm.save_as_mainfile(filepath=sys.argv[2], compress=False)
+print(json.dumps([known.url, bpy.context.scene.render.engine, bpy.context.scene.rayfarm.samples]))
+"""
+
+
+def test_blender_installs_the_archive_and_no_file_has_the_token(tmp_path: Path) -> None:
+    python = python_with_bpy()
+    if python is None:
+        pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
+    (tmp_path / "addon.zip").write_bytes(addon_zip())
+    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path / "resources"), "HOME": str(tmp_path)}
+    command = [python, "-c", INSTALLED, tmp_path / "addon.zip", tmp_path / "kept.blend"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0, (done.stdout + done.stderr)[-3000:]
+    told = next(line for line in done.stdout.splitlines() if line.startswith("["))
+    assert json.loads(told) == ["http://127.0.0.1:8000", "RAYFARM", 128]
+    assert b"secret" not in (tmp_path / "kept.blend").read_bytes()
+
+
+def test_without_a_farm_there_is_a_sentence(tmp_path: Path) -> None:
+    if python_with_bpy() is None:
+        pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # and nobody listens
+        said = blender(tmp_path, f"http://127.0.0.1:{taken.getsockname()[1]}", "refused")["refused"]
+    for sentence in said.values():
+        assert "No farm answers at http://127.0.0.1" in sentence

@@ -1,0 +1,82 @@
+"""The fold of a job's place among others, before the job is asked for."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.e2e.site import call
+from tests.e2e.test_settings_form import open_form, submitted
+
+pytestmark = pytest.mark.browser
+
+JOBS = [
+    {"id": "j1", "name": "The set", "state": "running", "progress": 0.25, "created": 3},
+    {"id": "j2", "name": "The hero", "state": "queued", "progress": 0, "created": 2},
+    {"id": "j3", "name": "Done", "state": "finished", "progress": 1, "created": 1},
+]
+WORKERS = [{"name": "attic", "slots": 4, "samples_per_s": 1, "offer": {"tags": ["gpu"], "memory": 16e9}}]
+FARM = "const farm = await import('/js/news/farm.js'); farm.jobs.set(a.jobs); farm.workers.set(a.workers); farm.scenes.set([]);"
+
+
+@pytest.fixture
+def form(page: Page) -> Page:
+    call(page, "base/dom", FARM, {"jobs": JOBS, "workers": WORKERS})
+    open_form(page)
+    return page
+
+
+def test_what_is_left_alone_is_not_asked_for(form: Page) -> None:
+    asked = submitted(form)
+    assert not {"deadline", "priority", "max_slots", "needs", "after", "verify", "fresh"} & asked.keys()
+
+
+def test_a_job_is_asked_for_with_its_place_among_the_others(form: Page) -> None:
+    fold = form.locator(".queue-fold")
+    fold.get_by_label("Wanted by").fill("2035-05-01T08:00")
+    fold.get_by_label("Priority").fill("5")
+    fold.get_by_label("Slots at most").fill("3")
+    fold.get_by_label("Needs").fill("gpu, memory_gb=12")
+    fold.get_by_label("After", exact=True).select_option(label="The hero")
+    fold.get_by_label("After", exact=True).select_option(label="The set · 25 %")
+    expect(fold.get_by_label("After", exact=True)).to_be_disabled()
+    fold.get_by_role("button", name="Not after The set").click()
+    expect(fold.get_by_label("After", exact=True)).to_be_focused()
+    fold.get_by_label("Verified, %").fill("2.5")
+    fold.get_by_label("Render anew, from the first sample").check()
+    fold.locator("summary").click()
+    expect(fold.locator("summary")).to_contain_text(
+        "priority 5 · 3 slots · gpu, memory_gb=12 · after 1 job · 2.5 % verified · anew"
+    )
+    asked = submitted(form)
+    assert form.evaluate("new Date(window.asked.deadline) - new Date('2035-05-01T08:00')") == 0
+    names = ("priority", "max_slots", "needs", "after", "verify", "fresh")
+    assert [asked[name] for name in names] == [5, 3, ["gpu", "memory_gb=12"], ["j2"], 0.025, True]
+
+
+def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
+    fold = form.locator(".queue-fold")
+    fold.locator("summary").click()
+    for label, wrong, said, right in (
+        ("Needs", "GPU", "“GPU” is none", "gpu"),
+        ("Wanted by", "2001-05-01T08:00", "this moment has passed", ""),
+        ("Slots at most", "0", "is at least 1", ""),
+        ("Verified, %", "101", "lies between 0 and 100", ""),
+    ):
+        fold.evaluate("fold => { fold.open = true }")
+        fold.get_by_label(label).fill(wrong)
+        fold.evaluate("fold => { fold.open = false }")
+        assert submitted(form) is None
+        expect(fold.get_by_role("alert").filter(has_text=said)).to_be_visible()
+        expect(fold.get_by_label(label)).to_be_focused()
+        fold.get_by_label(label).fill(right)
+    fold.get_by_label("Needs").fill("gpu, cloud")
+    fold.get_by_label("Needs").blur()
+    expect(fold.locator(".lacking")).to_have_text("No worker that is connected has cloud: it waits for one.")
+    fold.get_by_label("Needs").fill("gpu, memory_gb=32")
+    fold.get_by_label("Needs").blur()
+    expect(fold.locator(".lacking")).to_contain_text("has all of it")
+    fold.get_by_label("Needs").fill("gpu, memory_gb=16")
+    fold.get_by_label("Needs").blur()
+    expect(fold.locator(".lacking")).to_be_hidden()
+    assert submitted(form)["needs"] == ["gpu", "memory_gb=16"]

@@ -1,0 +1,181 @@
+""".blend files as Blender writes them for us: nothing in them runs or leads outside, and what they hold is where Blender has it.
+
+Needs a Python with bpy: `python3 farm.py peers` makes one.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from renderer.blender.convert import convert
+from renderer.blender.program import NAMED, look_at
+from renderer.errors import SceneError
+from renderer.scene.animation import Moment
+from renderer.scene.description import SceneDescription
+from renderer.scene.load import Shot, read
+from tests.peers.blender import python_with_bpy
+from tests.renderer.scene.builders import world
+
+pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
+
+TO_Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+NEAR = 1e-4
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The folder of blend_kit.py; Blender is the Python that wrote it."""
+    python = python_with_bpy()
+    if python is None:
+        pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
+    folder = tmp_path_factory.mktemp("blend")
+    command = [python, Path(__file__).with_name("blend_kit.py"), folder]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-3000:]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(NAMED, str(python))
+        yield folder
+
+
+def upload(made: Path, tmp_path: Path, *names: str) -> Path:
+    """A folder with these of the files alone."""
+    folder = tmp_path / "upload"
+    folder.mkdir()
+    for name in names:
+        (folder / Path(name).name).write_bytes((made / name).read_bytes())
+    return folder
+
+
+def pictures(found: SceneDescription) -> int:
+    """How many came of the file; the studio that lights it has its own."""
+    return sum("blender-scene" in image.name for image in found.images)
+
+
+def test_nothing_in_a_hostile_file_runs_and_nothing_outside_is_read(made: Path, tmp_path: Path) -> None:
+    """blend_kit.py has seen that all of it runs where scripts are on."""
+    found = read(upload(made, tmp_path, "hostile.blend"), "hostile.blend")
+    assert list(made.glob("ran-*")) == []
+    assert [instance.name for instance in found.instances] == ["Scene/thing"]  # and no secret
+    assert pictures(found) == 0
+    said = " ".join(found.warnings)
+    assert "Missing pictures: secret.png." in said
+    assert "Missing linked files: secret.blend." in said
+    assert str(made) not in said
+
+
+def test_what_came_along_is_found_wherever_it_lay(made: Path, tmp_path: Path) -> None:
+    names = ("hostile.blend", "outside/secret.blend", "outside/secret.png")
+    found = read(upload(made, tmp_path, *names), "hostile.blend")
+    assert sorted(instance.name for instance in found.instances) == ["Scene/secret", "Scene/thing"]
+    assert pictures(found) == 1
+    assert not [each for each in found.warnings if "issing" in each]
+
+
+def test_a_process_that_is_confined_can_neither_read_write_nor_connect(made: Path, tmp_path: Path, monkeypatch: Any) -> None:
+    """Beside paths and scripts: what a file would do that found a hole in Blender."""
+    script = tmp_path / "inside" / "export.py"
+    script.parent.mkdir()
+    script.write_text(
+        "import json, os, socket, sys\n"
+        "job = json.load(open(sys.argv[-1]))\n"
+        "did = []\n"
+        f"for name in ({str(made / 'outside' / 'secret.png')!r}, '/etc/passwd', '/proc/1/environ'):\n"
+        "    try: open(name, 'rb').read(); did.append(name)\n"
+        "    except OSError: pass\n"
+        f"try: open({str(made / 'ran-write')!r}, 'w'); did.append('write')\n"
+        "except OSError: pass\n"
+        "try: socket.create_connection(('127.0.0.1', PORT), 2); did.append('connect')\n"
+        "except OSError: pass\n"
+        "did += [name for name in os.environ if 'TOKEN' in name]\n"
+        "json.dump({'error': 'did ' + repr(did)}, open(job['out'] + '/report.json', 'w'))\n"
+    )
+    import socket
+
+    monkeypatch.setenv("RAYFARM_TOKEN", "secret")
+    monkeypatch.setattr("renderer.blender.convert.SCRIPT", script)
+    python = python_with_bpy()
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        script.write_text(script.read_text().replace("PORT", str(listening.getsockname()[1])))
+        with pytest.raises(SceneError, match=r"did \[\]"):
+            convert(look_at(str(python)), upload(made, tmp_path, "moving.blend"), "moving.blend", tmp_path, 4 << 30, 100)
+
+
+@pytest.mark.parametrize("frame", [1, 6, 12])
+def test_vertices_cameras_and_lights_are_where_blender_has_them(made: Path, shot: Shot, frame: int) -> None:
+    told = json.loads((made / "told.json").read_text())[str(frame)]
+    found = shot.at(Moment(frame))
+    names = [instance.name for instance in found.instances]
+    assert sorted(names) == sorted(["Scene/tube", "Scene/round", *(f"Scene/crowd {i} instance" for i in range(3)), "area"])
+    vertices = world(found, names.index("Scene/tube")).reshape(-1, 3)
+    apart = np.linalg.norm(vertices[:, None] - (np.array(told["tube"]) @ TO_Y_UP.T)[None], axis=2)
+    assert apart.min(axis=0).max() < NEAR
+    assert apart.min(axis=1).max() < NEAR
+    assert len(world(found, names.index("Scene/round")).reshape(-1, 3, 3)) == 6 * 4**2 * 2  # as it is rendered
+    (camera,) = found.cameras
+    matrix = np.array(told["eye"])
+    np.testing.assert_allclose(camera.view.eye, TO_Y_UP @ matrix[:3, 3], atol=NEAR)
+    forward = np.subtract(camera.view.target, camera.view.eye)
+    np.testing.assert_allclose(forward / np.linalg.norm(forward), TO_Y_UP @ -matrix[:3, 2], atol=NEAR)
+    assert camera.view.focus == pytest.approx(told["focus"], rel=1e-5)
+    assert camera.view.aperture == pytest.approx(0.040 / 1.6)
+    point = next(light for light in found.lights if light.name == "point")
+    assert point.intensity[0] == pytest.approx(told["energy"] / (4 * np.pi), rel=1e-5)
+    assert found.clips[0].end == pytest.approx(12 / 24)
+
+
+@pytest.fixture(scope="module")
+def shot(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Shot:
+    return Shot(upload(made, tmp_path_factory.mktemp("moving"), "moving.blend"), "moving.blend")
+
+
+def test_what_is_not_taken_over_is_named(shot: Shot) -> None:
+    found = shot.at(Moment(1))
+    said = " ".join(found.warnings)
+    assert "Material odd: what Noise Texture would make of it is not taken over; bake it to an image" in said
+    assert "Area lights are surfaces here" in said
+
+
+def test_the_world_is_a_picture_of_what_cycles_sees(shot: Shot) -> None:
+    """blend_kit.py's is in each direction of the colour of that direction, in Blender's axes."""
+    environment = shot.at(Moment(1)).environment
+    assert environment is not None
+    assert environment.image is not None
+    pixels = shot.at(Moment(1)).images[environment.image].pixels
+    height, width = pixels.shape[:2]
+    for row, column, expected in (
+        (height // 2, width // 2, (0, 1, 0)),  # ahead, our -Z
+        (height // 2, 3 * width // 4, (1, 0, 0)),  # to the right
+        (0, 0, (0, 0, 1)),  # up
+        (height // 4, 5 * width // 8, (0.5, 0.5, 0.7071)),
+    ):
+        np.testing.assert_allclose(pixels[row, column, :3], expected, atol=0.01)
+
+
+def test_the_same_file_gives_the_same_bytes(made: Path, tmp_path: Path) -> None:
+    folder = upload(made, tmp_path, "moving.blend")
+    blender = look_at(str(python_with_bpy()))
+    both = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        convert(blender, folder, "moving.blend", tmp_path / name, 4 << 30, 300)
+        both.append({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()})
+    assert both[0].keys() == both[1].keys() == {"blender-scene.yaml", "blender-scene.glb", "blender-world.exr"}
+    assert [name for name in both[0] if both[0][name] != both[1][name]] in ([], ["blender-world.exr"])
+
+
+@pytest.mark.parametrize("cut", [0.3, 0.9])
+def test_a_damaged_file_is_named(made: Path, tmp_path: Path, cut: float) -> None:
+    folder = upload(made, tmp_path, "moving.blend")
+    data = (folder / "moving.blend").read_bytes()
+    (folder / "moving.blend").write_bytes(data[: int(len(data) * cut)])
+    with pytest.raises(SceneError, match=r"^moving\.blend: "):
+        read(folder, "moving.blend")

@@ -1,0 +1,103 @@
+"""Blender as a process beside: what came of it, and what is said where it fails. A script stands in for it."""
+
+from __future__ import annotations
+
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from renderer.blender import program
+from renderer.blender.convert import convert
+from renderer.blender.program import NAMED, BlenderError, find, look_at
+from renderer.errors import SceneError
+from renderer.scene.animation import Moment
+from renderer.scene.load import Shot, read
+
+SCENE = '{"notes": ["Material odd: is left out"], "shapes": [{"type": "quad"}]}'
+VERSION = 'if [ "$3" = --version ]; then echo "Blender 4.5.1 LTS"; exit 0; fi\n'
+WORKS = f"""for job; do :; done
+out=$(sed 's/.*"out": "\\([^"]*\\)".*/\\1/' "$job")
+echo '{SCENE}' > "$out/blender-scene.yaml"
+echo secret > "$out/other.txt"
+echo '{{"main": "blender-scene.yaml"}}' > "$out/report.json"
+"""
+
+
+@pytest.fixture
+def blender(tmp_path: Path) -> Callable[[str], str]:
+    """`blender(script)` is the path of a program that does that when it is to open a file."""
+
+    def make(script: str, version: str = VERSION) -> str:
+        path = tmp_path / "program" / "blender"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(f"#!/bin/sh\n{version}{script}")
+        path.chmod(path.stat().st_mode | stat.S_IXUSR)
+        look_at.cache_clear()
+        return str(path)
+
+    return make
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    (folder / "a.blend").write_bytes(b"BLENDER-v405")
+    return folder
+
+
+def test_what_blender_wrote_is_the_scene(blender, scene, monkeypatch):
+    monkeypatch.setenv(NAMED, blender(WORKS))
+    found = find()
+    assert found is not None
+    assert (found.version, found.is_module) == ("4.5.1", False)
+    shot = Shot(scene, "a.blend")
+    for frame in (0, 3):
+        description = shot.at(Moment(frame))
+        assert len(description.instances) == 1
+        assert description.warnings[0] == "Material odd: is left out"
+
+
+def test_only_what_is_to_be_written_is_kept(blender, scene, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    assert convert(look_at(blender(WORKS)), scene, "a.blend", out, 1 << 30, 60) == "blender-scene.yaml"
+    assert [path.name for path in out.iterdir()] == ["blender-scene.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("script", "says"),
+    [
+        (
+            'for job; do :; done; out=$(sed \'s/.*"out": "\\([^"]*\\)".*/\\1/\' "$job")\n'
+            + 'echo \'{"error": "is damaged"}\' > $out/report.json\n',
+            "is damaged",
+        ),
+        ("exit 3", r"ended while it opened it \(code 3\)"),
+        ("kill -SEGV $$", r"ended while it opened it \(SIGSEGV\)"),
+        ("sleep 60", "took longer than 2 seconds"),
+    ],
+)
+def test_why_it_failed_is_said(blender, scene, tmp_path, script, says):
+    with pytest.raises(SceneError, match=rf"^a\.blend: .*{says}"):
+        convert(look_at(blender(script)), scene, "a.blend", tmp_path, 1 << 30, 2 if "sleep" in script else 60)
+
+
+def test_without_blender_the_sentence_says_what_to_do(scene, monkeypatch, tmp_path):
+    monkeypatch.delenv(NAMED, raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(program, "environment_python", lambda: tmp_path / "none")
+    assert find() is None
+    with pytest.raises(SceneError, match=r"a\.blend: .*worker --blender.*File > Export > glTF 2\.0"):
+        read(scene, "a.blend")
+
+
+def test_a_blender_that_cannot_be_used_says_why(blender, tmp_path):
+    with pytest.raises(BlenderError, match="There is no Blender at"):
+        look_at(str(tmp_path / "gone"))
+    with pytest.raises(BlenderError, match=r"is Blender 3\.6\.1; \.blend files are opened by 4\.2"):
+        look_at(blender("", VERSION.replace("4.5.1", "3.6.1")))
+    with pytest.raises(BlenderError, match="is no Blender"):
+        look_at(blender("", "exit 1\n"))

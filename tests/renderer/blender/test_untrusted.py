@@ -1,0 +1,92 @@
+"""A .blend file's copy names what came with it, and nothing else; what is no .blend file is said to be none."""
+
+from __future__ import annotations
+
+import contextlib
+import gzip
+from pathlib import Path
+
+import pytest
+
+from renderer.blender.inside.untrusted import DamagedError, safe_copy
+from tests.renderer.blender.files import blend
+
+FORMS = ["BLENDER-v405", "BLENDER_v280", "BLENDER-V272", "BLENDER17-01v0500"]
+
+
+def text(value: bytes, length: int = 1024) -> bytes:
+    return value.ljust(length, b"\0")
+
+
+def library(path: bytes) -> bytes:
+    return text(b"LIother", 24) + text(path) + bytes(8)
+
+
+def copied(tmp_path: Path, data: bytes, most: int = 1 << 20) -> bytes:
+    source, target = tmp_path / "a.blend", tmp_path / "b.blend"
+    source.write_bytes(data)
+    safe_copy(source, target, lambda path: f"[{path}]", most)
+    return target.read_bytes()
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("pack", [bytes, gzip.compress])
+def test_paths_are_replaced_and_all_else_stays(tmp_path, form, pack):
+    data = blend(("Library", library(b"/home/else/secret.blend")), ("ID", text(b"IMname", 24)), form=form)
+    expected = data.replace(text(b"/home/else/secret.blend"), text(b"[/home/else/secret.blend]"))
+    assert expected != data
+    assert copied(tmp_path, pack(data)) == expected
+
+
+def test_paths_of_any_struct_are_found_however_deep(tmp_path):
+    thing = text(b"/etc/passwd") + text(b"ID", 24) + text(b"<builtin>") + text(b"//a.png") + text(b"")
+    words = text(b"/only/words/of/a/node")
+    found = copied(tmp_path, blend(("Thing", 2 * thing), ("bNodeSocketValueString", words), count=2))
+    assert found.count(text(b"[/etc/passwd]")) == found.count(text(b"[//a.png]")) == 2
+    assert found.count(b"[") == 4 + found.count(b"[1024]") + found.count(b"[24]") + found.count(b"[2]")
+
+
+def test_a_path_that_is_too_long_is_cut(tmp_path):
+    found = copied(tmp_path, blend(("Library", library(1024 * b"x"))))
+    assert text(b"[" + 1022 * b"x") in found
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        (b"", "ends too soon"),
+        (b"PK\x03\x04" + bytes(100), "is no .blend file"),
+        (b"BLENDER99-01v9900" + bytes(200), "newer Blender"),
+        (blend()[:-40], "ends too soon"),
+        (gzip.compress(blend())[:-30], "cannot be unpacked"),
+        (b"\x1f\x8b" + bytes(100), "cannot be unpacked"),
+        (b"\x28\xb5\x2f\xfd" + bytes(100), "unpack"),
+        (blend(("Library", library(b"x")[:500])), "smaller than it says"),
+        (blend().replace(b"SDNANAME", b"SDNAEMAN"), "damaged description"),
+        (blend().replace(b"DNA1", b"DNA2"), "no description"),
+    ],
+)
+def test_what_is_no_blend_file_says_so(tmp_path, data, says):
+    with pytest.raises(DamagedError, match=says):
+        copied(tmp_path, data)
+
+
+def test_a_bomb_is_no_larger_than_what_is_granted(tmp_path):
+    bomb = gzip.compress(blend(("ID", bytes(100 << 20))))
+    assert len(bomb) < 200_000
+    with pytest.raises(DamagedError, match="unpacks to more"):
+        copied(tmp_path, bomb)
+    assert (tmp_path / "b.blend").stat().st_size <= 1 << 20
+
+
+def test_every_mutation_is_copied_or_named(tmp_path):
+    """A byte of each place of a small file changed: no other exception, and no copy larger than granted."""
+    data = bytearray(blend(("Library", library(b"/x")), form=FORMS[0]))
+    places = [*range(60), *range(len(data) - 700, len(data), 3)]
+    for place in places:
+        for value in (0, 255):
+            kept, data[place] = data[place], value
+            with contextlib.suppress(DamagedError):
+                copied(tmp_path, bytes(data))
+            data[place] = kept
+            assert (tmp_path / "b.blend").stat().st_size <= 1 << 20

@@ -1,0 +1,247 @@
+"""pbrt-v4's files: statements, transformations, objects, cameras and films; what is named, and what is refused."""
+
+import gzip
+import math
+import random
+import re
+
+import numpy as np
+import pytest
+
+from renderer.errors import SceneError
+from renderer.scene.animation import Moment
+from renderer.scene.load import Shot, read
+from renderer.scene.studio import STUDIO_ALONE
+from tests.renderer.scene.pbrt_files import BALL, HEAD, SQUARE, world
+
+
+@pytest.fixture
+def pbrt(scene):
+    """`pbrt(inside, others)`: the scene of a file with that in its world."""
+    return lambda inside, others=None, head=HEAD, **options: scene("scene.pbrt", world(inside, head), others, **options)
+
+
+def places(description):
+    return [i.transform[:3, 3].round(6).tolist() for i in description.instances]
+
+
+def test_the_film_the_sampler_and_the_camera(pbrt):
+    found = pbrt(BALL)
+    assert found.warnings == [STUDIO_ALONE]
+    assert found.defaults == {"width": 48, "height": 32, "spp": 16, "max_depth": 5, "filter": "box"}
+    view = found.cameras[0].view
+    # pbrt's world is left-handed: the scene is mirrored, and its fov is across the shorter side.
+    assert view.eye == pytest.approx((-0.6, 1.2, 3.6))
+    assert view.fov == pytest.approx(36.87)
+    upright = pbrt(BALL, head=HEAD.replace('yresolution" [ 32 ]', 'yresolution" 96'))
+    assert math.tan(math.radians(upright.cameras[0].view.fov / 2)) == pytest.approx(2 * math.tan(math.radians(36.87 / 2)))
+    mirrored = pbrt("Translate 1 0 0 " + BALL, head="Scale -1 1 1 " + HEAD)
+    assert mirrored.cameras[0].view.eye == pytest.approx((0.6, 1.2, 3.6))
+    assert mirrored.spheres[0].center == (1.0, 0.0, 0.0)
+    assert pbrt("Translate 1 0 0 " + BALL).spheres[0].center == (-1.0, 0.0, 0.0)
+
+
+def test_a_lens_and_a_window(pbrt):
+    head = HEAD.replace('"float fov" [36.87]', '"float fov" 50 "float lensradius" 0.1 "float focaldistance" 3')
+    view = pbrt(BALL, head=head).cameras[0].view
+    assert (view.aperture, view.focus) == (pytest.approx(0.1), pytest.approx(3))
+    flat = HEAD.replace('"perspective" "float fov" [36.87]', '"orthographic" "float screenwindow" [-3 3 -2 2]')
+    assert pbrt(BALL, head=flat).cameras[0].view.height == pytest.approx(4)
+    shifted = pbrt(BALL, head=flat.replace("-3 3", "-2 4"))
+    assert any("line 7: screenwindow is not about the middle" in w for w in shifted.warnings)
+
+
+def test_transformations_and_blocks(pbrt):
+    found = pbrt(
+        f"""AttributeBegin
+          Translate 1 2 3 Rotate 90 0 0 1 Scale 2 2 2
+          CoordinateSystem "here"
+          {SQUARE}
+        AttributeEnd
+        {SQUARE}
+        Transform [1 0 0 0 0 1 0 0 0 0 1 0 7 8 9 1] {SQUARE}
+        ConcatTransform [1 0 0 0 0 1 0 0 0 0 1 0 1 0 0 1] {SQUARE}
+        CoordSysTransform "here" {SQUARE}
+        TransformBegin Identity TransformEnd {SQUARE}""",
+        head="Scale -1 1 1 " + HEAD,
+    )
+    assert places(found) == [[1, 2, 3], [0, 0, 0], [7, 8, 9], [8, 8, 9], [1, 2, 3], [1, 2, 3]]
+    np.testing.assert_allclose(found.instances[0].transform[:3, :3], [[0, -2, 0], [2, 0, 0], [0, 0, 2]], atol=1e-12)
+
+
+def test_objects_are_shown_where_they_are_asked_for(pbrt):
+    found = pbrt(
+        f"""ObjectBegin "pair" Translate 1 0 0 {SQUARE} {BALL} "float radius" 0.5 ObjectEnd
+        ObjectInstance "pair"
+        Scale 2 2 2 Translate 0 1 0 ObjectInstance "pair" Scale 1 2 1 ObjectInstance "pair" """,
+        head="Scale -1 1 1 " + HEAD,
+    )
+    assert places(found) == [[1, 0, 0], [2, 2, 0], [2, 2, 0], [2, 2, 0]]
+    assert [(s.center, s.radius) for s in found.spheres] == [((1.0, 0.0, 0.0), 0.5), ((2.0, 2.0, 0.0), 1.0)]
+    assert found.instances[0].mesh == found.instances[1].mesh
+    squeezed = found.instances[3]  # the ball that is no longer round
+    assert np.ptp(found.meshes[squeezed.mesh].positions @ squeezed.transform[:3, :3].T, axis=0) == pytest.approx(
+        [2, 4, 2], rel=1e-3
+    )
+
+
+def test_files_that_are_included(pbrt):
+    others = {
+        "parts/m.pbrt": 'MakeNamedMaterial "red" "string type" "diffuse" "rgb reflectance" [.8 .1 .1]',
+        "parts/g.pbrt.gz": gzip.compress(f'Material "diffuse" Translate 5 0 0 {BALL}'.encode()),
+    }
+    found = pbrt(f'Include "parts/m.pbrt" Import "parts/g.pbrt.gz" NamedMaterial "red" {BALL}', others)
+    assert [s.center for s in found.spheres] == [(-5.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
+    assert found.materials[found.spheres[1].material].base_color == (0.8, 0.1, 0.1)
+
+
+def test_what_attribute_says_of_all(pbrt):
+    found = pbrt(
+        f'Attribute "shape" "float radius" 3 Attribute "material" "rgb reflectance" [.2 .3 .4] Material "diffuse" {BALL}'
+    )
+    assert found.spheres[0].radius == 3
+    assert found.materials[0].base_color == (0.2, 0.3, 0.4)
+
+
+def test_ply_files_packed_or_not(pbrt):
+    rows = "0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n"
+    header = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {n}\n" for n in "xyzuv")
+    ply = (header + "element face 1\nproperty list uchar int vertex_indices\nend_header\n" + rows).encode()
+    shapes = 'Shape "plymesh" "string filename" "m.ply" Shape "plymesh" "string filename" "m.ply.gz"'
+    found = pbrt(shapes, {"m.ply": ply, "m.ply.gz": gzip.compress(ply)})
+    for mesh in found.meshes:
+        assert mesh.positions.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+        assert mesh.uvs.tolist() == [[0, 1], [1, 1], [0, 0]]
+        assert mesh.normals is None
+
+
+def test_what_moves_while_the_shutter_is_open(tmp_path):
+    inside = f"""ActiveTransform EndTime Translate 2 0 0 Rotate 90 0 0 1 ActiveTransform All {SQUARE}
+        AttributeBegin Identity {SQUARE} AttributeEnd LightSource "infinite" """
+    (tmp_path / "scene.pbrt").write_text(world(inside, "Scale -1 1 1 " + HEAD))
+    shot = Shot(tmp_path, "scene.pbrt")
+    found = shot.at(Moment(0))
+    assert found.moves
+    assert found.defaults["shutter"] == 1
+    assert found.instances[0].transform[0, 3] == 1
+    np.testing.assert_allclose(found.instances[0].transform[:2, 0], [math.sqrt(0.5)] * 2, atol=1e-12)
+    over = shot.over()
+    assert [key[0, 3] for key in (over.instances[0].keys[0], over.instances[0].keys[-1])] == [0, 2]
+    assert not over.instances[1].keys
+
+
+@pytest.mark.parametrize(
+    ("inside", "sentence"),
+    [
+        ('Material "hair"' + BALL, "line 9: hair is rendered as a glossy surface"),
+        ('Material "measured" "string filename" "a.bsdf"' + BALL, "line 9: material 'measured' is not read: .*grey matt"),
+        ('Material "subsurface"' + BALL, "line 9: Light below the surface"),
+        (BALL + '\nLightSource "projection" "string filename" "a.png"', "line 10: light 'projection' is no light"),
+        (BALL + '\nMakeNamedMedium "fog" "string type" "homogeneous"', "line 10: Media are not rendered"),
+        ('Material "interface"\n' * 2 + BALL + '\nMaterial "diffuse"' + BALL, "line 11: A surface that only bounds a medium"),
+        ('Material "diffuse" "texture displacement" "d"' + BALL, "displacement of material 'diffuse'"),
+        (BALL + ' "float bogus" 3', "'bogus' of shape 'sphere' is not taken over"),
+        ('Texture "n" "spectrum" "marble" Material "diffuse" "texture reflectance" "n"' + BALL, "'marble' is not read"),
+        (BALL + '\nLightSource "spot"', "line 10: Between its cones"),
+        (
+            'Texture "t" "spectrum" "imagemap" "string filename" "gone.png" Material "diffuse" "texture reflectance" "t"' + BALL,
+            "gone.png",
+        ),
+        ('Shape "curve" "point3 P" [0 0 0 1 0 0 1 1 0 2 1 0] "float width" .1', "curves of the type flat"),
+    ],
+)
+def test_what_is_not_taken_over_is_named_with_its_line(pbrt, inside, sentence):
+    inside = inside.replace('"measured"', '"measured"')
+    assert any(re.search(sentence, warning) for warning in pbrt(inside).warnings)
+
+
+@pytest.mark.parametrize(
+    ("inside", "sentence"),
+    [
+        ('Include "../../secret.pbrt"', "line 9: includes 'secret.pbrt', which is not among"),
+        ('Include "scene.pbrt"', "begun before|include each other"),
+        ('Shape "plymesh" "string filename" "/etc/passwd"', "line 9: 'passwd' is not among the files"),
+        ('NamedMaterial "steel"', "line 9: there is no material 'steel'"),
+        ('\nMaterial "diffuse" "texture reflectance" "t"' + BALL, "line 10: .* no spectrum texture of this name stands before"),
+        (BALL + ' "float radius" [1 2', "does not end; close it with"),
+        (BALL + ' "float radius" 2 wide', "'wide' is no directive"),
+        (BALL + ' "float radius" [ wide ]', "line 9: 'wide' is no number"),
+        (BALL + ' "float radius" [ 1e999 ]', "infinite"),
+        (BALL + ' "float radius" [' + " 1" * 2000 + " wide 2 ]", "line 9: 'wide' is no number"),
+        (BALL + ' "float radius" [' + " 1" * 2000 + " nan ]", "infinite, or none"),
+        (BALL + ' "float radius" "2"', "takes numbers"),
+        (BALL + ' "point3 radius" [1 2 3]', "'radius' of shape 'sphere' is of type point3"),
+        (BALL + ' "radius" 2', "takes a type and a name"),
+        (BALL + ' "float radius"', "a parameter without a value"),
+        ("Shape", "line 9: Shape takes 1 name in quotes"),
+        (SQUARE.replace("0 2 3]", "0 2 4]"), "has the index 4 where there are 4 points"),
+        (SQUARE.replace("0 2 3]", "0 2]"), "a multiple of 3"),
+        ("Translate 1 2", "line 9: Translate takes 3 numbers"),
+        ("Scale 1 0 1 " + BALL, "a scale is 0"),
+        ("AttributeBegin" + " " + BALL, "AttributeBegin has no end"),
+        ("AttributeEnd", "has no AttributeBegin"),
+        ('ObjectInstance "a"', "there is no object 'a'"),
+        ('ObjectBegin "a" ObjectBegin "b"', "cannot stand in another"),
+        ("WorldBegin", "has begun before"),
+        ("Sphere 1 -1 1 360", "'Sphere' is no directive of pbrt-v4"),
+        ('ColorSpace "prophoto"', "no colour space"),
+        ('LightSource "point" "blackbody I" -3', "a black body has a temperature above 0"),
+        ('Material "conductor" "spectrum eta" "metal-Unobtainium-eta" ' + BALL, "no spectrum that is known"),
+        ("\x00", "line 9: "),
+        ("", "shows no surface"),
+    ],
+)
+def test_what_is_no_scene_is_refused(pbrt, inside, sentence):
+    with pytest.raises(SceneError, match=sentence):
+        pbrt(inside)
+
+
+def test_a_file_without_a_world_is_refused(scene):
+    with pytest.raises(SceneError, match="no WorldBegin"):
+        scene("scene.pbrt", 'Film "rgb"')
+    with pytest.raises(SceneError, match="line 1: Shape stands before WorldBegin"):
+        scene("scene.pbrt", BALL)
+    with pytest.raises(SceneError, match="is it a scene of pbrt"):
+        scene("scene.pbrt", "12 13")
+    with pytest.raises(SceneError, match="could not be unpacked"):
+        scene("scene.pbrt", world('Include "a.pbrt.gz"'), {"a.pbrt.gz": b"nothing packed"})
+
+
+def test_damaged_files_are_read_or_refused(tmp_path):
+    """Letters of a file changed, dropped and doubled: a scene comes of it, or a sentence."""
+    inside = f"""AttributeBegin AreaLightSource "diffuse" "rgb L" [9 8 7] Translate 0 2 0 {SQUARE} AttributeEnd
+        Texture "c" "spectrum" "checkerboard" "float uscale" 4 "rgb tex1" [.1 .2 .3] Material "diffuse" "texture reflectance" "c"
+        {SQUARE} Material "conductor" "float roughness" .1 {BALL} "float zmax" 0.5
+        Shape "loopsubdiv" "integer indices" [0 1 2 0 2 3] "point3 P" [0 0 0 1 0 0 1 1 1 0 1 0] "integer levels" 2
+        Shape "curve" "point3 P" [0 0 0 1 0 0 1 1 0 2 1 0] LightSource "infinite" "blackbody L" 3000 """
+    text = world(inside)
+    dice, outcomes = random.Random(7), set()
+    for _ in range(150):
+        letters = list(text)
+        for _ in range(dice.randint(1, 4)):
+            at = dice.randrange(len(letters))
+            letters[at] = dice.choice(["", letters[at] * 2, dice.choice('0.-"[]# \n$eE9'), "nan", "1e400", "-1"])
+        (tmp_path / "scene.pbrt").write_text("".join(letters))
+        try:
+            read(tmp_path, "scene.pbrt")
+            outcomes.add("read")
+        except SceneError as error:
+            assert "could not be read as" not in str(error), error
+            outcomes.add("refused")
+    assert outcomes == {"read", "refused"}
+
+
+def test_what_would_never_end_ends(pbrt):
+    """Textures of themselves, brackets in quotes, curves of very many points, shapes that are alike."""
+    squares = 'Texture "a" "spectrum" "checkerboard" '
+    doubled = "".join('Texture "a" "spectrum" "mix" "texture tex1" "a" "texture tex2" "a" ' for _ in range(6))
+    found = pbrt(f'{squares}{doubled}Material "diffuse" "texture reflectance" "a" {BALL}')
+    assert len(found.images) == 2
+    with pytest.raises(SceneError, match="nested too deep"):
+        pbrt(f'{squares}{doubled * 6}Material "diffuse" "texture reflectance" "a" {BALL}')
+    with pytest.raises(SceneError, match="does not end"):
+        pbrt(f'{BALL} "string a" [ "{"]" * 200_000}')
+    points = " ".join(f"{i} 0 0" for i in range(3 * 5000 + 1))
+    assert len(pbrt(f'Shape "curve" "point3 P" [{points}]').meshes[0].positions) > 5000
+    many = pbrt(f'{BALL} "float zmax" 0.5 ' * 50)
+    assert (len(many.meshes), len(many.instances)) == (1, 50)

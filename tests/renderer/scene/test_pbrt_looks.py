@@ -1,0 +1,202 @@
+"""pbrt's shapes, materials, textures and pictures of the sky, by closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from renderer.errors import SceneError
+from renderer.image.encode import encode
+from renderer.scene.normals import face_normals
+from renderer.scene.readers.pbrt.equal_area import equirectangular, to_square
+from renderer.scene.readers.pbrt.loop import subdivided
+from renderer.scene.readers.pbrt.textures import linear
+from tests.renderer.scene.pbrt_files import BALL, HEAD, SQUARE, world
+
+RIGHT = "Scale -1 1 1 " + HEAD
+
+
+@pytest.fixture
+def pbrt(scene):
+    return lambda inside, others=None: scene("scene.pbrt", world(inside, RIGHT), others)
+
+
+def area_and_way(mesh):
+    """The area of a mesh, and how much of it faces along its normals."""
+    faces = face_normals(mesh.positions, mesh.triangles)
+    along = np.einsum("tc,tc->t", faces, mesh.normals[mesh.triangles].mean(axis=1))
+    return np.linalg.norm(faces, axis=1).sum() / 2, along.sum() / 2
+
+
+@pytest.mark.parametrize(
+    ("shape", "area"),
+    [
+        ('"sphere" "float radius" 2 "float zmin" -1 "float zmax" 1.5', 2 * math.pi * 2 * 2.5),
+        ('"sphere" "float phimax" 90', math.pi),
+        ('"cylinder" "float radius" 0.5 "float zmin" 0 "float zmax" 3', 3 * math.pi),
+        ('"disk" "float radius" 2 "float innerradius" 1', 3 * math.pi),
+        ('"disk" "float phimax" 180', math.pi / 2),
+        (
+            '"curve" "string type" "cylinder" "point3 P" [0 0 0 1 0 0 2 0 0 3 0 0] "float width" 0.2',
+            2 * math.pi * 0.1 * (3 + 0.1),
+        ),
+    ],
+)
+def test_the_area_of_shapes(pbrt, shape, area):
+    (mesh,) = pbrt(f"Shape {shape}").meshes
+    found, outside = area_and_way(mesh)
+    assert found == pytest.approx(area, rel=6e-2 if "curve" in shape else 2e-3)
+    assert outside == pytest.approx(found, rel=0.05)
+    turned = pbrt(f"ReverseOrientation Shape {shape}").meshes[0]
+    if "curve" not in shape:
+        np.testing.assert_allclose(np.sort(turned.normals.sum(axis=0)), np.sort(-mesh.normals.sum(axis=0)), atol=1e-3)
+
+
+def test_what_is_cut_off_wholly_is_refused(pbrt):
+    for shape in ('"sphere" "float zmin" 0.5 "float zmax" 0.5', '"disk" "float phimax" 0', '"cylinder" "float radius" -1'):
+        with pytest.raises(SceneError, match="line 9: "):
+            pbrt(f"Shape {shape}")
+
+
+def test_a_patch_that_is_bent_and_one_that_is_flat(pbrt):
+    flat = pbrt('Shape "bilinearmesh" "point3 P" [0 0 0 2 0 0 0 1 0 2 1 0]').meshes[0]
+    assert len(flat.triangles) == 2
+    assert face_normals(flat.positions, flat.triangles)[:, 2].tolist() == [2, 2]
+    assert flat.uvs.tolist() == [[0, 1], [1, 1], [0, 0], [1, 0]]
+    bent = pbrt('Shape "bilinearmesh" "point3 P" [0 0 0 1 0 0 0 1 0 1 1 1]').meshes[0]
+    x, y, z = bent.positions.T
+    np.testing.assert_allclose(z, x * y, atol=1e-6)
+
+
+def test_loops_scheme_on_a_tetrahedron_and_a_plane():
+    tetrahedron = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], float)
+    faces = np.array([(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)])
+    at_once, _ = subdivided(tetrahedron, faces, 0)
+    # A vertex of three edges: beta is 3/16, so the limit mixes it with its neighbours by 1 / (3 + 3 / (8 beta)) = 1 / 5.
+    np.testing.assert_allclose(at_once[0], 0.4 * tetrahedron[0] + 0.2 * tetrahedron[1:].sum(axis=0))
+    later, finer = subdivided(tetrahedron, faces, 3)
+    assert len(finer) == 4 * 4**3
+    np.testing.assert_allclose(later[0], at_once[0], atol=1e-12)  # it is the limit at every level
+    sheet = np.array([(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0), (0, 2, 0), (1, 2, 0), (2, 2, 0)], float)
+    cells = np.array([(a, a + 1, a + 4) for a in (0, 1, 3, 4)] + [(a, a + 4, a + 3) for a in (0, 1, 3, 4)])
+    smooth, _ = subdivided(sheet, cells, 2)
+    assert np.abs(smooth[:, 2]).max() == 0
+    np.testing.assert_allclose(smooth[4], (1, 1, 0), atol=1e-12)
+    np.testing.assert_allclose(smooth[1], (1, 0, 0), atol=1e-12)  # a border is a curve of its own
+
+
+def test_roughness_becomes_ours(pbrt):
+    def made(words):
+        return pbrt(f"Material {words} {BALL}").materials[0]
+
+    assert made('"conductor" "float roughness" 0.16').roughness == pytest.approx(0.16**0.25)
+    assert made('"conductor" "float roughness" 0.16 "bool remaproughness" false').roughness == pytest.approx(0.4)
+    assert made('"dielectric"').roughness == 0
+    brushed = made('"conductor" "float uroughness" 0.25 "float vroughness" 0.01')
+    along, across = 0.5, 0.1  # alphas
+    alpha = brushed.roughness**2
+    assert alpha == pytest.approx(across)
+    assert alpha + (1 - alpha) * brushed.anisotropy**2 == pytest.approx(along)
+    assert brushed.anisotropy_rotation == 0
+    assert made('"conductor" "float uroughness" 0.01 "float vroughness" 0.25').anisotropy_rotation == pytest.approx(math.pi / 2)
+
+
+def test_materials(pbrt):
+    def made(words):
+        return pbrt(f"{words} {BALL}").materials[0]
+
+    leaf = made('Material "diffusetransmission" "rgb reflectance" [.2 .2 .2] "rgb transmittance" [.6 .3 0]')
+    back = (1 - leaf.diffuse_transmission) * np.array(leaf.base_color)
+    through = leaf.diffuse_transmission * np.array(leaf.diffuse_transmission_color)
+    np.testing.assert_allclose([back, through], [[0.2, 0.2, 0.2], [0.6, 0.3, 0]], atol=1e-9)
+    metal = made('Material "conductor" "rgb reflectance" [.9 .5 .1]')
+    eta, k = np.array(metal.eta), np.array(metal.k)
+    np.testing.assert_allclose(((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2), (0.9, 0.5, 0.1), atol=1e-9)
+    assert made('Material "thindielectric" "float eta" 1.3').thin
+    two = 'MakeNamedMaterial "a" "string type" "diffuse" "rgb reflectance" [1 0 0] MakeNamedMaterial "b" "string type" "diffuse" '
+    mixed = made(two + '"rgb reflectance" [0 0 1] Material "mix" "string materials" ["a" "b"] "float amount" 0.25')
+    assert mixed.base_color == (0.75, 0, 0.25)
+
+
+def looked_up(description, u, v):
+    """What the base colour's texture shows at pbrt's (u, v)."""
+    texture = description.textures[description.materials[0].base_color_texture]
+    a, b, c, d, e, f = texture.transform
+    x, y = a * u + b * (1 - v) + c, d * u + e * (1 - v) + f
+    pixels = linear(description.images[texture.image])
+    height, width = pixels.shape[:2]
+    return pixels[int((y % 1) * height), int((x % 1) * width)] * description.materials[0].base_color
+
+
+@pytest.mark.parametrize("inner", ['"rgb tex1" [.9 .2 .1]', '"texture tex1" "red"'])
+def test_a_checkerboards_squares_lie_where_pbrt_has_them(pbrt, inner):
+    found = pbrt(
+        f"""Texture "half" "float" "constant" "float value" 0.5 Texture "both" "spectrum" "constant" "rgb value" [.9 .2 .1]
+        Texture "red" "spectrum" "mix" "rgb tex1" [.9 .2 .1] "rgb tex2" [.9 .2 .1] "texture amount" "half"
+        Texture "c" "spectrum" "checkerboard" "float uscale" 3 "float vscale" 2 "float udelta" 0.5 "rgb tex2" [.1 .2 .9] {inner}
+        Material "diffuse" "texture reflectance" "c" {SQUARE}"""
+    )
+    for u, v in ((0.1, 0.1), (0.3, 0.1), (0.1, 0.6), (0.9, 0.9), (0.55, 0.2)):
+        even = (math.floor(3 * u + 0.5) + math.floor(2 * v)) % 2 == 0
+        np.testing.assert_allclose(looked_up(found, u, v), (0.9, 0.2, 0.1) if even else (0.1, 0.2, 0.9), atol=1e-6)
+
+
+def test_images_stand_upright_scaled_and_inverted(pbrt, png):
+    def shown(words):
+        text = f'Texture "t" "spectrum" "imagemap" "string filename" "t.png" {words} '
+        text += f'Material "diffuse" "texture reflectance" "t" {SQUARE}'
+        return pbrt(text, {"t.png": png(255, 0, 0)})  # red above, black below
+
+    found = shown("")
+    assert looked_up(found, 0.5, 0.9).tolist() == [1, 0, 0]
+    assert looked_up(found, 0.5, 0.1).tolist() == [0, 0, 0]
+    assert looked_up(shown('"float vscale" 0.5'), 0.5, 0.9).tolist() == [0, 0, 0]
+    assert looked_up(shown('"float scale" 0.5'), 0.5, 0.9).tolist() == [0.5, 0, 0]
+    assert looked_up(shown('"bool invert" true'), 0.5, 0.9).tolist() == [0, 1, 1]
+
+
+def test_holes(pbrt, png):
+    text = 'Texture "h" "float" "imagemap" "string filename" "h.png" Shape "trianglemesh" "texture alpha" "h" '
+    found = pbrt(text + SQUARE.removeprefix('Shape "trianglemesh"'), {"h.png": png(255, 255, 255)})
+    made = found.materials[0]
+    image = found.images[found.textures[made.base_color_texture].image]
+    assert made.alpha_mode == "blend"
+    assert image.pixels[:, 0, 3].tolist() == [255, 0]
+    assert pbrt(f'Shape "sphere" "float alpha" 0.25 {BALL}').materials[0].opacity == 0.25
+
+
+def test_directions_of_square_pictures():
+    directions = np.random.default_rng(1).normal(size=(2000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    u, v = to_square(directions)
+    # Clarberg's map the other way, as pbrt has it.
+    x, y = 2 * u - 1, 2 * v - 1
+    depth = 1 - (np.abs(x) + np.abs(y))
+    r = 1 - np.abs(depth)
+    phi = ((np.abs(y) - np.abs(x)) / r + 1) * np.pi / 4
+    out = r * np.sqrt(2 - r * r)
+    back = np.stack([np.copysign(np.cos(phi), x) * out, np.copysign(np.sin(phi), y) * out, np.copysign(1 - r * r, depth)], axis=1)
+    np.testing.assert_allclose(back, directions, atol=1e-7)
+    counts, _, _ = np.histogram2d(u, v, bins=2, range=[[0, 1], [0, 1]])
+    assert counts.min() > 400  # each quarter spans as much
+
+
+def test_a_picture_of_the_sky_is_turned_and_as_bright(pbrt):
+    size = 64
+    middles = (np.arange(size) + 0.5) / size * 2 - 1
+    u, v = np.meshgrid(middles, middles)
+    above = (np.abs(u) + np.abs(v)) < 1  # +Z
+    pixels = np.where(above[..., None], (1.0, 2.0, 3.0), (0.1, 0.1, 0.1)).astype(np.float32)
+    whole = equirectangular(pixels, np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))  # Z to Y
+    assert whole[5, 10] == pytest.approx((1, 2, 3), rel=0.02)
+    assert whole[-5, 90] == pytest.approx((0.1, 0.1, 0.1), rel=0.02)
+    weight = np.sin((np.arange(size) + 0.5) * np.pi / size)
+    mean = (whole.mean(axis=1) * weight[:, None]).sum(axis=0) / weight.sum()
+    np.testing.assert_allclose(mean, pixels.mean(axis=(0, 1)), rtol=1e-4)
+    found = pbrt(
+        f'LightSource "infinite" "string filename" "s.exr" "float illuminance" {2 * math.pi} {BALL}',
+        {"s.exr": encode(pixels, "exr")},
+    )
+    # pbrt counts half of the pixels' solid angle: an even upper half of luminance L has the illuminance pi L / 2.
+    light = np.dot((1, 2, 3), (0.2126, 0.7152, 0.0722))
+    assert found.environment.color[0] == pytest.approx(2 * math.pi / (math.pi * light / 2), rel=0.01)

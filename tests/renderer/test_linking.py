@@ -1,0 +1,61 @@
+"""What Python does not call is linked, and becomes machine code in kernels alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from renderer.jit import device, entry, out_of_line, subroutine
+
+
+@device
+def _merged(x):
+    return x * 3.0
+
+
+@subroutine
+def _apart_from_all(values):
+    out_of_line()
+    total = 0.0
+    for i in range(len(values)):
+        total += _merged(values[i])
+    return total
+
+
+@subroutine
+def _between(values):
+    out_of_line()
+    return _apart_from_all(values) + 1.0
+
+
+@entry
+def kernel(values):
+    """Three times the sum, and 1."""
+    return _between(values)
+
+
+@pytest.fixture
+def cold(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    for function in (_merged, _apart_from_all, _between, kernel):
+        function._cache.flush()
+        function.overloads.clear()
+
+
+def test_only_the_kernel_is_machine_code(cold: None) -> None:
+    assert kernel(np.arange(4.0)) == 19.0
+    libraries = {f.__name__: next(iter(f.overloads.values())).library for f in (_merged, _apart_from_all, _between, kernel)}
+    codes = {name: library._compiled_object for name, library in libraries.items()}
+    assert b"_apart_from_all" in codes["kernel"]
+    assert len(codes["kernel"]) > 2 * max(len(code) for name, code in codes.items() if name != "kernel")
+    assert [name for name, library in libraries.items() if library.name.endswith(".apart")] == ["_apart_from_all", "_between"]
+
+
+def test_what_was_kept_is_linked_too(cold: None) -> None:
+    """As in another process: each of them once from its file, under callers that are compiled anew."""
+    assert kernel(np.arange(4.0)) == 19.0
+    kernel._cache.flush()
+    for function in (_apart_from_all, _between, kernel):
+        function.overloads.clear()
+    assert kernel(np.arange(5.0)) == 31.0

@@ -1,0 +1,80 @@
+"""A NamedTuple by reference: read as the tuple itself, and known by its fields."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import typeof
+
+from renderer.jit import entry, out_of_line, subroutine
+from renderer.reference import Reference, by_reference
+
+
+class Inner(NamedTuple):
+    numbers: Any
+    scale: Any
+
+
+class Outer(NamedTuple):
+    first: Any
+    inner: Any
+    absent: Any
+    point: Any
+    yes: Any
+
+
+class Renamed(NamedTuple):
+    other: Any
+    inner: Any
+    absent: Any
+    point: Any
+    yes: Any
+
+
+@subroutine
+def _sum_of(inner):
+    out_of_line()
+    total = 0.0
+    for i in range(inner.numbers.shape[0]):
+        for k in range(inner.numbers.shape[1]):
+            total += inner.numbers[i, k] * inner.scale
+    return total + inner.numbers[1:].size
+
+
+@subroutine
+def _read(outer, out):
+    out_of_line()
+    out[0] = len(outer.first) + outer.first[2]
+    out[1] = _sum_of(outer.inner)
+    out[2] = outer.point[1]
+    out[3] = 1.0 if outer.yes else 0.0
+    if outer.absent is not None:
+        out[4] = outer.absent.nowhere  # does not compile
+
+
+@entry
+def read(outer, out):
+    """Writes what is read by reference, and what is read by value."""
+    _read(by_reference(outer), out)
+
+
+def made() -> Outer:
+    inner = Inner(np.arange(6.0).reshape(2, 3), np.float64(0.5))
+    return Outer(np.array([1, 2, 7], np.int32), inner, None, (3.0, 4.0), True)
+
+
+def test_fields_are_read_as_the_tuples_own() -> None:
+    out = np.zeros(5)
+    read(made(), out)
+    assert out.tolist() == [10.0, 7.5 + 3, 4.0, 1.0, 0.0]
+
+
+def test_a_reference_is_known_by_the_fields_and_their_types() -> None:
+    outer = typeof(made())
+    assert Reference(outer) == Reference(typeof(made()))
+    others = made()._replace(point=(3.0, 4)), Renamed(*made()), made()._replace(inner=made().inner._replace(scale=1))
+    assert len({Reference(outer), *(Reference(typeof(other)) for other in others)}) == 4
+    assert isinstance(Reference(outer).field("inner"), Reference)
+    assert Reference(outer).field("nowhere") is None
+    assert len(Reference(outer).name) < 40

@@ -1,0 +1,201 @@
+"""Two services of one farm: the second stands by, takes over when the first is killed or hangs, and what the first still tries
+when it goes on is refused. The film has every sample once, whenever that was."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from rayfarm.local.farm import free_port
+from service.store.films import Film
+from tests.helpers import ROOT, running_redis
+from tests.service.conftest import OBJ, TOKEN, Service, until
+from tests.service.peer_worker import PeerWorker, expected_digest
+from worker.process import spawn_guard
+
+LEASE_S = 1.0
+PICTURE = {"width": 64, "height": 48, "tile_size": 16}
+SPP = 3000
+
+
+class Started:
+    """A service in a process of its own."""
+
+    def __init__(self, data: Path, name: str, **settings: Any) -> None:
+        port = free_port("127.0.0.1")
+        self.url = f"http://127.0.0.1:{port}"
+        self.log = data.parent / f"{name}.log"
+        told = {
+            "data": data,
+            "token": TOKEN,
+            "port": port,
+            "lease_s": LEASE_S,
+            "reuse_films": False,
+            "batch_deadline": 2.0,
+            **settings,
+        }
+        environment = {f"RAYFARM_{name.upper()}": str(value) for name, value in told.items()}
+        command = [sys.executable, "-m", "uvicorn", "service.main:create_app", "--factory", "--no-access-log", f"--port={port}"]
+        with self.log.open("wb") as log:
+            self.process = subprocess.Popen(
+                command, cwd=ROOT, env={**os.environ, **environment}, stdout=log, stderr=log, preexec_fn=spawn_guard()
+            )
+        self.http = httpx.Client(base_url=self.url, timeout=20)
+
+    def says(self, path: str = "/readyz") -> str:
+        """What it answers to whoever asks whether it is ready: `ready`, or a sentence."""
+        try:
+            answer = self.http.get(path).json()
+        except httpx.HTTPError as error:
+            return str(error)
+        return str(answer.get("status", answer.get("detail")))
+
+    def is_ready(self) -> bool:
+        return self.says() == "ready"
+
+    def stands_by(self) -> bool:
+        return "stands by" in self.says()
+
+    def job(self, id: str) -> dict[str, Any]:
+        answer = self.http.get(f"/api/jobs/{id}")
+        return answer.json() if answer.is_success else {"samples": -1, "state": answer.text}
+
+    def end(self) -> None:
+        self.process.send_signal(signal.SIGCONT)
+        self.process.kill()
+        self.process.wait()
+        self.http.close()
+
+
+@pytest.fixture
+def pair(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[tuple[Started, Started]]:
+    """The owner, and one that stands by. They are started at once: whichever is first is the owner."""
+    both = [Started(tmp_path / "data", name, redis_url=redis_server.url, database_url=database) for name in ("one", "other")]
+    try:
+        until(lambda: sorted(each.says() for each in both) == ["ready", "stands by"], "both are there", 90, lambda: told(both))
+        first, second = sorted(both, key=Started.says)
+        yield first, second
+    finally:
+        for each in both:
+            each.end()
+
+
+def told(services: list[Started]) -> str:
+    return "\n".join(f"{each.says()}\n{each.log.read_text()[-2000:]}" for each in services)
+
+
+@contextmanager
+def watched(service: Started, job: str) -> Iterator[ClientConnection]:
+    """Somebody who watches a job, and has seen something of it."""
+    url = f"{service.url.replace('http', 'ws')}/api/jobs/{job}/live"
+    with connect(url, max_size=None, open_timeout=30) as watcher:
+        kinds = {type(watcher.recv(timeout=30)) for _ in range(3)}
+        assert kinds == {str, bytes}, "its state, and tiles"
+        yield watcher
+
+
+def code_of(watcher: ClientConnection) -> int:
+    """Of what closes a connection, after what is still told."""
+    with pytest.raises(ConnectionClosed) as closed:
+        while True:
+            watcher.recv(timeout=30)
+    return closed.value.rcvd.code if closed.value.rcvd is not None else 0
+
+
+def begun(service: Started, worker: PeerWorker) -> str:
+    """A job that is under way, slowly enough to last."""
+    worker.on_batch = lambda batch: time.sleep(0.005)
+    scene = service.http.post("/api/scenes", files={"files": ("scene.obj", OBJ)}).raise_for_status().json()["id"]
+    job = service.http.post("/api/jobs", json={"scene": scene, "spp": SPP, **PICTURE}).raise_for_status().json()["id"]
+    until(lambda: service.job(job)["samples"] > 0, "the job is under way", 60, lambda: service.job(job))
+    return str(job)
+
+
+def test_one_that_hangs_and_one_that_is_killed_are_taken_over_from(
+    pair: tuple[Started, Started], redis_server: running_redis
+) -> None:
+    """The first stands still, and the second takes over; the first goes on, and does nothing; the second is killed, and the first
+    is the farm again. Meanwhile a job is rendered."""
+    first, second = pair
+    assert second.says("/healthz") == "stands by"
+    assert "rayfarm_owner 0" in second.http.get("/metrics").text
+    with PeerWorker(redis_server.url, second.url, TOKEN) as worker:
+        job = begun(second, worker)  # which passes all of it on
+        assert second.job(job)["samples"] <= first.job(job)["samples"]
+        with watched(second, job) as watcher:
+            first.process.send_signal(signal.SIGSTOP)
+            assert second.http.get(f"/api/jobs/{job}").status_code == 200, "who asks waits for whoever takes over"
+            assert code_of(watcher) == 1012, "who watched is told to come again"
+        until(second.is_ready, "the second is ready", 60, second.says)
+        renders_on(second, job)
+        first.process.send_signal(signal.SIGCONT)
+        # Where it stood still in the middle of writing into SQLite, it was in the way and had to be ended.
+        until(lambda: first.process.poll() is not None or first.stands_by(), "the first stands by", 60, first.says)
+        numbers = second.http.get("/metrics", headers={"Authorization": f"Bearer {TOKEN}"}).text
+        assert "rayfarm_owner 1.0" in numbers
+        assert "rayfarm_takeovers_total 1.0" in numbers
+        last = second
+        if first.process.poll() is None:
+            second.process.kill()
+            until(first.is_ready, "the first is the farm again", 60, first.says)
+            renders_on(first, job)
+            last = first
+        worker.on_batch = lambda batch: None
+        until(lambda: last.job(job)["state"] == "finished", "it is finished", 60, lambda: last.job(job))
+    assert last.http.get(f"/api/jobs/{job}/frames/0/digest").json()["digest"] == expected_digest(spp=SPP)
+    assert last.job(job)["samples"] == SPP * PICTURE["width"] * PICTURE["height"]
+
+
+def renders_on(service: Started, job: str) -> None:
+    known = service.job(job)["samples"]
+    until(lambda: service.job(job)["samples"] > known, "it renders on", 60, lambda: service.job(job))
+
+
+def test_whoever_lost_the_farm_in_the_middle_of_a_merge_adds_nothing(
+    service: Service, redis_server: running_redis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In one process, so that the moment is the test's choice: between what the film is asked and what is written into it."""
+    standby = Service.__new__(Service)
+    standby.options = {**service.options, "lease_s": LEASE_S}
+    standby.start()
+    in_the_middle, go_on = threading.Event(), threading.Event()
+    merge = Film.merge
+
+    def held(film: Film, parts: Any) -> list[bool]:
+        if threading.current_thread() is engine:
+            in_the_middle.set()
+            go_on.wait(60)
+        return merge(film, parts)
+
+    old, engine = service.farm.owning, service.farm.engine._thread
+    monkeypatch.setattr(Film, "merge", held)
+    try:
+        with service.worker() as worker:
+            job = service.submit(service.ready_scene(), spp=64)
+            assert in_the_middle.wait(60)
+            old._moves = lambda: False  # it is taken for hanging
+            until(lambda: standby.http.get("/readyz").json().get("status") == "ready", "the other takes over", 60)
+            standby.wait_for(job, "finished", 60)
+            expected = standby.digest(job)
+            go_on.set()
+            until(lambda: "stands by" in service.http.get("/readyz").text, "the first stands by", 60)
+            assert worker.batches
+        assert expected == expected_digest(spp=64)
+        assert standby.digest(job) == expected
+        assert standby.job(job)["samples"] == 64 * 64 * 48
+    finally:
+        go_on.set()
+        standby.stop()

@@ -1,0 +1,79 @@
+"""Scenes that Blender has to open: who gets them, what is said where nobody has it, and what is kept of its work."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import pytest
+
+from service.scheduling.messages import PrepareDone
+from tests.service.conftest import TOKEN, Service, until
+from tests.service.peer_worker import PeerWorker
+from worker.blends import WAITS, blender_queue, is_blend, written_of
+
+BLEND, WRITTEN = b"BLENDER-v405", b'{"shapes": [{"type": "quad"}]}'
+SHA256 = hashlib.sha256(WRITTEN).hexdigest()
+
+
+def with_blender(service: Service, **options: Any) -> PeerWorker:
+    """A worker that writes the same of every file."""
+    worker = service.worker(name="blender", tags=("blender",), **options)
+    worker.more = [blender_queue(worker.kind)]
+
+    def write(scene: str) -> None:
+        worker.blend = None
+        if is_blend(worker.http.get(f"/api/farm/scenes/{scene}/manifest").json()["main"]):
+            worker.http.put(f"/api/farm/blobs/{SHA256}", content=WRITTEN).raise_for_status()
+            file = {"path": "blender-scene.yaml", "sha256": SHA256, "size": len(WRITTEN), "parts": []}
+            worker.blend = {"main": "blender-scene.yaml", "files": [file]}
+
+    worker.on_prepare = write
+    return worker
+
+
+def manifest(service: Service, scene: str) -> dict[str, Any]:
+    answer = service.http.get(f"/api/farm/scenes/{scene}/manifest", headers={"Authorization": f"Bearer {TOKEN}"})
+    found: dict[str, Any] = answer.raise_for_status().json()
+    return found
+
+
+def test_a_blend_waits_for_a_worker_with_blender_and_then_is_what_that_wrote(service: Service) -> None:
+    with service.worker(name="plain", tags=()) as plain:
+        scene = service.upload(BLEND, "shot.blend")
+        until(lambda: service.scene(scene)["step"] == WAITS, "it is said", say=lambda: service.scene(scene))
+        job = service.submit(scene)
+        with with_blender(service):
+            until(lambda: service.scene(scene)["status"] == "ready", "it is opened", say=lambda: service.scene(scene))
+            assert plain.prepared == []
+        found = manifest(service, scene)
+        assert (found["main"], [file["sha256"] for file in found["files"]]) == ("blender-scene.yaml", [SHA256])
+        service.wait_for(job, "finished")  # by the other worker, which has no Blender
+        assert service.scene(scene)["main"] == "shot.blend"
+
+        again = service.http.post("/api/scenes", files={"files": ("shot.blend", BLEND)}, data={"environment": "sky:30,0"})
+        other = again.raise_for_status().json()["id"]
+        assert other != scene
+        until(lambda: service.scene(other)["status"] == "ready", "it is known", say=lambda: service.scene(other))
+        assert plain.prepared == [other]
+        service.http.delete(f"/api/scenes/{scene}", params={"jobs": "true"})
+        assert manifest(service, other)["files"] == found["files"]
+        headers = {"Authorization": f"Bearer {TOKEN}"}
+        assert service.http.get(f"/api/farm/blobs/{SHA256}", headers=headers).content == WRITTEN
+
+
+def test_what_blender_wrote_is_said_in_a_form_that_can_be_kept() -> None:
+    file = {"path": "a.yaml", "sha256": SHA256, "size": 3}
+    assert written_of(None) is written_of({"blend": None}) is None
+    found = written_of({"blend": {"main": "a.yaml", "files": [file]}})
+    assert found is not None and found[1][0].sha256 == SHA256
+    for wrong in ({"main": 3, "files": []}, {"main": "a", "files": 3}, {"main": "a", "files": [3]}, [1]):
+        with pytest.raises(ValueError, match=r"cannot be made out|BlobRef"):
+            written_of({"blend": wrong})
+    info = {"kind": "k", "compiled": {**file, "parts": []}, "thumbnail": None, "cameras": [], "counts": {}, "bounds": []}
+    info |= {"animations": [], "warnings": [], "defaults": {}, "seconds": 0.0}
+    about = {"type": "prepared", "scene": "s", "kind": "k", "worker": "w"}
+    wrong_hash = {"main": "a.yaml", "files": [{**file, "sha256": "../../etc"}]}
+    PrepareDone.model_validate({**about, "info": {**info, "blend": {"main": "a.yaml", "files": [file]}}})
+    with pytest.raises(ValueError, match="is no hash"):
+        PrepareDone.model_validate({**about, "info": {**info, "blend": wrong_hash}})

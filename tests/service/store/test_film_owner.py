@@ -1,0 +1,72 @@
+"""A film is written by the service that owns the farm; one that did before, and does not know better, is refused."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from service.errors import FilmWaits
+from service.store.films import Film
+from service.store.tile_cache import TileCache
+from tests.service.store.test_films import HEIGHT, TILE, WIDTH, part
+
+
+def film(path: Path, epoch: int | None) -> Film:
+    return Film(path, WIDTH, HEIGHT, TILE, 24, TileCache(1 << 20), epoch)
+
+
+def test_what_an_earlier_owner_still_merges_is_refused_and_nothing_is_in_twice(tmp_path: Path) -> None:
+    old, new = film(tmp_path / "job.sqlite", 7), film(tmp_path / "job.sqlite", 8)
+    assert old.merge([part(old, 0, 0, 2)]) == [True]
+    new.load(make=True)
+    assert new.merge([part(new, 0, 0, 2), part(new, 0, 2, 2)]) == [False, True]
+    for batch in ((0, 2, 2), (1, 0, 1)):
+        with pytest.raises(FilmWaits, match="another service's by now"):
+            old.merge([part(old, *batch)])
+    assert old.merge([part(old, 0, 3, 2)]) == [False], "by now it knows of what the other has merged"
+    with pytest.raises(FilmWaits):
+        old.forget(0)
+    assert new.merge([part(new, 1, 0, 1)]) == [True]
+    old.close()
+    new.close()
+    again = film(tmp_path / "job.sqlite", 9)
+    assert [again.coverage(0, tile).ranges for tile in (0, 1)] == [[(0, 4)], [(0, 1)]]
+    again.close()
+
+
+def test_what_the_earlier_owner_merged_before_is_known_to_the_new_one(tmp_path: Path) -> None:
+    """Also where the new one has read the film already, to show it."""
+    old, new = film(tmp_path / "job.sqlite", 7), film(tmp_path / "job.sqlite", 8)
+    old.merge([part(old, 0, 0, 2)])
+    assert new.samples(0) > 0
+    old.merge([part(old, 0, 2, 2)])
+    assert new.merge([part(new, 0, 2, 2), part(new, 0, 3, 2)]) == [False, False]
+    assert new.coverage(0, 0).ranges == [(0, 4)]
+    old.close()
+    new.close()
+
+
+def test_to_look_at_a_film_changes_nothing_and_one_without_owners_gets_one(tmp_path: Path) -> None:
+    path = tmp_path / "job.sqlite"
+    plain = film(path, None)  # as a release wrote it that knew of no owners
+    plain.merge([part(plain, 0, 0, 2)])
+    plain.close()
+
+    def epochs() -> list[tuple[int]] | None:
+        with sqlite3.connect(path) as database:
+            has_table = database.execute("SELECT 1 FROM sqlite_master WHERE name = 'owner'").fetchone()
+            found = database.execute("SELECT epoch FROM owner").fetchall() if has_table else None
+        database.close()
+        return found
+
+    looking = film(path, 5)
+    assert looking.tile_sums(0, 0) is not None
+    assert epochs() is None
+    looking.merge([part(looking, 0, 2, 2)])
+    assert epochs() == [(5,)]
+    looking.close()
+    plain = film(path, None)
+    assert plain.merge([part(plain, 0, 4, 2)]) == [True], "an older release goes on with it"
+    plain.close()

@@ -1,0 +1,98 @@
+"""/healthz at a port of its own: at once, whatever the event loop does, and not once that hangs."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+import time
+from collections.abc import Iterator
+from http.client import HTTPConnection
+from typing import Any
+
+import pytest
+
+from service import health_port
+from service.errors import CannotStart
+from service.health_port import HealthPort
+from tests.helpers import wait_until
+
+
+class Served:
+    """A port, and an event loop that can be kept from having a turn."""
+
+    def __init__(self) -> None:
+        self.is_engine_alive = True
+        self.health = HealthPort("127.0.0.1", 0, lambda: self.is_engine_alive)
+        self.loop = asyncio.new_event_loop()
+        self.thread = threading.Thread(target=self.loop.run_forever)
+        self.thread.start()
+        self.loop.call_soon_threadsafe(self.health.start, self.loop)
+
+    def get(self, path: str = "/healthz") -> tuple[int, dict[str, Any]]:
+        connection = HTTPConnection("127.0.0.1", self.health.port, timeout=20)
+        connection.request("GET", path)
+        answer = connection.getresponse()
+        found = answer.status, json.loads(answer.read())
+        connection.close()
+        return found
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    made = Served()
+    yield made
+    made.health.stop()
+    made.loop.call_soon_threadsafe(made.loop.stop)
+    made.thread.join()
+    made.loop.close()
+
+
+def test_a_loop_that_is_busy_is_no_reason_to_restart_and_one_that_hangs_is(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert served.get()[0] == 200
+    goes_on = threading.Event()
+    served.loop.call_soon_threadsafe(goes_on.wait)
+    wait_until(lambda: served.get()[1]["loop_waited_s"] > 0.5, 20, "it says how long the loop has waited")
+    assert served.get()[0] == 200
+    monkeypatch.setattr(health_port, "HANGS_S", 0.1)
+    status, body = served.get()
+    assert status == 503
+    assert body["detail"].startswith("The event loop has not had a turn")
+    goes_on.set()
+    wait_until(lambda: served.get()[0] == 200, 20, "the loop goes on")
+
+
+def test_an_engine_that_has_ended_is_told(served: Served) -> None:
+    served.is_engine_alive = False
+    assert served.get() == (503, {"detail": "The engine has ended. Restart the service."})
+    assert served.get("/")[0] == 404
+
+
+def test_a_port_that_is_taken_is_said(served: Served) -> None:
+    with pytest.raises(CannotStart, match="RAYFARM_HEALTH_PORT"):
+        HealthPort("127.0.0.1", served.health.port, lambda: True)
+
+
+def test_it_answers_within_a_tenth_of_a_second_beside_threads_that_compute(served: Served) -> None:
+    is_over = threading.Event()
+
+    def compute() -> None:
+        while not is_over.is_set():
+            sum(range(20_000))
+
+    threads = [threading.Thread(target=compute) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    try:
+        took = []
+        for _ in range(9):
+            begun = time.perf_counter()
+            assert served.get()[0] == 200
+            took.append(time.perf_counter() - begun)
+    finally:
+        is_over.set()
+        for thread in threads:
+            thread.join()
+    assert min(took) < 0.1, took

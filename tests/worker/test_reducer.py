@@ -1,0 +1,111 @@
+"""A site's reducer as a process: it adds up what workers send, knows a worker from anybody, and its death costs nothing."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from http.client import HTTPConnection
+from http.server import ThreadingHTTPServer
+from pathlib import Path
+
+import numpy as np
+import pytest
+import redis
+
+from rayfarm.local.farm import free_port
+from tests.helpers import wait_until
+from tests.reducer import Reducing
+from tests.worker.bench import FakeService
+from tests.worker.test_site_sums import SUMS, TILE, sums
+from worker.contract import RESULTS, Result
+from worker.result_bytes import result_bytes
+from worker.site import SIGNATURE_HEADER, SUMS_PATH, secret_key, signature, site_key
+from worker.site_link import SiteLink
+from worker.sums import unpack_sums
+
+
+@pytest.fixture
+def service(redis_url: str, store: redis.Redis) -> Iterator[str]:
+    handler = type("Handler", (FakeService,), {"redis_url": redis_url})
+    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+
+
+def arrived(store: redis.Redis, many: int) -> list[Result]:
+    wait_until(lambda: int(store.xlen(RESULTS)) >= many, 30, f"{many} results arrive")
+    found = [Result.from_fields(fields) for _, fields in store.xrange(RESULTS)]
+    store.delete(RESULTS)
+    return found
+
+
+def test_one_result_becomes_of_many_whoever_is_killed(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
+    port = free_port("127.0.0.1")
+    reducing = Reducing(store, service, "token", tmp_path, port=port)
+    link, another = SiteLink(redis_url), SiteLink(redis_url)
+    assert link.send(sums(0, 4, "alpha"))
+    assert link.send(sums(4, 8, "beta"))
+    (one,) = arrived(store, 1)
+    assert [part[4] for part in one.event["parts"]] == ["alpha", "beta"]
+    assert one.event["worker"] == "site attic"
+    assert np.array_equal(unpack_sums(one.sums or b"", TILE), 12 * SUMS)
+
+    long = 1e9  # for as long as it may
+    assert all(each.send(sums(0, 4, run=["attic", 0, 12, long])) for each in (link, another))
+    wait_until(lambda: (r := reducing.report()) is not None and r.in_hand == ["b0"], 20, "it says what it has")
+    reducing.kill()
+    assert not link.send(sums(4, 4)), "its worker sends by itself"
+    reducing = Reducing(store, service, "token", tmp_path, port=port)
+    (left,) = arrived(store, 1)
+    assert (left.event["first"], left.event["count"]) == (0, 4)
+
+    assert another.send(sums(0, 4, run=["attic", 0, 12, long])), "it looks up what to sign with now"
+    assert reducing.stop() == 0
+    assert len(arrived(store, 1)) == 1
+    assert not store.exists(site_key("attic"), secret_key("attic"))
+    assert not another.send(sums(0, 4))
+
+
+def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: redis.Redis, tmp_path: Path) -> None:
+    reducing = Reducing(store, service, "token", tmp_path)
+    try:
+        report, secret = reducing.report(), store.get(secret_key("attic"))
+        assert report is not None
+        assert isinstance(secret, bytes)
+
+        def post(body: bytes, signed: str, path: str = SUMS_PATH) -> int:
+            connection = HTTPConnection("127.0.0.1", report.port, timeout=20)
+            connection.request("POST", path, body, {SIGNATURE_HEADER: signed})
+            status = connection.getresponse().status
+            connection.close()
+            return status
+
+        body = result_bytes(sums(0, 4))
+        assert post(body, "") == post(body, signature(b"another", body)) == post(body + b"!", signature(secret, body)) == 403
+        assert post(body, signature(secret, body), "/") == 404
+        assert post(b"no result", signature(secret, b"no result")) == 409
+    finally:
+        reducing.kill()
+
+
+def test_a_result_without_a_run_goes_to_the_service(redis_url: str) -> None:
+    result = sums(0, 4)
+    del result.event["run"]
+    assert not SiteLink(redis_url).send(result)
+
+
+@pytest.mark.parametrize(
+    ("token", "reduces", "said"), [("wrong", True, "does not know this token"), ("token", False, "older release")]
+)
+def test_where_it_is_of_no_use_it_ends_with_a_sentence(
+    redis_url: str, store: redis.Redis, tmp_path: Path, token: str, reduces: bool, said: str
+) -> None:
+    handler = type("Handler", (FakeService,), {"redis_url": redis_url, "reduces": reduces})
+    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    with pytest.raises(AssertionError, match=said):
+        Reducing(store, f"http://127.0.0.1:{server.server_port}", token, tmp_path)
+    server.shutdown()
+    server.server_close()

@@ -1,0 +1,41 @@
+"""A worker that is told to end goes on saying what its slots have in hand. Its event loop, which says so otherwise, has ended by
+then; a report that expires would have that handed out again, though it is nearly done."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+from worker.context import WorkerContext
+from worker.contract import HEARTBEAT_EVERY_S
+from worker.heartbeat import Reporter
+
+__all__ = ["Leaving"]
+
+
+class Leaving:
+    """Of the parent process."""
+
+    def __init__(self, worker: WorkerContext) -> None:
+        self._worker = worker
+        self._is_gone = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def begin(self, **_: Any) -> None:
+        """It takes no more tasks, and finishes those in hand."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="leaving", daemon=True)
+            self._thread.start()
+
+    def end(self) -> None:
+        """Nothing is in hand any more: say that it is gone."""
+        self._is_gone.set()
+        if self._thread is not None:
+            self._thread.join()
+        Reporter(self._worker.redis_url).leave(self._worker.name)
+
+    def _run(self) -> None:
+        reporter = Reporter(self._worker.redis_url)
+        while not self._is_gone.wait(HEARTBEAT_EVERY_S):
+            reporter.beat(self._worker.report(is_paused=True))
+        reporter.redis.close()
