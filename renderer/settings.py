@@ -185,7 +185,7 @@ class RenderSettings:
         Setting(0.05, 1.0, off=0.0),
         Shown(
             "Roulette",
-            "The chance with which a path goes on at each bounce; else as much as it still carries.",
+            "The chance with which a path goes on at each bounce; else by what it still carries.",
             group="lab",
             integrators=_estimating,
             off="by throughput",

@@ -45,6 +45,7 @@ ARRAYS = (
     "formats.py",
     "frames.py",
     "presets.py",
+    "blender",
     "scene",
     "image/__init__.py",
     "image/read.py",

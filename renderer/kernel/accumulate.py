@@ -37,7 +37,7 @@ from renderer.kernel.pool.lamps import choose_lamps
 from renderer.kernel.pool.scatter import scatter
 from renderer.kernel.pool.trace import pool_for, render_with_pool
 from renderer.kernel.sampling.filter import filter_offset
-from renderer.kernel.sampling.sampler import Stream, draw4, pixel_key
+from renderer.kernel.sampling.sampler import Stream, draw4, draw_film, pixel_key
 from renderer.reference import Reference, by_reference
 from renderer.settings import RenderSettings
 
@@ -49,7 +49,6 @@ MAX_BAD = 64  # bad samples that are reported; further ones are only counted
 
 _COLOR, _COLOR_HALF, _ALBEDO, _NORMAL = COLOR.start, COLOR_HALF.start, ALBEDO.start, NORMAL.start
 _POSITION = POSITION.start
-_FIRST = np.uint32(0)  # the block of numbers that the camera uses
 _TIME = np.uint32(TIME_BLOCK)
 _HALF = np.float32(0.5)
 _NOTHING = (np.int64(0), np.int64(0), np.int64(0))
@@ -118,15 +117,13 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
             pixel = pixel_key(x0 + x, y0 + y)
             color = half = albedo = normal = position = _NOTHING
             object_id = material_id = depth = samples = samples_half = np.int64(0)
-            u = draw4(Stream(options.sampler, options.seed, pixel, np.uint32(first)), _FIRST)
+            u = draw_film(Stream(options.sampler, options.seed, pixel, np.uint32(first)))
             for sample in range(first, first + count):
                 film_x = np.float32(x0 + x) + _HALF + filter_offset(options.filter, u[0])
                 film_y = np.float32(y0 + y) + _HALF + filter_offset(options.filter, u[1])
                 time = _time(scene.has.motion, options, pixel, sample)
                 o, d = _ray(camera, film_x, film_y, (u[2], u[3]), time)
-                u = draw4(
-                    Stream(options.sampler, options.seed, pixel, np.uint32(sample + 1)), _FIRST
-                )  # as in path.py: in good time
+                u = draw_film(Stream(options.sampler, options.seed, pixel, np.uint32(sample + 1)))  # in good time, as in path.py
                 stream = Stream(options.sampler, options.seed, pixel, np.uint32(sample))
                 radiance, met = trace(scene, stack, o, d, time, options, stream, log, hit)
                 rays += met

@@ -62,6 +62,7 @@ class _Collector:
             ("dropped", "Batches that came twice or too late"),
             ("failed", "Batches that failed"),
             ("lost", "Batches handed out again"),
+            ("doubled", "Batches of stragglers that a second worker tried too"),
             ("verified", "Batches that were rendered twice or more, and compared"),
             ("differed", "Batches that workers rendered differently"),
         ):

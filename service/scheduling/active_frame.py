@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from renderer import film as film_math
 from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
 from renderer.settings import RenderSettings, Tile
+from service.scheduling.looks import Looks
 from service.scheduling.plan import FramePlan, Range
 from service.store.coverage import Coverage
 from service.store.films import Film
@@ -69,6 +70,8 @@ class ActiveFrame:
         self.has_changed = False  # since it was written down
         self._is_measured = is_measured
         self._measured: dict[int, tuple[int, float]] = {}  # of a tile: with how many samples, and its noise then
+        self._is_told_anew = False
+        self._due: dict[int, None] = {}  # tiles that are to be looked at again, as soon as there is time
         self._recorded = row.samples, row.target
         self._share = share
         self._plan: FramePlan | None = None
@@ -83,7 +86,7 @@ class ActiveFrame:
         if self._plan is None:
             self.bad_samples = self.film.bad_samples(self.key)[0]
             self._plan = FramePlan(
-                *(self.film.tiles, self.spp, self.noise_asked, self._coverage, self._tile_noise, self.key, self.ceiling)
+                *(self.film.tiles, self.spp, self.noise_asked, self._coverage, self._told, self.key, self.ceiling)
             )
             self._plan.focus(self._in_focus())
             self._changed()
@@ -175,11 +178,29 @@ class ActiveFrame:
         if self._is_measured:
             covered = self._coverage(batch.tile)
             done = self._measured.get(batch.tile, (FIRST_LOOK // LOOK_AGAIN, 0.0))[0]
-            if covered.prefix == covered.total and (
-                covered.total >= LOOK_AGAIN * done or (covered.total == self.ceiling and covered.total >= FIRST_LOOK)
-            ):
+            if self._is_told_anew:
+                self.noise, self._is_told_anew = self._whole_noise(), False
+            if covered.prefix == covered.total and covered.total == self.ceiling >= FIRST_LOOK:
                 self._measure(batch.tile, covered.total)
                 self.noise = self._whole_noise()
+            elif covered.total >= LOOK_AGAIN * done:
+                self._due[batch.tile] = None
+
+    def look(self, looks: Looks) -> None:
+        """Look at the noise of tiles that have many more samples than at their last look, as far as there is time for it. Raises
+        FilmWaits or FilmLost."""
+        found = False
+        for tile in list(self._due):
+            if self._share is None and not looks.may():  # what comes next may hang on the noise of frames that share
+                break
+            del self._due[tile]
+            covered = self._coverage(tile)
+            if covered.prefix == covered.total > self._measured.get(tile, (0, 0.0))[0]:
+                with looks.one():
+                    self._measure(tile, covered.total)
+                found = True
+        if found:
+            self.noise = self._whole_noise()
 
     def renew_noise(self) -> None:
         """Its noise as it is expected to be by now: of tiles that went on since they were looked at, by their samples."""
@@ -217,8 +238,15 @@ class ActiveFrame:
             self._json = self.settings, self.settings.to_json()
         return self._json[1]
 
+    def _told(self, tile: int) -> float:
+        """A tile's noise for its plan, which decides by it."""
+        self._measure(tile, self._coverage(tile).total)
+        self._is_told_anew = True
+        return self._measured[tile][1]
+
     def _measure(self, tile: int, samples: int) -> None:
-        self._measured[tile] = samples, self._tile_noise(tile)
+        if self._measured.get(tile, (0, 0.0))[0] != samples:
+            self._measured[tile] = samples, self._tile_noise(tile)
 
     def _whole_noise(self) -> float | None:
         """The root mean square over its tiles, those that went on since they were looked at included."""

@@ -12,6 +12,7 @@ from renderer.settings import MAX_SPP, RenderSettings, Tile
 from service.scheduling.active_frame import ActiveFrame, FrameNumbers
 from service.scheduling.agenda import Agenda
 from service.scheduling.history import History
+from service.scheduling.looks import Looks
 from service.scheduling.needs import Needs
 from service.scheduling.plan import Range
 from service.scheduling.shares import share_of
@@ -86,6 +87,7 @@ class ActiveJob:
         self.trouble: dict[Range, Trouble] = {}
         self.handed_back: str | None = None  # why a worker gave a batch back, where none was rendered since
         self.rests_until = 0.0
+        self.looks = Looks()
         self.verify = 0.0  # the share of its batches that is rendered twice
         self.checks: Mapping[str, int] = {}  # of a job: decisions about its batches that are not made yet; it does not end before
         self._unsettled: list[Range] = []  # batches that came back, and that the plan has not looked at yet
@@ -279,6 +281,7 @@ class ActiveJob:
             frame = self.frames.get(batch.frame)
             if frame is not None:
                 frame.settle(batch)
+                frame.look(self.looks)
                 self._unsettled_frame(frame)
             self._unsettled.pop(0)
 

@@ -159,6 +159,8 @@ class Aside(ABC, Generic[Wish]):
 
     def _look_for_lost(self) -> None:
         """A worker that is killed takes what it had in hand with it, and the broker hands that out again much later."""
+        if not self._wanted:
+            return
         doing = [(report.name, each) for report in self._workers.roster.reports.values() for each in report.current]
         held = {(str(each.get(self._doing)), str(each.get("frame"))): name for name, each in doing}
         for (job, frame), wanted in self._wanted.items():

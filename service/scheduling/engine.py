@@ -338,7 +338,12 @@ class Engine:
             ahead=self._scheduler.line_up.ahead(),
             waits={**self.trust.sentences(), **self._bulkheads.sentences()},
             preparing=dict(self._preparing.progress),
-            counts={**self._answers.counts, **self.trust.counts, "lost": self._scheduler.lost},
+            counts={
+                **self._answers.counts,
+                **self.trust.counts,
+                "lost": self._scheduler.lost,
+                "doubled": self._scheduler.doubled,
+            },
             batches_out=len(self._scheduler.leases),
             results_unread=self._pace.waiting,
             batch_cost_s=self._pace.batch_cost_s,

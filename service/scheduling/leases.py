@@ -29,6 +29,7 @@ class Lease:
     id: str = field(default_factory=lambda: uuid.uuid4().hex)
     issued: float = field(default_factory=time.monotonic)
     holder: str | None = None  # the worker that was last seen with it
+    held_since: float | None = None  # since somebody was first seen with it
     is_held: bool = False  # whether it was seen there at the last look
     unseen: int = 0  # looks in a row at which it neither waited nor was worked on
     answered_by: Position | None = None  # the results' end when it was plainly unseen: its answer, if there is one, lies before

@@ -173,6 +173,7 @@ class Lifecycle:
         job = ActiveJob(resolved, frames, film, compiled, scene.blobs)
         job.verify = self._scheduler.verify if verify is None else verify
         job.checks = self._scheduler.checks
+        job.looks = self._scheduler.looks
         job.share = self._scheduler.shares.name_of(job.user, job.project)
         asked = {"env": row.light or scene.environment, "variant": scene.variant}
         job.scene_words = [f"--{name}={value}" for name, value in asked.items() if value]

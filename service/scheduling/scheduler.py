@@ -21,6 +21,7 @@ from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.held import Held
 from service.scheduling.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.line_up import LineUp
+from service.scheduling.looks import Looks
 from service.scheduling.pace import Pace
 from service.scheduling.plan import Range
 from service.scheduling.reproduce import reproduce
@@ -71,10 +72,12 @@ class Scheduler:
         self._places: list[Place] = []  # of this filling
         self.suspicion = Suspicion()
         self.distrusted: set[str] = set()  # workers of which nothing goes into a film: service/scheduling/trust.py
+        self.looks = Looks()
         self.checks: Counter[str] = Counter()  # of a job: decisions about its batches that are not made yet
         self._sent: list[Lease] = []  # of this filling
         self._turn = count(1)
         self.lost = 0  # batches that were handed out again
+        self.doubled = 0  # of stragglers, that a second worker tries too
 
     def fill(self, start: Start) -> None:
         """Hand out batches until every kind's window is full. Raises QueueError.
@@ -292,13 +295,15 @@ class Scheduler:
             is_gone = lease.holder is not None and lease.holder not in self._workers.roster.reports
             is_held_by_nobody = is_gone and holder is None and not is_at_site
             lease.holder = holder or lease.holder
+            lease.held_since = lease.held_since or (time.monotonic() if holder else None)
             lease.is_held = holder is not None
             is_lost = is_held_by_nobody or lease.is_overdue or (lease.unseen >= UNSEEN_ALLOWED and not is_late())
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
             if is_lost and lease.message not in waiting and not may_be_answered:
                 self._lost(job, lease, lease.batch, blame=is_held_by_nobody or lease.is_overdue)
-            elif holder and self._is_straggler(lease) and idle(lease.kind):
+            elif holder and self._is_straggler(lease) and idle(lease.kind) and not self._pace.waiting:
                 lease.doubled = True
+                self.doubled += 1
                 job.lose(lease.batch)
 
     def _set_aside_if_alone(self, worker: str) -> None:
@@ -350,7 +355,8 @@ class Scheduler:
 
     def _is_straggler(self, lease: Lease) -> bool:
         """Whether a batch is late: if others stand idle while they wait for it alone, a second worker may try it as well."""
-        return not lease.doubled and time.monotonic() - lease.issued > max(STRAGGLER_S, 6 * lease.expected_s)
+        since = lease.held_since or lease.issued
+        return not lease.doubled and time.monotonic() - since > max(STRAGGLER_S, 6 * lease.expected_s)
 
     def _has_idle_slots(self, kind: str) -> bool:
         return self._workers.roster.slots(kind) > self.leases.turns(kind)

@@ -72,9 +72,14 @@ def main() -> None:
         with tempfile.TemporaryDirectory(prefix="rayfarm-scale-") as name:
             taken = run(load, sums, Path(name))
         if taken.pictures:
-            print(f"pictures by status: {dict(taken.pictures)}, health at worst {1e3 * max(taken.health_s):.0f} ms")
-        if taken.unread or taken.dropped:
-            print(f"{taken.unread} results were not read at the end, {taken.dropped} batches were dropped")
+            own = f"{1e3 * max(taken.own_health_s):.0f} ms"
+            at_worst = f"health at worst {1e3 * max(taken.health_s):.0f} ms, {own} at its own port"
+            print(f"pictures by status: {dict(taken.pictures)}, {at_worst}")
+        if taken.repeated:
+            whole = ", ".join(
+                f"{name} {taken.in_all.get(name, 0)}" for name in ("merged", "dropped", "lost", "doubled", "failed")
+            )
+            print(f"from start to end: {whole}; {taken.unread} results were never read")
         print(line(load, taken, len(pack_sums(sums[:, :tile, :tile] * 8))), flush=True)
         rows.append({"load": asdict(load), "taken": asdict(taken)})
         if options.json:

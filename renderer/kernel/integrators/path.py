@@ -15,6 +15,7 @@ from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.mixture import mixture_bounce
 from renderer.kernel.integrators.record import DIRECT, EMITTED, record_light, record_miss, record_surface
+from renderer.kernel.integrators.roulette import survival
 from renderer.kernel.integrators.state import (
     MAX_AGAIN,
     camera_path,
@@ -33,15 +34,12 @@ from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
 from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import shines, surface_at
-from renderer.settings import MAX_FLOOR
 
 __all__ = ["trace_path"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
-_ROULETTE_FROM = 4  # segments that every path may have; dark ones end soon after
-_MOST_SURVIVAL = np.float32(MAX_FLOOR)
 
 
 @template
@@ -104,13 +102,13 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
             if row < len(log):
                 record_light(log, row, DIRECT, path.radiance)
 
-        path = _bounce(scene, vertex, path, options, for_bounce)
+        path = _bounce(scene, vertex, path, number, options, for_bounce)
         if vec.maximum(path.throughput) <= _ZERO:
             break
-        survival = _survival(path, options)
-        if for_bounce[3] >= survival:
+        chance = survival(path.throughput, path.worth, np.float32(path.depth), options)
+        if for_bounce[3] >= chance:
             break
-        path = with_throughput(path, vec.scale(path.throughput, _ONE / survival))
+        path = with_throughput(path, vec.scale(path.throughput, _ONE / chance))
         number += 1
         if number - path.depth > MAX_AGAIN:
             break
@@ -188,7 +186,7 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, ti
 
 
 @template
-def _bounce(scene, vertex, path, options, numbers):
+def _bounce(scene, vertex, path, number, options, numbers):
     """The path after its vertex has scattered it, in a direction by its BSDF or by the strategy asked for."""
     material, wo = vertex.material, vertex.wo
     u = (numbers[0], numbers[1])
@@ -196,14 +194,4 @@ def _bounce(scene, vertex, path, options, numbers):
         wi, weight, pdf, eta2 = mixture_bounce(scene, vertex.surface.point, vertex.frame, material, wo, numbers[2], u)
     else:
         wi, weight, pdf, eta2 = special_bounce(material, options.sampling, wo, numbers[2], u)
-    return scattered(vertex, path, wi, weight, pdf, eta2)
-
-
-@device
-def _survival(path, options):
-    """Russian roulette: the probability that the path goes on."""
-    if options.roulette > _ZERO:
-        return options.roulette
-    if path.depth < _ROULETTE_FROM:
-        return _ONE
-    return min(max(vec.maximum(path.throughput) * path.eta_scale, options.roulette_floor), _MOST_SURVIVAL)
+    return scattered(vertex, path, number, wi, weight, pdf, eta2)

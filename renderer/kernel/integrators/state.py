@@ -8,6 +8,7 @@ import numpy as np
 
 from renderer.jit import device
 from renderer.kernel import vec
+from renderer.kernel.integrators.roulette import worth_after
 from renderer.kernel.integrators.transport import one_color
 from renderer.kernel.material.material import Material, fetch_material, transmits
 from renderer.kernel.material.normal_map import shading_frame
@@ -45,7 +46,7 @@ class Path(NamedTuple):
     pdf: float  # with which its BSDF gave d; 0: of a delta distribution, or the camera's; below 0: light is not counted where met
     throughput: tuple[float, float, float]
     radiance: tuple[float, float, float]  # found so far
-    eta_scale: float  # eta**2 of the medium that the ray is in: by so much its radiance is thinner there
+    worth: float  # what a unit of its throughput is worth to the pixel: of roulette.py
     depth: int  # segments behind it that count
 
 
@@ -68,19 +69,19 @@ def camera_path(o, d):
 @device
 def with_origin(path, o):
     """The path, its ray starting at o."""
-    return Path(o, path.d, path.vertex, path.normal, path.pdf, path.throughput, path.radiance, path.eta_scale, path.depth)
+    return Path(o, path.d, path.vertex, path.normal, path.pdf, path.throughput, path.radiance, path.worth, path.depth)
 
 
 @device
 def with_throughput(path, throughput):
     """The path with another throughput."""
-    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, throughput, path.radiance, path.eta_scale, path.depth)
+    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, throughput, path.radiance, path.worth, path.depth)
 
 
 @device
 def with_radiance(path, radiance):
     """The path with another radiance."""
-    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, path.throughput, radiance, path.eta_scale, path.depth)
+    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, path.throughput, radiance, path.worth, path.depth)
 
 
 @device
@@ -101,8 +102,9 @@ def vertex_at(scene, surface, path, stream, number, layers, time):
 
 
 @device
-def scattered(vertex, path, wi, weight, pdf, eta2):
-    """The path after its vertex has scattered it into wi, of its frame. weight, pdf, eta2: as `sample_material` gives them.
+def scattered(vertex, path, number, wi, weight, pdf, eta2):
+    """The path after its vertex has scattered it into wi, of its frame. weight, pdf, eta2: as `sample_material` gives them;
+    number: how many vertices it had before.
 
     A ray that meets its own facet again, as bent normals make some do, has not left the vertex: no segment is counted.
     Else what is white would darken towards its rims, the more so the fewer bounces there may be.
@@ -118,6 +120,6 @@ def scattered(vertex, path, wi, weight, pdf, eta2):
         pdf,
         vec.mul(path.throughput, weight),
         path.radiance,
-        path.eta_scale * eta2,
+        worth_after(path.worth, np.float32(number), weight, eta2),
         path.depth + 1 if leaves(vertex.surface, reflected, d) else path.depth,
     )

@@ -178,7 +178,7 @@ def trace_whitted(scene, stack, o, d, time, options, stream, log, first):
         wi, weight, pdf, eta2 = sample_material(material, vertex.wo, numbers[2], (numbers[0], numbers[1]))
         if pdf > _ZERO and not _is_mirror(material):
             break
-        path = scattered(vertex, path, wi, weight, _ZERO, eta2)
+        path = scattered(vertex, path, number, wi, weight, _ZERO, eta2)
         if vec.maximum(path.throughput) <= _ZERO:
             break
         number += 1

@@ -13,14 +13,13 @@ from renderer.kernel.integrators.transport import TIME_BLOCK
 from renderer.kernel.pool.lists import ACTIVE, DONE, append, eight, length, pad, row
 from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, MAPPED, PLACE, RAY, SAMPLE, at, read, write
 from renderer.kernel.sampling.filter import filter_offset
-from renderer.kernel.sampling.sampler import Stream, draw4, pixel_key
+from renderer.kernel.sampling.sampler import Stream, draw4, draw_film, pixel_key
 from renderer.wide.values import as_floats, as_ints, nil, to_float
 
 __all__ = ["Next", "begin"]
 
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
-_CAMERA_BLOCK = np.uint32(0)
 _TIME_BLOCK = np.uint32(TIME_BLOCK)
 _NUMBER, _PLACE, _X, _Y = (SAMPLE + np.uintp(k) for k in (1, 2, 3, 4))
 
@@ -70,7 +69,7 @@ def begin(pool, lists, following, width, height, camera, options, batch, motion)
         told = read(pool, rows, SAMPLE)
         sample, x, y = as_ints(told[1]), as_ints(told[3]), as_ints(told[4])
         key = pixel_key(x, y)
-        u = draw4(Stream(options.sampler, options.seed, key, sample), _CAMERA_BLOCK)
+        u = draw_film(Stream(options.sampler, options.seed, key, sample))
         film_x = to_float(x) + _HALF + filter_offset(options.filter, u[0])
         film_y = to_float(y) + _HALF + filter_offset(options.filter, u[1])
         none = nil(film_x)

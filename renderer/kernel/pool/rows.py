@@ -42,7 +42,7 @@ __all__ = [
 _LINE = 64  # bytes
 ROWS = 128  # paths; 64 to 256 are as fast
 # Groups, by their first columns. Whole numbers are kept by their bits, but for depth, number and what was passed.
-RAY = np.uintp(0)  # origin 3, direction 3, pdf, eta scale: as in integrators/state.py's Path
+RAY = np.uintp(0)  # origin 3, direction 3, pdf, worth: as in integrators/state.py's Path
 CARRIED = np.uintp(8)  # radiance 3, depth, throughput 3, number of the vertex that the ray is on its way to
 HIT = np.uintp(
     16

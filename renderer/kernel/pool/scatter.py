@@ -7,6 +7,7 @@ import numpy as np
 from renderer.jit import device, out_of_line, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.record import AGAIN
+from renderer.kernel.integrators.roulette import survival, worth_after
 from renderer.kernel.integrators.state import MAX_AGAIN
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.pool.lists import (
@@ -46,7 +47,6 @@ from renderer.kernel.pool.rows import (
 from renderer.kernel.sampling.sampler import Stream, draw4
 from renderer.kernel.surface.departure import departure, leaves
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
-from renderer.settings import MAX_FLOOR
 from renderer.wide.values import as_ints, nil, to_int, where
 
 __all__ = ["scatter", "stream_of"]
@@ -57,8 +57,6 @@ _DIFFUSE, _SPECULAR, _METALLIC_ROUGHNESS, _CONDUCTOR, _RARE = (
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
-_ROULETTE_FROM = np.float32(4.0)
-_MOST_SURVIVAL = np.float32(MAX_FLOOR)
 _MOST_AGAIN = np.float32(MAX_AGAIN)
 _AGAIN = np.float32(AGAIN)
 _BLOCK = np.uint32(2)
@@ -95,14 +93,6 @@ def _surface(place, frame):
         place[7] >= _TWO,
         (frame[3], frame[4], frame[5]),
     )
-
-
-@device
-def _survival(throughput, eta_scale, depth, options):
-    """Russian roulette: the probability that a path goes on."""
-    by_throughput = min(max(vec.maximum(throughput) * eta_scale, options.roulette_floor), _MOST_SURVIVAL)
-    chance = where(depth < _ROULETTE_FROM, _ONE, by_throughput)
-    return where(options.roulette > _ZERO, options.roulette, chance)
 
 
 @device
@@ -151,14 +141,14 @@ def _scatter(scene, pool, lists, which, answer, is_lit, options, lit):
         o = departure(surface, reflected, d)
         depth = where(leaves(surface, reflected, d), depth + _ONE, depth)
         throughput = vec.mul(throughput, weight)
-        eta_scale = ray[7] * eta2
-        survival = _survival(throughput, eta_scale, depth, options)
+        worth = worth_after(ray[7], number, weight, eta2)
+        chance = survival(throughput, worth, depth, options)
         # A throughput that is no number lives on, so that the film is told of it.
-        goes_on = where(u[3] >= survival, -survival, survival)
+        goes_on = where(u[3] >= chance, -chance, chance)
         goes_on = where(number + _ONE - depth > _MOST_AGAIN, _AGAIN, goes_on)
         goes_on = where(vec.maximum(throughput) <= _ZERO, none, goes_on)
-        throughput = vec.scale(throughput, _ONE / survival)
-        write(pool, rows, RAY, (*o, *d, pdf, eta_scale))
+        throughput = vec.scale(throughput, _ONE / chance)
+        write(pool, rows, RAY, (*o, *d, pdf, worth))
         write(pool, rows, CARRIED, (rx, ry, rz, depth, *throughput, number + _ONE))
         write(pool, rows, SHADOW, (*start, *end, waits, goes_on))
 

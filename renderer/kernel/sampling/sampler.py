@@ -4,7 +4,8 @@ A block is four numbers that belong together. Counters may be uint32, or eight o
 
 sobol: the first four dimensions of the Sobol' sequence, Owen-scrambled and shuffled by hashes of seed, pixel and block
 (Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020). The samples 0 ... 2**k - 1 of a pixel fill every block
-evenly, and so does any other aligned run of 2**k; pixels and blocks are independent of each other.
+evenly, and so does any other aligned run of 2**k; pixels and blocks are independent of each other. Places in a pixel are a
+lattice.
 independent: pcg4d of Jarzynski & Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020.
 """
 
@@ -27,6 +28,7 @@ __all__ = [
     "Stream",
     "draw1",
     "draw4",
+    "draw_film",
     "hash4",
     "pixel_key",
     "sobol4",
@@ -43,6 +45,9 @@ _FIFTEEN = np.uint32(15)
 _DISCARD = np.uint32(8)
 _STEP = np.float32(2.0**-24)
 _ONE = np.uint32(1)
+_SECOND = np.uint32((2 * int(GOLDEN)) % 2**32)
+_CAMERA = np.uint32(0)  # the camera's block
+_LATTICE = np.uint32(192955923)  # for all 2**k up to 2**21 points are at least 0.65 times as far apart as any lattice's can be
 
 
 @device
@@ -159,6 +164,25 @@ class Stream(NamedTuple):
 def draw4(stream, block):
     """The four numbers of a block, as in `uniform4`."""
     return uniform4(stream.sampler, stream.seed, stream.pixel, stream.sample, block)
+
+
+@device
+def draw_film(stream):
+    """The numbers of a camera ray: its place in the pixel, two, and in the lens, two.
+
+    A pixel's places are a lattice, moved as a whole by two numbers of the pixel's own: all 2**k are about as far from each other
+    as can be, which scrambled points are not, and find more of what is finer than a pixel, grain and edges (Liu et al., "Rank-1
+    Lattices for Efficient Path Integral Estimation", 2021). For what is smooth, as light is, scrambled ones are better.
+    """
+    if stream.sampler == SOBOL:
+        key = _mix(u32(_mix(stream.seed) ^ stream.pixel))
+        index = _scramble(_reversed(u32(stream.sample)), key)
+        _, _, z, w = points(TABLE, index, key)
+        x = u32(index + _mix(u32(key + GOLDEN)))
+        y = u32(u32(index * _LATTICE) + _mix(u32(key + _SECOND)))
+    else:
+        x, y, z, w = hash4(stream.seed, stream.pixel, stream.sample, _CAMERA)
+    return _unit(x), _unit(y), _unit(z), _unit(w)
 
 
 @subroutine

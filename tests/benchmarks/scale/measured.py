@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import json
 import os
@@ -10,11 +9,11 @@ import re
 import secrets
 import subprocess
 import sys
-import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
 
@@ -78,8 +77,10 @@ class Taken:
     redis_bytes: list[int] = field(default_factory=list)
     service_bytes: list[int] = field(default_factory=list)
     health_s: list[float] = field(default_factory=list)
+    own_health_s: list[float] = field(default_factory=list)  # at a port of its own
     is_exact: bool = False
     unread: int = 0  # results at the very end
+    in_all: dict[str, int] = field(default_factory=dict)  # the service's counts, from its start to its end
     repeated: int = 0  # samples of tiles that were rendered more than once, or are in no film
     rounds_s: list[float] = field(default_factory=list)  # between two rounds of a watcher
     packets: int = 0  # that all watchers got
@@ -94,6 +95,7 @@ class Served:
         self.redis = running_redis(folder)
         self.token = secrets.token_hex(8)
         self.port = free_port("127.0.0.1")
+        self.health_port = free_port("127.0.0.1")
         self.url = f"http://127.0.0.1:{self.port}"
         self._more = environment
 
@@ -105,6 +107,7 @@ class Served:
             "REDIS_URL": self.redis.url,
             "TOKEN": self.token,
             "PORT": str(self.port),
+            "HEALTH_PORT": str(self.health_port),
             "REUSE_FILMS": "false",
         }
         environment = os.environ | {f"RAYFARM_{name}": value for name, value in told.items()} | self._more
@@ -229,6 +232,7 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
         served.http.patch(f"/api/jobs/{job}", json={"state": "paused"}).raise_for_status()
         time.sleep(2.0)  # until all have reported themselves after that
         said = _settled(served, slots)
+        taken.in_all = served.counts()
         served.stop()
         film = served.film(job, load)
         has = _covered(film)
@@ -245,6 +249,12 @@ def _look(served: Served, taken: Taken) -> None:
     begun = time.perf_counter()
     served.http.get("/healthz").raise_for_status()
     taken.health_s.append(time.perf_counter() - begun)
+    begun = time.perf_counter()
+    asking = HTTPConnection("127.0.0.1", served.health_port, timeout=30)
+    asking.request("GET", "/healthz")
+    assert asking.getresponse().status == 200
+    asking.close()
+    taken.own_health_s.append(time.perf_counter() - begun)
     taken.stream.append(int(served.store.xlen(RESULTS)))
     about: Any = served.store.info("memory")
     taken.redis_bytes.append(int(about["used_memory"]))
@@ -262,30 +272,19 @@ def _watching(served: Served, job: str, load: Load) -> subprocess.Popen[str] | N
 
 @contextlib.contextmanager
 def _pictures(served: Served, job: str, many: int, answers: Counter[int]) -> Iterator[None]:
-    """Readers who ask for a picture of the job, each another exposure, and again when it is there."""
-    is_over = threading.Event()
-
-    async def read(client: httpx.AsyncClient, number: int) -> None:
-        while not is_over.is_set():
-            url = f"/api/jobs/{job}/frames/0/image.png"
-            async with client.stream("GET", url, params={"exposure": number / 1000}) as response:
-                async for _ in response.aiter_raw():
-                    pass
-            answers[response.status_code] += 1
-            await asyncio.sleep(0.5)
-
-    async def read_all() -> None:
-        limits = httpx.Limits(max_connections=None)
-        async with httpx.AsyncClient(base_url=served.url, timeout=None, limits=limits) as client:
-            await asyncio.gather(*(read(client, number) for number in range(many)))
-
-    thread = threading.Thread(target=asyncio.run, args=(read_all(),)) if many else None
-    if thread is not None:
-        thread.start()
-    yield
-    is_over.set()
-    if thread is not None:
-        thread.join()
+    """Readers who ask for a picture of the job, in a process of their own: what they take of a processor is not the asker's."""
+    if not many:
+        yield
+        return
+    command = ["nice", sys.executable, "-m", "tests.benchmarks.scale.readers", f"--url={served.url}", f"--job={job}"]
+    command.append(f"--readers={many}")
+    reading = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, preexec_fn=spawn_guard())
+    try:
+        yield
+    finally:
+        reading.terminate()
+        said = json.loads(reading.communicate(timeout=60)[0].splitlines()[-1])
+        answers.update({int(status): count for status, count in said.items()})
 
 
 def _settled(served: Served, slots: subprocess.Popen[str]) -> dict[str, int]:

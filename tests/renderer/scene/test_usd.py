@@ -278,3 +278,12 @@ def test_a_damaged_file_gets_a_sentence_without_a_path_of_this_machine(tmp_path)
         with pytest.raises(SceneError, match=f"^a.{suffix}: ") as told:
             read(tmp_path / f"a.{suffix}")
         assert str(tmp_path) not in str(told.value)
+
+
+def test_a_mesh_whose_faces_are_of_no_type_is_left_out(tmp_path):
+    text = '#usda 1.0\ndef Mesh "m" {{ point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]\n{}\n{}\n}}\n'
+    counts, corners = "int[] faceVertexCounts = [3]", "int[] faceVertexIndices = [0, 1, 2]"
+    for odd in ((counts.replace("int", "inp"), corners), (counts, corners.replace("int[]", "inp[]"))):
+        (tmp_path / "a.usda").write_text(text.format(*odd))
+        with pytest.raises(SceneError, match="shows no surface"):
+            read(tmp_path / "a.usda")

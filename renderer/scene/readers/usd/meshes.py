@@ -55,8 +55,8 @@ def read_mesh(prim: Any, parts: list[Wanted], time: Any, notes: Notes, shape: Sh
     """A mesh's parts; None for one without a triangle. shape: in place of its own points. Raises SceneError."""
     mesh = UsdGeom.Mesh(prim)
     points = primvars.array(mesh.GetPointsAttr().Get(time), 3) if shape is None else shape.points
-    counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(time) or (), np.int64)
-    corners = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(time) or (), np.int64)
+    counts = primvars.integers(mesh.GetFaceVertexCountsAttr().Get(time))
+    corners = primvars.integers(mesh.GetFaceVertexIndicesAttr().Get(time))
     if not _is_whole(points, counts, corners):
         notes.add("Meshes whose faces are damaged are left out", str(prim.GetPath()))
         return [None for _ in parts]

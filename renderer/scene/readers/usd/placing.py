@@ -16,6 +16,7 @@ from renderer.scene.closed import is_closed
 from renderer.scene.description import Camera, Instance, Mesh, SceneDescription, Sphere
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix
+from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.cameras import read_camera, shutter_of
 from renderer.scene.readers.usd.curves import balls_of, tubes_of
 from renderer.scene.readers.usd.dome import add_dome, is_dome
@@ -133,11 +134,11 @@ class Placing:
 
     def _parts(self, prim: Any, surfaces: list[Surface], subsets: list[Any], shape: Shape | None) -> list[Mesh | None]:
         """The mesh's parts, in the order of the surfaces: what is in no subset, and each subset."""
-        count = len(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(self._time) or ())
+        count = len(primvars.integers(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(self._time)))
         rest = np.ones(count, bool)
         masks: list[npt.NDArray[np.bool_] | None] = [rest if subsets else None]
         for subset in subsets:
-            indices = np.asarray(subset.GetIndicesAttr().Get(self._time) or (), np.int64)
+            indices = primvars.integers(subset.GetIndicesAttr().Get(self._time))
             mask = np.zeros(count, bool)
             mask[indices[(indices >= 0) & (indices < count)]] = True
             masks.append(mask & rest)

@@ -12,7 +12,7 @@ from renderer.scene.description import F32
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.polygons import AtCorners, Faces
 
-__all__ = ["array", "at_corners", "constant", "found", "varies"]
+__all__ = ["array", "at_corners", "constant", "found", "integers", "varies"]
 
 
 def array(value: Any, width: int) -> F32:
@@ -23,6 +23,12 @@ def array(value: Any, width: int) -> F32:
     if values.dtype.kind not in "fiu" or values.size % width:
         return np.zeros((0, width), np.float32)
     return np.ascontiguousarray(values.reshape(-1, width), np.float32)
+
+
+def integers(value: Any) -> npt.NDArray[np.int64]:
+    """(N,) of one of USD's arrays; empty where there is none, or of another type, as damaged layers have."""
+    values = np.asarray(() if value is None else value)
+    return np.asarray(values if values.dtype.kind in "iu" else (), np.int64).reshape(-1)
 
 
 def found(prim: Any, name: str) -> Any:

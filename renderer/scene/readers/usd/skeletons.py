@@ -134,14 +134,14 @@ class Skeletons:
         given = mesh.GetNormalsAttr().Get(self._time) if primvar is None else primvar.ComputeFlattened(self._time)
         values = primvars.array(given, 3).astype(np.float64)
         kind = mesh.GetNormalsInterpolation() if primvar is None else primvar.GetInterpolation()
-        counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(self._time) or (), np.int64)
+        counts = primvars.integers(mesh.GetFaceVertexCountsAttr().Get(self._time))
         if kind == "uniform" and len(values) == len(counts) and counts.min(initial=0) >= 0:
             values = np.repeat(values, counts, axis=0)
         return values if len(values) else None
 
     def _turned(self, mesh: Any, normals: F64, whole: Matrix, joints: npt.NDArray[np.int64], weights: F64) -> F32 | None:
         """The normals, of points or of corners, turned with their points."""
-        corners = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(self._time) or (), np.int64)
+        corners = primvars.integers(mesh.GetFaceVertexIndicesAttr().Get(self._time))
         point = corners if len(normals) == len(corners) else np.arange(len(normals))
         if point.max(initial=-1) >= len(joints) or point.min(initial=0) < 0:
             return None

@@ -1,11 +1,13 @@
 """The random numbers: a function of their counters alone; independent ones without order, Sobol' ones in good order."""
 
+import math
+
 import numpy as np
 import pytest
 import scipy.stats
 
 from renderer.jit import entry
-from renderer.kernel.sampling.sampler import INDEPENDENT, SOBOL, pixel_key, uniform4
+from renderer.kernel.sampling.sampler import INDEPENDENT, SOBOL, Stream, draw_film, pixel_key, uniform4
 from renderer.kernel.sampling.sobol import direction_numbers
 from tests.renderer.judge import assert_uniform, limit
 
@@ -190,3 +192,41 @@ def test_sobol_integrates_better_than_independent_numbers(n):
         errors[kind] = np.array([inside.std(), bump.std()])
     gain = errors[INDEPENDENT] / errors[SOBOL]
     assert (gain > np.array([n**0.2, n**0.4])).all(), gain
+
+
+@entry
+def _film_places(kind, seed, x, y, sample, out):
+    for i in range(len(out)):
+        stream = Stream(kind, np.uint32(seed), pixel_key(x[i], y[i]), np.uint32(sample[i]))
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = draw_film(stream)
+
+
+def film_places(pixels, samples, kind=SOBOL):
+    """(pixels, samples, 4), of pixels in a row."""
+    x, sample = np.repeat(np.arange(pixels), samples), np.tile(np.arange(samples), pixels)
+    out = np.empty((pixels * samples, 4), np.float32)
+    _film_places(kind, 3, x, np.zeros_like(x), sample, out)
+    return out.reshape(pixels, samples, 4)
+
+
+@pytest.mark.parametrize("first", [0, 512, 640])
+@pytest.mark.parametrize("log_n", range(1, 8))
+def test_places_in_a_pixel_are_far_apart(first, log_n):
+    """Any aligned run of 2**k: one in each of 2**k slices, across and down; no two nearer than in a good lattice."""
+    n = 1 << log_n
+    run = film_places(64, 1024)[:, first : first + n].astype(float)
+    for k in range(4):
+        np.testing.assert_array_equal(np.sort((run[..., k] * n).astype(int), axis=1), np.broadcast_to(np.arange(n), (64, n)))
+    way = run[:, :, None, :2] - run[:, None, :, :2]
+    distance = np.linalg.norm(way - np.rint(way), axis=-1)[:, ~np.eye(n, dtype=bool)]
+    densest = math.sqrt(2 / math.sqrt(3) / n)
+    assert distance.min() > 0.65 * densest
+
+
+@pytest.mark.parametrize("kind", [SOBOL, INDEPENDENT])
+def test_places_of_different_pixels_are_independent(kind):
+    values = film_places(N // 16, 16, kind)[:, 5]
+    cell = (values * 16).astype(int)
+    for a, b in ((0, 1), (1, 2), (2, 3), (0, 3)):
+        assert_uniform(np.bincount(cell[:, a] * 16 + cell[:, b], minlength=256), 8, f"dimensions {a} and {b}")
+    assert_uniform(np.bincount(cell[:-1, 0] * 16 + cell[1:, 0], minlength=256), 8, "a pixel and the next")

@@ -1,0 +1,35 @@
+"""A worker that ends says what it has in hand until it has ended."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import redis
+
+from tests.helpers import wait_until
+from worker.contract import WorkerReport, worker_key
+from worker.leaving import Leaving
+
+
+def test_it_reports_until_it_is_gone(redis_url: str, store: redis.Redis) -> None:
+    def report(is_paused: bool) -> WorkerReport:
+        return WorkerReport("attic", "host", 1, 1, "cpu", "kind", "paused" if is_paused else "ready", 0.0, 0.0, [{"batch": "b"}])
+
+    worker: Any = SimpleNamespace(name="attic", redis_url=redis_url, report=report)
+    leaving = Leaving(worker)
+    leaving.begin(how="Warm")
+    leaving.begin(how="Warm")
+
+    def said() -> WorkerReport | None:
+        data = store.get(worker_key("attic"))
+        return WorkerReport.from_bytes(data) if isinstance(data, bytes) else None
+
+    wait_until(lambda: said() is not None, 20, "it reports itself")
+    first = said()
+    assert first is not None
+    assert (first.state, first.current) == ("paused", [{"batch": "b"}])
+    store.delete(worker_key("attic"))
+    wait_until(lambda: said() is not None, 20, "and again")
+    leaving.end()
+    assert said() is None
