@@ -258,17 +258,22 @@ def test_a_blurred_picture_is_the_mean_of_its_moments(at: At) -> None:
     moving = over(at)
     views = moving.cameras[0].keys if moving.cameras else ()
     settings = settings_of(moving.cameras[0].view if views else FLAT, 24, views=views, max_depth=3)
-    found = picture(compile_scene(moving), settings, 1024)
-    moments = 48
-    known = np.zeros_like(found)
+    samples, moments = 2048, 48
+    found = picture(compile_scene(moving), settings, samples)
+    known, brightest = np.zeros_like(found), 0.0
     for i in range(moments):
         still = at((i + 0.5) / moments - 0.5)
         view = still.cameras[0].view if views else FLAT
-        known += picture(compile_scene(still), replace(settings, view=view, views=()), 64) / moments
+        moment = picture(compile_scene(still), replace(settings, view=view, views=()), 64)
+        known += moment / moments
+        brightest = max(brightest, float(moment.max()))
     assert known.max() > 0.1
     assert found.mean() == pytest.approx(known.mean(), rel=0.01)
     assert abs(found - known).mean() < 0.015 * known.mean() + 0.002
-    assert abs(found - known).max() < 0.12 * known.max()
+    # What lies between 0 and b with mean m has a variance of m (b - m) at most. Of 576 pixels hardly one is 4.5 such deviations
+    # off; an edge that passes by may be off by half a moment on either side of it.
+    error = np.sqrt(known * np.maximum(brightest - known, 0.0) / samples)
+    assert (abs(found - known) < 4.5 * error + brightest / moments).all()
 
 
 def under_a_lamp(t: float) -> SceneDescription:

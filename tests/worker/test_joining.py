@@ -151,7 +151,7 @@ def test_an_http_server_is_no_redis() -> None:
 
 def test_settings_that_only_the_first_work_would_find_wrong_are_refused_at_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     def check(**changed: object) -> None:
-        plain = {"redis": None, "tag": [], "hours": "", "idle": 0.0, "nice": None, "memory": 0.0}
+        plain = {"redis": None, "tag": [], "hours": "", "idle": 0.0, "nice": None, "memory": 0.0, "site": "", "blender": None}
         program._check(argparse.Namespace(**{**plain, **changed}))
 
     check()
@@ -160,6 +160,8 @@ def test_settings_that_only_the_first_work_would_find_wrong_are_refused_at_the_s
         ("hours", "at noon", "noon"),
         ("tag", ["two words"], "--tag: 'two words' is no tag"),
         ("memory", -1.0, "memory"),
+        ("site", "Two Words", "--site: 'Two Words' is no name"),
+        ("tag", ["blender"], "give --blender"),
     ):
         with pytest.raises(RefusedError, match=sentence):
             check(**{name: value})

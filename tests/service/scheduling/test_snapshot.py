@@ -25,7 +25,7 @@ def job(samples: int, state: str = "running") -> Any:
         "eta_s": None,
         "samples_per_s": 0.0,
     }
-    about |= {"handed_back": None, "slots_wanted": 0, "expected": None}
+    about |= {"handed_back": None, "slots_wanted": 0, "expected": None, "unforeseen": None}
     return SimpleNamespace(**about)
 
 
