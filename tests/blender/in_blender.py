@@ -308,7 +308,7 @@ def viewport() -> dict:
 
     def seen() -> np.ndarray:
         """The picture, when there is nothing to add to it."""
-        until = time.monotonic() + 120
+        until = time.monotonic() + 300
         depsgraph = bpy.context.evaluated_depsgraph_get()
         while time.monotonic() < until:
             begun = time.monotonic()
@@ -335,6 +335,7 @@ def viewport() -> dict:
     bpy.context.view_layer.update()
     lifted = seen()
     view.end()
+    assert not bpy.app.timers.is_registered(view._ticking), "Blender would call it, or free it when Python has ended"
     bpy.app.handlers.depsgraph_update_post.clear()
     picture("viewport.exr", scene, "RAYFARM")
     np.savez(FOLDER / "viewport.npz", first=first, turned=turned, painted=painted, lifted=lifted)

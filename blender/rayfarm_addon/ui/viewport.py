@@ -90,7 +90,8 @@ class Viewport:
     def _start_timer(self) -> None:
         import bpy
 
-        bpy.app.timers.register(self.tick, first_interval=LOOK_S)
+        self._ticking = self.tick  # Blender knows a timer by the object, and a bound method is another one each time
+        bpy.app.timers.register(self._ticking, first_interval=LOOK_S)
 
     def tick(self) -> float | None:
         """From Blender's timer: draws again where there is something to draw or to read. None ends it."""
@@ -195,5 +196,5 @@ class Viewport:
         with contextlib.suppress(Exception):
             import bpy
 
-            if bpy.app.timers.is_registered(self.tick):
-                bpy.app.timers.unregister(self.tick)
+            if bpy.app.timers.is_registered(self._ticking):
+                bpy.app.timers.unregister(self._ticking)
