@@ -11,6 +11,7 @@ added up theirs (worker/site.py), each part ends with the name of the worker tha
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -50,9 +51,10 @@ class Run(NamedTuple):
         """What a message has for one; None where that makes no sense: then nobody adds up more than a machine's sums."""
         try:
             site, first, count, hold_s = data
-            return cls(str(site), int(first), int(count), float(hold_s))
-        except (TypeError, ValueError):
+            run = cls(str(site), int(first), int(count), float(hold_s))
+        except (TypeError, ValueError, OverflowError):
             return None
+        return None if math.isnan(run.hold_s) else run  # which no time is longer than
 
 
 @dataclass(frozen=True)

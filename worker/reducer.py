@@ -16,6 +16,7 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -41,6 +42,7 @@ EXIT_REFUSED = 3
 LOOK_EVERY_S = 0.05
 LARGEST = 64 << 20  # bytes of a result
 MOST_BYTES = 1 << 30  # that wait here
+MOST_COMING = 8 * LARGEST  # bytes that are being received: nobody knows yet whose
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.2, 3.0
 PATIENCE_S = 10.0  # with a worker that sends
 
@@ -58,11 +60,24 @@ class Reducer:
         self._store = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
         self._secrets: list[tuple[float, bytes]] = []  # the newest first, and since when
         self._started = time.time()
+        self._coming = 0  # bytes that are being received
         self._count = threading.Lock()
 
     def is_signed(self, body: bytes, said: str) -> bool:
         """Whether a worker of the farm has sent this."""
-        return any(secrets.compare_digest(signature(secret, body), said) for _, secret in self._secrets)
+        return any(secrets.compare_digest(signature(secret, body).encode(), said.encode()) for _, secret in self._secrets)
+
+    @contextlib.contextmanager
+    def room(self, size: int) -> Iterator[bool]:
+        """Whether so many bytes may come now; within, they are counted."""
+        with self._count:
+            is_there = self._coming + size <= MOST_COMING
+            self._coming += size if is_there else 0
+        try:
+            yield is_there
+        finally:
+            with self._count:
+                self._coming -= size if is_there else 0
 
     def take(self, body: bytes) -> None:
         """Raises ValueError, Full or OSError where it does not."""
@@ -114,7 +129,12 @@ class _Handler(BaseHTTPRequestHandler):
             return self._answer(HTTPStatus.LENGTH_REQUIRED)
         if self.path != SUMS_PATH or not 0 <= size <= LARGEST:
             return self._answer(HTTPStatus.NOT_FOUND if self.path != SUMS_PATH else HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
-        body = self.rfile.read(size)
+        with self.server.reducer.room(size) as is_there:
+            if not is_there:
+                return self._answer(HTTPStatus.SERVICE_UNAVAILABLE)
+            return self._take(self.rfile.read(size), size)
+
+    def _take(self, body: bytes, size: int) -> None:
         if len(body) != size:
             return None
         if not self.server.reducer.is_signed(body, self.headers.get(SIGNATURE_HEADER, "")):

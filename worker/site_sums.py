@@ -183,7 +183,7 @@ def _checked(result: Result) -> tuple[Run, Result]:
         check_sums(result.sums or b"", tile)
         event |= {"type": "batches", "parts": parts, "bad_count": int(event["bad_count"])}
         event.pop("batch", None), event.pop("seconds", None)
-    except (KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, AttributeError, OverflowError) as error:
         raise ValueError(f"no sums: {error!r}") from None
     return run._replace(hold_s=min(run.hold_s, LONGEST_HOLD_S)), Result(event, result.sums)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Coroutine
 from contextlib import suppress
+from http.cookiejar import CookieJar, DefaultCookiePolicy
 from typing import Any, TypeVar
 from urllib.parse import quote, urlsplit
 
@@ -30,6 +31,7 @@ CONNECT_S = 3.0
 GOING_DOWN = 1012  # a WebSocket's close code: come again
 NO_CODE = (None, 1005, 1006)
 T = TypeVar("T")
+NO_PATH = Problem(400, "What is asked for is no path. It begins with /, and is shorter than 64 KiB.")
 AWAY = "The service that works as the farm does not answer"
 # Of one connection alone (RFC 9110, 7.6.1), and what the next one makes anew.
 HOP = {"connection", "keep-alive", "proxy-authenticate", "proxy-authorization", "te", "trailer", "transfer-encoding", "upgrade"}
@@ -62,12 +64,16 @@ class Forward:
         """Pass on a request, until `over`. Raises Unavailable where nobody answers; then nothing was sent."""
         headers = Headers(scope=scope)
         has_body = headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
-        request = self._client().build_request(
-            scope["method"],
-            url + _path(scope),
-            headers=_passed_on(scope, HOP),
-            content=_body(receive) if has_body else None,
-        )
+        path = _path(scope)
+        try:
+            if not path.startswith("/"):
+                raise httpx.InvalidURL("no path")  # `*@elsewhere/` behind an address would make another's address of it
+            request = self._client().build_request(
+                scope["method"], url + path, headers=_passed_on(scope, HOP), content=_body(receive) if has_body else None
+            )
+        except httpx.InvalidURL:
+            await refuse(NO_PATH, scope, receive, send)
+            return
         try:
             answer = await _until(over, self._client().send(request, stream=True))
         except httpx.HTTPError as error:
@@ -84,10 +90,13 @@ class Forward:
     async def socket(self, url: str, over: asyncio.Event, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on a WebSocket, until `over`. Raises Unavailable where nobody answers."""
         await receive()
-        there = urlsplit(url)
+        there, path = urlsplit(url), _path(scope)
+        if not path.startswith("/"):
+            await refuse(NO_PATH, scope, receive, send)
+            return
         host = Headers(scope=scope).get("host", there.netloc)
         connection = connect(
-            f"{'wss' if there.scheme == 'https' else 'ws'}://{host}{_path(scope)}",
+            f"{'wss' if there.scheme == 'https' else 'ws'}://{host}{path}",
             host=there.hostname,
             port=there.port,
             additional_headers=[(_text(name), _text(value)) for name, value in _passed_on(scope, HOP | HANDSHAKE)],
@@ -111,7 +120,11 @@ class Forward:
         if self._http is None:
             limits = httpx.Limits(max_connections=None, max_keepalive_connections=20)
             timeout = httpx.Timeout(None, connect=CONNECT_S)
-            self._http = httpx.AsyncClient(limits=limits, timeout=timeout, trust_env=False)
+            # What the owner gives one who asks is not shown for another: no cookie is kept.
+            no_cookies = CookieJar(DefaultCookiePolicy(allowed_domains=()))
+            self._http = httpx.AsyncClient(limits=limits, timeout=timeout, trust_env=False, cookies=no_cookies)
+            for name in ("accept", "accept-encoding", "user-agent"):
+                del self._http.headers[name]  # whoever asks says these, or nobody does
         return self._http
 
 

@@ -32,7 +32,7 @@ Share = Annotated[str, Path(max_length=80, description=f"{EVERYBODY}: of jobs th
 class ShareIn(Strict):
     """What a share is to get."""
 
-    weight: float = Field(1.0, gt=0.0, le=1e6, allow_inf_nan=False, description="slots are shared in proportion to it")
+    weight: float = Field(1.0, ge=1e-3, le=1e6, allow_inf_nan=False, description="slots are shared in proportion to it")
     max_slots: int | None = Field(None, ge=1, le=1_000_000, description="at most, of all its jobs at a time; null: no limit")
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 from collections.abc import Iterator
+from contextlib import ExitStack
 from http.client import HTTPConnection
 from http.server import ThreadingHTTPServer
 from pathlib import Path
@@ -18,6 +20,7 @@ from tests.reducer import Reducing
 from tests.worker.bench import FakeService
 from tests.worker.test_site_sums import SUMS, TILE, sums
 from worker.contract import RESULTS, Result
+from worker.reducer import LARGEST, MOST_COMING
 from worker.result_bytes import result_bytes
 from worker.site import SIGNATURE_HEADER, SUMS_PATH, secret_key, signature, site_key
 from worker.site_link import SiteLink
@@ -84,8 +87,15 @@ def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: red
 
         body = result_bytes(sums(0, 4))
         assert post(body, "") == post(body, signature(b"another", body)) == post(body + b"!", signature(secret, body)) == 403
+        assert post(body, "\xe9") == 403, "no signature is of such letters"
         assert post(body, signature(secret, body), "/") == 404
         assert post(b"no result", signature(secret, b"no result")) == 409
+        with ExitStack() as held:  # many who say that much comes, and send nothing
+            for _ in range(MOST_COMING // LARGEST):
+                wire = held.enter_context(socket.create_connection(("127.0.0.1", report.port), timeout=20))
+                wire.sendall(f"POST {SUMS_PATH} HTTP/1.1\r\nContent-Length: {LARGEST}\r\n\r\n".encode())
+            wait_until(lambda: post(body, signature(secret, body)) == 503, 20, "there is room for no more")
+        wait_until(lambda: post(body, signature(secret, body)) == 204, 30, "they have left, and there is room again")
     finally:
         reducing.kill()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +97,9 @@ def test_what_comes_twice_is_sent_once(kept: SiteSums) -> None:
         {"run": None},
         {"tile": [0, 0, 4, 5]},
         {"run": ["attic", 2, 10, HOLD_S]},
+        {"run": ["attic", 0, 12, math.nan]},
+        {"run": ["attic", 0, math.inf, HOLD_S]},
+        {"tile": [0, 0, 4, math.inf]},
         {"worker": ""},
         {"type": "batch-failed"},
         {"type": "batches", "parts": [["c", 0, 3, 0.5]]},

@@ -1,0 +1,98 @@
+"""What a service that stands by passes on, over two real servers: one that echoes, and one in front of it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Literal
+
+import pytest
+import uvicorn
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from service.api.forward import Forward
+from tests.service.conftest import until
+
+
+@contextmanager
+def served(app: ASGIApp, lifespan: Literal["on", "off"] = "off") -> Iterator[int]:
+    """Its port, on loopback."""
+    server = uvicorn.Server(uvicorn.Config(app, port=0, lifespan=lifespan, log_level="warning"))
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    until(lambda: server.started, "the server listens", 60)
+    try:
+        yield server.servers[0].sockets[0].getsockname()[1]
+    finally:
+        server.should_exit = True
+        thread.join(20)
+
+
+async def echo(scope: Scope, receive: Receive, send: Send) -> None:
+    """Says what it is asked, and gives whoever asks the cookie of a session."""
+    headers = {name.decode(): value.decode() for name, value in scope["headers"]}
+    body = json.dumps({"path": scope["raw_path"].decode(), "headers": headers}).encode()
+    cookie = (b"set-cookie", b"session=of-the-one-before; Path=/; HttpOnly")
+    await send({"type": "http.response.start", "status": 200, "headers": [cookie, (b"content-length", b"%d" % len(body))]})
+    await send({"type": "http.response.body", "body": body})
+
+
+@pytest.fixture(scope="module")
+def owner() -> Iterator[int]:
+    with served(echo) as port:
+        yield port
+
+
+@pytest.fixture(scope="module")
+def standby(owner: int) -> Iterator[int]:
+    forward, over = Forward(), asyncio.Event()
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "lifespan":
+            for each in ("startup", "shutdown"):
+                await receive()
+                if each == "shutdown":
+                    await forward.close()
+                await send({"type": f"lifespan.{each}.complete"})
+            return
+        await forward.request(f"http://127.0.0.1:{owner}", over, scope, receive, send)
+
+    with served(app, "on") as port:
+        yield port
+
+
+def asked(port: int, target: str, *headers: str) -> tuple[int, bytes]:
+    """Status and body, for a request that no client would write."""
+    with socket.create_connection(("127.0.0.1", port), timeout=30) as wire:
+        lines = [f"GET {target} HTTP/1.1", "Host: localhost", "Connection: close", *headers]
+        wire.sendall("\r\n".join([*lines, "", ""]).encode())
+        answer = b"".join(iter(lambda: wire.recv(1 << 16), b""))
+    head, _, body = answer.partition(b"\r\n\r\n")
+    return int(head.split()[1]), body
+
+
+def test_nobody_is_taken_for_whoever_asked_before(standby: int) -> None:
+    assert "cookie" not in json.loads(asked(standby, "/")[1])["headers"]
+    assert "cookie" not in json.loads(asked(standby, "/")[1])["headers"], "what the owner gave another"
+    assert json.loads(asked(standby, "/", "Cookie: session=mine")[1])["headers"]["cookie"] == "session=mine"
+
+
+def test_what_is_asked_for_does_not_say_of_whom(standby: int) -> None:
+    """`http://owner:8000` and `*@elsewhere/` are together an address at elsewhere."""
+    with served(echo) as elsewhere:
+        status, body = asked(standby, f"*@127.0.0.1:{elsewhere}/secret")
+    assert status == 400
+    assert b"secret" not in body
+    assert asked(standby, "/" + "a" * (1 << 16))[0] == 400
+
+
+def test_nothing_is_said_that_nobody_said(standby: int) -> None:
+    """An answer in gzip is not for whoever did not ask for it."""
+    found = json.loads(asked(standby, "/a?b=%20c")[1])
+    assert found["path"] == "/a"
+    assert not {"accept", "accept-encoding", "user-agent"} & found["headers"].keys()
+    assert json.loads(asked(standby, "/", "Accept-Encoding: br")[1])["headers"]["accept-encoding"] == "br"
