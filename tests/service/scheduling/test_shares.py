@@ -152,15 +152,16 @@ def test_it_costs_little_with_ten_thousand_jobs_and_a_thousand_slots() -> None:
     jobs = [Claim(f"{i:05}", f"user:{dice.randrange(100)}", begins=float(i)) for i in range(10_000)]
     shares = Shares()
     held = Counter({job.id: 1 for job in jobs[:1900]})
-    begun = time.process_time()
+    each = math.inf
     for _ in range(10):
+        begun = time.process_time()
         line = shares.line(KIND, jobs, held, Counter())
         for turn in range(100):
             job = line.next()
             assert job is not None
             job.served = turn + 1
             line.gave(job, 1, 0.5)
-    each = (time.process_time() - begun) / 10
+        each = min(each, time.process_time() - begun)
     assert each < 0.2, "a hundred handed out; some 20 ms where nothing else runs"
 
 
