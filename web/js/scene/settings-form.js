@@ -92,9 +92,14 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
       render.disabled = false;
     }
   };
+  // What a fold opens lies below the edge, so often that nothing would seem to happen.
+  const onclick = (/** @type {MouseEvent} */ { target }) => {
+    const fold = /** @type {HTMLElement} */ (target).closest("summary")?.parentElement;
+    requestAnimationFrame(() => fold?.hasAttribute("open") && fold.scrollIntoView({ block: "nearest" }));
+  };
   const element = h(
     "form",
-    { class: "settings", "aria-label": t("Render settings"), noValidate: true, onsubmit },
+    { class: "settings", "aria-label": t("Render settings"), noValidate: true, onsubmit, onclick },
     others.light,
     shot.elements,
     camera.elements,
