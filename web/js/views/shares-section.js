@@ -105,6 +105,7 @@ function shareRow(changed) {
     const who = share.share.replace(/^(user|project):/, "");
     const label = share.share === "everybody" ? t("Everybody") : isProject ? t("Project {name}", { name: who }) : who;
     setText(name, label);
+    name.title = label;
     const away = isProject ? t("No share for {name}: its jobs are their users'", { name: label }) : t("{name} as all by themselves", { name: label });
     reset.title = away;
     reset.setAttribute("aria-label", away);
