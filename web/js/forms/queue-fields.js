@@ -42,7 +42,7 @@ export function queueFields(changed) {
     });
   }
   const wanted = field(t("Wanted by"), deadline, t("Warns when the forecast says no."));
-  const needed = field(t("Needs"), needs, t("Tags of workers, as gpu, and memory_gb=32; commas between them."));
+  const needed = field(t("Needs"), needs, t("Tags of workers, such as gpu, or memory_gb=32; commas between them."));
   needed.append(lacking);
   explain(wanted, t("Wanted by"), [deadline]);
   explain(needed, t("Needs"), [needs]);

@@ -36,7 +36,7 @@ export function queueFold(like) {
       { class: "stack" },
       place.elements,
       after.element,
-      field(t("Verified, %"), verify, t("Of its batches so many are rendered by two workers, and compared to the bit.")),
+      field(t("Verified, %"), verify, t("So much of it is rendered by two workers and compared to the bit.")),
       h(
         "label",
         { class: "check small", title: t("Unless this is set, samples that an earlier job of the same picture has are taken from it") },

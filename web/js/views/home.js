@@ -100,7 +100,7 @@ function dropZone() {
       { class: "quiet" },
       t("GLB, glTF, USD, FBX, BLEND, OBJ with its MTL and textures, 3MF, PLY, STL, DAE, 3DS and more, or a scene YAML; its folder or a zip will do."),
       " ",
-      h("a", { href: "/api/blender-addon.zip", download: "" }, t("Blender renders here by its add-on.")),
+      h("a", { href: "/api/blender-addon.zip", download: "" }, t("Download the add-on for Blender")),
     ),
     h(
       "div",
