@@ -15,6 +15,7 @@ from rayfarm.console import err
 from rayfarm.errors import CommandError
 from renderer.formats import ARCHIVE_SUFFIXES, NAMING_SUFFIXES, SCENE_SUFFIXES, is_junk, pick_main
 from renderer.frames import frame_name, numbers_of
+from renderer.zips import DAMAGED
 
 __all__ = ["belonging", "is_numbered", "opened"]
 
@@ -100,7 +101,7 @@ def _unpack(archive: Path, folder: Path) -> list[str]:
                     f"{archive.name} unpacks to {total / 2**30:.1f} GiB; at most {MAX_UNPACKED >> 30} GiB are taken."
                 )
             return [str(Path(packed.extract(entry, folder)).relative_to(folder)) for entry in entries]
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
+    except DAMAGED as error:
         raise CommandError(
             f"{archive.name} cannot be unpacked ({error}). Pack it again as a plain zip without a password."
         ) from error

@@ -19,6 +19,8 @@ import zipfile
 from pathlib import Path
 from typing import IO
 
+from renderer.zips import DAMAGED
+
 __all__ = ["MAX_BYTES", "ArtefactError", "is_name", "is_signed", "name_of", "pack", "signed_anew", "unpack"]
 
 MAX_BYTES = 64 << 20  # of the file; a folder with every kernel packs to a tenth of that
@@ -88,7 +90,7 @@ def unpack(file: IO[bytes], key: str, folder: Path) -> int:
             # What says that a kernel is complete comes last.
             for member in sorted(members, key=lambda m: m.filename.endswith(".done")):
                 _write(folder / member.filename, archive.read(member))
-    except (zipfile.BadZipFile, EOFError, NotImplementedError) as error:
+    except DAMAGED as error:
         raise ArtefactError(f"the kernels' archive is damaged ({error})") from error
     return len(members)
 

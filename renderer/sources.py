@@ -45,6 +45,7 @@ ARRAYS = (
     "formats.py",
     "frames.py",
     "presets.py",
+    "zips.py",
     "blender",
     "scene",
     "image/__init__.py",

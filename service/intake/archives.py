@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import errno
-import lzma
 import stat
-import struct
 import zipfile
-import zlib
 from collections.abc import Callable, Iterator
 from typing import Any, BinaryIO, cast
 
 from renderer.formats import is_junk
+from renderer.zips import DAMAGED
 from service.errors import Invalid, TooLarge
 from service.intake.names import safe_name
 from service.intake.unpack import CHUNK, pieces
@@ -21,10 +19,6 @@ from service.store.staging import BlobWriter
 __all__ = ["expand"]
 
 RATIO_FREE_BYTES = 16 << 20  # small files may shrink as well as they like
-DAMAGED = (
-    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
-    *(EOFError, IndexError, NotImplementedError, OverflowError, RuntimeError, ValueError),
-)
 DIRECTORY_BYTES_A_FILE = 512  # on average, of its entry in the zip's directory
 
 

@@ -50,6 +50,17 @@ def test_an_environment_from_elsewhere_is_brought_into_the_scenes_folder(
     assert sky.exists()
 
 
+def test_a_zip_whose_packed_bytes_are_damaged_is_told(tmp_path: Path) -> None:
+    archive = tmp_path / "room.zip"
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
+        packed.writestr("a.obj", "v 0 0 0\n" * 5000)
+    whole = bytearray(archive.read_bytes())
+    whole[35:55] = b"\xff" * 20  # after the entry's name: of the deflated stream
+    archive.write_bytes(whole)
+    with pytest.raises(CommandError, match=r"room\.zip cannot be unpacked"), opened(archive):
+        pass
+
+
 def test_a_zip_is_unpacked_for_the_while(room: Path, tmp_path: Path) -> None:
     archive = tmp_path / "room.zip"
     with zipfile.ZipFile(archive, "w") as packed:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
@@ -25,6 +24,7 @@ from renderer.scene.matrices import product
 from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.textures import TextureShelf
+from renderer.zips import DAMAGED
 
 __all__ = ["read"]
 
@@ -153,7 +153,7 @@ class _Reader:
         self._shelf = TextureShelf(description, files)
         try:
             self._package = zipfile.ZipFile(io.BytesIO(files.read(main)))
-        except (zipfile.BadZipFile, NotImplementedError, ValueError) as error:
+        except DAMAGED as error:
             raise SceneError(f"{main}: is damaged or no 3MF file ({str(error)[:120]}); export it again") from error
         self._names = {name.lower().lstrip("/"): name for name in self._package.namelist()}
         self._models: dict[str, _Model] = {}
@@ -190,7 +190,7 @@ class _Reader:
             raise SceneError(f"{self._main}: its part {path[:120]} is larger than {MAX_PART_BYTES >> 30} GiB; make it smaller")
         try:
             return self._package.read(name)
-        except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError, OSError, zlib.error) as error:
+        except (*DAMAGED, OSError) as error:
             raise SceneError(f"{self._main}: its part {path[:120]} is damaged ({str(error)[:80]}); export it again") from error
 
     def _model(self, path: str) -> _Model:

@@ -12,6 +12,7 @@ from pathlib import PurePosixPath
 
 from renderer.errors import SceneError
 from renderer.scene.files import MAX_FILE_BYTES, SceneFiles
+from renderer.zips import DAMAGED
 
 __all__ = ["LAYER_SUFFIXES", "Sources"]
 
@@ -56,7 +57,7 @@ class Sources:
             raise SceneError(f"{name}: is compressed, which USD does not know; package it again by usdzip")
         try:
             return package.read(entry)
-        except (zipfile.BadZipFile, OSError, EOFError, RuntimeError) as error:
+        except (*DAMAGED, OSError) as error:
             raise SceneError(f"{name}: could not be read ({error}); package it again") from error
 
     def root_of(self, name: str) -> str:
@@ -97,7 +98,7 @@ class Sources:
         if outer not in self._packages:
             try:
                 self._packages[outer] = zipfile.ZipFile(io.BytesIO(self._files.read(outer)))
-            except (zipfile.BadZipFile, ValueError, NotImplementedError, EOFError) as error:
+            except DAMAGED as error:
                 raise SceneError(f"{outer}: is no whole .usdz package ({error}); package it again") from error
         return self._packages[outer]
 
