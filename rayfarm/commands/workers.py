@@ -71,7 +71,8 @@ def workers(
         table.add_row(*map(escape, _cells(row)))
     out.print(table)
     for row in rows:
-        for why in (row.message, row.offer.trouble if row.offer else "is of an older release: it can only be paused"):
+        old = "" if row.state == "starting" else "is of an older release: it can only be paused"
+        for why in (row.message, row.offer.trouble if row.offer else old):
             if why:
                 out.print(f"{row.name}: {why}", markup=False, soft_wrap=True)
 
