@@ -105,6 +105,9 @@ def install(extras=()):
     say("installing Rayfarm's packages into .venv (once; a minute or two) ...")
     target = str(ROOT) + ("[{}]".format(",".join(extras)) if extras else "")
     pip(python, ["install", "--editable", target, "--constraint", str(ROOT / "constraints.txt")])
+    # pip compiles what it copies, and leaves ours where they are. Each process would, where PYTHONDONTWRITEBYTECODE is set.
+    packages = [str(ROOT / name) for name in ("rayfarm", "renderer", "service", "worker")]
+    subprocess.call([str(python), "-m", "compileall", "-q", *packages], stdout=subprocess.DEVNULL)
     stamp.write_text(" ".join([state(), *extras]) + "\n")
     say(f"installed after {time.monotonic() - begun:.0f} s")
     return python
