@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import fcntl
 import logging
 import os
 import secrets
@@ -181,9 +182,15 @@ def _work(options: argparse.Namespace, stop: threading.Event) -> int:
     farm = _joined(Link(options.service, options.token), stop)
     if farm is None:
         return 0
+    folder = options.folder / options.name
     try:
-        reducer = Reducer(options.name, SiteSums(options.folder / options.name, MOST_BYTES), trusting(farm.redis_url))
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        alone = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)  # held until this process ends, however that is
+        fcntl.flock(alone, fcntl.LOCK_EX | fcntl.LOCK_NB)
         server = _Server((options.host, options.port), _Handler)
+        reducer = Reducer(options.name, SiteSums(folder, MOST_BYTES), trusting(farm.redis_url))
+    except BlockingIOError:
+        raise RefusedError(f"The site {options.name} has a reducer on this machine already. One of them is enough.") from None
     except OSError as error:
         raise RefusedError(f"It cannot begin: {error}. Look at --port, and whether {options.folder} can be written.") from None
     server.reducer = reducer

@@ -71,6 +71,20 @@ def test_one_result_becomes_of_many_whoever_is_killed(service: str, store: redis
     assert not another.send(sums(0, 4))
 
 
+def test_a_second_one_takes_nothing_from_the_first(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
+    reducing = Reducing(store, service, "token", tmp_path)
+    try:
+        patient = {"run": ["attic", 0, 12, 1e9]}
+        assert SiteLink(redis_url).send(sums(0, 4, **patient))
+        with pytest.raises(AssertionError, match="has a reducer on this machine already"):
+            Reducing(store, service, "token", tmp_path)
+        assert SiteLink(redis_url).send(sums(4, 8, **patient))
+        (whole,) = arrived(store, 1)
+        assert whole.event["count"] == 12
+    finally:
+        reducing.kill()
+
+
 def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: redis.Redis, tmp_path: Path) -> None:
     reducing = Reducing(store, service, "token", tmp_path)
     try:
