@@ -5,7 +5,7 @@ import { h, setText } from "../base/dom.js";
 import { scenes, workers } from "../news/farm.js";
 import { compact, noiseText, roughly } from "../base/format.js";
 import { icon } from "../base/icons.js";
-import { may } from "../news/session.js";
+import { mayChange, whyNot } from "../news/projects.js";
 import { qualityFields } from "../forms/quality-fields.js";
 import { queueFold } from "../forms/queue-fold.js";
 import { expected } from "../forms/render-presets.js";
@@ -17,6 +17,9 @@ import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").JobRequest} JobRequest */
+
+/** A few specks may be as noisy as this, whatever the rest of the picture is: nothing is said of it then. */
+const NO_PICTURE = 1;
 
 /**
  * @typedef {object} SettingsForm
@@ -75,9 +78,9 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     ...queue.get(),
   });
   const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), t("Render"));
-  const isFree = may("submit");
+  const isFree = mayChange(scene.project);
   render.disabled = !isFree;
-  const why = !isFree && h("p", { class: "hint", role: "note" }, t("Your role may look, and not render. Ask who runs this farm."));
+  const why = !isFree && h("p", { class: "hint", role: "note" }, whyNot(scene.project));
   const onsubmit = async (/** @type {SubmitEvent} */ event) => {
     event.preventDefault();
     if (!isFree) return;
@@ -143,5 +146,5 @@ function costOf({ width, height }, spp, frames, { seconds, noise }) {
   const cost = t("{n} samples", { n: compact(width * height * spp * frames) });
   if (!all.length) return t("{cost}. They wait for a worker.", { cost });
   if (seconds === null) return t("{cost} on {slots}. How long that takes is known once they have rendered something.", { cost, slots });
-  return t("{cost}, {time} on {slots}", { cost, time: roughly(seconds), slots }) + (noise === null ? "" : `, ${t("{noise} noise", { noise: noiseText(noise) })}`);
+  return t("{cost}, {time} on {slots}", { cost, time: roughly(seconds), slots }) + (noise === null || noise >= NO_PICTURE ? "" : `, ${t("{noise} noise", { noise: noiseText(noise) })}`);
 }

@@ -9,6 +9,7 @@ import { lightWords } from "../base/light-words.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
+import { offer } from "../news/projects.js";
 import { doubtNotice } from "../job/doubt-notice.js";
 import { queuePanel } from "../job/queue-panel.js";
 import { livePicture } from "../film/live-picture.js";
@@ -33,6 +34,7 @@ import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce } from "../shell/tray.js";
 import { removeJob } from "./job-row.js";
+import { said } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -54,12 +56,13 @@ export function jobView(id) {
     jobs.subscribe((all) => {
       const job = all?.find((candidate) => candidate.id === id);
       if (job) asked = false;
+      if (job) offer(element, job.project);
       if (job?.width && job.height) {
         update ??= open(element, job, life);
         update(job);
       } else if (job) {
         // Its size is the scene's, and that is not known yet.
-        instead(emptyPage("clock", job.name, h("p", null, job.error ?? job.message ?? t("Waits for its scene."))));
+        instead(emptyPage("clock", job.name, h("p", null, said(job.error ?? job.message) || t("Waits for its scene."))));
       } else if (all && !asked) {
         asked = true;
         getJob(id).then(adoptJob, (error) => {
