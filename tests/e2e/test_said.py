@@ -55,6 +55,11 @@ def test_sentences_of_the_service_are_put_together_in_german(german: Page) -> No
     assert dict(zip(SAID, found, strict=True)) == SAID
 
 
+def test_what_the_service_refuses_is_told_in_german(german: Page) -> None:
+    problem = '{"title": "Insufficient Storage", "detail": "The upload is empty. Send it again.", "status": 507}'
+    assert call(german, "news/api", "return m.errorOf(507, a).message;", problem) == "Der Upload ist leer. Noch einmal senden."
+
+
 def test_long_texts_and_deep_quotes_take_no_time(german: Page) -> None:
     """Patterns with several places, against texts that have their words many times: none goes back over what it has read."""
     body = "const begun = performance.now(); for (const each of a) m.said(each); return performance.now() - begun;"

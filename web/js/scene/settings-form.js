@@ -18,9 +18,6 @@ import { t, tn } from "../base/words.js";
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").JobRequest} JobRequest */
 
-/** A few specks may be as noisy as this, whatever the rest of the picture is: nothing is said of it then. */
-const NO_PICTURE = 1;
-
 /**
  * @typedef {object} SettingsForm
  * @property {HTMLFormElement} element
@@ -146,5 +143,5 @@ function costOf({ width, height }, spp, frames, { seconds, noise }) {
   const cost = t("{n} samples", { n: compact(width * height * spp * frames) });
   if (!all.length) return t("{cost}. They wait for a worker.", { cost });
   if (seconds === null) return t("{cost} on {slots}. How long that takes is known once they have rendered something.", { cost, slots });
-  return t("{cost}, {time} on {slots}", { cost, time: roughly(seconds), slots }) + (noise === null || noise >= NO_PICTURE ? "" : `, ${t("{noise} noise", { noise: noiseText(noise) })}`);
+  return t("{cost}, {time} on {slots}", { cost, time: roughly(seconds), slots }) + (noise === null ? "" : `, ${t("{noise} noise", { noise: noiseText(noise) })}`);
 }

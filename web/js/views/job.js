@@ -30,7 +30,7 @@ import { parseFrames } from "../base/frame-numbers.js";
 import { shotDesk } from "../shot/shot-desk.js";
 import { isShot, shotName } from "../base/shot-words.js";
 import { addShortcuts } from "../shell/shortcuts.js";
-import { progressBar, stateChip } from "../shell/state-chip.js";
+import { progressBar, stateChip, stateWord } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce } from "../shell/tray.js";
 import { removeJob } from "./job-row.js";
@@ -72,7 +72,7 @@ export function jobView(id) {
             emptyPage(
               wasThere ? "trash" : "image",
               wasThere ? t("This picture was deleted") : t("This picture is not here"),
-              !wasThere && h("p", null, error.message),
+              !wasThere && h("p", null, error.status === 404 ? t("It was deleted, or its address is not whole.") : error.message),
               h("a", { href: linkTo("jobs") }, t("To the jobs")),
             ),
           );
@@ -124,6 +124,13 @@ function open(page, job, life) {
 
   const notice = h("div", { class: "stage-notice" });
   picture.element.append(notice);
+  const waiting = h("p", { class: "stage-waiting", "aria-hidden": "true", hidden: true }, icon("clock"), h("span")); // its panel says the same
+  picture.element.append(waiting);
+  const showWaiting = () => {
+    waiting.hidden = latest.samples > 0 || latest.state !== "queued";
+    setText(/** @type {Element} */ (waiting.lastElementChild), said(latest.message) || t("Waits for its first samples."));
+  };
+  showWaiting();
   const isWaiting = () => workers.value?.length === 0 && !["finished", "failed", "cancelled"].includes(latest.state);
   life.add(workers.subscribe(() => fill(notice, isWaiting() && noWorkerNotice())));
 
@@ -172,8 +179,9 @@ function open(page, job, life) {
   );
 
   return (next) => {
-    if (next.state !== latest.state) announce(`${next.name}: ${next.state}`);
+    if (next.state !== latest.state) announce(`${next.name}: ${stateWord(next.state)}`);
     latest = next;
+    showWaiting();
     setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
     chip.update(next.state);
     line.update(next.progress, next.state);

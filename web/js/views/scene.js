@@ -35,11 +35,11 @@ export function sceneView(id) {
   setTitle(t("Scene"));
   const life = new Disposer();
   const element = h("div", { class: "page scene-page" });
-  /** @param {Error} error */
-  const gone = ({ message }) =>
+  /** @param {Error & {status?: number}} error */
+  const gone = ({ message, status }) =>
     fill(
       element,
-      emptyPage("cube", t("This scene is not here"), h("p", null, message), h("a", { href: linkTo() }, t("To the scenes"))),
+      emptyPage("cube", t("This scene is not here"), h("p", null, status === 404 ? t("It was deleted, or its address is not whole.") : message), h("a", { href: linkTo() }, t("To the scenes"))),
     );
 
   let asked = false;
@@ -121,7 +121,7 @@ function failed(page, scene) {
     ),
     h(
       "section",
-      { class: "section row" },
+      { class: "section row wraps for-submit" },
       h(
         "button",
         { class: "button primary", type: "button", onclick: () => choose({ folder: false }) },
@@ -262,7 +262,7 @@ function addButton(scene, sentences) {
   if (!sentences || !/; add (it|them)/.test(sentences)) return null;
   return h(
     "button",
-    { class: "button", type: "button", onclick: () => addFiles(scene) },
+    { class: "button for-submit", type: "button", onclick: () => addFiles(scene) },
     icon("plus"),
     t("Add files"),
   );
