@@ -220,7 +220,8 @@ class Answers:
                 self._scheduler.came_back(job, piece.batch, batch, piece.seconds, piece.worker or each.message.worker)
             self._note(job, each)
             if each.taken and each.batch is not None:
-                job.frames[each.batch.frame].bad_samples += each.message.bad_count
+                if each.message.bad_count:
+                    job.frames[each.batch.frame].bad_samples = job.film.bad_count(each.batch.frame)
                 tiles.setdefault(each.batch.frame, set()).add(each.batch.tile)
         if arrived:
             job.tick(job.state == "running")
