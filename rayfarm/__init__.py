@@ -42,15 +42,14 @@ __all__ = [
     "show",
 ]
 
-# Loaded when they are asked for: a command that talks to a farm has no use for numpy, one that starts a worker none for httpx.
+# Loaded when they are asked for: a command that only talks to a farm has no use for numpy, and one without a farm none for HTTP.
 _LATER = {
     **dict.fromkeys(("BadSample", "Camera", "Frame", "Job", "Scene", "Shot", "Worker"), "answers"),
     **dict.fromkeys(("Client", "ClientError"), "client"),
     "Image": "library.image",
     "SceneWarning": "library.here",
-    "progressive": "library.render",
-    "render": "library.render",
     "show": "library.shown",
+    **dict.fromkeys(("progressive", "render"), "library.render"),
 }
 
 
