@@ -12,6 +12,8 @@
  * @property {number} [aperture] radius of the lens; 0: all is sharp
  * @property {number | null} [focus] distance of what is sharp along the line of sight; null: the target's
  * @property {number} [near] what stands before this distance is cut away
+ * @property {number} [shift_x] of the lens, to the right, in heights of the picture
+ * @property {number} [shift_y] up
  * @property {number} [height] what an orthographic camera shows from top to bottom
  *
  * @typedef {{name: string, view: View}} Camera
