@@ -15,10 +15,10 @@ local/          a whole farm on this machine: Redis, service and worker as super
 from typing import TYPE_CHECKING, Any
 
 from rayfarm.answers import BadSample, Camera, Frame, Job, Scene, Shot, Worker
-from rayfarm.client import Client, ClientError
 from renderer.errors import RayfarmError
 
 if TYPE_CHECKING:
+    from rayfarm.client import Client, ClientError
     from rayfarm.library.here import SceneWarning
     from rayfarm.library.image import Image
     from rayfarm.library.render import progressive, render
@@ -42,8 +42,14 @@ __all__ = [
     "show",
 ]
 
-# Loaded when they are asked for: a command that only talks to a farm has no use for numpy.
-_LATER = {"Image": "image", "SceneWarning": "here", "progressive": "render", "render": "render", "show": "shown"}
+# Loaded when they are asked for: a command that only talks to a farm has no use for numpy, and one without a farm none for HTTP.
+_LATER = {
+    **dict.fromkeys(("Client", "ClientError"), "client"),
+    "Image": "library.image",
+    "SceneWarning": "library.here",
+    "show": "library.shown",
+    **dict.fromkeys(("progressive", "render"), "library.render"),
+}
 
 
 def __getattr__(name: str) -> Any:
@@ -51,4 +57,4 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'rayfarm' has no attribute {name!r}")
     import importlib
 
-    return getattr(importlib.import_module(f"rayfarm.library.{_LATER[name]}"), name)
+    return getattr(importlib.import_module(f"rayfarm.{_LATER[name]}"), name)

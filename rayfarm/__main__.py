@@ -1,6 +1,21 @@
-"""`python -m rayfarm`: the same program as `rayfarm`."""
+"""The program `rayfarm`, and `python -m rayfarm`: Ctrl-C ends it without a word also while it is being loaded."""
 
-from rayfarm.cli import main
+from __future__ import annotations
+
+import sys
+
+__all__ = ["main"]
+
+
+def main() -> None:
+    """Load the commands, and run the one that is asked for."""
+    try:
+        from rayfarm.cli import main as run
+
+        run()
+    except KeyboardInterrupt:
+        sys.exit(130)  # rayfarm.errors.EXIT_INTERRUPTED
+
 
 if __name__ == "__main__":
     main()

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from importlib import import_module
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -69,6 +70,25 @@ def _program(commands: Iterable[str]) -> typer.Typer:
     return app
 
 
+def _refuse_what_is_no_number(command: Any) -> None:
+    """NaN is in every range, and infinity in one without an end: no option means anything by them."""
+    commands = getattr(command, "commands", {}).values()
+    for each in commands:
+        _refuse_what_is_no_number(each)
+    if not commands:
+        command.invoke = _with_finite_numbers(command.invoke)
+
+
+def _with_finite_numbers(invoke: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    def checked(context: Any) -> Any:
+        for name, value in context.params.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise typer.BadParameter(f"{value} is no finite number.", param_hint=f"--{name.replace('_', '-')}")
+        return invoke(context)
+
+    return checked
+
+
 def _all(
     debug: Annotated[bool, typer.Option("--debug", help="Show where in the program an error came from.")] = False,
 ) -> None:
@@ -87,7 +107,9 @@ def _asked_for() -> Iterable[str]:
 def main() -> None:
     """Run a command. Faults that a person can mend are one sentence on standard error and exit code 1."""
     try:
-        _program(_asked_for())()
+        command = typer.main.get_command(_program(_asked_for()))
+        _refuse_what_is_no_number(command)
+        command()
     except RayfarmError as error:
         if os.environ.get("RAYFARM_DEBUG"):
             raise

@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
+from urllib.parse import quote
 
 import httpx
 
@@ -160,7 +161,7 @@ class Client:
 
         farm.scene(id).status  # preparing, ready or failed
         """
-        return self._read(Scene, self._send("GET", f"/api/scenes/{scene}"))
+        return self._read(Scene, self._send("GET", f"/api/scenes/{_id(scene)}"))
 
     def wait_for_scene(self, scene: str, timeout_s: float = 900.0, watch: Callable[[Scene], None] | None = None) -> Scene:
         """The scene once it is ready. Raises ClientError with its error where it fails."""
@@ -186,7 +187,7 @@ class Client:
 
         farm.job(id).progress  # 0 to 1
         """
-        return self._read(Job, self._send("GET", f"/api/jobs/{job}"))
+        return self._read(Job, self._send("GET", f"/api/jobs/{_id(job)}"))
 
     def jobs(self) -> list[Job]:
         """The jobs, the newest first."""
@@ -197,7 +198,7 @@ class Client:
 
         farm.change(job.id, state="paused")
         """
-        return self._read(Job, self._send("PATCH", f"/api/jobs/{job}", json=fields))
+        return self._read(Job, self._send("PATCH", f"/api/jobs/{_id(job)}", json=fields))
 
     def wait(self, job: str, timeout_s: float | None = None, watch: Callable[[Job], None] | None = None) -> Job:
         """The job once it is finished, failed or cancelled; a service that restarts meanwhile is waited for."""
@@ -213,7 +214,7 @@ class Client:
 
         [frame.number for frame in farm.frames(job.id) if frame.state == "failed"]
         """
-        return self._list(Frame, f"/api/jobs/{job}/frames")
+        return self._list(Frame, f"/api/jobs/{_id(job)}/frames")
 
     def movie(self, job: str, format: str = "mp4", **query: Any) -> bytes:
         """The frames that have samples as a film: mp4, webm or webp. query: frames, fps, width, exposure, tonemap.
@@ -221,7 +222,7 @@ class Client:
         Path("shot.mp4").write_bytes(farm.movie(job.id))
         """
         timeout = httpx.Timeout(3600.0, connect=5.0)  # it is sent when it is made
-        answer = self._send("GET", f"/api/jobs/{job}/movie.{format}", limit=MAX_PICTURE, params=query, timeout=timeout)
+        answer = self._send("GET", f"/api/jobs/{_id(job)}/movie.{format}", limit=MAX_PICTURE, params=query, timeout=timeout)
         if FRAMES_HEADER not in answer.headers:
             raise NotAFarm(not_a_farm(self.url, "what it sends is no film of a farm"))
         return answer.body
@@ -231,7 +232,7 @@ class Client:
 
         Path("out.png").write_bytes(farm.image(job.id, exposure=1.0, denoise=True))
         """
-        path = f"/api/jobs/{job}/frames/{frame_text(frame)}/image.{format}"
+        path = f"/api/jobs/{_id(job)}/frames/{frame_text(frame)}/image.{format}"
         answer = self._send("GET", path, limit=MAX_PICTURE, params=query)
         if SAMPLES_HEADER not in answer.headers:
             raise NotAFarm(not_a_farm(self.url, "what it sends is no picture of a farm"))
@@ -239,7 +240,7 @@ class Client:
 
     def digest(self, job: str, frame: float = 0) -> str:
         """SHA-256 of a frame's film: equal requests give equal digests."""
-        answer = self._send("GET", f"/api/jobs/{job}/frames/{frame_text(frame)}/digest")
+        answer = self._send("GET", f"/api/jobs/{_id(job)}/frames/{frame_text(frame)}/digest")
         data = self._data(answer)
         if not isinstance(data, dict) or not isinstance(data.get("digest"), str):
             raise self._other(answer)
@@ -352,6 +353,8 @@ class Client:
             raise ClientError(f"{self.url} does not answer ({error or type(error).__name__}). Try again.") from error
         except OSError as error:
             raise ClientError(f"A file of the scene cannot be read any more ({error.strerror or error}).") from error
+        except ValueError as error:  # a number that JSON has no way to write
+            raise ClientError(f"This cannot be sent to a farm ({error}).") from error
         if response.is_success:
             return _Answer(response.headers, body)
         if response.is_redirect:
@@ -382,6 +385,11 @@ class Client:
         if status >= 500 or status in (408, 429):
             return ClientError(f"{said}. The farm is not well, or what stands before it; try again in a moment.", status)
         return NotAFarm(not_a_farm(self.url, f"it answers {status} to {response.request.url.path}"), status)
+
+
+def _id(text: str) -> str:
+    """As a part of a path: whatever it is, it names nothing else. An empty one names nothing, and is not the list of all."""
+    return quote(text, safe="") or "-"
 
 
 def _into(project: str) -> dict[str, str]:

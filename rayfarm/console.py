@@ -28,7 +28,7 @@ err = Console(stderr=True, highlight=False)
 
 def bar(unit: str = "") -> Progress:
     """A progress bar on standard error; nothing is drawn where that is no terminal."""
-    columns = [TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()]
+    columns = [TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn()]
     if unit:
         columns += [MofNCompleteColumn(), TextColumn(unit)]
     return Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=err, disable=not err.is_terminal)

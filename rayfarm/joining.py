@@ -33,7 +33,10 @@ def shown_token(who: str, token: str, token_file: Path | None) -> str:
     if token:
         err.print("rayfarm: everybody on this machine can read --token. Better: RAYFARM_TOKEN, or --token-file.")
     elif token_file is not None:
-        token = token_file.expanduser().read_text().strip()
+        try:
+            token = token_file.expanduser().read_text().strip()
+        except UnicodeDecodeError:
+            raise CommandError(f"{token_file} is no file with a token: it is no text.") from None
     token = token or os.environ.get("RAYFARM_TOKEN", "")
     if not token:
         raise CommandError(

@@ -12,9 +12,10 @@ FURTHEST = timedelta(days=3660)
 def deadline_of(text: str, now: datetime | None = None) -> float:
     """A deadline in unix time: an ISO time, or the next time that a clock says 08:00; in this machine's zone unless it says one.
 
-    now: with a zone. Raises ValueError with a sentence.
+    now: by this machine's clock, without a zone. Raises ValueError with a sentence.
     """
-    now = now or datetime.now().astimezone()
+    # Without a zone it is a time of this machine's clocks, which may be put forward or back until then.
+    now = now or datetime.now()
     text = text.strip()
     try:
         if len(text) <= 5 and ":" in text:
@@ -23,12 +24,11 @@ def deadline_of(text: str, now: datetime | None = None) -> float:
             found += timedelta(days=found <= now)
         else:
             found = datetime.fromisoformat(text)
-            found = found if found.tzinfo else found.replace(tzinfo=now.tzinfo)
         seconds = found.timestamp()
     except (ValueError, OverflowError, OSError):
         raise ValueError(f"{text[:60]!r} is no time; give 08:00, 2026-05-01T08:00 or 2026-05-01T08:00+02:00") from None
-    if found <= now:
+    if seconds <= now.timestamp():
         raise ValueError(f"{text} has passed already")
-    if found > now + FURTHEST:
+    if seconds > now.timestamp() + FURTHEST.total_seconds():
         raise ValueError(f"{text} is more than ten years from now")
     return seconds

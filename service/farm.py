@@ -72,7 +72,7 @@ class Farm:
         queue = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
         self.redis_users = RedisUsers(queue, self.access.keys, settings.token, self.instance)
         self.blobs = open_blobs(settings)
-        self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline)
+        self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline, self.owning.guard)
         self.reserve = Reserve(settings.data / "reserve")
         self.snapshots = FilmSnapshots(settings.data / "snapshots", settings.snapshot_bytes, settings.min_free_bytes)
         self.films = FilmFolder(

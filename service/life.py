@@ -40,15 +40,21 @@ class Life:
         self.taken = asyncio.Event()  # while it is the farm
         self._task: asyncio.Task[None] | None = None
         self._has_printed = False
+        self._trouble = ""  # why it is not known whether it is needed
 
     async def begin(self) -> None:
         """Own the farm, or begin to stand by. Raises CannotStart."""
         self._candidate = Candidate(self._settings)
-        owning = self._candidate.attempt()
+        try:
+            owning = self._candidate.attempt()
+        except CannotStart:
+            raise
+        except FarmError as error:  # the database is away, or held by a service that stands still
+            owning, self._trouble = None, str(error)
         if owning is not None:
             self._own(owning)
         else:
-            log.warning("stands by: %s", self.why)
+            log.warning("%s", self.why)
         self._task = asyncio.create_task(self._go_on())
 
     async def end(self) -> None:
@@ -77,6 +83,8 @@ class Life:
     def why(self) -> str:
         """What is said while it stands by."""
         known = self._candidate.known if self._candidate is not None else None
+        if known is None and self._trouble:
+            return f"This service has not begun: {self._trouble}"
         owner = f" ({known.place})" if known is not None and known.owner is not None else ""
         return f"This service stands by: another one{owner} works as the farm. It takes over when that one ends or hangs."
 
@@ -153,6 +161,7 @@ class Life:
             assert self._candidate is not None
             try:
                 owning = await asyncio.to_thread(self._candidate.attempt)
+                self._trouble = ""
                 if owning is not None:
                     self._own(owning)
                     return
@@ -160,6 +169,7 @@ class Life:
                 log.critical("%s", error)
                 os._exit(REFUSES_TO_START)  # the server knows no other way to end with a code
             except Exception as error:
+                self._trouble = str(error)
                 if str(error) != said:
                     said = str(error)
                     log.warning(

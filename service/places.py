@@ -12,7 +12,7 @@ from pathlib import Path
 
 import platformdirs
 
-__all__ = ["CLONE", "default_data_folder", "shipped"]
+__all__ = ["CLONE", "default_data_folder", "shipped", "sqlite_url"]
 
 _PACKAGE = Path(__file__).resolve().parent
 _ABOVE = _PACKAGE.parent
@@ -31,3 +31,10 @@ def default_data_folder() -> Path:
     if named:
         return Path(named).expanduser().resolve()
     return CLONE / "data" if CLONE else platformdirs.user_data_path("rayfarm", appauthor=False)
+
+
+def sqlite_url(path: Path) -> str:
+    """The address of a database in a file, whatever its folder is called: SQLAlchemy's own way to write % and ? there."""
+    from sqlalchemy import URL
+
+    return URL.create("sqlite", database=str(path)).render_as_string(hide_password=False)

@@ -13,7 +13,7 @@ from pydantic import Field, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from service.hooks.signing import key_of, new_secret
-from service.places import default_data_folder, shipped
+from service.places import default_data_folder, shipped, sqlite_url
 from service.store.whole import PRIVATE_FOLDER, write_whole
 from worker.redis_tls import as_told, trusting
 
@@ -140,7 +140,7 @@ class Settings(BaseSettings):
     @property
     def database(self) -> str:
         """The database's URL for SQLAlchemy."""
-        return self.database_url or f"sqlite:///{self.data / 'rayfarm.sqlite'}"
+        return self.database_url or sqlite_url(self.data / "rayfarm.sqlite")
 
     @property
     def worker_redis_url(self) -> str:

@@ -166,7 +166,7 @@ def _check(options: argparse.Namespace) -> Blender | None:
         raise RefusedError(f"--redis or RAYFARM_REDIS_URL: {error}") from None
     try:
         _own_terms(options)
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise RefusedError(str(error)) from None
     if options.site and not SITE_NAME.fullmatch(options.site):
         raise RefusedError(f"--site: {options.site!r} is no name of a site; take small letters, digits and . _ -")

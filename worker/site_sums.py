@@ -104,9 +104,15 @@ class SiteSums:
                     raise ValueError("these samples are here by another batch")
             else:
                 group = self._begin(run, self._left.pop(key, run.count))
-            written = group.folder / "new"
-            written.write_bytes(data)
-            written.rename(group.folder / f"{event['first']:012}")
+            try:
+                written = group.folder / "new"
+                written.write_bytes(data)
+                written.rename(group.folder / f"{event['first']:012}")
+            except OSError:  # a full disk: what was written of it is in the way
+                written.unlink(missing_ok=True)
+                if not group.spans:
+                    group.folder.rmdir()
+                raise
             group.spans[event["first"]] = event["count"]
             group.missing -= event["count"]
             group.batches += ids

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 from typing import Annotated, Literal
+from urllib.parse import quote
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from rayfarm import options
@@ -55,7 +57,7 @@ def show(server: options.Server = None) -> None:
     table = Table("TOKEN", "FOR", "ROLE", "BY", "UNTIL", "LAST SHOWN", box=None, pad_edge=False)
     for row in rows:
         until = _day(row["expires"]) or "withdrawn"
-        table.add_row(row["id"], row["name"], row["role"], row["user"], until, _day(row["seen"]) or "never")
+        table.add_row(row["id"], escape(row["name"]), row["role"], row["user"], until, _day(row["seen"]) or "never")
     out.print(table if rows else "No tokens yet. `rayfarm token make NAME` makes one.")
 
 
@@ -65,7 +67,7 @@ def withdraw(
 ) -> None:
     """It lets nobody in from now on."""
     with farm_client(server) as farm:
-        farm.call("DELETE", f"/api/tokens/{token}")
+        farm.call("DELETE", f"/api/tokens/{quote(token, safe='')}")
     out.print(f"{token} lets nobody in any more.", markup=False)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from typing import Annotated, Literal
+from urllib.parse import quote
 
 import typer
 from rich.table import Table
@@ -70,7 +71,7 @@ def show(server: options.Server = None) -> None:
 def role(name: Name, role: RoleName, server: options.Server = None) -> None:
     """Give a user another role; it holds at once."""
     with farm_client(server) as farm:
-        farm.call("PATCH", f"/api/users/{name}", role=role)
+        farm.call("PATCH", f"/api/users/{quote(name, safe='')}", role=role)
     out.print(f"{name} is {role} from now on.", markup=False)
 
 
@@ -78,7 +79,7 @@ def role(name: Name, role: RoleName, server: options.Server = None) -> None:
 def password(name: Name, server: options.Server = None) -> None:
     """Give a user another password, which is asked for here; logs the user out everywhere."""
     with farm_client(server) as farm:
-        farm.call("PATCH", f"/api/users/{name}", password=_password())
+        farm.call("PATCH", f"/api/users/{quote(name, safe='')}", password=_password())
     out.print(f"{name} has another password, and is logged out everywhere.", markup=False)
 
 
@@ -86,7 +87,7 @@ def password(name: Name, server: options.Server = None) -> None:
 def remove(name: Name, server: options.Server = None) -> None:
     """Let a user in no longer. Scenes and jobs stay."""
     with farm_client(server) as farm:
-        farm.call("DELETE", f"/api/users/{name}")
+        farm.call("DELETE", f"/api/users/{quote(name, safe='')}")
     out.print(f"{name} is let in no longer.", markup=False)
 
 

@@ -55,10 +55,15 @@ def write_config(path: Path, host: str, port: int, password: str) -> None:
         f"maxmemory {memory_limit()}",
         'save ""',
         "appendonly no",
-        f"dir {path.parent}",
+        f"dir {_quoted(str(path.parent))}",
         "daemonize no",
         "tcp-keepalive 30",
         "timeout 0",
     ]
-    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
-        file.write("\n".join(lines) + "\n")
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
+        file.write(os.fsencode("\n".join(lines) + "\n"))
+
+
+def _quoted(text: str) -> str:
+    """As the configuration has a text with spaces."""
+    return '"' + text.replace("\\", r"\\").replace('"', r"\"").replace("\n", r"\n") + '"'

@@ -75,7 +75,7 @@ def running_farm(data: Path) -> FarmAddress | None:
     try:
         farm = FarmAddress(**json.loads((data / "farm.json").read_text()))
         os.kill(farm.pid, 0)
-    except (OSError, ValueError, TypeError):
+    except (OSError, ValueError, TypeError, OverflowError):
         return None
     return farm
 

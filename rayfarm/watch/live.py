@@ -17,6 +17,7 @@ from websockets.sync.client import ClientConnection
 
 from rayfarm.answers import Frame, Job, read
 from rayfarm.client import Client, ClientError
+from renderer.frames import frame_text
 from renderer.image import rgbe9995
 from renderer.settings import Tile
 
@@ -119,7 +120,7 @@ class LiveJob:
 
     def _listen(self) -> None:
         """Until the connection ends. Raises ClientError where there is none, or the job is gone."""
-        with self._farm.socket(f"/api/jobs/{self.job.id}/live?frame={self.frame:g}") as socket:
+        with self._farm.socket(f"/api/jobs/{self.job.id}/live?frame={frame_text(self.frame)}") as socket:
             with self._lock:
                 self._socket = socket
             try:

@@ -59,7 +59,9 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
             raise SceneError(f"{main}: took longer than {seconds:.0f} seconds in Blender. Make it smaller.") from None
         try:
             report = json.loads((work / "report.json").read_text())
-        except (OSError, ValueError):
+            if not isinstance(report, dict):
+                raise ValueError("no report")
+        except (OSError, ValueError, RecursionError):
             raise SceneError(
                 f"{main}: {ended} It may be damaged, or need more memory than it is granted; export glTF from it."
             ) from None

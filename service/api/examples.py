@@ -48,6 +48,7 @@ def open_example(
     owner = Owner(farm.access.projects.check(project, visit.sight), visit.user, visit.token)
 
     def write(stored: Upload) -> Scene:
+        farm.quotas.check_bytes(visit.caller, stored.size)
         return record(replace(stored, id=id_in(project, stored.id)), farm.sessions, farm.changed, owner=owner)
 
     found = next((each for each in examples(farm.settings.examples) if each[0].name == name), None)

@@ -1,7 +1,7 @@
 """What is asked of a service that stands by is passed on to the one that works as the farm, and so is its answer, as they come.
 
-Who asks is judged there, as if they had asked there: whoever comes from another machine is said to (X-Forwarded-For), and what a
-proxy in front has said is left as it is.
+Who asks is judged there, as if they had asked there: whoever comes from another machine is said to (X-Forwarded-For), behind what
+a proxy in front has said.
 """
 
 from __future__ import annotations
@@ -139,7 +139,8 @@ def _passed_on(scope: Scope, left_out: set[str]) -> list[tuple[bytes, bytes]]:
     headers = [(name, value) for name, value in scope["headers"] if _text(name).lower() not in left_out]
     names = {name.lower() for name, _ in headers}
     client = (scope.get("client") or ("", 0))[0]
-    if b"x-forwarded-for" not in names and client and client not in LOOPBACK_NAMES:
+    if client and client not in LOOPBACK_NAMES:
+        # Behind what was said of others: the owner believes the last of them that is no proxy's, and so nobody's own word.
         headers.append((b"x-forwarded-for", client.encode()))
     if b"x-forwarded-proto" not in names and scope["scheme"] in ("https", "wss"):
         headers.append((b"x-forwarded-proto", b"https"))

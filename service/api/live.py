@@ -44,6 +44,9 @@ SPEAK_EVERY_S = 5.0
 FRAMES_REST = 20  # times as long as it takes to look at them, a watcher waits for the frames of a shot
 NOT_FOUND = 4404
 GONE = 4410
+MOST_TEXT = 1 << 16  # of a message, beside what it says of tiles: what is read here, all others wait for
+TILE_TEXT = 16  # of a tile's samples
+MOST_TILES = 1 << 16  # where it is not known how many there are
 
 
 @router.websocket("/api/jobs/{id}/live")
@@ -94,8 +97,12 @@ class _Watcher:
             message = await self._socket.receive()
             if message["type"] == "websocket.disconnect":
                 raise WebSocketDisconnect(message["code"])
+            text = message.get("text") or ""
+            tiles = MOST_TILES if self._film is None else len(self._film.tiles)
+            if len(text) > MOST_TEXT + TILE_TEXT * tiles:
+                continue
             try:
-                said = json.loads(message.get("text") or "")
+                said = json.loads(text)
                 if "frame" in said:
                     self._turn_to(float(said["frame"]), said.get("snapshot") is not False)
                     continue

@@ -70,6 +70,8 @@ class Door:
             return Problem(400, "The header Host is not the name or address of a machine. Send it once, like localhost:8000.")
         if not self._hosts.know(name):
             return Problem(421, UNKNOWN_NAME.format(name=name[:80]))
+        if "\0" in scope["path"]:
+            return Problem(404, "There is nothing there: no name has the character 0 in it.")
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
         if changes and any(_host_of(origin) != hosts[0].lower() for origin in headers.getlist("origin")):
             return Problem(403, FOREIGN)

@@ -92,8 +92,10 @@ def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> 
 
 @router.delete("/{id}", status_code=204)
 def withdraw_token(id: str, visit: VisitDependency, farm: FarmDependency) -> None:
-    """It lets nobody in from now on. Administrators withdraw everybody's and workers'."""
+    """It lets nobody in from now on. Administrators withdraw everybody's and workers'; a token that only looks itself alone."""
     caller = _caller(visit.caller)
+    if caller.kind == "token" and caller.role < Role.SUBMIT and id != caller.key:
+        raise Problem(403, "This token may look and change nothing: it can withdraw itself, and no other.")
     is_admin = caller.role >= Role.ADMIN
     if is_admin and any(row.id == id for row in farm.access.keys.listed("worker")):
         farm.access.keys.withdraw("worker", id)

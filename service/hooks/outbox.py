@@ -91,11 +91,14 @@ class Outbox:
             with self._sessions() as session:
                 first = select(func.min(Delivery.ended)).where(Delivery.hook == hook, Delivery.job == "")
                 begun = session.scalar(first) or 0.0
+                after, now = max(begun, since - OVERLAP_S), time.time()
+                if after > now:  # the clock was put back: what was told before is known all the same
+                    after = now - OVERLAP_S
                 told = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.finished)
-                ended = select(Job).where(Job.finished >= max(begun, since - OVERLAP_S), Job.state.in_(FINAL), ~told)
+                ended = select(Job).where(Job.finished >= after, Job.state.in_(FINAL), ~told)
                 news = list(session.scalars(ended.order_by(Job.finished).limit(AT_A_TIME)))
                 told = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.late)
-                late = select(Job).where(Job.late >= max(begun, since - OVERLAP_S), Job.state.in_(ACTIVE), ~told)
+                late = select(Job).where(Job.late >= after, Job.state.in_(ACTIVE), ~told)
                 news += session.scalars(late.order_by(Job.late).limit(AT_A_TIME))
             if news:
                 with self._sessions.begin() as session:

@@ -30,6 +30,7 @@ from sqlalchemy import select
 from renderer import __version__
 from service.errors import FarmError, Invalid, NotFound
 from service.keeping.target import Target
+from service.places import sqlite_url
 from service.scheduling.records import Records
 from service.store.blobs import CHUNK
 from service.store.database import connect
@@ -117,7 +118,7 @@ class _Run:
         with self.target.scratch() as folder:
             copy = folder / DATABASE
             _snapshot(self.data / DATABASE, copy)
-            engine, sessions = connect(f"sqlite:///{copy}")  # and brought to this release's tables
+            engine, sessions = connect(sqlite_url(copy))  # and brought to this release's tables
             try:
                 blobs = Records(sessions, 0).blobs()
                 with sessions() as session:

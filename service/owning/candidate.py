@@ -10,10 +10,12 @@ from __future__ import annotations
 import logging
 import secrets
 import socket
+import sqlite3
 import time
 from collections.abc import Callable
 
 from sqlalchemy import inspect
+from sqlalchemy.exc import DatabaseError
 
 from service.errors import CannotStart, Unavailable
 from service.owning import rows
@@ -22,8 +24,9 @@ from service.owning.ownership import LOOK_EVERY_S, Ownership
 from service.owning.process import end, is_gone, is_stopped, this_process
 from service.owning.silence import Silence
 from service.settings import Settings
-from service.store.database import Sessions, open_database
+from service.store.database import Sessions, faults, open_database
 from service.store.models import Owner
+from service.store.reserve import Reserve
 from service.store.upgrade import refuse_newer, upgrade
 
 __all__ = ["Candidate", "own"]
@@ -41,6 +44,7 @@ class Candidate:
         self._settings = settings
         self._clock = clock
         self._lock = FolderLock(settings.data)
+        self._reserve = Reserve(settings.data / "reserve")
         self._engine = open_database(settings.database)
         self._sessions = Sessions(self._engine, PATIENCE_S)
         place = f"{socket.gethostname()}:{settings.port}"
@@ -52,14 +56,19 @@ class Candidate:
         self.known: Owner | None = None  # the row as it was last seen
 
     def attempt(self) -> Ownership | None:
-        """Own the farm, where that may be; None: not now. Made to be called often. Raises what the database does."""
+        """Own the farm, where that may be; None: not now. Made to be called often. Raises Unavailable, and CannotStart."""
         has_lock = self._lock.attempt()
         if self._clock() < self._looks_at and not (has_lock and self._may_be_dead()):
             self._lock.release()
             return None
         self._looks_at = self._clock() + LOOK_EVERY_S
         try:
-            epoch = self._epoch(has_lock)
+            # On a full disk a service that starts anew would else let nobody delete anything. Where the lock is here, the reserve
+            # is nobody else's.
+            epoch = self._reserve.spend_on(lambda: self._asked_for_epoch(True)) if has_lock else self._asked_for_epoch(False)
+        except DatabaseError as error:
+            self._lock.release()
+            raise _damaged(error, self._settings) from error
         except BaseException:
             self._lock.release()
             raise
@@ -76,6 +85,10 @@ class Candidate:
     def _may_be_dead(self) -> bool:
         """Whether the lock, which is held here, says something: also before the row was ever seen."""
         return self.known is None or self.known.locked
+
+    def _asked_for_epoch(self, has_lock: bool) -> int | None:
+        with faults():
+            return self._epoch(has_lock)
 
     def _epoch(self, has_lock: bool) -> int | None:
         if not self._is_made():
@@ -125,6 +138,16 @@ class Candidate:
         self._stuck_since = self._stuck_since if self._stuck_since is not None else now
         if now - self._stuck_since > self._settings.lease_s and is_stopped(row.process) and end(row.process or {}):
             log.warning("ended %s, which stands still and holds the database", row.place)
+
+
+def _damaged(error: DatabaseError, settings: Settings) -> Exception:
+    """What is said of a database that cannot be read at all; any other error is a fault of ours."""
+    if getattr(error.orig, "sqlite_errorcode", 0) & 0xFF not in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT):
+        return error
+    return CannotStart(
+        f"The database is damaged ({error.orig}). `rayfarm doctor --data {settings.data}` says more; "
+        "`rayfarm restore` makes a new folder of a backup."
+    )
 
 
 def own(settings: Settings, patience_s: float) -> Ownership:

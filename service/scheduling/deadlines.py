@@ -49,9 +49,14 @@ class Deadlines:
         self._since: dict[str, float] = {}  # since when the forecast says the other of what is known of a job
         self._looked = -math.inf
         self._rests_until = -math.inf
+        self._now = -math.inf
 
     def review(self, jobs: list[ActiveJob], forecast: Callable[[ActiveJob, float], Forecast], now: float) -> None:
         """Once a second. forecast: of a job, at a moment. now: unix time."""
+        if now < self._now:  # the clock was put back
+            self._since.clear()
+            self._looked = self._rests_until = -math.inf
+        self._now = now
         if now < self._rests_until:
             return
         begins = time.perf_counter()

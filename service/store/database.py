@@ -13,15 +13,15 @@ from typing import Any
 
 from pydantic_core import from_json
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
-from sqlalchemy.exc import DBAPIError, OperationalError
+from sqlalchemy.exc import DataError, DBAPIError, OperationalError
 from sqlalchemy.orm import Session, sessionmaker
 
-from service.errors import Unavailable
+from service.errors import Invalid, Unavailable
 from service.store.room import no_room
 from service.store.upgrade import upgrade
 from service.store.whole import PRIVATE
 
-__all__ = ["Fence", "Sessions", "connect", "open_database"]
+__all__ = ["Fence", "Sessions", "connect", "faults", "open_database"]
 
 LOCK_PATIENCE_S = 5.0
 
@@ -31,7 +31,7 @@ Fence = Callable[[Session], None]  # raises FarmError for a transaction that may
 class Sessions:
     """Makes sessions: `sessions()` to read, `sessions.begin()` for one transaction that writes.
 
-    Raises NoRoom where the disk is full, and Unavailable where the database is locked or away.
+    Raises NoRoom where the disk is full, Unavailable where the database is locked or away, Invalid for what it cannot have.
     patience_s: how long a lock of SQLite's is waited for. fence: asked at the beginning of each transaction that writes.
     """
 
@@ -53,13 +53,13 @@ class Sessions:
     @contextmanager
     def __call__(self) -> Iterator[Session]:
         """A session for reading."""
-        with _faults(), self._readers() as session:
+        with faults(), self._readers() as session:
             yield session
 
     @contextmanager
     def begin(self) -> Iterator[Session]:
         """A transaction: committed at its end, or rolled back where an exception leaves it."""
-        with _faults(), self._writers.begin() as session:
+        with faults(), self._writers.begin() as session:
             if self._fence is not None:
                 self._fence(session)
             yield session
@@ -101,12 +101,15 @@ def _json_or_nothing(text: str | bytes) -> Any:
 
 
 @contextmanager
-def _faults() -> Iterator[None]:
+def faults() -> Iterator[None]:
+    """Raises NoRoom and Unavailable as `Sessions` does, for whoever asks the database without one."""
     try:
         yield
     except DBAPIError as error:
         if getattr(error.orig, "sqlite_errorcode", 0) in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE):
             raise no_room() from error
+        if isinstance(error, DataError):  # of PostgreSQL, which takes no character 0
+            raise Invalid("What is asked for has a character or a number that the database cannot have. Leave it out.") from error
         if isinstance(error, OperationalError):
             raise Unavailable(f"The database does not answer ({error.orig}). Try again.") from error
         raise

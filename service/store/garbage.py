@@ -31,11 +31,13 @@ log = logging.getLogger(__name__)
 class Garbage:
     """The one place that deletes blobs of scenes. Safe to use from several threads."""
 
-    def __init__(self, sessions: Sessions, blobs: BlobStore, patience_s: float) -> None:
-        """patience_s: how long what a worker stored may wait for the scene that will refer to it."""
+    def __init__(self, sessions: Sessions, blobs: BlobStore, patience_s: float, guard: Callable[[], None] = lambda: None) -> None:
+        """patience_s: how long what a worker stored may wait for the scene that will refer to it. guard: raises FarmError where
+        none may be deleted."""
         self._sessions = sessions
         self._blobs = blobs
         self._patience_s = patience_s
+        self._guard = guard
         self._lock = threading.Lock()
         self._pins: Counter[str] = Counter()
         self._promised: dict[str, list[float]] = {}  # until when, once for each time that it was stored
@@ -98,6 +100,7 @@ class Garbage:
             self._left = {sha256 for sha256 in gone if sha256 in self._pins or sha256 in self._promised}
             for sha256 in gone - self._left:
                 try:
+                    self._guard()  # since that was written down, another service may have made a scene of it
                     self._blobs.delete(sha256)
                 except (FarmError, OSError) as error:  # what was written down stands; the next one to collect takes it along
                     log.warning("the blob %s stays for now: %s", sha256, error)

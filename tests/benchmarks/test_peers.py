@@ -130,6 +130,7 @@ def test_every_row_works(tmp_path: Path) -> None:
         "rays": 10,
         "build": 1,
         "ready": 2,
+        "formats": 18,
         "threads": 3,
         "cold": 2,
         "scaling": 5,

@@ -58,6 +58,9 @@ def test_a_pixels_depth_along_the_line_of_sight(page: Page) -> None:
     half = math.tan(math.radians(20))
     direction = np.array([299 / 200 * half, 199 / 200 * half, 1])
     assert call(page, "scene/orbit", body, VIEW) == pytest.approx(7 / np.linalg.norm(direction))
+    direction += np.array([2 * 0.5, 2 * 0.25, 0]) * half  # of a lens that is shifted right, and up
+    shifted = {**VIEW, "shift_x": 0.5, "shift_y": 0.25}
+    assert call(page, "scene/orbit", body, shifted) == pytest.approx(7 / np.linalg.norm(direction))
 
 
 def test_flying_moves_eye_and_target_along_the_cameras_axes(page: Page) -> None:
@@ -71,8 +74,9 @@ def test_flying_moves_eye_and_target_along_the_cameras_axes(page: Page) -> None:
 def test_a_view_goes_through_the_url(page: Page) -> None:
     whole = {**VIEW, "projection": "perspective"}
     other = {**whole, "up": [0, 0, 1], "aperture": 0.02, "focus": 5.3, "projection": "orthographic", "height": 2.5, "near": 0.1}
+    shifted = {**whole, "shift_x": 0.25, "shift_y": -0.5}
     body = "return a.map((view) => m.viewFromText(new URLSearchParams({ v: m.viewToText(view) }).get('v')));"
-    assert call(page, "scene/view-url", body, [whole, other]) == [whole, other]
+    assert call(page, "scene/view-url", body, [whole, other, shifted]) == [whole, other, shifted]
     bad = [None, "", "1_2_3", "1_2_3*1_2_3*40", "1_2_x*0_0_0*40", "1_2_3*0_0_0*400", "1__3*0_0_0*40", "<script>"]
     assert call(page, "scene/view-url", "return a.map(m.viewFromText);", bad) == [None] * len(bad)
 

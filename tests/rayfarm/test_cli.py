@@ -194,10 +194,13 @@ def test_info_is_for_people_and_programs() -> None:
         (["render", str(CORNELL), "-o", "out.png", "--env", "sky.exr"], 1, "no such file"),
         (["render", str(CORNELL)], 2, "--output"),
         (["render", str(CORNELL), "-o", "out.png", "--spp", "0"], 2, "--spp"),
+        (["gc", "--films-above", "inf"], 2, "inf is no finite number"),
+        (["watch", "--frame", "nan"], 2, "nan is no finite number"),
         (["info", "README.docx"], 1, "There is no file"),
         (["jobs", "--server", "http://127.0.0.1:9"], 1, "No farm answers at http://127.0.0.1:9"),
         (["submit", str(CORNELL), "--server", "http://127.0.0.1:9"], 1, "Start one with `rayfarm up`"),
         (["worker", "--join", "http://127.0.0.1:9"], 1, "A worker shows the farm's token"),
+        (["worker", "--join", "http://127.0.0.1:9", "--token-file", sys.executable], 1, "is no file with a token"),
         (["up", "--no-browser", "--host", "203.0.113.7"], 1, "is no address of this machine"),
     ],
 )

@@ -15,6 +15,7 @@ import rayfarm
 from rayfarm.answers import Job, Scene, Worker, read
 from rayfarm.cli import main
 from rayfarm.client import Client, ClientError
+from rayfarm.console import bar
 from tests.foreign_server import NOT_A_FARM, foreign_server, http_answer, json_answer
 from tests.helpers import ROOT
 
@@ -129,6 +130,32 @@ def test_a_farm_that_is_away_and_an_address_that_is_none_are_sentences(capsys: p
         code, _, err = command(capsys, "jobs", "--server", server)
         assert code == 1
         assert words in err
+
+
+def test_names_with_square_brackets_are_shown_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+    about = {"id": "98cb", "name": "[/nightly]", "role": "view", "user": "anna", "created": 0, "expires": None, "seen": None}
+    with foreign_server(lambda asked: json_answer([about])) as port:
+        code, said, _ = command(capsys, "token", "list", "--server", f"http://127.0.0.1:{port}")
+    assert (code, "[/nightly]" in said) == (0, True)
+    with bar() as progress:
+        progress.add_task('Waits until "[/b]" is finished.')
+        assert any('"[/b]"' in str(cell) for cell in progress.make_tasks_table(progress.tasks).columns[0].cells)
+
+
+def test_an_id_is_no_more_than_a_part_of_an_address() -> None:
+    asked: list[str] = []
+
+    def answer(request: bytes) -> bytes:
+        asked.append(request.split(b" ")[1].decode())
+        return http_answer(b"{}", status="404 Not Found")
+
+    with foreign_server(answer) as port, Client(f"http://127.0.0.1:{port}") as farm:
+        for id in ("../scenes/s", "?limit=1", ""):
+            with pytest.raises(ClientError):
+                farm.change(id, priority=1)
+        with pytest.raises(ClientError, match="cannot be sent"):
+            farm.submit("s", noise=float("nan"))
+    assert asked == ["/api/jobs/..%2Fscenes%2Fs", "/api/jobs/%3Flimit%3D1", "/api/jobs/-"]
 
 
 def test_an_answer_that_does_not_end_is_not_listened_to(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
-from datetime import datetime, timedelta, timezone
+import time
+from collections.abc import Iterator
+from datetime import datetime
 
 import pytest
 
 from service.clock import deadline_of
 
-EVENING = datetime(2026, 3, 1, 22, 30, 15, tzinfo=timezone(timedelta(hours=1)))
+EVENING = datetime(2026, 3, 1, 22, 30, 15)
+
+
+@pytest.fixture(autouse=True)
+def in_the_middle_of_europe(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Its clocks go forward at 2026-03-29 02:00, and back at 2026-10-25 03:00."""
+    with monkeypatch.context() as here:
+        here.setenv("TZ", "CET-1CEST,M3.5.0,M10.5.0/3")
+        time.tzset()
+        yield
+    time.tzset()
 
 
 @pytest.mark.parametrize(
@@ -25,6 +37,20 @@ EVENING = datetime(2026, 3, 1, 22, 30, 15, tzinfo=timezone(timedelta(hours=1)))
 )
 def test_the_time_that_is_meant(text: str, found: str) -> None:
     assert deadline_of(text, EVENING) == datetime.fromisoformat(found).timestamp()
+
+
+@pytest.mark.parametrize(
+    ("now", "text", "found"),
+    [
+        ("2026-03-28T22:30", "08:00", "2026-03-29T08:00+02:00"),
+        ("2026-10-24T22:30", "08:00", "2026-10-25T08:00+01:00"),
+        ("2026-03-01T22:30", "2026-07-01T08:00", "2026-07-01T08:00+02:00"),
+        ("2026-07-01T22:30", "2026-12-24", "2026-12-24T00:00+01:00"),
+        ("2026-03-28T22:30", "2026-03-29T08:00+01:00", "2026-03-29T08:00+01:00"),
+    ],
+)
+def test_clocks_that_are_put_forward_or_back_until_then(now: str, text: str, found: str) -> None:
+    assert deadline_of(text, datetime.fromisoformat(now)) == datetime.fromisoformat(found).timestamp()
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,21 @@ def test_a_run_is_sent_as_one_and_says_who_rendered_what(kept: SiteSums) -> None
     assert not sent(kept)
     assert not kept.in_hand()
     assert kept.size == 0
+
+
+def test_what_there_is_no_room_for_leaves_nothing(kept: SiteSums, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def half(path: Path, data: bytes) -> int:
+        with path.open("wb") as file:
+            file.write(data[: len(data) // 2])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr(Path, "write_bytes", half)
+        with pytest.raises(OSError, match="No space left"):
+            kept.take(sums(0, 4))
+    assert not list(tmp_path.iterdir())
+    kept.take(sums(0, 12))
+    assert len(sent(kept)) == 1
 
 
 def test_sums_wait_no_longer_than_they_may_and_what_comes_later_waits_for_nothing(kept: SiteSums, clock: Clock) -> None:

@@ -20,6 +20,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.points import MOST_POINTS, balls
+from renderer.scene.readers.xml import refuse_entities
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read", "read_data"]
@@ -38,8 +39,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
 
 def read_data(data: bytes, suffix: str, files: SceneFiles, main: str, description: SceneDescription) -> None:
     """The same of a file's bytes, of the format that a suffix names. Raises SceneError."""
-    if suffix == ".dae" and re.search(rb"<!(DOCTYPE|ENTITY)", data, re.IGNORECASE):
-        raise SceneError(f"{main}: declares XML entities, which no scene needs; remove its DOCTYPE")
+    if suffix == ".dae":
+        refuse_entities(data, main)
     if suffix == ".stl" and not _is_binary_stl(data):
         data = data.decode("utf-8", "replace").encode()  # the only words are names: another encoding must not stop the numbers
     shelf = TextureShelf(description, files)

@@ -14,7 +14,7 @@ import pytest
 import uvicorn
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from service.api.forward import Forward
+from service.api.forward import Forward, _passed_on
 from tests.service.conftest import until
 
 
@@ -96,3 +96,13 @@ def test_nothing_is_said_that_nobody_said(standby: int) -> None:
     assert found["path"] == "/a"
     assert not {"accept", "accept-encoding", "user-agent"} & found["headers"].keys()
     assert json.loads(asked(standby, "/", "Accept-Encoding: br")[1])["headers"]["accept-encoding"] == "br"
+
+
+def test_whoever_asks_says_nothing_of_where_they_are() -> None:
+    """The owner counts failed logins by address; it believes what a service of its own says last."""
+    told = [(b"x-forwarded-for", b"127.0.0.1"), (b"x-forwarded-for", b"10.0.0.1")]
+    scope = {"type": "http", "scheme": "http", "headers": told, "client": ("192.168.1.7", 1234)}
+    passed = [value for name, value in _passed_on(scope, set()) if name == b"x-forwarded-for"]
+    assert passed == [b"127.0.0.1", b"10.0.0.1", b"192.168.1.7"]
+    here = {**scope, "client": ("127.0.0.1", 1234)}
+    assert [value for name, value in _passed_on(here, set()) if name == b"x-forwarded-for"] == [b"127.0.0.1", b"10.0.0.1"]

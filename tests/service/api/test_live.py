@@ -224,6 +224,12 @@ def test_a_film_comes_whole_and_then_only_what_it_lacks(service: Service, worker
             watcher.read(1.0)
         assert sorted(watcher.words, key=lambda tile: (tile.y, tile.x)) == wanted
 
+    with watch(service, job, query="?snapshot=false") as watcher:
+        watcher.read(0.5)
+        watcher.connection.send(json.dumps({"have": ["?"]}) + " " * (2 << 20))
+        watcher.read(1.0)
+        assert not watcher.words, "what nobody needs to say keeps nobody waiting while it is read"
+
 
 def test_what_changes_before_a_watcher_says_what_it_has_is_sent(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.01)

@@ -95,6 +95,19 @@ def test_a_job_s_end_is_told_signed_and_once(told: Service, receiver: Receiver) 
     assert hook == {"number": 0, "hook": "http://127.0.0.1/...", "arrived": 2, "waiting": 0, "given_up": 0, "error": None}
 
 
+def test_a_clock_that_is_put_back_keeps_nobody_in_the_dark(
+    told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told.patch(told.submit(told.upload()), state="cancelled")
+    until(lambda: len(receiver.got) == 1, "the hook is told")
+    real = time.time
+    monkeypatch.setattr(time, "time", lambda: real() - 5000.0)
+    job = told.submit(told.upload())
+    told.patch(job, state="cancelled")
+    until(lambda: len(receiver.got) > 1, "the hook is told of the next")
+    assert [message["data"]["id"] for message in receiver.messages][1:] == [job]
+
+
 def test_what_does_not_arrive_is_sent_again_under_the_same_id(told: Service, receiver: Receiver) -> None:
     receiver.statuses = [500, 302, 204]
     job = told.submit(told.upload())

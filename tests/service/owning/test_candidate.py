@@ -229,5 +229,11 @@ def test_without_standing_by_it_is_refused_with_a_sentence(tmp_path: Path) -> No
     own(Settings(data=tmp_path), 0.0).stop()
 
 
+def test_a_damaged_database_is_told_in_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "rayfarm.sqlite").write_bytes(b"no database" * 1000)
+    with pytest.raises(CannotStart, match=r"The database is damaged \(file is not a database\). `rayfarm doctor"):
+        own(Settings(data=tmp_path), 0.0)
+
+
 def scene(id: str) -> Scene:
     return Scene(id=id, name=id, status="ready", created=0.0, main="a.obj", files=[], bytes=0)

@@ -134,3 +134,12 @@ def test_answers_to_a_job_that_cannot_be_taken_up_yet_are_kept(
     service.wait_for(job, "finished")
     assert service.digest(job) == expected_digest(spp=30)
     until(lambda: not answers_of(worker, job), "the stream is trimmed")
+
+
+def test_a_character_that_a_database_cannot_have_is_no_fault(service: Service) -> None:
+    """PostgreSQL takes no character 0."""
+    assert service.http.get("/api/jobs/%00").status_code == 404
+    assert service.http.get("/%00").status_code == 404
+    asked = {"scene": "\0", "width": 16, "height": 16}
+    assert service.http.post("/api/jobs", json=asked).status_code in (404, 422)
+    assert service.http.post("/api/jobs", json={**asked, "scene": service.upload(), "after": ["a\0"]}).status_code in (404, 422)

@@ -99,3 +99,12 @@ def test_where_there_is_no_forecast_the_job_says_why_and_is_not_late() -> None:
     records, job = Records(), Job(eta_s=None, deadline=1000.0)
     look(Deadlines(records, run, lambda *_: None), job, 0, 10, 20)
     assert (records.lates, job.expected, job.unforeseen) == ([], None, "Nobody knows.")
+
+
+def test_a_clock_that_is_put_back_is_gone_by_at_once() -> None:
+    records, job, other = Records(past=["waiting"]), Job(deadline=5000.0), Job(id="other", deadline=5000.0)
+    deadlines = Deadlines(records, run, lambda what, id: None)
+    for now in (9000.0, 4000.0):
+        deadlines.review([cast(ActiveJob, job), cast(ActiveJob, other)], forecast, now)
+    assert job.expected == 4010.0
+    assert [each for each in records.lates if each[0] == "waiting"] == [("waiting", 9000.0), ("waiting", 4000.0)]

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
+from service.settings import Settings
 from service.store.database import connect
 from service.store.models import Job
 
@@ -39,3 +40,10 @@ def test_json_is_read_as_it_was_written_and_what_is_damaged_is_nothing(written: 
         job = session.get(Job, "j")
         assert job is not None and job.request == read
     engine.dispose()
+
+
+def test_a_database_lies_in_a_folder_of_any_name(tmp_path: Path) -> None:
+    folder = tmp_path / "100%20 what? #1"
+    folder.mkdir()
+    connect(Settings(data=folder).database)[0].dispose()
+    assert (folder / "rayfarm.sqlite").stat().st_size > 0

@@ -12,7 +12,7 @@ import httpx
 import pytest
 from sqlalchemy.orm import Session
 
-from service.errors import Unavailable
+from service.errors import NotOwner, Unavailable
 from service.store.blobs import BlobFolder
 from service.store.database import connect
 from service.store.garbage import Garbage
@@ -179,6 +179,20 @@ def test_what_cannot_be_deleted_now_goes_later(garbage: tuple[Garbage, BlobFolde
     assert blobs.exists(one)
     collector.collect(lambda session: set())
     assert (blobs.exists(one), blobs.exists(two)) == (False, False)
+
+
+def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_path: Path) -> None:
+    """It stood still once its rows were gone; meanwhile the same file was uploaded to the service that took over."""
+    _, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
+    blobs = BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
+
+    def stood_still() -> None:
+        Garbage(sessions, blobs, patience_s=60.0).collect(scene_of(sha256))
+        raise NotOwner
+
+    sha256 = put(blobs, b"content")
+    Garbage(sessions, blobs, patience_s=60.0, guard=stood_still).collect(lambda session: {sha256})
+    assert blobs.exists(sha256)
 
 
 def test_a_refusal_of_the_database_deletes_nothing(garbage: tuple[Garbage, BlobFolder]) -> None:

@@ -1,0 +1,37 @@
+"""What a token may do with tokens."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import httpx
+import pytest
+
+from tests.helpers import running_redis
+from tests.service.conftest import Service
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
+    service = Service(tmp_path_factory.mktemp("tokens") / "data", redis_server)
+    yield service
+    service.stop()
+
+
+def test_a_token_that_only_looks_withdraws_nothing_but_itself(service: Service) -> None:
+    """It may lie in many hands: none of them is to end what their owner's programs show."""
+    path = service.options["data"] / "owner-token"
+    owner = {"Authorization": f"Bearer {path.read_text().strip()}"}
+
+    def made(role: str) -> dict[str, str]:
+        answer: dict[str, str] = service.http.post("/api/tokens", json={"name": role, "role": role}, headers=owner).json()
+        return answer
+
+    def withdraw(token: dict[str, str], shown: dict[str, str]) -> httpx.Response:
+        return service.http.delete(f"/api/tokens/{token['id']}", headers={"Authorization": f"Bearer {shown['secret']}"})
+
+    looks, looks_too, submits = made("view"), made("view"), made("submit")
+    refused = withdraw(submits, looks)
+    assert (refused.status_code, "look and change nothing" in refused.text) == (403, True)
+    assert withdraw(looks, looks).status_code == 204
+    assert withdraw(looks_too, submits).status_code == 204
