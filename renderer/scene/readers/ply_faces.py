@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,8 @@ _TYPES = {
 }
 _CORNERS = ("vertex_indices", "vertex_index")
 _HEADER = re.compile(rb"\Aply\s.*?^end_header\r?\n", re.DOTALL | re.MULTILINE)
-_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
+_Order = Literal["<", ">"]
+_ORDERS: dict[str, _Order] = {"binary_little_endian": "<", "binary_big_endian": ">"}
 _MOST = 20_000_000  # triangles
 
 
@@ -29,7 +30,7 @@ class _Element(NamedTuple):
     """A kind of rows. lists: (type of the count, type of the values, name)."""
 
     name: str
-    count: int
+    number: int
     lists: list[tuple[str, str, str]]
     row: list[tuple[str, str]]  # its single values
 
@@ -50,7 +51,7 @@ def evened(data: bytes) -> bytes:
             return _with_triangles(data, header[0], at, element, order)
         if element.lists:
             return data
-        at += element.count * np.dtype(element.row).itemsize
+        at += element.number * np.dtype(element.row).itemsize
     return data
 
 
@@ -70,16 +71,16 @@ def _elements(header: bytes) -> list[_Element] | None:
     return found
 
 
-def _with_triangles(data: bytes, header: bytes, at: int, face: _Element, order: str) -> bytes:
+def _with_triangles(data: bytes, header: bytes, at: int, face: _Element, order: _Order) -> bytes:
     """Only of faces that hold their corners and nothing else: what else there is of them would have to be doubled too."""
     if len(face.lists) != 1 or face.row or face.lists[0][2] not in _CORNERS or face.lists[0][0] not in ("u1", "i1"):
         return data
     kind = np.dtype(face.lists[0][1]).newbyteorder(order)
     size, view = kind.itemsize, memoryview(data)
-    if not 0 < face.count <= len(data) - at or _are_alike(data, at, face.count, size):
+    if not 0 < face.number <= len(data) - at or _are_alike(data, at, face.number, size):
         return data
     counts = bytearray()
-    begin, end, many = at, len(data), face.count
+    begin, end, many = at, len(data), face.number
     while many and begin < end:
         corners = view[begin]
         counts.append(corners)
