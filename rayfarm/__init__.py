@@ -14,10 +14,10 @@ local/          a whole farm on this machine: Redis, service and worker as super
 
 from typing import TYPE_CHECKING, Any
 
-from rayfarm.answers import BadSample, Camera, Frame, Job, Scene, Shot, Worker
 from renderer.errors import RayfarmError
 
 if TYPE_CHECKING:
+    from rayfarm.answers import BadSample, Camera, Frame, Job, Scene, Shot, Worker
     from rayfarm.client import Client, ClientError
     from rayfarm.library.here import SceneWarning
     from rayfarm.library.image import Image
@@ -44,6 +44,7 @@ __all__ = [
 
 # Loaded when they are asked for: a command that only talks to a farm has no use for numpy, and one without a farm none for HTTP.
 _LATER = {
+    **dict.fromkeys(("BadSample", "Camera", "Frame", "Job", "Scene", "Shot", "Worker"), "answers"),
     **dict.fromkeys(("Client", "ClientError"), "client"),
     "Image": "library.image",
     "SceneWarning": "library.here",

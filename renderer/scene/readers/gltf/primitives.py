@@ -43,8 +43,8 @@ def read_primitive(
         )
         return None
     attributes = _Attributes(source, accessors)
-    for at in attributes.bare():
-        accessors.judge_bare(at)
+    for bare in attributes.bare():
+        accessors.judge_bare(bare)
     positions = attributes.get("POSITION", (3,))
     if positions is None:
         shelf.warn(f"Mesh {name}: has no positions and is left out.")
