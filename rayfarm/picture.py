@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import typer
@@ -151,7 +151,7 @@ class Picture:
         asked: dict[str, Any] = {**self.asked(), **typed(ENDS, self.given), "width": width, "height": height}
         asked["environment"] = {name: value for name, value in environment.items() if value is not None}
         if self.has_view():
-            asked["view"] = asdict(self.view(cameras))
+            asked["view"] = self.view(cameras).to_json()
         elif self.given.get("camera") is not None:
             # Not by its name: a file may have several cameras of one.
             asked["camera"] = options.find_camera(cameras, self.given["camera"])

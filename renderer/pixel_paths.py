@@ -129,4 +129,5 @@ def spot_of(view: View, width: int, height: int, point: Vec3, is_far: bool = Fal
         pixels, w = height / view.height, 0.0 if is_far else 1.0
     else:
         pixels, w = height / (2 * math.tan(math.radians(view.fov) / 2)), ahead
-    return Spot(width / 2 * w + across * pixels, height / 2 * w - rise * pixels, w)
+    x, y = view.middle(width, height)
+    return Spot(x * w + across * pixels, y * w - rise * pixels, w)

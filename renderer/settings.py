@@ -338,7 +338,7 @@ class RenderSettings:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON-ready dict; `from_json` gives the same settings back to the bit."""
-        return asdict(self)
+        return {**asdict(self), "view": self.view.to_json(), "views": tuple(view.to_json() for view in self.views)}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> RenderSettings:

@@ -92,7 +92,7 @@ def _projected(view: View, settings: RenderSettings, places: F64) -> F64:
     near = places[..., 3]
     ray = [places[..., k] - near * eye[k] for k in range(3)]
     x, y, z = ((ray[0] * axis[0] + ray[1] * axis[1]) + ray[2] * axis[2] for axis in (right, up, -back))
-    middle, height = (settings.width / 2.0, settings.height / 2.0), settings.height
+    middle, height = view.middle(settings.width, settings.height), settings.height
     with np.errstate(divide="ignore", invalid="ignore"):
         if view.projection == "panorama":
             turn, rise = _angle(x, z), _angle(y, np.sqrt(x * x + z * z))

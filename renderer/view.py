@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
 from renderer.declared import Choices, Setting, Shown, checked, table
 from renderer.errors import SettingsError
 
-__all__ = ["MAX_DISTANCE", "PROJECTIONS", "VIEW", "Vec3", "View"]
+__all__ = ["MAX_DISTANCE", "MAX_SHIFT", "PROJECTIONS", "VIEW", "Vec3", "View"]
 
 Vec3 = tuple[float, float, float]
 
 MAX_DISTANCE = 1e15  # squares and products of it stay within float32
 MIN_DISTANCE = 1e-12
+MAX_SHIFT = 100.0
 
 PROJECTIONS = Choices(
     {
@@ -35,6 +36,8 @@ class View:
     aperture: radius of the thin lens of a perspective camera; 0: a pinhole, sharp everywhere.
     focus: distance along the line of sight of the plane that is sharp; None: the target's.
     near: distance along the line of sight where rays start, but a panorama's: what stands before is cut away.
+    shift_x, shift_y: how far the middle of the picture is to the right of the line of sight, and above it, in heights of the
+    picture; not a panorama's. Upright lines stay upright, where turning the camera would make them fall.
     """
 
     eye: Annotated[
@@ -113,6 +116,30 @@ class View:
             phrase="near {}",
         ),
     ] = 0.0
+    shift_x: Annotated[
+        float,
+        Setting(-MAX_SHIFT, MAX_SHIFT),
+        Shown(
+            "Shift to the right",
+            "Of the lens, in heights of the picture: shows more of what is to the right.",
+            section="View",
+            projections=("perspective", "orthographic"),
+            phrase="shifted {} to the right",
+            usual=(-1.0, 1.0),
+        ),
+    ] = 0.0
+    shift_y: Annotated[
+        float,
+        Setting(-MAX_SHIFT, MAX_SHIFT),
+        Shown(
+            "Shift up",
+            "Of the lens, in heights of the picture: shows more of what is above, and upright lines stay upright.",
+            section="View",
+            projections=("perspective", "orthographic"),
+            phrase="shifted {} up",
+            usual=(-1.0, 1.0),
+        ),
+    ] = 0.0
 
     def __post_init__(self) -> None:
         checked(self)
@@ -124,9 +151,19 @@ class View:
         if sum(c * c for c in cross) <= 1e-12 * sum(c * c for c in d) * max(sum(c * c for c in u), 1e-300):
             raise SettingsError("up points along the line of sight (or is zero); give another up direction")
 
+    def middle(self, width: int, height: int) -> tuple[float, float]:
+        """Where the line of sight meets a picture of that size, in pixels from its upper left corner."""
+        if self.projection == "panorama":
+            return width / 2, height / 2
+        return width / 2 - self.shift_x * height, height / 2 + self.shift_y * height
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON-ready dict, of which `from_json` makes the same view. A lens that is not shifted is as every release has it."""
+        return {name: value for name, value in asdict(self).items() if value or not name.startswith("shift_")}
+
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> View:
-        """The view that `dataclasses.asdict` made JSON of. Raises SettingsError where it cannot be."""
+        """The view that `to_json` made JSON of. Raises SettingsError where it cannot be."""
         try:
             return cls(**data)
         except TypeError as error:

@@ -1,4 +1,4 @@
-"""What Python's zipfile raises for an archive that is damaged, encrypted or packed in a way that it does not know."""
+"""Packed files from strangers: what Python's zipfile raises where one is damaged, and what is more than one may unpack to."""
 
 from __future__ import annotations
 
@@ -7,10 +7,23 @@ import struct
 import zipfile
 import zlib
 
-__all__ = ["DAMAGED"]
+__all__ = ["DAMAGED", "is_bomb", "most_unpacked"]
 
 # Its documentation names the first alone; bytes that were changed at random gave all of them.
 DAMAGED = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
     *(EOFError, IndexError, NotImplementedError, OverflowError, RuntimeError, ValueError),
 )
+
+_FREE = 16 << 20  # bytes: small files may shrink as well as they like
+_RATIO = 200  # as the service has it for uploads (max_unzip_ratio)
+
+
+def most_unpacked(packed: int) -> int:
+    """The most bytes that so many are unpacked to."""
+    return max(_FREE, _RATIO * packed)
+
+
+def is_bomb(unpacked: int, packed: int) -> bool:
+    """Whether so many bytes are more than scenes ever unpack to."""
+    return unpacked > most_unpacked(packed)

@@ -202,8 +202,8 @@ class _Stage:
             view = orbit(view, moment.seconds(fps) / self._work.turntable, up)
         return {
             "file": file and str(file),
-            "view": asdict(view),
-            "views": [asdict(each) for each in views],
+            "view": view.to_json(),
+            "views": [each.to_json() for each in views],
             "defaults": dict(described.defaults),
             "warnings": list(described.warnings),
         }

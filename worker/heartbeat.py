@@ -14,23 +14,28 @@ import math
 import os
 import signal
 import time
+from dataclasses import replace
 from typing import Any
 
 import redis
 from celery import bootsteps
+from celery.worker.state import reserved_requests
 
 from worker import context, vitals
 from worker.contract import (
     HEARTBEAT_EVERY_S,
     HEARTBEAT_TTL_S,
+    RENDER_BATCH,
+    RENDER_BATCHES,
     WorkerReport,
     order_key,
     prepare_queue,
     render_queue,
     worker_key,
 )
-from worker.joint import help_queue
+from worker.joint import RENDER_JOINTLY, help_queue
 from worker.jointly import ask_for_help
+from worker.lifeline import lifeline
 from worker.log_tail import LogTail
 from worker.terms import OFFER_TTL_S, Offer, offer_key, terms_key
 from worker.vitals import LOG_TTL_S, VITALS_TTL_S, log_key, log_wanted_key, vitals_key
@@ -53,10 +58,12 @@ class Reporter:
     def beat(self, report: WorkerReport) -> bool:
         """Write a report; False where Redis does not take it."""
         try:
-            self.redis.set(worker_key(report.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
+            with self.redis.pipeline(transaction=False) as both:
+                both.client_setname(lifeline(report.name))  # each time: the connection may be a new one
+                both.set(worker_key(report.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
+                return both.execute(raise_on_error=False)[1] is True
         except redis.RedisError:
             return False
-        return True
 
     def leave(self, name: str) -> None:
         """Take the report away at once, so that the service need not wait for it to expire."""
@@ -148,7 +155,7 @@ class Heartbeat(bootsteps.StartStopStep):
         if self.worker.keeping is not None:
             self.reporter.tell_offer(self.worker.name, self.worker.keeping.offer())
         report = self.worker.report(self.is_paused)
-        if not self.reporter.beat(report):
+        if not self.reporter.beat(replace(report, in_hand=[*dict.fromkeys([*report.in_hand, *_taken()])])):
             return
         signal.alarm(WATCHDOG_S)  # not wound again: SIGALRM ends this process, and with it its children
         now = time.monotonic()
@@ -223,3 +230,9 @@ class Heartbeat(bootsteps.StartStopStep):
         if missing := keeping.slots_now - self.consumer.qos.value:
             change = self.consumer.qos.increment_eventually if missing > 0 else self.consumer.qos.decrement_eventually
             change(abs(missing))
+
+
+def _taken() -> list[str]:
+    """The messages with batches that were taken from the queue and are not done: a slot of a busy machine may need seconds until
+    it says that it has one."""
+    return [request.id for request in list(reserved_requests) if request.name in (RENDER_BATCH, RENDER_BATCHES, RENDER_JOINTLY)]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import fcntl
+import io
 import logging
 import os
 import secrets
@@ -34,8 +35,20 @@ from worker.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 from worker.redis_tls import trusting
 from worker.result_bytes import result_of
 from worker.results import ResultStream
-from worker.site import SECRET_S, SIGNATURE_HEADER, SITE_NAME, SUMS_PATH, SiteReport, secret_key, signature, site_key
+from worker.site import (
+    ANNOUNCED_HEADER,
+    SECRET_S,
+    SIGNATURE_HEADER,
+    SITE_NAME,
+    SUMS_PATH,
+    SiteReport,
+    announced,
+    secret_key,
+    signature,
+    site_key,
+)
 from worker.site_sums import Full, SiteSums
+from worker.timed import Timed
 
 __all__ = ["Reducer", "main"]
 
@@ -43,9 +56,11 @@ EXIT_REFUSED = 3
 LOOK_EVERY_S = 0.05
 LARGEST = 64 << 20  # bytes of a result
 MOST_BYTES = 1 << 30  # that wait here
-MOST_COMING = 8 * LARGEST  # bytes that are being received: nobody knows yet whose
+MOST_COMING = 8 * LARGEST  # bytes that are being received of workers; and as many of which nobody knows yet whose they are
+MOST_AT_ONCE, MOST_OF_ONE = 1024, 256  # connections, and of them of one address
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.2, 3.0
-PATIENCE_S = 10.0  # with a worker that sends
+PATIENCE_S = 10.0  # with a worker that sends: until it has said what, and again until it has sent that, if it is little
+SLOWEST = 1 << 20  # bytes a second, for what is more
 
 log = logging.getLogger("worker")
 
@@ -61,24 +76,28 @@ class Reducer:
         self._store = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
         self._secrets: list[tuple[float, bytes]] = []  # the newest first, and since when
         self._started = time.time()
-        self._coming = 0  # bytes that are being received
+        self._coming = [0, 0]  # bytes that are being received: of anybody, and of workers
         self._count = threading.Lock()
 
     def is_signed(self, body: bytes, said: str) -> bool:
         """Whether a worker of the farm has sent this."""
         return any(secrets.compare_digest(signature(secret, body).encode(), said.encode()) for _, secret in self._secrets)
 
+    def is_announced(self, size: int, said: str) -> bool:
+        """Whether a worker of the farm is about to send so much."""
+        return any(secrets.compare_digest(announced(secret, size).encode(), said.encode()) for _, secret in self._secrets)
+
     @contextlib.contextmanager
-    def room(self, size: int) -> Iterator[bool]:
-        """Whether so many bytes may come now; within, they are counted."""
+    def room(self, size: int, is_ours: bool = False) -> Iterator[bool]:
+        """Whether so many bytes may come now; within, they are counted. is_ours: a worker of the farm sends them."""
         with self._count:
-            is_there = self._coming + size <= MOST_COMING
-            self._coming += size if is_there else 0
+            is_there = self._coming[is_ours] + size <= MOST_COMING
+            self._coming[is_ours] += size if is_there else 0
         try:
             yield is_there
         finally:
             with self._count:
-                self._coming -= size if is_there else 0
+                self._coming[is_ours] -= size if is_there else 0
 
     def take(self, body: bytes) -> None:
         """Raises ValueError, Full or OSError where it does not."""
@@ -118,10 +137,41 @@ class _Server(ThreadingHTTPServer):
     request_queue_size = 512  # all machines of a site may come at once
     reducer: Reducer
 
+    def __init__(self, *about: Any) -> None:
+        super().__init__(*about)
+        self._here: dict[int, str] = {}  # whose connections there are
+        self._lock = threading.Lock()
+
+    def verify_request(self, request: Any, client_address: Any) -> bool:
+        """Whether there is room for it: each takes a thread, and nobody may take those of all others."""
+        who = str(client_address[0])
+        with self._lock:
+            here = list(self._here.values())
+            if len(here) >= MOST_AT_ONCE or here.count(who) >= MOST_OF_ONE:
+                return False
+            self._here[id(request)] = who
+        return True
+
+    def shutdown_request(self, request: Any) -> None:
+        """It has ended, or there was no room for it."""
+        with self._lock:
+            self._here.pop(id(request), None)
+        super().shutdown_request(request)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A connection that breaks is the sender's to notice."""
+        log.debug("a connection of %s broke", client_address, exc_info=True)
+
 
 class _Handler(BaseHTTPRequestHandler):
     server: _Server
-    timeout = PATIENCE_S
+
+    def setup(self) -> None:
+        """Read for a bounded time."""
+        super().setup()
+        self.rfile.close()
+        self._timed = Timed(self.connection, PATIENCE_S)
+        self.rfile = io.BufferedReader(self._timed, 1 << 16)
 
     def do_POST(self) -> None:
         try:
@@ -130,9 +180,11 @@ class _Handler(BaseHTTPRequestHandler):
             return self._answer(HTTPStatus.LENGTH_REQUIRED)
         if self.path != SUMS_PATH or not 0 <= size <= LARGEST:
             return self._answer(HTTPStatus.NOT_FOUND if self.path != SUMS_PATH else HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
-        with self.server.reducer.room(size) as is_there:
+        is_ours = self.server.reducer.is_announced(size, self.headers.get(ANNOUNCED_HEADER, ""))
+        with self.server.reducer.room(size, is_ours) as is_there:
             if not is_there:
                 return self._answer(HTTPStatus.SERVICE_UNAVAILABLE)
+            self._timed.allow(PATIENCE_S + size / SLOWEST)
             return self._take(self.rfile.read(size), size)
 
     def _take(self, body: bytes, size: int) -> None:
@@ -152,6 +204,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self, status: HTTPStatus) -> None:
         self.close_connection = True
+        self.connection.settimeout(PATIENCE_S)
         self.send_response(status)
         self.send_header("Content-Length", "0")
         self.end_headers()

@@ -1,7 +1,8 @@
 """What the machines of a site say to its reducer, which adds up their sums of a tile before they travel on.
 
     worker --- HTTP POST /sums ----------> reducer    a Result of type `batch` or `batches` with `run` (worker.joint.Run), as
-                                                      worker/result_bytes.py packs it, signed; 204: the reducer has it
+                                                      worker/result_bytes.py packs it, signed; 204: the reducer has it.
+                                                      Its size is signed too, so that room is kept for who belongs here
     reducer -- stream RESULTS -----------> service    Result of type `batches`: each part ends with its worker's name
     reducer -- key site_key(name) -------> service    SiteReport, expires after HEARTBEAT_TTL_S; and workers: where it is
     reducer -- key secret_key(name) -----> worker     what sums are signed with
@@ -22,12 +23,14 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 __all__ = [
+    "ANNOUNCED_HEADER",
     "SECRET_S",
     "SIGNATURE_HEADER",
     "SITE",
     "SITE_NAME",
     "SUMS_PATH",
     "SiteReport",
+    "announced",
     "secret_key",
     "signature",
     "site_key",
@@ -37,6 +40,7 @@ SITE = "site:"  # before its name: the tag of a worker that belongs to it
 SITE_NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,40}")
 SUMS_PATH = "/sums"
 SIGNATURE_HEADER = "X-Rayfarm-Signature"
+ANNOUNCED_HEADER = "X-Rayfarm-Announced"
 SECRET_S = 600.0
 
 
@@ -53,6 +57,11 @@ def secret_key(name: str) -> str:
 def signature(secret: bytes, body: bytes) -> str:
     """By which the reducer knows that a body comes from a worker of the farm, as it was sent."""
     return hmac.digest(secret, body, "sha256").hex()
+
+
+def announced(secret: bytes, size: int) -> str:
+    """By which the reducer knows that, before the body has come: whoever only says that much comes is not waited for."""
+    return signature(secret, b"size %d" % size)
 
 
 @dataclass(frozen=True)

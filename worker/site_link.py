@@ -12,7 +12,7 @@ import redis
 from worker.contract import Result
 from worker.joint import Run
 from worker.result_bytes import result_bytes
-from worker.site import SIGNATURE_HEADER, SUMS_PATH, SiteReport, secret_key, signature, site_key
+from worker.site import ANNOUNCED_HEADER, SIGNATURE_HEADER, SUMS_PATH, SiteReport, announced, secret_key, signature, site_key
 
 __all__ = ["SiteLink"]
 
@@ -81,7 +81,8 @@ def _post(where: _Where, result: Result) -> int:
     body = result_bytes(result)
     connection = http.client.HTTPConnection(where.address, where.port, timeout=PATIENCE_S)
     try:
-        connection.request("POST", SUMS_PATH, body, {SIGNATURE_HEADER: signature(where.secret, body)})
+        signed = {SIGNATURE_HEADER: signature(where.secret, body), ANNOUNCED_HEADER: announced(where.secret, len(body))}
+        connection.request("POST", SUMS_PATH, body, signed)
         answer = connection.getresponse()
         answer.read()
         return answer.status

@@ -9,7 +9,7 @@ whoever wants colours does not unpack what lies beside them.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
 import lz4.block
@@ -80,11 +80,15 @@ def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[
     return sums
 
 
-def add_sums(total: Sums, data: bytes, tile: Tile) -> None:
-    """Add what `pack_sums` packed. Raises ValueError where that is not of this tile; then nothing was added."""
-    planes = dict(_planes(data, tile, False))
+def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes: Collection[int] | None = None) -> None:
+    """Add what `pack_sums` packed, or some planes of it. Raises ValueError where that is not of this tile; then nothing was
+    added. stored: as `unpack_sums`."""
+    known = dict(_planes(data, tile, stored))
+    wanted = known.keys() if planes is None else known.keys() & planes
+    wanted |= {known[number][1] for number in wanted if known[number][0] == COPY}
     values: dict[int, Any] = {}
-    for number, (code, value, body) in planes.items():
+    for number in sorted(wanted):  # one that is like another comes after it
+        code, value, body = known[number]
         if code == COPY:
             values[number] = values[value]
         elif code == ALIKE:
@@ -95,7 +99,8 @@ def add_sums(total: Sums, data: bytes, tile: Tile) -> None:
             values[number] = np.empty((tile.h, tile.w), "<i8")
             _widen(body if code == PLAIN else _raw(body, code, tile), 8, values[number])
     for number, value in values.items():
-        total[number] += value
+        if planes is None or number in planes:
+            total[number] += value
 
 
 def check_sums(data: bytes, tile: Tile) -> None:

@@ -15,7 +15,7 @@ from renderer.arrays.scene import CompiledScene
 
 __all__ = ["edition_of", "only"]
 
-_TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANSPARENT
+_TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANSPARENT | rows.LAMP | rows.UNSEEN
 _LAYERS = rows.DISPERSIVE | rows.ABSORBING
 _NOTHING: Any = None  # in the place of an array that the kernel need not know of
 _KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_texture")
@@ -43,6 +43,8 @@ def only(scene: CompiledScene, edition: str) -> CompiledScene:
     """The scene as the kernels of that edition are given it."""
     has = EDITIONS[edition]
     bvh = scene.bvh._replace(instances=has.instances)
+    if has.textures is None:
+        bvh = bvh._replace(begin=_NOTHING)
     if has.motion is None:
         scene = scene._replace(**dict.fromkeys(_KEYS, _NOTHING))
         bvh = bvh._replace(**dict.fromkeys(("motion", "instance_motion", "keyed"), _NOTHING))

@@ -14,7 +14,7 @@ class Has(NamedTuple):
     none (renderer/absent.py), and costs neither time to compile nor registers.
     """
 
-    textures: Any  # and what goes with them: normal maps, vertex colours, alpha
+    textures: Any  # and what goes with them: normal maps, vertex colours, alpha, and what not every ray meets
     lights: Any  # without a body, or so many that a tree chooses among them
     layers: Any  # materials of many properties, what they absorb, and how they spread colours
     instances: Any

@@ -98,4 +98,6 @@ THIN = 64  # light passes without refraction
 DISPERSIVE = 128
 ABSORBING = 256  # its inside is
 TRANSMITS = 512  # scatters to the far side, too, in more than single directions
+LAMP = 1024  # rays that meet it take its light and go on, and it casts no shadow
+UNSEEN = 2048  # by the camera
 TRANSPARENT = MASKED | BLENDED

@@ -21,7 +21,7 @@ from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, PAGE, ROW_CHIL
 from renderer.bvh.transforms import inverted
 from renderer.threads import Team
 
-__all__ = ["Laid", "Tree", "lay", "padded"]
+__all__ = ["NODE_BYTES", "PACKET_BYTES", "Laid", "Tree", "lay", "padded"]
 
 Array = npt.NDArray[Any]
 Tree = tuple[Array, Array]  # nodes and packets, as `renderer.bvh.build.tree_of` gives them
@@ -38,7 +38,7 @@ def _new_room(name: str, length: int, shape: tuple[int, ...], dtype: Any, heads:
     return np.zeros((length, *shape), dtype), False
 
 
-_NODE_BYTES, _PACKET_BYTES = NODE_ROWS * WIDTH * 4, PACKET_ROWS * WIDTH * 4
+NODE_BYTES, PACKET_BYTES = NODE_ROWS * WIDTH * 4, PACKET_ROWS * WIDTH * 4
 
 
 class Laid(NamedTuple):
@@ -76,10 +76,10 @@ def lay(
     boxes, children = _below_top(still, bodies, loose, shown, moving, keys)
     top, _ = tree_of(bounds=boxes, team=team)
     nodes = _starts(
-        [padded(max(len(boxes), len(top)), _NODE_BYTES), len(still.node), sum(len(node) for node, _ in bodies), len(loose[0])],
-        _NODE_BYTES,
+        [padded(max(len(boxes), len(top)), NODE_BYTES), len(still.node), sum(len(node) for node, _ in bodies), len(loose[0])],
+        NODE_BYTES,
     )
-    packets = _starts([0, len(still.packet), sum(len(packet) for _, packet in bodies), len(loose[1])], _PACKET_BYTES)
+    packets = _starts([0, len(still.packet), sum(len(packet) for _, packet in bodies), len(loose[1])], PACKET_BYTES)
     # Of what is kept lies there what was put there, where it would be put again.
     heads = (still.node, *(array for body in bodies for array in body), *nodes[1:4], *packets[1:4], *first_triangle)
     node, has_nodes = room("node", nodes[-1], (NODE_ROWS, WIDTH), np.float32, heads)

@@ -48,10 +48,22 @@ from renderer.bvh.simd import (
 )
 from renderer.jit import device, out_of_line, subroutine
 
-__all__ = ["NO_PRIMITIVE", "Hit", "any_hit", "any_in_instance", "closest_hit", "closest_in_instance", "new_stack", "place_at"]
+__all__ = [
+    "NO_PRIMITIVE",
+    "Hit",
+    "any_hit",
+    "any_in_instance",
+    "camera_root",
+    "closest_hit",
+    "closest_in_instance",
+    "new_stack",
+    "place_at",
+    "shadow_root",
+]
 
 NO_PRIMITIVE = np.int32(-1)
 _WORLD = np.int32(-1)
+_ROOT = np.int32(0)
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TINY = np.float32(1e-18)
@@ -256,10 +268,26 @@ def closest_in_instance(bvh, stack, bottom, number, o, d, best, time):
 
 
 @device
-def closest_hit(bvh, stack, o, d, t_max, time=None):
+def camera_root(bvh):
+    """The node at which the camera's rays begin."""
+    if bvh.begin is not None:
+        return bvh.begin[0]
+    return _ROOT
+
+
+@device
+def shadow_root(bvh):
+    """The node at which shadow rays begin."""
+    if bvh.begin is not None:
+        return bvh.begin[1]
+    return _ROOT
+
+
+@device
+def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
     """The nearest primitive along o + t d with 0 < t < t_max: a Hit. stack: from `new_stack`.
 
-    time: of the shutter, 0 ... 1; None where nothing moves, or in the middle.
+    time: of the shutter, 0 ... 1; None where nothing moves, or in the middle. root: the node to begin at.
     """
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
@@ -268,7 +296,7 @@ def closest_hit(bvh, stack, o, d, t_max, time=None):
     best, primitive, u, v = t_max, NO_PRIMITIVE, _ZERO, _ZERO
     instance = _WORLD
     top = np.uintp(0)
-    base = np.uintp(0)
+    base = np.uintp(np.uint32(root)) * _NODE
     keys, key = _enter(bvh.node, base, x, y, z, best)
     while True:
         if key > key_limit(best):
@@ -330,14 +358,14 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
 
 
 @device
-def any_hit(bvh, stack, o, d, t_max, time=None):
-    """Whether anything lies along o + t d with 0 < t < t_max. stack, time: as of `closest_hit`."""
+def any_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
+    """Whether anything lies along o + t d with 0 < t < t_max. stack, time, root: as of `closest_hit`."""
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
     z = _slab(o[2], d[2])
     axes, shear, permuted = _axes(o, d, (x[5], y[5], z[5]))
     top = np.uintp(0)
-    child = np.int32(0)
+    child = np.int32(root)
     while True:
         base = np.uintp(child) * _NODE
         met = bits(_boxes(bvh.node, base, x, y, z, t_max)[0])

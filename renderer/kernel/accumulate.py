@@ -122,7 +122,7 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
                 film_x = np.float32(x0 + x) + _HALF + filter_offset(options.filter, u[0])
                 film_y = np.float32(y0 + y) + _HALF + filter_offset(options.filter, u[1])
                 time = _time(scene.has.motion, options, pixel, sample)
-                o, d = _ray(camera, film_x, film_y, (u[2], u[3]), time)
+                o, d, start = _ray(camera, film_x, film_y, (u[2], u[3]), time)
                 u = draw_film(Stream(options.sampler, options.seed, pixel, np.uint32(sample + 1)))  # in good time, as in path.py
                 stream = Stream(options.sampler, options.seed, pixel, np.uint32(sample))
                 radiance, met = trace(scene, stack, o, d, time, options, stream, log, hit)
@@ -141,7 +141,7 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
                 albedo = _sum3(albedo, _fixed3(base, scale))
                 normal = _sum3(normal, _fixed3(upright, scale))
                 position = _sum3(position, _fixed3(place, scale))
-                depth += fixed(distance, scale)
+                depth += fixed(distance + start if object_number != 0 else distance, scale)
                 samples += 1
                 if sample == 0:  # numbers cannot be averaged, so one sample has the say
                     object_id = np.int64(object_number)

@@ -18,7 +18,7 @@ from renderer.kernel.polynomial import sincos_turns
 from renderer.kernel.sampling.warp import square_to_disk
 from renderer.settings import PROJECTIONS, RenderSettings, View
 from renderer.wide.lanes import each_lane
-from renderer.wide.values import as_wide3
+from renderer.wide.values import as_wide3, nil
 
 __all__ = ["ORTHOGRAPHIC", "PANORAMA", "PERSPECTIVE", "Camera", "axes_of", "camera_frame", "camera_ray", "moving_ray"]
 
@@ -47,10 +47,10 @@ class Camera(NamedTuple):
     aperture: np.float32  # radius of the lens
     focus: np.float32  # along the line of sight
     near: np.float32  # along the line of sight, where rays start
-    middle: tuple[np.float32, np.float32]  # of the film
+    middle: tuple[np.float32, np.float32]  # where the line of sight meets the film
     turns: tuple[np.float32, np.float32]  # a pixel of the panorama, in turns
     motion: npt.NDArray[np.float64]  # (K, KEY_COLUMNS) of right, up, back and eye (renderer/bvh/motion.py); or no rows
-    lens: npt.NDArray[np.float64]  # (K, 4): a pixel's width, aperture, focus, near
+    lens: npt.NDArray[np.float64]  # (K, 6): a pixel's width, aperture, focus, near, middle 2
 
 
 def camera_frame(settings: RenderSettings) -> Camera:
@@ -62,8 +62,8 @@ def camera_frame(settings: RenderSettings) -> Camera:
 
     right, up, back, eye = axes_of(view)
     flat = view.projection == "orthographic"
-    pixel, aperture, focus, near = _lens(view, settings.height)
-    corner = up * (pixel * settings.height / 2.0) - right * (pixel * settings.width / 2.0)
+    pixel, aperture, focus, near, *middle = _lens(view, settings)
+    corner = up * (pixel * middle[1]) - right * (pixel * middle[0])
     return Camera(
         kind=np.int32(PROJECTIONS.index(view.projection)),
         eye=vector(eye),
@@ -76,10 +76,10 @@ def camera_frame(settings: RenderSettings) -> Camera:
         aperture=np.float32(aperture),
         focus=np.float32(focus),
         near=np.float32(near),
-        middle=(np.float32(settings.width / 2), np.float32(settings.height / 2)),
+        middle=(np.float32(middle[0]), np.float32(middle[1])),
         turns=(np.float32(1 / settings.width), np.float32(0.5 / settings.height)),
         motion=_motion(settings.views),
-        lens=np.array([_lens(each, settings.height) for each in settings.views]).reshape(-1, 4),
+        lens=np.array([_lens(each, settings) for each in settings.views]).reshape(-1, 6),
     )
 
 
@@ -101,13 +101,14 @@ def axes_of(view: View) -> tuple[npt.NDArray[np.float64], ...]:
     return right, np.cross(right, forward), -forward, eye
 
 
-def _lens(view: View, height: int) -> tuple[float, float, float, float]:
-    """(a pixel's width at distance 1, or an orthographic one's in the scene; aperture; focus; near)."""
+def _lens(view: View, settings: RenderSettings) -> tuple[float, float, float, float, float, float]:
+    """(a pixel's width at distance 1, or an orthographic one's in the scene; aperture; focus; near; middle, in pixels)."""
+    width, height = settings.width, settings.height
     extent = view.height if view.projection == "orthographic" else 2.0 * math.tan(math.radians(view.fov) / 2.0)
     aperture = view.aperture if view.projection == "perspective" else 0.0
     sight = np.array(view.target, np.float64) - np.array(view.eye, np.float64)
     focus = math.sqrt(float(sight @ sight)) if view.focus is None else view.focus
-    return extent / height, aperture, focus, view.near
+    return extent / height, aperture, focus, view.near, *view.middle(width, height)
 
 
 @device
@@ -115,7 +116,7 @@ def _panorama_ray(camera, x, y):
     sine, cosine = sincos_turns((x - camera.middle[0]) * camera.turns[0])
     rise, level = sincos_turns((camera.middle[1] - y) * camera.turns[1])
     d = vec.to_world(camera.right, camera.up, camera.forward, (level * sine, rise, level * cosine))
-    return as_wide3(camera.eye, x), vec.normalize(d)
+    return as_wide3(camera.eye, x), vec.normalize(d), nil(x)
 
 
 @device
@@ -128,9 +129,8 @@ def _lens_ray(camera, towards, u):
 
 @device
 def camera_ray(camera, x, y, u):
-    """The ray through the film's point (x, y), in pixels, and the lens's point that u chooses: (origin, unit direction).
-
-    Of one sample, or of eight.
+    """The ray through the film's point (x, y), in pixels, and the lens's point that u chooses: (origin, unit direction, how far
+    before the origin it leaves the lens). Of one sample, or of eight.
     """
     if camera.kind == PANORAMA:
         return _panorama_ray(camera, x, y)
@@ -141,9 +141,11 @@ def camera_ray(camera, x, y, u):
         o, d = _lens_ray(camera, towards, u)
     else:
         o, d = as_wide3(camera.eye, x), vec.normalize(towards)
+    start = nil(x)
     if camera.near > _ZERO:
-        o = vec.add(o, vec.scale(d, camera.near / vec.dot(d, camera.forward)))
-    return o, d
+        start = camera.near / vec.dot(d, camera.forward)
+        o = vec.add(o, vec.scale(d, start))
+    return o, d, start
 
 
 @device
@@ -161,7 +163,8 @@ def _camera_at(camera, x, y, u, v, time):
     right = np.float32(a[0]), np.float32(b[0]), np.float32(c[0])
     up = np.float32(a[1]), np.float32(b[1]), np.float32(c[1])
     forward = -np.float32(a[2]), -np.float32(b[2]), -np.float32(c[2])
-    corner = vec.sub(vec.scale(up, pixel * camera.middle[1]), vec.scale(right, pixel * camera.middle[0]))
+    middle = _of_lens(camera, 4, step, share), _of_lens(camera, 5, step, share)
+    corner = vec.sub(vec.scale(up, pixel * middle[1]), vec.scale(right, pixel * middle[0]))
     if camera.kind != ORTHOGRAPHIC:
         corner = vec.add(forward, corner)
     now = Camera(
@@ -176,7 +179,7 @@ def _camera_at(camera, x, y, u, v, time):
         _of_lens(camera, 1, step, share),
         _of_lens(camera, 2, step, share),
         _of_lens(camera, 3, step, share),
-        camera.middle,
+        middle,
         camera.turns,
         camera.motion,
         camera.lens,

@@ -11,11 +11,11 @@ import math
 import numpy as np
 
 from renderer.bvh.motion import placed_at
-from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
+from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, entry, out_of_line, subroutine
 from renderer.kernel.camera import moving_ray
 from renderer.kernel.integrators.visibility import MAX_PASSED
-from renderer.kernel.material.material import is_transparent, opacity
+from renderer.kernel.material.material import is_lamp, is_transparent, opacity
 from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import surface_at
 from renderer.reference import by_reference
@@ -104,17 +104,19 @@ def _of_sphere(scene, hit, o, d, time):
 def _seen(scene, stack, o, d):
     """(the first Hit that is no more than half see-through, where the ray to it starts)."""
     out_of_line()
-    hit = closest_hit(scene.bvh, stack, o, d, _INF, _HALF)
+    root = camera_root(scene.bvh)
+    hit = closest_hit(scene.bvh, stack, o, d, _INF, _HALF, root)
     for _ in range(MAX_PASSED):
         if hit.primitive == NO_PRIMITIVE:
             break
         surface = surface_at(scene, o, d, hit)
-        if not is_transparent(scene, surface.material):
-            break
-        if opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], _HALF) >= _HALF:
-            break
+        if not is_lamp(scene, surface.material):
+            if not is_transparent(scene, surface.material):
+                break
+            if opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], _HALF) >= _HALF:
+                break
         o = departure(surface, False, d)
-        hit = closest_hit(scene.bvh, stack, o, d, _INF, _HALF)
+        hit = closest_hit(scene.bvh, stack, o, d, _INF, _HALF, root)
     return hit, o
 
 
@@ -131,7 +133,7 @@ def _see_places(scene, stack, camera, top, places):
     out_of_line()
     for y in range(places.shape[0]):
         for x in range(places.shape[1]):
-            o, d = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, _HALF)
+            o, d, _ = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, _HALF)
             hit, o = _seen(scene, stack, o, d)
             for which in range(3):
                 time = _OPENS if which == 0 else _HALF if which == 1 else _CLOSES

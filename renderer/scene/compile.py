@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from renderer.arrays.rows import PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES
+from renderer.arrays.rows import LAMP, PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES, UNSEEN
 from renderer.arrays.scene import CompiledScene, seal
 from renderer.bvh.parts import Laid
+from renderer.bvh.without import leave_out
 from renderer.scene import over_the_shutter
 from renderer.scene.description import I32, Camera, SceneDescription
 from renderer.scene.emitters import emitting_triangles, sends_evenly
@@ -22,7 +23,7 @@ from renderer.scene.environment import (
     tabulate_environment,
 )
 from renderer.scene.framing import frame
-from renderer.scene.geometry import NOWHERE, Geometry
+from renderer.scene.geometry import NOWHERE, Geometry, by_triangle
 from renderer.scene.grown import grow
 from renderer.scene.guides import list_guides
 from renderer.scene.kept import Cuts, Kept
@@ -90,6 +91,8 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     keys = over_the_shutter.instance_keys(description, placement)
     still_spheres = stood.still_spheres
     laid = grow(stood.sections, joined.first_triangle, placement, sphere, still_spheres, brute, team, kept, keys, sphere_keys)
+    if (packed.material_flags & (UNSEEN | LAMP)).any():
+        laid = leave_out(laid, _of_kind(stood, UNSEEN), _of_kind(stood, LAMP))
     arrays = CompiledScene(
         bvh=laid.bvh,
         to_world=placement.to_world,
@@ -258,6 +261,13 @@ def _camera_dict(camera: Camera) -> dict[str, Any]:
     return {**still, "views": [_view_dict(view) for view in camera.keys]} if camera.keys else still
 
 
+def _of_kind(stood: Stood, flag: int) -> np.ndarray:
+    """(T + S,) which primitives are of materials with that flag."""
+    is_of = stood.packed.material_flags & flag != 0
+    geometry = stood.joined.geometry
+    return np.concatenate([by_triangle(geometry, is_of[geometry.material]), is_of[stood.sphere_material]])
+
+
 def _parts(geometry: Geometry, emitting: np.ndarray) -> I32:
     part = np.zeros((len(geometry.material), PART_COLUMNS), np.int32)
     part[:, PART_MATERIAL] = geometry.material
@@ -309,4 +319,4 @@ def _aimed(view: View, bounds: np.ndarray) -> View:
 
 
 def _view_dict(view: View) -> dict[str, Any]:
-    return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(view).items()}
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in view.to_json().items()}

@@ -22,6 +22,7 @@ __all__ = [
     "Blend",
     "Camera",
     "Environment",
+    "Falloff",
     "Image",
     "Instance",
     "Light",
@@ -43,6 +44,7 @@ __all__ = [
 F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
 LightKind = Literal["point", "spot", "directional"]
+Falloff = Literal["squared", "smooth", "linear", "smooth angle"]
 Wrap = Literal["repeat", "mirror", "clamp"]
 TexelFilter = Literal["linear", "nearest"]
 Blend = Literal["over", "multiply", "add", "subtract", "divide", "screen", "signed_add", "darken", "lighten", "difference"]
@@ -152,6 +154,7 @@ class Light:
     angle: float = 0.0
     inner_cone: float = 0.0  # half angles, degrees: full within, dark beyond the outer
     outer_cone: float = 45.0
+    falloff: Falloff = "squared"  # between them: renderer/kernel/light/punctual.py
     name: str = "light"
     keys: tuple[Light, ...] = ()  # as Instance.keys
 

@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bvh.transforms import stretches
-from renderer.scene.description import Instance, SceneDescription
+from renderer.scene.description import Instance, Material, SceneDescription
 from renderer.scene.objects import number_objects
 
-__all__ = ["Group", "Sharing", "Standing", "goes_straight", "share", "share_movers", "share_still"]
+__all__ = ["Group", "Sharing", "Standing", "goes_straight", "is_loose", "share", "share_movers", "share_still"]
 
 _FEW = 8  # triangles that are not worth a tree of their own
 _WORTH = 30_000  # triangles that copying would add: then a mesh is kept once
@@ -61,7 +61,7 @@ def share_still(description: SceneDescription) -> Standing:
     moving = set(movers)
     still = [n for n in range(len(instances)) if n not in moving]
     sane = _are_invertible([instances[n] for n in still])
-    fit = [n for n, is_sane in zip(still, sane, strict=True) if is_sane and not _shines(description, n)]
+    fit = [n for n, is_sane in zip(still, sane, strict=True) if is_sane and not _is_loose(description, n)]
     groups = _repeated(description, number_objects(description).instance, still, fit)
     kept = {m for group in groups for m in group.meshes}
     once = {n for n in fit if instances[n].mesh in kept}
@@ -75,7 +75,7 @@ def share_movers(description: SceneDescription, movers: list[int]) -> tuple[list
     bodily = [
         n
         for n, is_sane in zip(movers, sane, strict=True)
-        if is_sane and not description.meshes[instances[n].mesh].deforms and not _shines(description, n)
+        if is_sane and not description.meshes[instances[n].mesh].deforms and not _is_loose(description, n)
     ]
     bodies = set(bodily)
     return _bodies(description, bodily), [n for n in movers if n not in bodies]
@@ -85,13 +85,18 @@ def goes_straight(description: SceneDescription, instance: Instance) -> bool:
     """Whether it moves while the shutter is open, and its vertices go straight from key to key: as of what bends, or shines."""
     mesh = description.meshes[instance.mesh]
     material = description.materials[mesh.material if instance.material is None else instance.material]
-    return bool(instance.keys) and (mesh.deforms or bool(mesh.keys) or max(material.emission) > 0)
+    return bool(instance.keys) and (mesh.deforms or bool(mesh.keys) or is_loose(material))
 
 
-def _shines(description: SceneDescription, number: int) -> bool:
+def is_loose(material: Material) -> bool:
+    """Whether what is made of it is placed in the world, as lights are, and what is not met by every ray."""
+    return max(material.emission) > 0 or material.lamp or material.unseen
+
+
+def _is_loose(description: SceneDescription, number: int) -> bool:
     instance = description.instances[number]
     material = description.meshes[instance.mesh].material if instance.material is None else instance.material
-    return max(description.materials[material].emission) > 0
+    return is_loose(description.materials[material])
 
 
 def _repeated(description: SceneDescription, objects: list[int], still: list[int], fit: list[int]) -> list[Group]:

@@ -84,6 +84,10 @@ class Material:
     emission_texture: int | None = texture(None, kinds=EVERY_KIND, srgb=True)
     double_sided: bool = flag(rows.DOUBLE_SIDED, EVERY_KIND, gltf="doubleSided")
     """Whether the back shines too."""
+    lamp: bool = flag(kinds=EVERY_KIND)
+    """A light and no body: what meets it takes its light and goes on, and it casts no shadow."""
+    unseen: bool = flag(kinds=EVERY_KIND)
+    """The camera sees what is behind it; all else does see it."""
     metallic: float = number(0.0, rows.METALLIC, gltf=_PBR + "metallicFactor", mtl="Pm")
     roughness: float | None = number(None, kinds=_ROUGH, gltf=_PBR + "roughnessFactor")
     """0 for glass and conductors unless given, and 1 for the rest."""

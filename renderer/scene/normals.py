@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from renderer.kernel.mesh.smooth import blend_normals, join_corners, measure_corners, sort_corners
 from renderer.scene.description import F32, I32, Mesh
-from renderer.scene.unique import unique_rows
+from renderer.scene.readable import read_only
+from renderer.scene.unique import unique_threes
 
 __all__ = ["CREASE_DEGREES", "cofactors", "corner_angles", "face_normals", "smoothed"]
 
@@ -42,41 +44,29 @@ def smoothed(mesh: Mesh, crease_degrees: float = CREASE_DEGREES) -> Mesh:
     triangles = mesh.triangles
     if mesh.normals is not None or len(triangles) == 0:
         return mesh
-    faces = face_normals(mesh.positions, triangles)
-    length = np.linalg.norm(faces, axis=1, keepdims=True)
-    unit = np.divide(faces, length, out=np.zeros_like(faces), where=length > 0)
+    count = triangles.size
+    positions, triangles = read_only(np.asarray(mesh.positions, np.float32)), read_only(np.asarray(triangles, np.int32))
+    if triangles.min() < 0 or triangles.max() >= len(positions):
+        raise IndexError(f"a triangle of {mesh.name} names a vertex that is not there")
     # Vertices that differ in UV or colour alone are one point of the surface.
-    first, number = unique_rows(mesh.positions)
-    point = number[triangles.reshape(-1)]
-
-    order = np.argsort(point, kind="stable")
-    face = order // 3
-    starts = np.flatnonzero(np.r_[True, np.diff(point[order]) > 0])
-    valence = np.diff(np.r_[starts, len(order)])
-    start, degree = np.repeat(starts, valence), np.repeat(valence, valence)
-    rank = np.arange(len(order)) - start
-    limit = np.cos(np.radians(crease_degrees))
-    share = unit[face] * corner_angles(mesh.positions, triangles).reshape(-1, 1)[order]
-    total = share.copy()
-    # Each corner meets every other at its point: in step k all corners look at the one k places further on.
-    for k in range(1, min(int(valence.max()), MAX_VALENCE)):
-        corner = np.flatnonzero(degree > k)
-        other = start[corner] + (rank[corner] + k) % degree[corner]
-        near = np.einsum("ij,ij->i", unit[face[corner]], unit[face[other]]) > limit
-        total[corner[near]] += share[other[near]]
-    corners = np.empty((len(order), 3), np.float32)
-    size = np.linalg.norm(total, axis=1, keepdims=True)
-    corners[order] = np.divide(total, size, out=total, where=size > 0)
+    first, number = unique_threes(positions + np.float32(0))  # there are two zeros
+    start, order = np.zeros(len(first) + 1, np.int64), np.empty(count, np.int64)
+    sort_corners(triangles, number, start, order)
+    unit, across, along = np.empty((len(triangles), 3)), np.empty(count), np.empty(count)
+    measure_corners(positions, triangles, unit, across, along)
+    angle = np.arctan2(across, along) * (across > 0)
+    normals = np.empty((count, 3), np.float32)
+    blend_normals(unit, angle, start, order, np.cos(np.radians(crease_degrees)), MAX_VALENCE, normals)
 
     # Corners that agree in vertex and normal stay one vertex.
     attributes = (mesh.uvs, mesh.uvs1, mesh.colors)
-    vertex = first[point] if all(a is None for a in attributes) else triangles.reshape(-1)
-    key = np.column_stack([vertex, np.rint(corners * 1e4).astype(np.int32)])
-    first, inverse = unique_rows(key)
-    kept = vertex[first]
-    joined = inverse.reshape(-1, 3).astype(np.int32)
-    uvs, uvs1, colors = (None if a is None else a[kept] for a in attributes)
-    return Mesh(mesh.name, mesh.positions[kept], joined, corners[first], uvs, mesh.material, uvs1, colors)
+    corners = triangles.reshape(-1)
+    vertex = first[number[corners]] if all(a is None for a in attributes) else np.array(corners)
+    kind, kept = np.full(count, -1, np.int32), np.empty(count, np.int32)
+    kept = kept[: join_corners(vertex, normals, start, order, kind, kept)]
+    uvs, uvs1, colors = (None if a is None else a[vertex[kept]] for a in attributes)
+    shown = mesh.positions[vertex[kept]]
+    return Mesh(mesh.name, shown, kind.reshape(-1, 3), normals[kept], uvs, mesh.material, uvs1, colors)
 
 
 def corner_angles(positions: F32, triangles: I32) -> F64:

@@ -114,6 +114,8 @@ def _flags(m: Material, used: list[int], texels: Texels) -> int:
         rows.THIN: m.thin,
         rows.DISPERSIVE: transmits and m.dispersion > 0 and not m.thin,
         rows.TRANSMITS: _kind(m) == rows.LAYERED and (transmits or (principled and m.diffuse_transmission > 0)),
+        rows.LAMP: m.lamp,
+        rows.UNSEEN: m.unseen,
         rows.ABSORBING: transmits and not m.thin and bool(_absorption(m).any()),
     }
     return sum(bit for bit, is_set in flags.items() if is_set)

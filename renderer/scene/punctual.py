@@ -8,16 +8,18 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.errors import SceneError
-from renderer.kernel.light.punctual import DIRECTIONAL, POINT, SPOT
+from renderer.kernel.light.punctual import DIRECTIONAL, POINT, SPOT, SPOT_LINEAR, SPOT_SMOOTH, SPOT_SMOOTH_ANGLE
 from renderer.scene.description import F32, I32, Light
 from renderer.scene.light_tree import LightBounds
 
 __all__ = ["Punctual", "light_rows", "shines", "tabulate_punctual"]
 
 _KINDS = {"point": POINT, "spot": SPOT, "directional": DIRECTIONAL}
+_SPOTS = {"squared": SPOT, "smooth": SPOT_SMOOTH, "linear": SPOT_LINEAR, "smooth angle": SPOT_SMOOTH_ANGLE}
 _MAX_INTENSITY = 1e15
 _MAX_RADIANCE = 1e30  # what needs more is so small that it may as well have no extent
 _LEAST_STEP = 1e-3  # KHR_lights_punctual's, between the cosines of the two cones
+_HARD = 1e-5  # the least step of the others
 
 
 class Punctual(NamedTuple):
@@ -36,7 +38,7 @@ class Punctual(NamedTuple):
 def tabulate_punctual(lights: list[Light], bounds: F32) -> Punctual:
     """The lights that shine at all. Raises SceneError where a number of theirs means nothing."""
     lights = [light for light in lights if shines(light)]
-    kind = np.array([_KINDS[light.kind] for light in lights], np.int32)
+    kind = np.array([_SPOTS[light.falloff] if light.kind == "spot" else _KINDS[light.kind] for light in lights], np.int32)
     row = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)
     scene_radius = 0.5 * float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0]))
     power = np.array([max(_power(each, scene_radius) for each in (light, *light.keys)) for light in lights], np.float64)
@@ -70,6 +72,8 @@ def _check(light: Light) -> bool:
         raise SceneError(f"The light {light.name!r} has the radius {light.radius:g}; it lies between 0 and 1e15")
     if not 0 <= light.angle <= 180:
         raise SceneError(f"The light {light.name!r} spans {light.angle:g} degrees; that lies between 0 and 180")
+    if light.falloff not in _SPOTS:
+        raise SceneError(f"The light {light.name!r} has the falloff {light.falloff!r}; known are {', '.join(_SPOTS)}")
     if light.kind == "spot" and not 0 <= light.inner_cone <= light.outer_cone <= 180:
         raise SceneError(
             f"The spot {light.name!r} has cones of {light.inner_cone:g} and {light.outer_cone:g} degrees; "
@@ -93,8 +97,12 @@ def _row(light: Light) -> tuple[float, ...]:
         value = intensity / projected
     else:
         value, extent = intensity, 0.0
-    inner, outer = np.cos(np.radians([light.inner_cone, light.outer_cone]))
-    scale = 1 / max(_LEAST_STEP, inner - outer)
+    inner, outer = np.radians([light.inner_cone, light.outer_cone])
+    if light.falloff in ("linear", "smooth angle"):
+        scale = -1 / max(_HARD, outer - inner)
+    else:
+        inner, outer = np.cos([inner, outer])
+        scale = 1 / max(_LEAST_STEP if light.falloff == "squared" else _HARD, inner - outer)
     return (*place, *direction, *value, extent, scale, -outer * scale)
 
 

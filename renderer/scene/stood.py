@@ -19,7 +19,7 @@ from renderer.scene.geometry import (
     placement_of,
     still_corners,
 )
-from renderer.scene.instances import Group, Sharing, share_movers, share_still
+from renderer.scene.instances import Group, Sharing, is_loose, share_movers, share_still
 from renderer.scene.joined import Joined, join
 from renderer.scene.kept import Kept
 from renderer.scene.objects import number_objects
@@ -103,7 +103,7 @@ def _standing_key(description: SceneDescription) -> Any:
     return (
         [(i.mesh, None if i.moves else i.transform, i.material, i.name, i.moves) for i in description.instances],
         [(m.name, len(m.triangles), m.material, m.deforms) for m in description.meshes],
-        [max(m.emission) > 0 for m in description.materials],
+        [is_loose(m) for m in description.materials],
     )
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["unique_rows"]
+from renderer.kernel.mesh.smooth import number_points
+
+__all__ = ["unique_rows", "unique_threes"]
 
 
 def unique_rows(table: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -23,3 +26,13 @@ def unique_rows(table: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], npt.NDA
     kind = np.empty(len(table), np.int64)
     kind[order] = np.cumsum(new) - 1
     return order[new], kind
+
+
+def unique_threes(table: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """As `unique_rows`, of (N, 3) numbers of 32 bits, and far faster: by their bits, kinds in the order in which they come."""
+    bits = np.ascontiguousarray(table).view(np.uint32)
+    slots = np.full(1 << max(2 * len(bits) - 1, 1).bit_length(), -1, np.int32)
+    first, kind = np.empty(len(bits), np.int32), np.empty(len(bits), np.int32)
+    salt = np.uint64(int.from_bytes(os.urandom(8), "little"))
+    count = number_points(bits, salt, slots, first, kind)
+    return first[:count], kind

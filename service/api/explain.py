@@ -51,7 +51,7 @@ class PathVertexOut(BaseModel):
     """What a path's ray met. Colours are linear Rec.709, places in world space."""
 
     kind: Literal["surface", "passed", "missed"] = Field(
-        description="passed: a surface that its alpha let the ray through; missed: the environment"
+        description="passed: a surface that its alpha let the ray through, or a lamp that is no body; missed: the environment"
     )
     object: int | None
     material: int | None

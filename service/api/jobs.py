@@ -30,6 +30,7 @@ from service.clock import deadline_of
 from service.errors import Conflict, NotFound
 from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
+from service.keeping.reuse import Begun
 from service.scheduling.history import History
 from service.scheduling.shot_wishes import ShotWish, change_shot
 from service.scheduling.wishes import ask_for_samples, focus_on, set_state, wait_no_longer_in_vain
@@ -116,7 +117,7 @@ def create_job(
     try:
         with (
             farm.lighting.held(rendered),
-            _begun(job, request.fresh or bool(request.verify), farm) as samples,
+            _begun(job, _keys(request), request.fresh or bool(request.verify), farm) as begun,
             farm.sessions.begin() as session,
         ):
             scene = session.get(Scene, request.scene, with_for_update=True)
@@ -126,7 +127,9 @@ def create_job(
             session.flush()
             wait_for(job, request.after, session)
             target = _samples_of(job, 1)  # which quotas count from now on, also while nothing of it is rendered
-            session.add_all(Frame(job=job.id, number=key, samples=samples, target=target) for key in _keys(request))
+            session.add_all(
+                Frame(job=job.id, number=key, **{"samples": 0, "target": target, **begun.get(key, {})}) for key in _keys(request)
+            )
             session.flush()
             answer = job_out(job, session, farm.engine)
     except IntegrityError:
@@ -287,18 +290,18 @@ def _left_out(request: JobIn) -> set[str]:
 
 
 @contextmanager
-def _begun(job: Job, is_fresh: bool, farm: Farm) -> Iterator[int]:
-    """A job begins with what an earlier one of the same picture has: so many samples, all pixels together; unless that fails
+def _begun(job: Job, keys: list[int], is_fresh: bool, farm: Farm) -> Iterator[Begun]:
+    """A job begins with what earlier ones of the same picture have: what the rows of its frames say of that; unless that fails
     which is done with it."""
-    samples = 0
-    if not is_fresh and farm.settings.reuse_films and job.shot is None:
+    begun: Begun = {}
+    if not is_fresh and farm.settings.reuse_films:
         with farm.sessions() as session:
             _check(job, session.get(Scene, job.scene), farm)
-        samples = farm.reuse.begin(job)
+        begun = farm.reuse.begin(job, keys)
     try:
-        yield samples
+        yield begun
     except BaseException:
-        if samples:
+        if begun:
             farm.films.delete(job.id)
         raise
 

@@ -314,8 +314,10 @@ class ShotOut(BaseModel):
 class TakenOut(BaseModel):
     """What a job began with: the film of an earlier one of the same picture."""
 
-    job: str = Field(description="from which it was taken; it may be deleted by now")
-    spp: float = Field(description="samples that it had, of a pixel on the average")
+    job: str = Field(description="from which it was taken, of a shot most of it; it may be deleted by now")
+    spp: float = Field(description="samples that it had, of a pixel on the average; of a shot in the frames that were taken")
+    samples: int | None = Field(None, description="of all pixels together; null: of a release before, which took stills alone")
+    frames: str | None = Field(None, description="of a shot: the frames that were taken, whole or in part, as 0-99,120")
 
 
 class JobOut(QueueOut):

@@ -1,53 +1,67 @@
-"""What was rendered once is not rendered again: a job begins with what the film of an earlier one of the same picture has.
+"""What was rendered once is not rendered again: a job begins with what the films of earlier ones of the same picture have.
 
 A film is exact sums of numbered samples, so a job of 256 samples that begins with another's 64 ends with the bits of one that
-rendered all of them. The film is copied: what becomes of the earlier job makes no difference to the later one.
+rendered all of them. The film is copied: what becomes of the earlier job makes no difference to the later one. A shot takes frame
+by frame, each from the job that has most of it; a frame that is whole is not even prepared.
 
 Not taken is what would show in the bits: samples of another kind of workers than those that are connected (other kernels, another
 processor), more samples than are asked for, and of a picture that ends by noise tiles that would have ended sooner. A job that
-asks for a time asks for work, and takes nothing.
+asks for a time asks for work, and takes nothing; nor does a shot whose frames share their samples by how noisy they are.
 """
 
 from __future__ import annotations
 
+import json
 import logging
 import time
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from sqlalchemy import select
 
+from renderer.frames import frame_number, frames_text
 from renderer.settings import MAX_SPP, RenderSettings
 from service.errors import FarmError
 from service.scheduling.history import History
 from service.scheduling.plan import FIRST_CHECK
+from service.scheduling.shot_wishes import NOISIEST
 from service.scheduling.workers import Roster
+from service.shot import Shot
 from service.store.database import Sessions
 from service.store.film_store import FilmStore
 from service.store.models import Frame, Job
 from service.store.room import need_room
 
-__all__ = ["Reuse"]
+__all__ = ["Begun", "Reuse"]
 
 LOOKED_AT = 32  # of the latest jobs of a picture
 RESTS = ("finished", "cancelled")
+
+Begun = Mapping[int, Mapping[str, Any]]  # of a frame, by its key: what its row says of what it begins with
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class _Source:
-    """A job that another may take from. samples: of its frame, all pixels together."""
+    """A job that another may take from, and its frames that have samples, by key."""
 
     job: Job
-    samples: int
+    frames: Mapping[int, Frame]
 
     @property
-    def end(self) -> tuple[str, int | None, float | None, float | None]:
-        """What a person may have changed meanwhile."""
-        return self.job.state, self.job.spp, self.job.noise, self.job.seconds
+    def samples(self) -> int:
+        """Of all pixels of these frames."""
+        return sum(frame.samples for frame in self.frames.values())
+
+    @property
+    def end(self) -> tuple[str, int | None, float | None, float | None, str, str]:
+        """What somebody may have changed meanwhile."""
+        job = self.job
+        return job.state, job.spp, job.noise, job.seconds, json.dumps(job.shot, sort_keys=True), json.dumps(job.doubted)
 
 
 class Reuse:
@@ -63,68 +77,108 @@ class Reuse:
         self._data = data
         self._min_free_bytes = min_free_bytes
 
-    def begin(self, job: Job) -> int:
-        """Give a job that is about to be written down a film to begin with, and have its row say so; returns the film's samples.
+    def begin(self, job: Job, keys: Collection[int] = (0,)) -> Begun:
+        """Give a job that is about to be written down a film to begin with, and have its row say so.
 
-        0: there is none that it may take, or its settings are not known yet. Whoever does not write it down deletes the film.
+        keys: its frames. Returns those that begin with something; none where there is nothing that it may take, or its settings
+        are not known yet. Whoever does not write the job down deletes the film.
         """
-        if job.picture is None or job.settings is None or job.tile_size is None or job.seconds is not None:
-            return 0
-        settings = RenderSettings.from_json(job.settings)
-        most = job.spp or MAX_SPP
-        for source in self._sources(job):
+        shot = Shot.of(job.shot)
+        is_laid_out = shot is not None and shot.order == NOISIEST
+        if job.picture is None or job.settings is None or job.tile_size is None or job.seconds is not None or is_laid_out:
+            return {}
+        sources = self._sources(job, set(keys))
+        while sources:
             try:
-                need_room(self._data, self._min_free_bytes + self._films.size(source.job.id))
-                samples = self._films.copy(job.id, source.job.id, settings, job.tile_size, most)
+                taken = self._take(job, sources)
             except FarmError as error:
-                log.info("nothing is taken from job %s: %s", source.job.id, error)
-                continue
-            if self._source(source.job.id, source.end) is None:
-                self._films.delete(job.id)  # it went on meanwhile, and may have got samples of another end
-                continue
-            self._note(job, source, samples)
-            return samples
-        return 0
+                log.info("nothing is taken for job %s: %s", job.id, error)
+                return {}
+            if not taken:
+                return {}
+            changed = [id for id in {id for id, _ in taken.values()} if not self._is_as_it_was(sources[id])]
+            if not changed:
+                return self._note(job, sources, taken)
+            self._films.delete(job.id)  # some went on meanwhile, and may have got samples of another end
+            sources = {id: source for id, source in sources.items() if id not in changed}
+        return {}
 
-    def _sources(self, job: Job) -> list[_Source]:
-        """Jobs from which this one may take, those with most samples first."""
+    def _take(self, job: Job, sources: Mapping[str, _Source]) -> dict[int, tuple[str, int]]:
+        """Copy of each frame what the job has that has most of it: whose it is, and how many samples. Raises FarmError."""
+        assert job.settings is not None and job.tile_size is not None
+        found: dict[int, tuple[str, int]] = {}
+        left = {
+            key: sorted((id for id in sources if key in sources[id].frames), key=lambda id: -sources[id].frames[key].samples)
+            for key in {key for source in sources.values() for key in source.frames}
+        }
+        with self._films.copy(job.id, RenderSettings.from_json(job.settings), job.tile_size) as take:
+            while left := {key: ids for key, ids in left.items() if ids}:
+                best: dict[str, list[int]] = defaultdict(list)
+                for key, ids in left.items():
+                    best[ids.pop(0)].append(key)
+                for id, keys in best.items():
+                    try:
+                        need_room(self._data, self._min_free_bytes + self._films.size(id))
+                        had = take(id, sorted(keys), job.spp or MAX_SPP)
+                    except FarmError as error:
+                        log.info("nothing is taken from job %s: %s", id, error)
+                        continue
+                    found |= {key: (id, samples) for key, samples in had.items()}
+                left = {key: ids for key, ids in left.items() if key not in found}
+        return found
+
+    def _sources(self, job: Job, keys: set[int]) -> dict[str, _Source]:
+        """Jobs from which this one may take, by id, those with most samples first. All are of one kind of workers."""
         kinds = {report.kind for report in self._roster().reports.values()}
         with self._sessions() as session:
-            rows = session.execute(
-                select(Job, Frame.samples)
-                .join(Frame, Frame.job == Job.id)
-                .where(Job.picture == job.picture, Job.state.in_(RESTS), Job.shot.is_(None), Frame.samples > 0)
-                .order_by(Job.created.desc())
-                .limit(LOOKED_AT)
+            jobs = session.scalars(
+                select(Job).where(Job.picture == job.picture, Job.state.in_(RESTS)).order_by(Job.created.desc()).limit(LOOKED_AT)
             )
-            found = [_Source(*row) for row in rows]
-        found = [
-            each
-            for each in found
-            if each.job.kind and not each.job.doubted and (not kinds or each.job.kind in kinds) and _is_part(each.job, job)
-        ]
-        return sorted(found, key=lambda each: -each.samples)
+            able = [
+                each
+                for each in jobs
+                if each.kind and not each.doubted and (not kinds or each.kind in kinds) and _is_part(each, job)
+            ]
+            frames: dict[str, dict[int, Frame]] = {each.id: {} for each in able}
+            query = select(Frame).where(Frame.job.in_(list(frames)), Frame.samples > 0)
+            for frame in session.scalars(query.where(Frame.number.between(min(keys), max(keys)))):
+                if frame.number in keys:
+                    frames[frame.job][frame.number] = frame
+        found = sorted((_Source(each, frames[each.id]) for each in able if frames[each.id]), key=lambda each: -each.samples)
+        return {each.job.id: each for each in found if each.job.kind == found[0].job.kind}
 
-    def _source(self, id: str, end: tuple[str, int | None, float | None, float | None]) -> _Source | None:
-        """A job as it is now; None where its end is another, or it is deleted."""
+    def _is_as_it_was(self, source: _Source) -> bool:
+        """Whether a job has the end still that it had; not where it is deleted."""
         with self._sessions() as session:
-            job = session.get(Job, id)
-        found = _Source(job, 0) if job is not None else None
-        return found if found is not None and found.end == end else None
+            job = session.get(Job, source.job.id)
+        return job is not None and _Source(job, {}).end == source.end
 
-    def _note(self, job: Job, source: _Source, samples: int) -> None:
+    def _note(self, job: Job, sources: Mapping[str, _Source], taken: Mapping[int, tuple[str, int]]) -> Begun:
         settings = job.settings or {}
-        spp = samples / (settings["width"] * settings["height"])
-        job.kind = source.job.kind
-        job.taken = {"job": source.job.id, "spp": round(spp, 3)}
-        history = History(events=[[round(time.time(), 2), "taken", source.job.id]])
+        samples_of: dict[str, int] = defaultdict(int)
+        for id, samples in taken.values():
+            samples_of[id] += samples
+        main = sources[max(samples_of, key=lambda id: samples_of[id])].job
+        samples = sum(samples_of.values())
+        pixels = settings["width"] * settings["height"]
+        spp = samples / (pixels * len(taken))
+        job.kind = main.kind
+        job.taken = {"job": main.id, "spp": round(spp, 3), "samples": samples}
+        if job.shot is not None:
+            job.taken["frames"] = frames_text([frame_number(key) for key in sorted(taken)])
+        history = History(events=[[round(time.time(), 2), "taken", main.id]])
         with self._sessions() as session:
-            of_source = History.of(session.scalar(select(Job.history).where(Job.id == source.job.id)))
+            of_source = History.of(session.scalar(select(Job.history).where(Job.id == main.id)))
         last: list[Any] = of_source.points[-1] if of_source.points else []
         if last and last[1] == samples:
             history.points.append([0.0, float(samples), last[2]])
         job.history = history.to_json()
-        log.info("job %s begins with %g samples a pixel of job %s", job.id, spp, source.job.id)
+        log.info("job %s begins with %g samples a pixel of %d frame(s) of job %s", job.id, spp, len(taken), main.id)
+        if job.shot is None:
+            return {key: {"samples": samples} for key, (_, samples) in taken.items()}
+        return {
+            key: _frame(job, sources[id].job, sources[id].frames[key], samples, pixels) for key, (id, samples) in taken.items()
+        }
 
 
 def _is_part(source: Job, job: Job) -> bool:
@@ -135,3 +189,17 @@ def _is_part(source: Job, job: Job) -> bool:
         return True
     # A tile that has gone on for a coarser end goes on for a finer one too: both look at the same numbers of samples.
     return source.seconds is None and source.noise is not None and source.noise >= job.noise
+
+
+def _frame(job: Job, source: Job, frame: Frame, samples: int, pixels: int) -> dict[str, Any]:
+    """What the row of a shot's frame says that begins with so many samples of another's. One that has all is finished."""
+    if job.noise is None:
+        is_whole = samples == (job.spp or 0) * pixels
+    else:
+        alike = (source.noise, source.spp, source.seconds, frame.spp) == (job.noise, job.spp, None, None)
+        is_whole = alike and frame.state == "finished" and samples == frame.samples
+    if is_whole and frame.settings is not None:
+        had = {"bad_samples": frame.bad_samples, "noise": frame.noise, "settings": frame.settings}
+        return {"samples": samples, "target": samples, "progress": 1.0, "state": "finished", **had}
+    target = max((job.spp or 0) * pixels, samples)
+    return {"samples": samples, "target": target, "progress": min(samples / target, 0.9999)}

@@ -15,7 +15,7 @@ from service.store.coverage import Coverage
 from service.store.films import Film
 from service.store.models import Frame
 
-__all__ = ["FIRST_LOOK", "ActiveFrame", "FrameNumbers"]
+__all__ = ["FIRST_LOOK", "OF_NOISE", "ActiveFrame", "FrameNumbers"]
 
 FIRST_LOOK = 8  # samples: with fewer the noise says little
 LOOK_AGAIN = 4  # times as many

@@ -57,6 +57,8 @@ from worker.log_lines import ids
 
 __all__ = ["Answers", "TellTiles"]
 
+UNREAD_EVERY_S = 0.5  # that is looked for, unless there was more than could be read
+
 TellTiles = Callable[[str, int, set[int]], None]  # job, frame, tiles
 
 log = logging.getLogger(__name__)
@@ -113,6 +115,7 @@ class Answers:
         self._stored: list[Entry] = []  # to be deleted from the stream
         self._overlooked = False
         self._took_in = 0.0
+        self._looked = 0.0  # for what waits unread
         self._batches = 0  # whose sums were read with the latest results
         self.counts: Counter[str] = Counter()  # batches merged, dropped, failed; results of them
 
@@ -132,7 +135,9 @@ class Answers:
 
     def look_for_unread(self) -> None:
         """See how many results nobody has read yet. Raises redis.RedisError."""
-        if self._results.size:
+        is_due = self._results.was_full or time.monotonic() - self._looked >= UNREAD_EVERY_S
+        if self._results.size and is_due:
+            self._looked = time.monotonic()
             unread = self._results.length() - sum(map(len, self._kept.values()))
             self._pace.unread(max(unread, 0), self._results.size)
 
@@ -220,7 +225,8 @@ class Answers:
                 self._scheduler.came_back(job, piece.batch, batch, piece.seconds, piece.worker or each.message.worker)
             self._note(job, each)
             if each.taken and each.batch is not None:
-                job.frames[each.batch.frame].bad_samples += each.message.bad_count
+                if each.message.bad_count:
+                    job.frames[each.batch.frame].bad_samples = job.film.bad_count(each.batch.frame)
                 tiles.setdefault(each.batch.frame, set()).add(each.batch.tile)
         if arrived:
             job.tick(job.state == "running")

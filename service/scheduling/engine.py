@@ -241,8 +241,9 @@ class Engine:
         while not self._asked.empty():
             self._preparing.want(*self._asked.get())
         self._preparing.fill()
-        for job in self._moments.fill(self._shots(), self._lifecycle.auto_of, self._scheduler.busy()):
-            self._lifecycle.record(job)
+        if shots := self._shots():
+            for job in self._moments.fill(shots, self._lifecycle.auto_of, self._scheduler.busy()):
+                self._lifecycle.record(job)
         self._denoising.fill()
         self._vectors.fill()
         self._environments.fill()

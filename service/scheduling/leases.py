@@ -34,6 +34,8 @@ class Lease:
     unseen: int = 0  # looks in a row at which it neither waited nor was worked on
     answered_by: Position | None = None  # the results' end when it was plainly unseen: its answer, if there is one, lies before
     has_arrived: bool = False  # its answer was read, and is stored as soon as the film takes it
+    waited: float = 0.0  # when it was last seen in its queue
+    is_away: bool = False  # whether who has it does not report itself, though Redis knows that it lives
     doubled: bool = False
     queue: str = ""  # in which its message waits, or waited
     charged_s: float = 0.0  # to its share, for what it takes of a slot
@@ -50,10 +52,16 @@ class Lease:
         return self.id if self.is_joint else self.message
 
     @property
+    def takes_a_slot(self) -> bool:
+        """Whether it counts among what is out: not once its answer was read, and not while who has it is away."""
+        return self.batch is not None and not self.has_arrived and not self.is_away
+
+    @property
     def is_overdue(self) -> bool:
-        """Whether to wait no longer. What a worker says it works on gets more time: a tile may be slower than was guessed."""
+        """Whether to wait no longer, since it was taken from its queue. What a worker says it works on gets more time: a tile may
+        be slower than was guessed."""
         patience = self.patience_s * (HELD_FACTOR if self.is_held else 1)
-        return time.monotonic() - self.issued > patience
+        return time.monotonic() - max(self.issued, self.waited) > patience
 
     def seen(self, is_seen: bool, end: Callable[[], Position]) -> None:
         """Note whether it waits or is worked on at this look. end: of the results; looked up after the look.
@@ -91,10 +99,8 @@ class Leases:
         """Begin a lease."""
         self._all[lease.id] = lease
         self._of.setdefault(lease.owner, {})[lease.id] = lease
-        if lease.batch is not None and not lease.has_arrived:
-            self._turns[lease.owner, lease.turn] += 1
-            if self._turns[lease.owner, lease.turn] == 1:
-                self._count(lease, 1)
+        if lease.takes_a_slot:
+            self._take_up(lease)
 
     def get(self, lease: str) -> Lease | None:
         """The lease of this id."""
@@ -102,9 +108,20 @@ class Leases:
 
     def arrived(self, lease: Lease) -> None:
         """The answer of one of these was read."""
-        if lease.batch is not None and not lease.has_arrived:
+        if lease.takes_a_slot:
             self._let_go(lease)
         lease.has_arrived = True
+
+    def away(self, lease: Lease, is_away: bool) -> None:
+        """Who has it does not report itself, or does again: meanwhile others are given what it would have been given."""
+        if is_away == lease.is_away:
+            return
+        took = lease.takes_a_slot
+        lease.is_away = is_away
+        if took:
+            self._let_go(lease)
+        elif lease.takes_a_slot:
+            self._take_up(lease)
 
     def end(self, lease: str) -> Lease | None:
         """End a lease; None where it has ended before."""
@@ -114,7 +131,7 @@ class Leases:
             del of[lease]
             if not of:
                 del self._of[ended.owner]
-            if ended.batch is not None and not ended.has_arrived:
+            if ended.takes_a_slot:
                 self._let_go(ended)
         return ended
 
@@ -138,6 +155,11 @@ class Leases:
         """How many slots of workers of a kind all that is out takes, that whose results were not read yet included: where it
         piles up, workers get less."""
         return self._kinds[kind]
+
+    def _take_up(self, lease: Lease) -> None:
+        self._turns[lease.owner, lease.turn] += 1
+        if self._turns[lease.owner, lease.turn] == 1:
+            self._count(lease, 1)
 
     def _let_go(self, lease: Lease) -> None:
         turn = lease.owner, lease.turn

@@ -6,7 +6,7 @@ import math
 
 from renderer import film as film_math
 from service.errors import FilmLost, FilmWaits
-from service.scheduling.active_frame import FIRST_LOOK
+from service.scheduling.active_frame import FIRST_LOOK, OF_NOISE
 from service.scheduling.active_job import ActiveJob
 
 __all__ = ["measured"]
@@ -34,7 +34,7 @@ def _noise(job: ActiveJob) -> float | None:
     for tile in range(0, len(film.tiles), math.ceil(len(film.tiles) / TILES)):
         try:
             spp = film.coverage(frame.key, tile).total
-            sums = film.tile_sums(frame.key, tile)
+            sums = film.tile_planes(frame.key, tile, OF_NOISE)
         except (FilmLost, FilmWaits):  # who needs it later will say so
             return None
         if sums is None or spp < FIRST_LOOK:

@@ -10,7 +10,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from sqlalchemy import delete, func, or_, select, update
-from sqlalchemy.orm import aliased
+from sqlalchemy.orm import Session, aliased
 
 from renderer.errors import SettingsError
 from service.intake.resolve import resolve
@@ -27,6 +27,7 @@ from worker.terms import Terms as WorkerTerms
 __all__ = ["Records"]
 
 MOST_NAMED = 500  # in one query; with more, all are read
+AS_TOLD = {"synchronize_session": False}  # no row was read that would have to know of it
 
 
 class Records:
@@ -186,30 +187,14 @@ class Records:
     def progress(self, job: ActiveJob) -> None:
         """Write down how far a job is: of a shot those of its frames that have changed."""
         with self._sessions.begin() as session:
-            session.execute(update(Job).where(Job.id == job.id).values(active_s=job.active_s))
-            if job.history.has_changed:
-                session.execute(update(Job).where(Job.id == job.id).values(history=job.history.to_json()))
-            changed = [frame for frame in job.frames.values() if frame.has_changed or job.shot is None]
-            row = session.get(Job, job.id) if changed and job.shot is not None else None
-            shot = Shot.of(row.shot) if row is not None else None
-            is_known = shot is not None and job.shot is not None and shot.revision == job.shot.revision
-            keys = [each.key for each in changed]
-            query = select(Frame).where(Frame.job == job.id)
-            if len(keys) <= MOST_NAMED:
-                query = query.where(Frame.number.in_(keys))
-            rows = {frame.number: frame for frame in session.scalars(query)} if keys else {}
-            for each in changed:
-                frame = rows.get(each.key)
-                if frame is not None:
-                    frame.samples, frame.target = each.samples, each.target_samples
-                    frame.bad_samples, frame.progress = each.bad_samples, job.progress if job.shot is None else each.progress
-                if frame is not None and job.shot is not None:
-                    frame.noise, frame.compiled = each.noise, each.own or None
-                    frame.settings = each.settings_json
-                    if is_known:  # else somebody has asked for something else, and the frame is what that made of it
-                        frame.state, frame.error = each.state, each.error
-        for each in changed:
-            each.has_changed = False
+            told = {"active_s": job.active_s} | ({"history": job.history.to_json()} if job.history.has_changed else {})
+            session.execute(update(Job).where(Job.id == job.id).values(told), execution_options=AS_TOLD)
+            if job.shot is None:
+                _write_still(session, job)
+            else:
+                _write_shot(session, job, job.shot)
+        for frame in job.frames.values():
+            frame.has_changed = False
         job.history.has_changed = False
 
     def forgot(self, id: str, keys: list[int]) -> None:
@@ -279,3 +264,31 @@ class Records:
                 return False
             scene.status, scene.error = "failed", error
             return True
+
+
+def _write_still(session: Session, job: ActiveJob) -> None:
+    for frame in job.frames.values():
+        numbers = {"samples": frame.samples, "target": frame.target_samples, "bad_samples": frame.bad_samples}
+        row = update(Frame).where(Frame.job == job.id, Frame.number == frame.key)
+        session.execute(row.values(progress=job.progress, **numbers), execution_options=AS_TOLD)
+
+
+def _write_shot(session: Session, job: ActiveJob, asked: Shot) -> None:
+    """Those of its frames that have changed."""
+    changed = {frame.key: frame for frame in job.frames.values() if frame.has_changed}
+    if not changed:
+        return
+    row = session.get(Job, job.id)
+    shot = Shot.of(row.shot) if row is not None else None
+    is_known = shot is not None and shot.revision == asked.revision
+    query = select(Frame).where(Frame.job == job.id)
+    if len(changed) <= MOST_NAMED:
+        query = query.where(Frame.number.in_(changed))
+    for frame in session.scalars(query):
+        if (each := changed.get(frame.number)) is not None:
+            frame.samples, frame.target = each.samples, each.target_samples
+            frame.bad_samples, frame.progress = each.bad_samples, each.progress
+            frame.noise, frame.compiled = each.noise, each.own or None
+            frame.settings = each.settings_json
+            if is_known:  # else somebody has asked for something else, and the frame is what that made of it
+                frame.state, frame.error = each.state, each.error

@@ -45,6 +45,7 @@ class Results:
         self._read_to = BEGINNING
         self._at_most = FIRST_READ
         self.size = 0.0  # bytes of a result, over the latest
+        self.was_full = False  # whether the latest read found all that it could take: more may wait
 
     def read(self, block_ms: int) -> list[Entry]:
         """The oldest entries that were not read yet, waiting at most `block_ms` for one. Raises redis.RedisError."""
@@ -57,6 +58,7 @@ class Results:
             # RESP3 nests a stream's entries one level deeper
             flat = found[0] if found and isinstance(found[0], list) else found
             entries += [Entry(id, _parse(fields)) for id, fields in flat]
+        self.was_full = len(entries) >= self._at_most
         if entries:
             self._read_to = _position(entries[-1].id)
             sizes = [len(entry.result.sums) for entry in entries if entry.result is not None and entry.result.sums]

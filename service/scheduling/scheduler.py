@@ -18,10 +18,10 @@ from renderer.frames import frame_number, frame_text
 from service.scheduling.active_job import FAILURES_ALLOWED, LOSSES_ALLOWED, ActiveJob, Trouble
 from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.dispatch import Dispatcher, QueueError
-from service.scheduling.held import Held
-from service.scheduling.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.leases import Lease, Leases
 from service.scheduling.line_up import LineUp
 from service.scheduling.looks import Looks
+from service.scheduling.missing import Fate, Missing
 from service.scheduling.pace import Pace
 from service.scheduling.plan import Range
 from service.scheduling.reproduce import reproduce
@@ -36,7 +36,6 @@ from worker.log_lines import ids
 
 __all__ = ["Scheduler", "named"]
 
-STRAGGLER_S = 3.0
 PATIENCE_WITH_FEW_S = 5.0
 UNMEASURED = 32  # batches, before anybody knows how long one takes; a first sample of every tile in any case
 REST_S = 1.0  # before the only worker is given again what it has handed back
@@ -65,6 +64,7 @@ class Scheduler:
         self._workers = workers
         self._bulkheads = bulkheads
         self.leases = Leases()
+        self._missing = Missing(self.leases, workers, dispatcher)
         self.jobs: dict[str, ActiveJob] = {}
         self.line_up = LineUp(workers, self.jobs)
         self.shares = Shares()
@@ -282,26 +282,14 @@ class Scheduler:
         job. A batch whose answer may lie among results that were not read yet is not lost. Raises redis.RedisError.
         """
         self.sites.review(self.jobs)
-        waiting = {id for queue in self._queues() for id in self._dispatcher.waiting(queue)}
-        held = Held(self._workers.roster)
-        end, is_late, idle = cache(results.end), cache(self._workers.are_late), cache(self._has_idle_slots)
-        for lease in self.leases:
+        idle = cache(self._has_idle_slots)
+        for lease, fate in self._missing.look(self.jobs, results):
             job = self.jobs.get(lease.owner)
-            if lease.batch is None or job is None or lease.has_arrived:
-                continue
-            holder = held.by(lease, job)
-            is_at_site = held.is_at_site(lease)
-            lease.seen(holder is not None or is_at_site or lease.message in waiting, end)
-            is_gone = lease.holder is not None and lease.holder not in self._workers.roster.reports
-            is_held_by_nobody = is_gone and holder is None and not is_at_site
-            lease.holder = holder or lease.holder
-            lease.held_since = lease.held_since or (time.monotonic() if holder else None)
-            lease.is_held = holder is not None
-            is_lost = is_held_by_nobody or lease.is_overdue or (lease.unseen >= UNSEEN_ALLOWED and not is_late())
-            may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
-            if is_lost and lease.message not in waiting and not may_be_answered:
-                self._lost(job, lease, lease.batch, blame=is_held_by_nobody or lease.is_overdue)
-            elif holder and self._is_straggler(lease) and idle(lease.kind) and not self._pace.waiting:
+            if lease.batch is None or job is None or self.leases.get(lease.id) is None:
+                continue  # with another of its job or frame
+            if fate is not Fate.LATE:
+                self._lost(job, lease, lease.batch, fate)
+            elif idle(lease.kind) and not self._pace.waiting:
                 lease.doubled = True
                 self.doubled += 1
                 job.lose(lease.batch)
@@ -324,15 +312,16 @@ class Scheduler:
         kinds = {report.name: report.kind for report in self._workers.roster.ready()}
         return [name for name, kind in kinds.items() if kind == kinds.get(worker) and name != worker]
 
-    def _lost(self, job: ActiveJob, lease: Lease, batch: Range, blame: bool) -> None:
+    def _lost(self, job: ActiveJob, lease: Lease, batch: Range, fate: Fate) -> None:
         self.leases.end(lease.id)
         self.lost += 1
         trouble = job.trouble.setdefault(batch, Trouble())
-        trouble.losses += blame
+        trouble.losses += fate.is_to_blame
         job.history.happened("lost", lease.holder or "")
         known = ids(job=job.id, batch=lease.id, worker=lease.holder)
-        log.info("job %s: a batch did not come back (%s, %s) and is handed out again", job.id, lease.holder, batch, extra=known)
-        job.history.log.say(f"that was {named(batch)}, lost {trouble.losses} times so far")
+        said = (job.id, lease.holder, batch, fate.value)
+        log.info("job %s: a batch did not come back (%s, %s): %s; it is handed out again", *said, extra=known)
+        job.history.log.say(f"that was {named(batch)} ({fate.value}), lost {trouble.losses} times so far")
         job.lose(batch)
         if trouble.losses >= LOSSES_ALLOWED:
             where = job.film.tiles[batch.tile][:2]
@@ -353,11 +342,6 @@ class Scheduler:
             again = f" To see it again: {reproduce(command, job, frame)}" if command else ""
             self._bulkheads.run(job.id, Step.HAND_OUT, lambda: job.fail(frame, error + again))
 
-    def _is_straggler(self, lease: Lease) -> bool:
-        """Whether a batch is late: if others stand idle while they wait for it alone, a second worker may try it as well."""
-        since = lease.held_since or lease.issued
-        return not lease.doubled and time.monotonic() - since > max(STRAGGLER_S, 6 * lease.expected_s)
-
     def _has_idle_slots(self, kind: str) -> bool:
         return self._workers.roster.slots(kind) > self.leases.turns(kind)
 
@@ -376,9 +360,6 @@ class Scheduler:
     def busy(self) -> set[tuple[str, int]]:
         """The frames of jobs of which batches are out."""
         return {(lease.owner, lease.batch.frame) for lease in self.leases if lease.batch is not None}
-
-    def _queues(self) -> set[str]:
-        return {lease.queue for lease in self.leases}
 
 
 def named(batch: Range) -> str:

@@ -17,6 +17,7 @@ from service.scheduling.needs import Needs
 from service.scheduling.speeds import Speeds
 from worker.blends import TAG
 from worker.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, WorkerReport, order_key, worker_key
+from worker.lifeline import connected
 from worker.site import SITE, SiteReport, site_key
 from worker.terms import Offer, Terms, offer_key, terms_key
 from worker.vitals import LOG_TTL_S, Vitals, log_key, log_wanted_key, vitals_key
@@ -27,6 +28,7 @@ BY_A_PERSON = "Paused by a person."
 
 LOOK_EVERY_S = 1.0
 LATE_S = 2.5 * HEARTBEAT_EVERY_S
+AWAY_S = 30.0  # that a worker is waited for, if it lives: a host without power leaves its connection behind
 ORDER_TTL_S = 7 * 86400  # a worker of that name may come back; some day nobody remembers why it was paused
 LOOK_WHILE_IDLE_S = 0.2  # while nobody is ready: the first work should not wait for the next look
 MAX_SLOTS = 4096
@@ -135,6 +137,7 @@ class Workers:
         self._looked = -math.inf
         self._strange: set[bytes] = set()  # keys whose reports make no sense, each named in the log once
         self._speeds = Speeds()
+        self._vanished: dict[str, float] = {}  # workers whose report is gone, and since when
         self.roster = Roster()
 
     def look(self, now: bool = False) -> None:
@@ -155,6 +158,8 @@ class Workers:
         said: Any = self._redis.mget([offer_key(name) for name in names]) if names else []
         offers = {name: offer for name, value in zip(names, said, strict=True) if (offer := _offer(value)) is not None}
         self._speeds.note(reports.values())
+        self._vanished |= dict.fromkeys(self.roster.reports.keys() - reports.keys(), self._looked)
+        self._vanished = {name: since for name, since in self._vanished.items() if name not in reports}
         before, self.roster = self.roster, Roster(reports, orders, vitals, self._speeds.latest, offers, self._sites(offers))
         for name in sorted(before.reports.keys() | reports.keys()):
             had, has = ((each.reports.get(name), each.orders.get(name), each.offers.get(name)) for each in (before, self.roster))
@@ -188,6 +193,14 @@ class Workers:
                 all_at_once.pttl(worker_key(name))
             left_ms = [ms for ms in all_at_once.execute() if ms >= 0]
         return min(left_ms, default=math.inf) < 1000 * (HEARTBEAT_TTL_S - LATE_S)
+
+    def away(self) -> set[str]:
+        """The workers that do not report themselves any more, and yet live. Raises redis.RedisError."""
+        now = time.monotonic()
+        lately = {name for name, since in self._vanished.items() if now - since < AWAY_S}
+        living = connected(self._redis, lately) if lately else set()
+        self._vanished = {name: since for name, since in self._vanished.items() if name in living}
+        return living
 
     def pause(self, name: str, why: str) -> None:
         """Let a worker take no more tasks, until `resume`; from any thread. Raises redis.RedisError."""

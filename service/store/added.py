@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from renderer.film import CHANNELS, Sums
+from renderer.film import Sums
 from renderer.settings import Tile
 from service.store.film_faults import damaged
-from worker.sums import unpack_sums
+from worker.sums import add_sums, unpack_sums
 
 __all__ = ["added_up"]
 
@@ -17,14 +17,12 @@ def added_up(rows: Iterable[bytes], tile: Tile, planes: Sequence[int] | None = N
     total: Sums | None = None
     for packed in rows:
         try:
-            sums = unpack_sums(packed, tile, stored=True, planes=planes)
+            if total is None:
+                total = unpack_sums(packed, tile, stored=True, planes=planes)
+            else:
+                add_sums(total, packed, tile, stored=True, planes=planes)
         except (ValueError, TypeError) as error:
             raise damaged(str(error)) from error
-        if total is None:
-            total = sums
-        else:
-            for plane in range(CHANNELS) if planes is None else planes:
-                total[plane] += sums[plane]
     if total is None:
         raise damaged("rows are missing")
     return total

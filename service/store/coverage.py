@@ -53,6 +53,14 @@ class Coverage:
             start = self.ranges.pop(at)[0]
         self.ranges.insert(at, (start, end))
 
+    def without(self, first: int, count: int) -> Coverage:
+        """The same but for the samples first ... first + count - 1."""
+        kept = Coverage()
+        for start, end in self.ranges:
+            pieces = (start, min(end, first)), (max(start, first + count), end)
+            kept.ranges += [(a, b) for a, b in pieces if a < b]
+        return kept
+
     def gaps(self, start: int, end: int) -> Iterator[tuple[int, int]]:
         """The half-open ranges within [start, end) that are not covered, in order."""
         for covered_start, covered_end in self.ranges:

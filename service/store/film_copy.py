@@ -1,12 +1,15 @@
-"""A film made of what another has. Its rows are copied, not shared: each may grow, be healed or deleted without the other."""
+"""A film made of what others have. Their rows are copied, not shared: each may grow, be healed or deleted without the others."""
 
 from __future__ import annotations
 
+import sqlite3
+from collections.abc import Collection, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
-from renderer.settings import Tile, tiles_of
+from renderer.settings import tiles_of
 from service.errors import FilmLost, FilmWaits
 from service.store.film_check import opened
 from service.store.film_faults import FILM, damaged
@@ -14,46 +17,95 @@ from service.store.film_file import ROWS, FilmFile
 from service.store.film_version import FilmShape, is_whole, spans
 from service.store.whole import move_whole
 
-__all__ = ["copy_film"]
+__all__ = ["FilmCopy"]
 
-AT_ONCE = 64  # rows, of which each may take a megabyte
+AT_ONCE = 64  # rows that are written together,
+BYTES_AT_ONCE = 32 << 20  # unless they are large: of a shot's frame each may take ten megabytes
 
 
-def copy_film(source: Path, target: Path, shape: FilmShape, most: int) -> int:
-    """Copy what a film has of frame 0, as it is at one moment; returns the samples, all pixels together.
+class FilmCopy:
+    """A film in the making, as a context: it has its name once that is left without an error and with something in it."""
 
-    The copy has its name once it is whole. Raises FilmLost where the film has samples from number `most` on, where a row is not
-    what was written, or where there is none, and FilmWaits.
-    """
-    if not source.exists():
-        raise FilmLost(f"{FILM} is missing.")
-    tiles = tiles_of(shape.width, shape.height, shape.tile_size)
-    made = target.with_name(f"{target.name}.new")
-    samples = 0
-    try:
-        with closing(opened(source)) as database:
-            database.execute("BEGIN")
-            end = _end(database.execute("SELECT first, count, ranges FROM part WHERE frame = 0").fetchall())
-            if not 0 < end <= most:
-                raise FilmLost(f"{FILM} has {end} samples of a pixel, and {most} are wanted.")
-            file = FilmFile(made, shape)
-            try:
-                rows = database.execute(f"{ROWS} WHERE frame = 0")
-                while found := rows.fetchmany(AT_ONCE):
-                    samples += sum(_samples(row, tiles) for row in found)
-                    file.add([row[:8] for row in found], [])
-                file.add([], database.execute("SELECT frame, x, y, sample FROM bad_sample WHERE frame = 0").fetchall())
-                file.settle()
-            finally:
-                file.close()
-        if made.with_name(f"{made.name}-wal").exists():
-            raise FilmWaits(f"{FILM} cannot be copied now.")
-        move_whole(made, target)
-    finally:
+    def __init__(self, target: Path, shape: FilmShape) -> None:
+        self._target = target
+        self._made = target.with_name(f"{target.name}.new")
+        self._tiles = tiles_of(shape.width, shape.height, shape.tile_size)
+        self._remove()  # what a service that was killed has left of it
+        self._file = FilmFile(self._made, shape)
+        self._has_any = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        try:
+            if kind is None and self._has_any:
+                self._file.settle()
+        finally:
+            self._file.close()
+        try:
+            if kind is None and self._has_any:
+                if self._made.with_name(f"{self._made.name}-wal").exists():
+                    raise FilmWaits(f"{FILM} cannot be copied now.")
+                move_whole(self._made, self._target)
+        finally:
+            self._remove()
+
+    def take(self, source: Path, frames: Collection[int], most: int) -> dict[int, int]:
+        """Take what a film has of these frames, as it is at one moment; returns the samples of each, all pixels together.
+
+        A frame that has none, or some from number `most` on, is left. Raises FilmLost where a row is not what was written, or
+        there is no such film, and FilmWaits; then nothing of these frames was taken.
+        """
+        if not source.exists():
+            raise FilmLost(f"{FILM} is missing.")
+        taken = {}
+        try:
+            with closing(opened(source)) as database:
+                database.execute("BEGIN")
+                for frame in frames:
+                    parts = database.execute("SELECT first, count, ranges FROM part WHERE frame = ?", (frame,)).fetchall()
+                    if 0 < _end(parts) <= most:
+                        taken[frame] = self._copy(database, frame)
+        except BaseException:
+            for frame in frames:
+                self._file.forget(frame)
+            raise
+        self._has_any = self._has_any or bool(taken)
+        return taken
+
+    def _copy(self, database: sqlite3.Connection, frame: int) -> int:
+        samples = 0
+        for rows in _handfuls(database.execute(f"{ROWS} WHERE frame = ?", (frame,))):
+            samples += sum(self._samples(row) for row in rows)
+            self._file.add([row[:8] for row in rows], [])
+        bad = database.execute("SELECT frame, x, y, sample FROM bad_sample WHERE frame = ?", (frame,)).fetchall()
+        if bad:
+            self._file.add([], bad)
+        return samples
+
+    def _samples(self, row: tuple[Any, ...]) -> int:
+        _, tile, first, count, *_ = row
+        if not isinstance(tile, int) or not 0 <= tile < len(self._tiles) or not is_whole(row[:8], row[8]):
+            raise damaged(f"samples from {first} on of tile {tile} are not what was written")
+        return int(count) * self._tiles[tile].w * self._tiles[tile].h
+
+    def _remove(self) -> None:
         for suffix in ("", "-wal", "-shm"):
             with suppress(OSError):
-                made.with_name(made.name + suffix).unlink(missing_ok=True)
-    return samples
+                self._made.with_name(self._made.name + suffix).unlink(missing_ok=True)
+
+
+def _handfuls(rows: sqlite3.Cursor) -> Iterator[list[tuple[Any, ...]]]:
+    hand, size = [], 0
+    for row in rows:
+        hand.append(row)
+        size += len(row[5]) if isinstance(row[5], bytes) else 0
+        if len(hand) >= AT_ONCE or size >= BYTES_AT_ONCE:
+            yield hand
+            hand, size = [], 0
+    if hand:
+        yield hand
 
 
 def _end(parts: list[tuple[int, int, str | None]]) -> int:
@@ -61,10 +113,3 @@ def _end(parts: list[tuple[int, int, str | None]]) -> int:
         return max((first + count for part in parts for first, count in spans(*part)), default=0)
     except (ValueError, TypeError) as error:
         raise damaged(str(error)) from error
-
-
-def _samples(row: tuple[Any, ...], tiles: list[Tile]) -> int:
-    _, tile, first, count, *_ = row
-    if not isinstance(tile, int) or not 0 <= tile < len(tiles) or not is_whole(row[:8], row[8]):
-        raise damaged(f"samples from {first} on of tile {tile} are not what was written")
-    return int(count) * tiles[tile].w * tiles[tile].h

@@ -7,14 +7,14 @@ import logging
 import os
 import sqlite3
 import weakref
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from service.errors import FarmError
 from service.store.film_faults import another_has_it, damaged, film_faults
-from service.store.film_version import FilmShape, Row, bring_up_to_date, checksum, is_up_to_date, is_whole, select_rows
+from service.store.film_version import FilmShape, Row, bring_up_to_date, checksum, is_up_to_date, is_whole, select_rows, spans
 
 __all__ = ["FilmFile", "Head"]
 
@@ -121,9 +121,21 @@ class FilmFile:
             ).fetchall()
         return int(count), first
 
-    def add(self, rows: list[Row], bad: list[tuple[int, int, int, int]]) -> None:
-        """Add rows, and the bad samples (frame, x, y, sample) among them: all or none."""
+    def add(
+        self,
+        rows: list[Row],
+        bad: list[tuple[int, int, int, int]],
+        instead: Sequence[tuple[Head, tuple[int, int, int, int]]] = (),
+    ) -> None:
+        """Add rows, and the bad samples (frame, x, y, sample) among them: all or none.
+
+        instead: rows in whose place they come, each with its tile's x, y, w, h."""
         with film_faults(), self._transaction():
+            if instead:
+                self._remove([head for head, _ in instead])
+            for head, area in instead:
+                for span in spans(head.first, head.count, head.ranges):
+                    self._forget_bad(head.frame, area, *span)
             self._database.executemany(PART, [(*row, checksum(row)) for row in rows])
             if bad:
                 (kept,) = self._database.execute("SELECT count(*) FROM bad_sample").fetchone()
@@ -166,13 +178,16 @@ class FilmFile:
 
     def forget_bad(self, frame: int, area: tuple[int, int, int, int], first: int, count: int) -> None:
         """Forget the bad samples first ... first + count - 1 of the pixels x, y, w, h."""
+        with film_faults(), self._transaction():
+            self._forget_bad(frame, area, first, count)
+
+    def _forget_bad(self, frame: int, area: tuple[int, int, int, int], first: int, count: int) -> None:
         x, y, w, h = area
         bounds = (frame, x, x + w - 1, y, y + h - 1, first, first + count - 1)
-        with film_faults(), self._transaction():
-            self._database.execute(
-                "DELETE FROM bad_sample WHERE frame = ? AND x BETWEEN ? AND ? AND y BETWEEN ? AND ? AND sample BETWEEN ? AND ?",
-                bounds,
-            )
+        self._database.execute(
+            "DELETE FROM bad_sample WHERE frame = ? AND x BETWEEN ? AND ? AND y BETWEEN ? AND ? AND sample BETWEEN ? AND ?",
+            bounds,
+        )
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:

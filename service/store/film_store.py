@@ -6,7 +6,8 @@ import contextlib
 import logging
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Protocol
 from weakref import WeakValueDictionary
@@ -14,18 +15,22 @@ from weakref import WeakValueDictionary
 from renderer.settings import RenderSettings
 from service.errors import FarmError, FilmLost
 from service.store.film_check import film_samples, rows_left
-from service.store.film_copy import copy_film
+from service.store.film_copy import FilmCopy
 from service.store.film_faults import film_faults
 from service.store.film_snapshots import FilmSnapshots
 from service.store.film_version import FilmShape
 from service.store.films import Film
 from service.store.tile_cache import TileCache
 
-__all__ = ["FilmFolder", "FilmStore"]
+__all__ = ["FilmFolder", "FilmStore", "Take"]
 
 MAX_OPEN = 64
 LOST = ".lost"  # a film that was set aside
 FILES = ("", "-wal", "-shm")  # of one SQLite database
+
+# take(other, frames, most): what the film of another job has of these frames; the samples of each that was taken, all pixels
+# together. Left is a frame that has none, or some from number `most` on. Raises FilmLost or FilmWaits; then none of them was.
+Take = Callable[[str, Collection[int], int], Mapping[int, int]]
 
 log = logging.getLogger(__name__)
 
@@ -57,10 +62,10 @@ class FilmStore(Protocol):
     def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
         """The samples of each frame, once all of the film was read. Raises FilmDamaged, FilmLost, FilmWaits."""
 
-    def copy(self, job: str, other: str, settings: RenderSettings, tile_size: int, most: int) -> int:
-        """Make a job's film of what another's has of frame 0; returns its samples, all pixels together.
+    def copy(self, job: str, settings: RenderSettings, tile_size: int) -> AbstractContextManager[Take]:
+        """Make a job's film of what is taken of others'; it is there when the context is left, where anything was taken.
 
-        Raises FilmLost where that has samples from number `most` on, or is damaged, and FilmWaits; then nothing was made."""
+        Raises FilmWaits or FilmLost; then nothing was made."""
 
     def size(self, job: str) -> int:
         """The bytes of disk that a job's film takes; 0 where it has none."""
@@ -160,11 +165,17 @@ class FilmFolder:
         """See FilmStore."""
         return film_samples(self._path(job), self._shape(settings, tile_size))
 
-    def copy(self, job: str, other: str, settings: RenderSettings, tile_size: int, most: int) -> int:
+    @contextlib.contextmanager
+    def copy(self, job: str, settings: RenderSettings, tile_size: int) -> Iterator[Take]:
         """See FilmStore."""
-        self.open(other, settings, tile_size)  # which brings one of an older release up to date
-        with film_faults():
-            return copy_film(self._path(other), self._path(job), self._shape(settings, tile_size), most)
+
+        def take(other: str, frames: Collection[int], most: int) -> Mapping[int, int]:
+            self.open(other, settings, tile_size)  # which brings one of an older release up to date
+            with film_faults():
+                return made.take(self._path(other), frames, most)
+
+        with film_faults(), FilmCopy(self._path(job), self._shape(settings, tile_size)) as made:
+            yield take
 
     def size(self, job: str) -> int:
         """See FilmStore."""

@@ -13,12 +13,15 @@ import json
 import logging
 import threading
 from collections.abc import Iterable, Sequence
+from functools import partial
+from itertools import compress
 from pathlib import Path
 
 from renderer.film import BadSample, Sums
 from renderer.settings import Tile, tiles_of
 from service.errors import FilmLost, FilmWaits
 from service.store.added import added_up
+from service.store.claims import Claims
 from service.store.coverage import Coverage
 from service.store.film_faults import FilmClosed, damaged, film_faults, incomplete
 from service.store.film_file import FilmFile, Head
@@ -27,7 +30,7 @@ from service.store.film_version import FilmShape, Row, spans
 from service.store.parts import Part, joined_parts
 from service.store.senders import senders_of, senders_text
 from service.store.tile_cache import TileCache
-from worker.sums import check_sums, pack_sums, unpack_sums
+from worker.sums import add_sums, check_sums, pack_sums, unpack_sums
 
 __all__ = ["Film", "Part"]
 
@@ -147,35 +150,53 @@ class Film:
             count, first = self._file.bad_samples(frame)
         return count, [BadSample(*sample) for sample in first]
 
+    def bad_count(self, frame: int) -> int:
+        """How many samples of a frame were left out, as far as is known without a look into the file."""
+        with self._lock:
+            return sum(head.bad for tile in range(len(self.tiles)) for head in self._rows.get((frame, tile), ()))
+
     def merge(self, parts: Iterable[Part]) -> list[bool]:
         """Add parts in one transaction; for each, whether it was taken. Where this raises, none was.
 
-        A part that overlaps what is in the film is dropped: it came twice, or a part of it did. So is one whose tile the
-        film does not have or whose sums are damaged.
+        A part that overlaps what is in the film is dropped, unless it has all of that and more (claims.py). So is one whose tile
+        the film does not have or whose sums are damaged.
         """
+        parts = list(parts)
         with self._lock:
             self.load(make=True)
-            assert self._file is not None
-            claimed: dict[tuple[int, int], Coverage] = {}
-            staged = [self._stage(part, claimed) for part in parts]
-            new = [s for s in staged if s is not None]
-            if not new:
-                return [False] * len(staged)
-            joined = joined_parts(new, self.tiles, self.keeps_apart)
-            heads = [self._head(j) for j, _ in joined]
-            rows: list[Row] = [(*h[:5], j.sums, *h[5:]) for h, (j, _) in zip(heads, joined, strict=True)]
-            bad = [(p.frame, *sample) for p in new for sample in p.bad]
+            fit = [0 <= part.tile < len(self.tiles) and part.first >= 0 and part.count > 0 for part in parts]
             try:
-                self._file.add(rows, bad)
-            except BaseException:
-                self._in_doubt = True
-                raise
-            self._coverage.update(claimed)
-            for head, (part, sums) in zip(heads, joined, strict=True):
-                self._remember(head, part, sums)
-            for key in claimed:
-                self._fold(*key)
-            return [s is not None for s in staged]
+                claims, joined = self._joined(parts, fit)
+            except ValueError:  # of one, or some: to look at each before is work for nothing where all are as they were sent
+                fit = [is_fit and self._is_whole(part) for part, is_fit in zip(parts, fit, strict=True)]
+                claims, joined = self._joined(parts, fit)
+            if joined:
+                bad = [(part.frame, *each) for part in compress(parts, claims.taken) for each in part.bad]
+                self._add(claims, joined, bad)
+            return claims.taken
+
+    def _joined(self, parts: list[Part], fit: list[bool]) -> tuple[Claims, list[tuple[Part, Sums | None]]]:
+        """Those that are to be taken, added up where they follow each other. Raises ValueError where sums are damaged."""
+        claims = Claims(parts, fit, self.coverage, None if self.keeps_apart else lambda *where: self._rows.get(where, []))
+        return claims, joined_parts([*compress(parts, claims.taken)], self.tiles, self.keeps_apart)
+
+    def _add(self, claims: Claims, joined: list[tuple[Part, Sums | None]], bad: list[tuple[int, int, int, int]]) -> None:
+        assert self._file is not None
+        heads = [self._head(j) for j, _ in joined]
+        rows: list[Row] = [(*h[:5], j.sums, *h[5:]) for h, (j, _) in zip(heads, joined, strict=True)]
+        try:
+            self._file.add(rows, bad, [(head, self.tiles[head.tile]) for head in claims.replaced])
+        except BaseException:
+            self._in_doubt = True
+            raise
+        self._coverage.update(claims.coverage)
+        for head in claims.replaced:
+            self._rows[head[:2]].remove(head)
+            self._cache.drop((self._path.stem, *head[:2]))
+        for head, (part, _) in zip(heads, joined, strict=True):
+            self._remember(head, part)
+        for key in claims.coverage:
+            self._fold(*key)
 
     def forget(self, frame: int) -> None:
         """Remove all samples of a frame."""
@@ -262,7 +283,7 @@ class Film:
                 return None
             sums = self._cache.get(key)
             if sums is None:
-                sums = self._total(self._file.sums(frame, tile), tile)
+                sums = added_up(self._file.sums(frame, tile), self.tiles[tile])
                 self._cache.put(key, sums)
             return sums
 
@@ -278,7 +299,7 @@ class Film:
                 return None
             sums = self._cache.get((self._path.stem, frame, tile))
             packed = [] if sums is not None else list(self._file.sums(frame, tile))
-        return self._total(packed, tile, planes) if sums is None else sums
+        return added_up(packed, self.tiles[tile], planes) if sums is None else sums
 
     def moment(self) -> FilmMoment:
         """The film as it is now, to be read while it grows on. Raises also FilmWaits where it has no file yet."""
@@ -317,36 +338,22 @@ class Film:
         self._cache.forget(self._path.stem)
         self._in_doubt = False
 
-    def _stage(self, part: Part, claimed: dict[tuple[int, int], Coverage]) -> Part | None:
-        """Check a part and claim its range; None where it is not to be taken."""
-        if not 0 <= part.tile < len(self.tiles) or part.first < 0 or part.count < 1:
-            return None
-        where = (part.frame, part.tile)
-        coverage = claimed.get(where) or self.coverage(*where)
-        if coverage.overlaps(part.first, part.count):
-            return None
+    def _is_whole(self, part: Part) -> bool:
         try:
             check_sums(part.sums, self.tiles[part.tile])
         except ValueError:
-            return None
-        coverage.add(part.first, part.count)
-        claimed[where] = coverage
-        return part
+            return False
+        return True
 
     def _head(self, part: Part) -> Head:
         return Head(part.frame, part.tile, part.first, part.count, part.bad_count, senders_text(part.workers), None)
 
-    def _remember(self, head: Head, part: Part, sums: Sums | None) -> None:
-        """Note what was added. Sums that somebody looks at are kept up to date; others are added up when they are asked for."""
-        where = (part.frame, part.tile)
-        key = (self._path.stem, *where)
+    def _remember(self, head: Head, part: Part) -> None:
+        """Note what was added."""
+        where = head[:2]
         self._rows.setdefault(where, []).append(head)
-        old = self._cache.get(key)
-        if old is not None:
-            self._cache.put(key, old + (unpack_sums(part.sums, self.tiles[part.tile]) if sums is None else sums))
-
-    def _total(self, rows: Iterable[bytes], tile: int, planes: Sequence[int] | None = None) -> Sums:
-        return added_up(rows, self.tiles[tile], planes)
+        grow = partial(add_sums, data=part.sums, tile=self.tiles[part.tile])
+        self._cache.grow((self._path.stem, *where), grow, len(part.sums))
 
     def _fold(self, frame: int, tile: int) -> None:
         """Make one row of a tile's rows where they are many: of all of them once they are one run, or of those of one worker.
@@ -370,8 +377,10 @@ class Film:
         assert self._file is not None
         where = frame, tile = heads[0][:2]
         is_whole_tile = len(heads) == len(self._rows[where])
-        sums = self.tile_sums(frame, tile) if is_whole_tile else self._total(self._file.sums_of(heads), tile)
-        assert sums is not None
+        sums = self._cache.get((self._path.stem, frame, tile)) if is_whole_tile else None
+        if sums is None:
+            rows = self._file.sums(frame, tile) if is_whole_tile else self._file.sums_of(heads)
+            sums = added_up(rows, self.tiles[tile])
         runs = Coverage(span for head in heads for span in _spans(head)).ranges
         ranges = json.dumps([[start, end - start] for start, end in runs]) if len(runs) > 1 else None
         workers = senders_text({worker for head in heads for worker in senders_of(head.workers)})

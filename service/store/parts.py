@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from renderer.film import BadSample, Sums
 from renderer.settings import Tile
-from worker.sums import add_sums, pack_sums, unpack_sums
+from worker.sums import add_sums, check_sums, pack_sums, unpack_sums
 
 __all__ = ["Part", "joined_parts"]
 
@@ -28,7 +28,7 @@ class Part:
 def joined_parts(parts: list[Part], tiles: list[Tile], apart: bool) -> list[tuple[Part, Sums | None]]:
     """Parts whose samples follow each other, as one: a row costs more than what is added to it. With the sums that it has.
 
-    apart: those of different workers are not added up."""
+    apart: those of different workers are not added up. Raises ValueError where a part's sums are damaged."""
     runs: list[list[Part]] = []
     for part in sorted(parts, key=lambda p: (p.frame, p.tile, p.first)):
         last = runs[-1][-1] if runs else None
@@ -37,10 +37,13 @@ def joined_parts(parts: list[Part], tiles: list[Tile], apart: bool) -> list[tupl
             runs[-1].append(part)
         else:
             runs.append([part])
-    return [_one(run, tiles[run[0].tile]) if len(run) > 1 else (run[0], None) for run in runs]
+    return [_one(run, tiles[run[0].tile]) for run in runs]
 
 
-def _one(run: list[Part], tile: Tile) -> tuple[Part, Sums]:
+def _one(run: list[Part], tile: Tile) -> tuple[Part, Sums | None]:
+    if len(run) == 1:
+        check_sums(run[0].sums, tile)
+        return run[0], None
     sums = unpack_sums(run[0].sums, tile)
     for part in run[1:]:
         add_sums(sums, part.sums, tile)

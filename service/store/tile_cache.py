@@ -1,13 +1,23 @@
-"""Sums of the tiles used latest, of all films together."""
+"""Sums of the tiles used latest, of all films together.
+
+What is added to a tile after somebody looked at it is added up when somebody looks again; where nobody does, its sums are
+forgotten. So a film that grows unwatched costs no adding.
+"""
 
 from __future__ import annotations
 
 import threading
 from collections import OrderedDict
+from collections.abc import Callable
 
 from renderer.film import Sums
 
 __all__ = ["TileCache"]
+
+MOST_PENDING = 4
+
+Key = tuple[str, int, int]  # film, frame, tile
+Grow = Callable[[Sums], None]  # adds something to a tile's sums
 
 
 class TileCache:
@@ -16,28 +26,59 @@ class TileCache:
     def __init__(self, max_bytes: int) -> None:
         self.max_bytes = max_bytes
         self._bytes = 0
-        self._items: OrderedDict[tuple[str, int, int], Sums] = OrderedDict()
+        self._items: OrderedDict[Key, Sums] = OrderedDict()
+        self._pending: dict[Key, list[tuple[Grow, int]]] = {}
         self._lock = threading.Lock()
 
-    def get(self, key: tuple[str, int, int]) -> Sums | None:
-        """The sums of (film, frame, tile), or None where they were forgotten."""
+    def get(self, key: Key) -> Sums | None:
+        """The sums of a tile, or None where they were forgotten. Of one tile from one thread at a time."""
         with self._lock:
-            if key in self._items:
+            sums, pending = self._items.get(key), self._pending.get(key, ())
+            if sums is not None:
                 self._items.move_to_end(key)
-            return self._items.get(key)
+        if sums is None or not pending:
+            return sums
+        sums = sums.copy()
+        for add, _ in pending:
+            add(sums)
+        self.put(key, sums)
+        return sums
 
-    def put(self, key: tuple[str, int, int], sums: Sums) -> None:
+    def put(self, key: Key, sums: Sums) -> None:
         """Keep sums, and forget what was not used longest."""
         sums.flags.writeable = False
         with self._lock:
-            old = self._items.pop(key, None)
+            self._drop(key)
             self._items[key] = sums
-            self._bytes += sums.nbytes - (0 if old is None else old.nbytes)
-            while self._bytes > self.max_bytes and len(self._items) > 1:
-                self._bytes -= self._items.popitem(last=False)[1].nbytes
+            self._bytes += sums.nbytes
+            self._make_room()
+
+    def grow(self, key: Key, add: Grow, size: int) -> None:
+        """Something is added to a tile: where its sums are here, they follow once they are asked for. size: bytes it keeps."""
+        with self._lock:
+            if key in self._items:
+                pending = self._pending.setdefault(key, [])
+                pending.append((add, size))
+                self._bytes += size
+                if len(pending) > MOST_PENDING:
+                    self._drop(key)
+                self._make_room()
+
+    def drop(self, key: Key) -> None:
+        """Forget a tile."""
+        with self._lock:
+            self._drop(key)
 
     def forget(self, film: str) -> None:
         """Forget a film's tiles."""
         with self._lock:
             for key in [k for k in self._items if k[0] == film]:
-                self._bytes -= self._items.pop(key).nbytes
+                self._drop(key)
+
+    def _make_room(self) -> None:
+        while self._bytes > self.max_bytes and len(self._items) > 1:
+            self._drop(next(iter(self._items)))
+
+    def _drop(self, key: Key) -> None:
+        if (sums := self._items.pop(key, None)) is not None:
+            self._bytes -= sums.nbytes + sum(size for _, size in self._pending.pop(key, ()))

@@ -22,7 +22,8 @@ def sight(view: View, width: int, height: int, x: float, y: float) -> Vec3:
         level = math.cos(rise)
         return _sum((level * math.sin(around), right), (math.sin(rise), up), (level * math.cos(around), forward))
     pixel = 2 * math.tan(math.radians(view.fov) / 2) / height
-    return _unit(_sum(((x - width / 2) * pixel, right), ((height / 2 - y) * pixel, up), (1.0, forward)))
+    middle = view.middle(width, height)
+    return _unit(_sum(((x - middle[0]) * pixel, right), ((middle[1] - y) * pixel, up), (1.0, forward)))
 
 
 def _minus(a: Vec3, b: Vec3) -> Vec3:

@@ -1,12 +1,15 @@
 """Damaged files of all formats, each read in the bounded child as the service does it: does any end more than its child?
 
-    python3 farm.py bench mutations [--count 10000] [--seed 1] [--formats WORDS] [--minutes M] [--keep FOLDER] [--page]
+    python3 farm.py bench mutations [--count 10000] [--seed 1] [--formats WORDS] [--minutes M] [--jobs 2] [--keep FOLDER] [--page]
 
 A file of one of the formats is drawn, with its textures and what else it names; one of them is damaged in a way that is drawn
 too, and the scene is read and compiled in a forked child with bounds on memory and time (worker/bounded.py). What may come of
 it: it is read (most damage is small), refused with a sentence of its reader's, refused by the net beneath all readers, too
 large, too slow, or the child crashes, as a library in C may: then the worker says so and goes on. --keep: a folder for the
 files of the last four kinds. Each number of a campaign is drawn by itself, so that `--first N --count 1` does the N-th again.
+
+A child reads some files behind each other; one that is not plainly read or refused is read again by a child of its own, and what
+comes of that counts. .blend files need a Python with bpy, named by RAYFARM_BPY_PYTHON; without one they are left out.
 """
 
 from __future__ import annotations
@@ -14,50 +17,90 @@ from __future__ import annotations
 import argparse
 import gc
 import os
-import random
 import resource
+import shutil
 import sys
 import tempfile
 import time
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import psutil
 
+from renderer.blender.program import NAMED
 from renderer.errors import SceneError
+from renderer.formats import pick_main
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import Shot
 from renderer.scene.readers import assimp, collada, fbx, gltf, mitsuba, obj, other, pbrt, threemf, usd, yaml  # noqa: F401 - before the fork
-from tests.benchmarks.mutations.damage import damaged
-from tests.benchmarks.mutations.seeds import Seed, seeds
+from service.errors import FarmError
+from service.intake.archives import expand
+from service.store.blobs import BlobFolder
+from tests.benchmarks.mutations.reading import Came, peak_memory, read_all, reset_peak_memory
+from tests.benchmarks.mutations.seed import Seed, draw, kind_of, packed
+from tests.benchmarks.mutations.seeds import seeds
 from tests.benchmarks.mutations.tally import Tally, into_page, table
 from tests.helpers import ROOT
-from worker.bounded import run_bounded
+from tests.peers.blender import python_with_bpy
+from worker.bounded import Bounds, run_bounded
 from worker.errors import WorkError
 
 MEMORY = 1 << 30
+BLENDER_MEMORY = 8 << 30  # address space: Blender takes six before it has opened anything
 SECONDS = 30.0
 PAGE = ROOT / "docs" / "reliability.md"
+BLEND = ".blend"
 
 
 def read(folder: Path, main: str) -> dict[str, Any]:
     """In the child."""
+    reset_peak_memory()
     try:
+        if main.endswith(".zip"):
+            folder, main = _expanded(folder / main, folder)
         shot = Shot(folder, main)
         compile_scene(shot.at(Moment(shot.start)))
         found = {"outcome": "read"}
-    except SceneError as error:
+    except (SceneError, FarmError) as error:
         sentence = str(error)
-        found = {"outcome": "refused by the net" if "could not be read as" in sentence else "refused", "sentence": sentence}
-    return found | {"memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024}
+        found = {"outcome": _refusal(sentence), "sentence": sentence}
+    below = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024 if main.endswith(BLEND) else 0
+    return found | {"memory": max(peak_memory(), below)}
+
+
+def _refusal(sentence: str) -> str:
+    """What a sentence of ours is called."""
+    if "ended while it opened it" in sentence:
+        return "child crashed"  # Blender's own process
+    if "took longer" in sentence:
+        return "too slow"
+    return "refused by the net" if "could not be read as" in sentence else "refused"
+
+
+def _expanded(archive: Path, folder: Path) -> tuple[Path, str]:
+    """What the service makes of a zip: the folder with what is in it, and the scene's file."""
+    store = BlobFolder(folder / ".blobs", folder / ".temporary")
+    out = folder / ".scene"
+    out.mkdir()
+    names = []
+    with archive.open("rb") as file:
+        for name, writer in expand(file, archive.name, store, 1000, 1 << 30, 200.0, lambda _: None):
+            path = out / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(writer.rewind().read())
+            writer.discard()
+            names.append(name)
+    return out, pick_main(names)[0]
 
 
 def outcome(folder: Path, main: str) -> dict[str, Any]:
-    """What came of a scene."""
+    """What came of a scene, in a child of its own."""
+    memory = BLENDER_MEMORY if main.endswith(BLEND) else MEMORY
     try:
-        return run_bounded(lambda _: read(folder, main), lambda _: None, MEMORY, SECONDS, subject=main)
+        return run_bounded(lambda _: read(folder, main), lambda _: None, memory, SECONDS, subject=main)
     except WorkError as error:
         sentence = str(error)
     if "made its reader crash" in sentence:
@@ -69,14 +112,49 @@ def outcome(folder: Path, main: str) -> dict[str, Any]:
     return {"outcome": "refused by the net" if "cannot be read" in sentence else "child crashed", "sentence": sentence}
 
 
-def draw(number: int, seed: int, all_seeds: dict[str, list[Seed]]) -> tuple[str, str, dict[str, bytes], str]:
-    """The format, the main file, all files and how one of them is damaged, of the number-th of a campaign."""
-    dice = random.Random(f"{seed}:{number}")
-    kind = dice.choice(sorted(all_seeds))
-    main, files = dice.choice(all_seeds[kind])
-    chosen = main if dice.random() < 0.75 else dice.choice(sorted(files))
-    data, how = damaged(files[chosen], dice)
-    return kind, main, {**files, chosen: data}, f"{chosen}: {how}"
+class Campaign:
+    """Numbers of damaged files, read in a folder."""
+
+    def __init__(self, seed: int, all_seeds: dict[str, list[Seed]], folder: Path, jobs: int) -> None:
+        self._seed, self._seeds, self._folder, self._jobs = seed, all_seeds, folder, jobs
+
+    def of(self, number: int) -> tuple[str, str, dict[str, bytes], str]:
+        """See `draw`."""
+        return draw(number, self._seed, self._seeds)
+
+    def sound(self) -> None:
+        """Reads the sound files here: what each reader loads is loaded before children are forked."""
+        for kind, given in self._seeds.items():
+            for each in given:
+                files = packed(each.main, each.files) if each.is_package else each.files
+                result = read(placed(self._folder / "sound", files), each.main)
+                if result["outcome"] != "read":
+                    sys.exit(f"The sound file {each.main} of {kind} is not read: {result['sentence']}")
+
+    def run(self, numbers: range, until: float) -> Iterator[tuple[int, float, dict[str, Any]]]:
+        """(number, seconds, what came of it), not in their order; ends early where it is past `until`."""
+        by_blender = {number for number in numbers if kind_of(number, self._seed, self._seeds) == BLEND}
+        rest = (number for number in numbers if number not in by_blender)
+        for some, memory in ((rest, MEMORY), (sorted(by_blender), BLENDER_MEMORY)):
+            wanted = (number for number in some if time.monotonic() < until)
+            doubtful = []
+            for came in read_all(wanted, self._read, Bounds(memory, SECONDS), self._jobs):
+                if came.answer is not None and came.answer["outcome"] in ("read", "refused"):
+                    yield came.number, came.seconds, came.answer
+                else:
+                    doubtful.append(came)
+            yield from map(self._again, doubtful)
+
+    def _read(self, number: int, slot: int) -> dict[str, Any]:
+        """In a child that reads many."""
+        _, main, files, _ = self.of(number)
+        return read(placed(self._folder / f"case-{slot}", files), main)
+
+    def _again(self, came: Came) -> tuple[int, float, dict[str, Any]]:
+        _, main, files, _ = self.of(came.number)
+        begun = time.monotonic()
+        result = outcome(placed(self._folder / "again", files), main)
+        return came.number, time.monotonic() - begun, result
 
 
 def main() -> int:
@@ -87,54 +165,50 @@ def main() -> int:
     parser.add_argument("--formats", nargs="*", default=[], help="parts of their names")
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--minutes", type=float, default=0.0, help="end after so many, with the table of those that were done")
+    parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)), help="children at a time")
     parser.add_argument("--nice", type=int, default=10)
     parser.add_argument("--page", action="store_true", help=f"the table into {PAGE.relative_to(ROOT)}")
     options = parser.parse_args()
     os.nice(options.nice)
-    all_seeds = {k: v for k, v in seeds().items() if not options.formats or any(w.lower() in k.lower() for w in options.formats)}
+    if python := python_with_bpy():
+        os.environ.setdefault(NAMED, str(python))
+    all_seeds = {
+        k: v for k, v in seeds().items() if v and (not options.formats or any(w.lower() in k.lower() for w in options.formats))
+    }
     found: dict[str, Tally] = defaultdict(Tally)
     with tempfile.TemporaryDirectory(prefix="rayfarm-mutations-") as name:
-        for (
-            kind,
-            given,
-        ) in all_seeds.items():  # sound files are read, here: what each reader loads is loaded before children are forked
-            for i, (sound, files) in enumerate(given):
-                folder = _placed(Path(name) / f"{sorted(all_seeds).index(kind)}-{i}", files)
-                result = read(folder, sound)
-                if result["outcome"] != "read":
-                    sys.exit(f"The sound file {sound} of {kind} is not read: {result['sentence']}")
+        campaign = Campaign(options.seed, all_seeds, Path(name), options.jobs)
+        campaign.sound()
         gc.freeze()  # so that no child copies what its collector touches
-        started = time.monotonic()
-        before = psutil.Process().memory_info().rss
-        for number in range(options.first, options.first + options.count):
-            kind, sound, files, how = draw(number, options.seed, all_seeds)
-            if options.minutes and time.monotonic() > started + 60 * options.minutes:
-                break
-            folder = _placed(Path(name) / "case", files)
-            begun = time.monotonic()
-            result = outcome(folder, sound)
-            found[kind].add(result["outcome"], time.monotonic() - begun, result.get("memory", 0))
+        before, started = psutil.Process().memory_info().rss, time.monotonic()
+        until = started + 60 * options.minutes if options.minutes else float("inf")
+        numbers = range(options.first, options.first + options.count)
+        for done, (number, seconds, result) in enumerate(campaign.run(numbers, until), 1):
+            kind, _, files, how = campaign.of(number)
+            found[kind].add(result["outcome"], seconds, result.get("memory", 0))
             if result["outcome"] not in ("read", "refused"):
                 print(f"{number} {kind} {how}: {result['outcome']}: {result['sentence'][:300]}", flush=True)
                 if options.keep:
-                    _placed(options.keep / str(number), files)
-            for path in folder.iterdir():
-                path.unlink()
-            if (number + 1) % 250 == 0:
-                print(f"{number + 1} done", file=sys.stderr, flush=True)
+                    placed(options.keep / str(number), files)
+            if done % 250 == 0:
+                print(f"{done} done in {time.monotonic() - started:.0f} s", file=sys.stderr, flush=True)
         grown = psutil.Process().memory_info().rss - before
     text = table(found)
     print(text)
-    print(f"The process that read them all has grown by {grown / 2**20:.0f} MiB.")
+    took = (time.monotonic() - started) / 60
+    print(f"In {took:.0f} minutes. The process that forked all children has grown by {grown / 2**20:.0f} MiB.")
     if options.page:
         into_page(PAGE, text)
     return 0
 
 
-def _placed(folder: Path, files: dict[str, bytes]) -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
+def placed(folder: Path, files: dict[str, bytes]) -> Path:
+    """A folder with these files and no others."""
+    shutil.rmtree(folder, ignore_errors=True)
     for name, data in files.items():
-        (folder / name).write_bytes(data)
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
     return folder
 
 

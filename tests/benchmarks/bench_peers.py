@@ -28,6 +28,7 @@ from renderer.render import warm_up
 from tests.benchmarks.peers.cold import cold_lines
 from tests.benchmarks.peers.cycles import cycles_lines
 from tests.benchmarks.peers.errors import error_lines
+from tests.benchmarks.peers.formats import format_lines
 from tests.benchmarks.peers.measure import Line
 from tests.benchmarks.peers.pictures import sample_lines
 from tests.benchmarks.peers.rays import build_lines, ray_lines
@@ -46,6 +47,7 @@ ROWS: dict[str, Callable[[Sizes, Path], Iterator[Line]]] = {
     "rays": ray_lines,
     "build": build_lines,
     "ready": ready_lines,
+    "formats": format_lines,
     "threads": thread_lines,
     "cold": cold_lines,
     "scaling": scaling_lines,

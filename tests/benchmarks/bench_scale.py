@@ -49,6 +49,7 @@ def main() -> None:
     parser.add_argument("--alone", action="store_true", help="each slot sends its own sums, and no machine adds them up")
     parser.add_argument("--per-worker", type=int, default=32, help="slots of a machine")
     parser.add_argument("--site", action="store_true", help="the machines are of one site, with a reducer")
+    parser.add_argument("--simulators", type=int, default=1, help="processes that simulate the slots")
     parser.add_argument("--json", type=Path, help="write all that was measured there too")
     options = parser.parse_args()
     numbers = [[int(n) for n in text.split(",")] for text in (options.slots, options.tile, options.watchers)]
@@ -68,6 +69,7 @@ def main() -> None:
             alone=options.alone,
             per_worker=options.per_worker,
             site=options.site,
+            simulators=options.simulators,
         )
         with tempfile.TemporaryDirectory(prefix="rayfarm-scale-") as name:
             taken = run(load, sums, Path(name))
@@ -81,6 +83,10 @@ def main() -> None:
             )
             print(f"from start to end: {whole}; {taken.unread} results were never read")
         print(line(load, taken, len(pack_sums(sums[:, :tile, :tile] * 8))), flush=True)
+        print(f"    processors: {'; '.join(f'{name} {share}' for name, share in taken.shares.items())}")
+        engine_ms = 1e3 * taken.shares["service"].thread_used * taken.seconds
+        each = f"{engine_ms / max(taken.merged, 1):.2f} ms a batch, {engine_ms / max(taken.results, 1):.2f} ms a result"
+        print(f"    the service's busiest thread: {each}", flush=True)
         rows.append({"load": asdict(load), "taken": asdict(taken)})
         if options.json:
             options.json.write_text(json.dumps(rows))

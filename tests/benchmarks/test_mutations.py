@@ -1,14 +1,19 @@
 """The campaign of damaged files: what it draws, and what it calls what came of it."""
 
+import io
 import os
 import random
 import signal
+import zipfile
 
 import pytest
 
 from tests.benchmarks import bench_mutations
 from tests.benchmarks.mutations.damage import WAYS, damaged
+from tests.benchmarks.mutations.reading import read_all
+from tests.benchmarks.mutations.seed import Seed, draw, kind_of
 from tests.benchmarks.mutations.tally import OUTCOMES, Tally, into_page, table
+from worker.bounded import Bounds
 
 TEXT = b"v 1.5 2 3\nv 4 5 6\nf 1 2 3\n" * 20
 
@@ -27,9 +32,33 @@ def test_files_of_a_byte_or_none_are_damaged_too():
 
 
 def test_a_number_of_a_campaign_is_drawn_by_itself():
-    seeds = {"one": [("a.obj", {"a.obj": TEXT, "b.mtl": b"newmtl a"})], "other": [("c.ply", {"c.ply": TEXT})]}
-    assert bench_mutations.draw(7, 1, seeds) == bench_mutations.draw(7, 1, seeds)
-    assert len({bench_mutations.draw(i, 1, seeds)[0] for i in range(20)}) == 2
+    seeds = {"one": [Seed("a.obj", {"a.obj": TEXT, "b.mtl": b"newmtl a"})], "other": [Seed("c.ply", {"c.ply": TEXT})]}
+    assert draw(7, 1, seeds) == draw(7, 1, seeds)
+    assert len({draw(i, 1, seeds)[0] for i in range(20)}) == 2
+    assert all(draw(i, 1, seeds)[0] == kind_of(i, 1, seeds) for i in range(20))
+
+
+def test_what_a_package_is_made_of_is_damaged_and_packed():
+    seeds = {"a": [Seed("a.3mf", {"x": TEXT, "y": b"1"}, ("x",), is_package=True)]}
+    drawn = [draw(i, 1, seeds) for i in range(20)]
+    inside = [zipfile.ZipFile(io.BytesIO(files["a.3mf"])) for _, _, files, _ in drawn]
+    assert sum(each.read("x") != TEXT for each in inside) > 10
+
+
+def lost(number, _):
+    """What one child does."""
+    if number == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if number == 5:
+        signal.pause()
+    if number == 7:
+        raise SystemError
+    return {"twice": 2 * number}
+
+
+def test_a_child_that_is_lost_loses_one_file():
+    found = {came.number: came.answer for came in read_all(range(10), lost, Bounds(1 << 30, 2.0), 2)}
+    assert found == {number: None if number in (3, 5, 7) else {"twice": 2 * number} for number in range(10)}
 
 
 @pytest.mark.parametrize(

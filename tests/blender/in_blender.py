@@ -56,7 +56,7 @@ def lamps() -> list[str]:
     kinds = {
         "sun": ("SUN", 3.0, {"angle": 0.2}),
         "point": ("POINT", 400.0, {"shadow_soft_size": 0.3, "color": (1, 0.8, 0.6)}),
-        "spot": ("SPOT", 900.0, {"spot_size": 0.9, "spot_blend": 0.15, "shadow_soft_size": 0.1}),
+        "spot": ("SPOT", 900.0, {"spot_size": 0.9, "spot_blend": 0.6, "shadow_soft_size": 0.1}),
         "area": ("AREA", 300.0, {"shape": "RECTANGLE", "size": 1.5, "size_y": 0.7}),
         "disk": ("AREA", 300.0, {"shape": "DISK", "size": 1.5}),
     }
@@ -67,6 +67,21 @@ def lamps() -> list[str]:
         lamp(kind, energy, (1.5, -2.5, 4), **values)
         both(f"lamp-{name}", scene)
     return [f"lamp-{name}" for name in kinds]
+
+
+def hidden() -> list[str]:
+    """Lamps in the picture and in a mirror, between a sun (of no size: Cycles' mirrors show suns) and the table."""
+    for name, is_seen in (("hidden", False), ("shown", True)):
+        scene = empty()
+        table(scene)
+        mirror = principled("mirror", Base_Color=(0.9, 0.9, 0.9, 1), Metallic=1, Roughness=0.05)
+        add("uv_sphere", mirror, location=(0.3, -1.8, 0.5), segments=64, ring_count=48)
+        background(scene).inputs["Strength"].default_value = 0.3
+        lamp("SUN", 1.5, (1.0, -1.0, 6), angle=0.0)
+        lamp("AREA", 60.0, (0.6, -0.8, 2.2), size=1.6).visible_camera = is_seen
+        lamp("POINT", 60.0, (-1.2, -1.2, 1.4), shadow_soft_size=0.4).visible_camera = is_seen
+        both(f"lamp-{name}", scene)
+    return ["lamp-hidden", "lamp-shown"]
 
 
 def surroundings() -> list[str]:
@@ -111,7 +126,7 @@ def cameras() -> list[str]:
         if name == "field":
             lens.dof.use_dof, lens.dof.aperture_fstop, lens.dof.focus_object = True, 0.1, bpy.data.objects["Torus"]
         elif name == "shift":
-            lens.shift_x, lens.shift_y = 0.15, -0.1
+            lens.shift_x, lens.shift_y = 0.35, -0.2
         elif name == "border":
             scene.render.use_border, scene.render.use_crop_to_border = True, True
             scene.render.border_min_x, scene.render.border_max_x = 0.25, 0.75
@@ -365,7 +380,7 @@ def large() -> dict:
 
 TASKS = {
     each.__name__: each
-    for each in (lamps, surroundings, cameras, moving, passes, changes, animation, refused, cancelled, viewport, large)
+    for each in (lamps, hidden, surroundings, cameras, moving, passes, changes, animation, refused, cancelled, viewport, large)
 }
 
 

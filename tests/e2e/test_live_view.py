@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 from renderer.image import rgbe9995
 from renderer.settings import Tile
 from service.viewing.view_packet import EXACT, Shown, packet
-from tests.e2e.conftest import Watched
+from tests.e2e.conftest import SOON_CLEAR, Watched
 from tests.e2e.site import call
 from tests.helpers import Farm, wait_until
 from tests.service.viewer import body_of, unpacked
@@ -58,6 +58,9 @@ def test_a_pixels_depth_along_the_line_of_sight(page: Page) -> None:
     half = math.tan(math.radians(20))
     direction = np.array([299 / 200 * half, 199 / 200 * half, 1])
     assert call(page, "scene/orbit", body, VIEW) == pytest.approx(7 / np.linalg.norm(direction))
+    direction += np.array([2 * 0.5, 2 * 0.25, 0]) * half  # of a lens that is shifted right, and up
+    shifted = {**VIEW, "shift_x": 0.5, "shift_y": 0.25}
+    assert call(page, "scene/orbit", body, shifted) == pytest.approx(7 / np.linalg.norm(direction))
 
 
 def test_flying_moves_eye_and_target_along_the_cameras_axes(page: Page) -> None:
@@ -71,8 +74,9 @@ def test_flying_moves_eye_and_target_along_the_cameras_axes(page: Page) -> None:
 def test_a_view_goes_through_the_url(page: Page) -> None:
     whole = {**VIEW, "projection": "perspective"}
     other = {**whole, "up": [0, 0, 1], "aperture": 0.02, "focus": 5.3, "projection": "orthographic", "height": 2.5, "near": 0.1}
+    shifted = {**whole, "shift_x": 0.25, "shift_y": -0.5}
     body = "return a.map((view) => m.viewFromText(new URLSearchParams({ v: m.viewToText(view) }).get('v')));"
-    assert call(page, "scene/view-url", body, [whole, other]) == [whole, other]
+    assert call(page, "scene/view-url", body, [whole, other, shifted]) == [whole, other, shifted]
     bad = [None, "", "1_2_3", "1_2_3*1_2_3*40", "1_2_x*0_0_0*40", "1_2_3*0_0_0*400", "1__3*0_0_0*40", "<script>"]
     assert call(page, "scene/view-url", "return a.map(m.viewFromText);", bad) == [None] * len(bad)
 
@@ -224,6 +228,7 @@ def test_on_a_phone_the_page_scrolls_under_one_finger(farm: Farm, browser: Brows
     with farm.client() as client:
         client.wait_for_scene(scene)
     context = browser.new_context(viewport={"width": 375, "height": 700}, has_touch=True, is_mobile=True)
+    context.add_init_script(SOON_CLEAR)
     page = context.new_page()
     page.goto(f"{farm.url}/#/scenes/{scene}")
     page.wait_for_selector(".live-view[data-view]", timeout=60_000)

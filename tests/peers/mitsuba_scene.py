@@ -231,9 +231,8 @@ def _light(mi: Any, light: Light) -> dict[str, Any]:
     up = (0, 1, 0) if abs(direction[1]) < 0.9 * np.linalg.norm(direction) else (1, 0, 0)
     position = np.array(light.position, float)
     frame = mi.ScalarTransform4f().look_at(origin=position.tolist(), target=(position + direction).tolist(), up=list(up))
-    # Theirs falls off linearly in the angle, ours as glTF says: they agree where there is no room to fall off.
-    if light.outer_cone - light.inner_cone > 0.1:
-        raise ValueError("Mitsuba's spot lights fall off differently between the cones; let the cones be one")
+    if light.falloff != "linear" and light.outer_cone - light.inner_cone > 0.1:
+        raise ValueError("Mitsuba's spot lights fall off linearly between the cones; let them be one, or the falloff linear")
     return {
         "type": "spot",
         "to_world": frame,

@@ -154,7 +154,15 @@ def orthographic() -> Case:
 def point_spot_and_directional_light() -> Case:
     lights = [
         Light("point", (6.0, 5.0, 3.0), position=(-1.5, 2.0, 1.5)),
-        Light("spot", (3.0, 6.0, 12.0), position=(1.8, 3.0, 1.0), direction=(-0.4, -1.0, -0.3), inner_cone=22.0, outer_cone=22.0),
+        Light(
+            "spot",
+            (3.0, 6.0, 12.0),
+            position=(1.8, 3.0, 1.0),
+            direction=(-0.4, -1.0, -0.3),
+            inner_cone=9.0,
+            outer_cone=26.0,
+            falloff="linear",
+        ),
         Light("directional", (0.6, 0.6, 0.5), direction=(-1.0, -2.0, -0.5)),
     ]
     description = _scene([WHITE, Material(base_color=gray(0.5))], [FLOOR, box(1, 0.5, (0, 0.5, 0))], lights=lights)

@@ -16,6 +16,7 @@ from PIL import Image
 
 from rayfarm import cli
 from renderer.denoise import is_available
+from renderer.errors import RayfarmError
 from tests.helpers import ROOT, wait_until
 from tests.rayfarm.program import rayfarm, started
 
@@ -205,15 +206,15 @@ def test_info_is_for_people_and_programs() -> None:
     ],
 )
 def test_what_is_wrong_is_a_sentence_and_an_exit_code(tmp_path: Path, arguments: list[str], code: int, sentence: str) -> None:
-    program = started if arguments[0] in ("up", "worker") else rayfarm  # which listen to signals
-    done = program(*arguments, RAYFARM_DATA=str(tmp_path / "data"), RAYFARM_TOKEN="")
+    done = rayfarm(*arguments, RAYFARM_DATA=str(tmp_path / "data"), RAYFARM_TOKEN="")
     assert done.returncode == code, done.stderr
     assert sentence in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
 
 
 def test_debug_shows_where_an_error_came_from() -> None:
-    assert "Traceback" in started("--debug", "render", "missing.glb", "-o", "out.png").stderr
+    with pytest.raises(RayfarmError, match=r"missing\.glb"):  # which Python shows as it does
+        rayfarm("--debug", "render", "missing.glb", "-o", "out.png")
 
 
 def test_a_damaged_file_is_a_sentence(tmp_path: Path) -> None:

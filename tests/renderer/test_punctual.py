@@ -58,6 +58,26 @@ def test_a_spot_falls_off_between_its_cones_as_gltf_says(inner, outer):
         assert_irradiance(irradiance(lamp, spp=1), 2.0 / 4 * fall, rtol=1e-3)
 
 
+def smooth_step(x):
+    return x * x * (3 - 2 * x)
+
+
+@pytest.mark.parametrize(
+    ("falloff", "by", "curve"),
+    [("smooth", math.cos, smooth_step), ("linear", float, float), ("smooth angle", float, smooth_step)],
+)
+@pytest.mark.parametrize(("inner", "outer"), [(0, 45), (20, 30), (30, 30)])
+def test_a_spot_falls_off_as_each_renderer_says(falloff, by, curve, inner, outer):
+    """Cycles and pbrt, Mitsuba, USD: renderer/kernel/light/punctual.py names where they say so."""
+    start, end = by(math.radians(inner)), by(math.radians(outer))
+    for degrees in (0, 10, 19, 22, 25, 28, 29.5, 31, 44, 46, 100):
+        a = math.radians(degrees)
+        cones = {"inner_cone": inner, "outer_cone": outer, "falloff": falloff}
+        lamp = Light("spot", gray(2.0), (0, 2, 0), (math.sin(a), -math.cos(a), 0), **cones)
+        inside = float(degrees <= outer) if start == end else min(max((by(a) - end) / (start - end), 0), 1)
+        assert_irradiance(irradiance(lamp, spp=1), 2.0 / 4 * curve(inside), rtol=1e-3)
+
+
 @pytest.mark.parametrize("degrees", [0, 60])
 def test_directional(degrees):
     a = math.radians(degrees)

@@ -67,6 +67,7 @@ def rays(view: View) -> tuple[F64, F64]:
         turn, rise = x / WIDTH * 2 * math.pi, y / HEIGHT * math.pi
         part = np.stack([np.cos(rise) * np.sin(turn), np.sin(rise), np.cos(rise) * np.cos(turn)], -1)
         return np.broadcast_to(view.eye, part.shape), part @ axes(view)
+    x, y = x + view.shift_x * HEIGHT, y + view.shift_y * HEIGHT
     flat = view.projection == "orthographic"
     pixel = (view.height if flat else 2 * math.tan(math.radians(view.fov) / 2)) / HEIGHT
     across = x[..., None] * pixel * right + y[..., None] * pixel * up
@@ -81,9 +82,10 @@ def seen(view: View, points: F64) -> F64:
     if view.projection == "panorama":
         turns = np.arctan2(x, z) / (2 * math.pi), np.arcsin(y / np.sqrt(x * x + y * y + z * z)) / math.pi
         return np.stack([turns[0] * WIDTH, turns[1] * HEIGHT], -1)
+    shift = np.array([view.shift_x, view.shift_y]) * HEIGHT
     if view.projection == "orthographic":
-        return np.stack([x, y], -1) / (view.height / HEIGHT)
-    return np.stack([x, y], -1) / z[..., None] / (2 * math.tan(math.radians(view.fov) / 2) / HEIGHT)
+        return np.stack([x, y], -1) / (view.height / HEIGHT) - shift
+    return np.stack([x, y], -1) / z[..., None] / (2 * math.tan(math.radians(view.fov) / 2) / HEIGHT) - shift
 
 
 def known(points: list[F64], views: list[View]) -> F64:
@@ -149,6 +151,7 @@ WAYS: dict[str, list[View]] = {
     "stands still": [VIEW] * 3,
     "pans": [replace(VIEW, target=(x, 0.05 * x, 0.0)) for x in (-0.2, 0.1, 0.5)],
     "flies and zooms": [replace(VIEW, eye=(x, 0.3, 4 + x), fov=50 + 20 * x) for x in (0.1, 0.5, 0.7)],
+    "flies and shifts": [replace(VIEW, eye=(x, 0.3, 4.0), shift_x=0.3 * x, shift_y=-0.2) for x in (0.1, 0.5, 0.7)],
     "orthographic": [replace(VIEW, eye=(x, 0.3, 4.0), projection="orthographic", height=3.0) for x in (0.1, 0.5, 0.7)],
     "panorama": [replace(VIEW, eye=(x, 0.3, 0.8), projection="panorama") for x in (0.4, 0.5, 0.7)],
 }

@@ -132,9 +132,9 @@ class Bench:
         self.celery.send_task(PREPARE_FRAMES, kwargs={"frames": asdict(work)}, queue=prepare_queue(kind))
         return [FrameInfo.from_json(self.next("frame-prepared").event["info"]) for _ in work.frames]
 
-    def render(self, batch: RenderBatch) -> None:
+    def render(self, batch: RenderBatch, message: str | None = None) -> None:
         kind = self.report().kind  # type: ignore[union-attr]
-        self.celery.send_task(RENDER_BATCH, kwargs={"batch": batch.to_json()}, queue=render_queue(kind))
+        self.celery.send_task(RENDER_BATCH, kwargs={"batch": batch.to_json()}, queue=render_queue(kind), task_id=message)
 
     def next(self, *types: str) -> Result:
         """The next result of one of these types."""

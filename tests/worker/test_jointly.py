@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from renderer.settings import RenderSettings, Tile, View
@@ -85,6 +87,20 @@ def test_a_killed_slot_loses_its_own_piece_alone(bench: Bench, info: SceneInfo) 
     busiest(bench.process.pid).kill()
     found = [bench.next("batches", "batch", "batch-failed") for _ in range(2)]
     assert ranges(found) == [(0, 4), (100_004, 4)], "its message may come again: then it is rendered once more, by itself"
+
+
+def test_what_no_slot_has_begun_is_in_hand_as_soon_as_it_is_taken(bench: Bench, info: SceneInfo) -> None:
+    slots = psutil.Process(bench.process.pid).children()
+    for slot in slots:  # as on a machine that has too much to do
+        slot.suspend()
+    try:
+        bench.render(replace(joint(info, "alone", [3]).whole, batch="taken"), "taken")
+        wait_until(lambda: bench.report().in_hand == ["taken"], 30, "it says so")  # type: ignore[union-attr]
+    finally:
+        for slot in slots:
+            slot.resume()
+    assert bench.next("batch", "batch-failed").event["count"] == 3
+    wait_until(lambda: not bench.report().in_hand, 30, "it is done")  # type: ignore[union-attr]
 
 
 def test_a_worker_that_is_told_to_end_hands_in_and_puts_back(redis_url: str, tmp_path: Path, bench: Bench) -> None:

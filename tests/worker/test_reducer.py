@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from http.client import HTTPConnection
 from http.server import ThreadingHTTPServer
 from pathlib import Path
@@ -19,6 +20,7 @@ from tests.helpers import wait_until
 from tests.reducer import Reducing
 from tests.worker.bench import FakeService
 from tests.worker.test_site_sums import SUMS, TILE, sums
+from worker import reducer as reducer_module
 from worker.contract import RESULTS, Result
 from worker.reducer import LARGEST, MOST_COMING
 from worker.result_bytes import result_bytes
@@ -85,7 +87,7 @@ def test_a_second_one_takes_nothing_from_the_first(service: str, store: redis.Re
         reducing.kill()
 
 
-def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: redis.Redis, tmp_path: Path) -> None:
+def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
     reducing = Reducing(store, service, "token", tmp_path)
     try:
         report, secret = reducing.report(), store.get(secret_key("attic"))
@@ -109,9 +111,55 @@ def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: red
                 wire = held.enter_context(socket.create_connection(("127.0.0.1", report.port), timeout=20))
                 wire.sendall(f"POST {SUMS_PATH} HTTP/1.1\r\nContent-Length: {LARGEST}\r\n\r\n".encode())
             wait_until(lambda: post(body, signature(secret, body)) == 503, 20, "there is room for no more")
+            assert SiteLink(redis_url).send(sums(4, 4)), "but for who says that it belongs here"
         wait_until(lambda: post(body, signature(secret, body)) == 204, 30, "they have left, and there is room again")
     finally:
         reducing.kill()
+
+
+def test_who_trickles_is_not_waited_for_and_takes_nobodys_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Words that never end: of one address so many are let in, each for a bounded time."""
+    monkeypatch.setattr(reducer_module, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(reducer_module, "MOST_OF_ONE", 4)
+    server = reducer_module._Server(("127.0.0.1", 0), reducer_module._Handler)
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    stop = threading.Event()
+    with ExitStack() as held:
+        wires = [held.enter_context(socket.create_connection(server.server_address, timeout=20)) for _ in range(4)]  # type: ignore[arg-type]
+
+        def trickle() -> None:
+            while not stop.wait(0.05):
+                for wire in wires:
+                    with suppress(OSError):
+                        wire.send(b"X")
+
+        trickling = threading.Thread(target=trickle)
+        trickling.start()
+        try:
+            wait_until(lambda: len(server._here) == 4, 20, "all are let in")
+            begun = time.monotonic()
+            with socket.create_connection(server.server_address, timeout=20) as fifth:  # type: ignore[arg-type]
+                assert ended(fifth), "there is room for no more of this address"
+            assert all(map(ended, wires))
+            assert time.monotonic() - begun < 15.0
+            wait_until(lambda: not server._here, 20, "their room is free")
+        finally:
+            stop.set()
+            trickling.join()
+    with socket.create_connection(server.server_address, timeout=20) as next_one:  # type: ignore[arg-type]
+        next_one.sendall(b"POST /elsewhere HTTP/1.1\r\nContent-Length: 0\r\n\r\n")
+        assert next_one.recv(100).startswith(b"HTTP/1.0 404")
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def ended(wire: socket.socket) -> bool:
+    """Whether the other end closes it."""
+    with suppress(ConnectionError):
+        return not wire.recv(1)
+    return True
 
 
 def test_a_result_without_a_run_goes_to_the_service(redis_url: str) -> None:

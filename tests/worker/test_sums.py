@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from renderer.film import ALBEDO, CHANNELS, COLOR, COLOR_HALF, MATERIAL, SAMPLES, Sums
 from renderer.settings import Tile
-from worker.sums import check_sums, pack_sums, unpack_sums
+from worker.sums import add_sums, check_sums, pack_sums, unpack_sums
 
 TILE = Tile(0, 0, 7, 5)
 
@@ -37,6 +37,11 @@ def test_what_is_packed_comes_back(seed: int, bits: list[int]) -> None:
         found = unpack_sums(data, TILE, planes=(4, MATERIAL))  # the first is a copy of one that is not asked for
         np.testing.assert_array_equal(found[[4, MATERIAL]], sums[[4, MATERIAL]])
         assert not found[[0, SAMPLES]].any()
+        add_sums(found, data, TILE, planes=(4, MATERIAL))
+        np.testing.assert_array_equal(found[[4, MATERIAL]], 2 * sums[[4, MATERIAL]])
+        assert not found[[0, SAMPLES]].any()
+        add_sums(found, data, TILE)
+        np.testing.assert_array_equal(found[[0, 4, SAMPLES]], sums[[0, 4, SAMPLES]] * [[[1]], [[3]], [[1]]])
 
 
 def test_planes_that_are_alike_take_no_room() -> None:
@@ -52,11 +57,15 @@ def test_planes_that_are_alike_take_no_room() -> None:
 def test_planes_that_an_older_release_did_not_know_are_zero() -> None:
     sums = sums_of(5, [20] * CHANNELS)
     for packing in (1, 2):
-        old = pack_sums(sums[:12], packing)
+        old_planes = sums[:12]
+        old = pack_sums(old_planes, packing)
         with pytest.raises(ValueError, match="sums of"):
             unpack_sums(old, TILE)
         found = unpack_sums(old, TILE, stored=True)
         np.testing.assert_array_equal(found[:12], sums[:12])
+        assert not found[12:].any()
+        add_sums(found, old, TILE, stored=True)
+        np.testing.assert_array_equal(found[:12], 2 * old_planes)
         assert not found[12:].any()
 
 

@@ -1,9 +1,9 @@
 /** Starts the page: the shell, the farm's news, drops, and the view that the URL names. */
 
 import { fill, h } from "./base/dom.js";
-import { chooseProject } from "./base/project.js";
+import { chooseProject, chosenProject } from "./base/project.js";
 import { followFarm, lost } from "./news/farm.js";
-import { lookAtProjects } from "./news/projects.js";
+import { lookAtProjects, offer } from "./news/projects.js";
 import { may, mustLogIn, session } from "./news/session.js";
 import { followTallies } from "./news/job-list.js";
 import { showHelp } from "./shell/help-dialog.js";
@@ -51,7 +51,8 @@ function viewFor([section, id, other]) {
 const main = /** @type {HTMLElement} */ (document.getElementById("main"));
 
 function start() {
-  document.documentElement.dataset.may = may("submit") ? "submit" : "view";
+  offer(document.documentElement, chosenProject());
+  document.documentElement.classList.toggle("is-admin", may("admin"));
   const markSection = buildShell();
   /** @type {View | null} */
   let shown = null;

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .model import Scene, up
-from .view import Lens, Shot, shot_of, view_of
+from .view import Lens, Shot, shot_of
 
 __all__ = ["lens_of", "shot_of_camera", "with_keys"]
 
@@ -65,22 +65,30 @@ def shot_of_camera(
     return shot_of(place, projection, size, lens_of(scene, camera), border)
 
 
-def with_keys(scene: Scene, shot: Shot, over: list[tuple[float, F64, F64, Lens]], height: int) -> bool:
+def with_keys(
+    scene: Scene,
+    shot: Shot,
+    over: list[tuple[float, F64, F64, Lens]],
+    size: tuple[int, int],
+    border: tuple[int, int, int, int] | None = None,
+) -> bool:
     """Writes the camera into the scene with where it is while the shutter is open; whether it moves.
 
-    over: seconds of the file's clock, place, projection and lens at each key. height: of the picture without what is cut off.
+    over: seconds of the file's clock, place, projection and lens at each key. size, border: as of the shot. Raises ValueError.
     """
-    views = [(time, view_of(place, projection, shot.height / height, lens)) for time, place, projection, lens in over]
-    if all(_same(view, views[0][1]) for _, view in views):
+    views = [(time, shot_of(place, projection, size, lens, border).view) for time, place, projection, lens in over]
+    names = {name: value for view in (shot.view, *(view for _, view in views)) for name, value in view.items()}
+    if all(_same(view, views[0][1], names) for _, view in views):
         return False
     told = {**shot.view, "name": NAME}
-    for name, value in shot.view.items():
-        keys = [[time, view.get(name, value)] for time, view in views]
+    for name, value in names.items():
+        keys = [[time, view.get(name, shot.view.get(name, 0.0))] for time, view in views]
         if isinstance(value, list | float) and any(key[1] != keys[0][1] for key in keys):
             told[name] = {"keys": keys}
     scene.cameras = [told]
     return True
 
 
-def _same(a: dict[str, Any], b: dict[str, Any]) -> bool:
-    return all(np.allclose(a[name], b[name], rtol=1e-7, atol=1e-7) for name in a if not isinstance(a[name], str))
+def _same(a: dict[str, Any], b: dict[str, Any], names: dict[str, Any]) -> bool:
+    numbers = [name for name, value in names.items() if not isinstance(value, str)]
+    return all(np.allclose(a.get(name, 0.0), b.get(name, 0.0), rtol=1e-7, atol=1e-7) for name in numbers)

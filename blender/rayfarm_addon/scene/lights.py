@@ -1,7 +1,8 @@
 """Blender's lamps as a scene file's lights and shapes.
 
 Blender tells power in watts: a point that sends out P has a radiant intensity of P / 4 pi, a surface of area A that does the
-radiance P / pi A. A sun's strength is its irradiance. Those of a size have a body, which is seen, as in Cycles.
+radiance P / pi A. A sun's strength is its irradiance. Those of a size are seen in mirrors, and by the camera where they are not
+hidden from it, and stand in nobody's way, as in Cycles.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ __all__ = ["add_light"]
 
 F64 = npt.NDArray[np.float64]
 LEAST = 1e-6  # of a size
-BLEND = 0.75  # share of a spot's soft edge: smoothstep's light within it, by the square that a farm's edge falls with
 
 
 def add_light(scene: Scene, thing: Any, name: str, place: F64) -> None:
@@ -65,9 +65,9 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
     light = thing.data
     radius = float(light.shadow_soft_size)
     is_spot = light.type == "SPOT"
-    if not is_spot and radius > LEAST and getattr(thing, "visible_camera", True):
+    if not is_spot and radius > LEAST:
         radiance = [c / (4 * math.pi**2 * radius**2) for c in strength]
-        scene.lamp_materials[name] = {"color": 0, "emission": radiance}
+        scene.lamp_materials[name] = _shining(thing, radiance)
         scene.lamps.append({"type": "sphere", "name": name, "material": name, "center": up(place[:3, 3]), "radius": radius})
         return
     said: dict[str, Any] = {"type": "spot" if is_spot else "point", "name": name, "position": up(place[:3, 3])}
@@ -75,10 +75,16 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
     if is_spot:
         half = float(light.spot_size) / 2
         dark = math.cos(half)
-        full = dark + (1 - dark) * float(light.spot_blend) * BLEND
-        said |= {"direction": up(-place[:3, 2]), "outer_cone": min(math.degrees(half), 180.0)}
+        full = dark + (1 - dark) * float(light.spot_blend)
+        said |= {"direction": up(-place[:3, 2]), "outer_cone": min(math.degrees(half), 180.0), "falloff": "smooth"}
         said |= {"inner_cone": min(math.degrees(math.acos(min(max(full, -1.0), 1.0))), said["outer_cone"])}
     scene.lights.append(said)
+
+
+def _shining(thing: Any, radiance: list[float]) -> dict[str, Any]:
+    """What a lamp is made of."""
+    said = {"color": 0, "emission": radiance, "lamp": True}
+    return said if getattr(thing, "visible_camera", True) else {**said, "unseen": True}
 
 
 def _add_area(scene: Scene, thing: Any, name: str, place: F64, strength: list[float]) -> None:
@@ -87,8 +93,6 @@ def _add_area(scene: Scene, thing: Any, name: str, place: F64, strength: list[fl
         return  # guides Cycles' samples, and is no light
     if getattr(light, "spread", math.pi) < math.pi - 1e-3:
         scene.warn(f"Lamp {name}: its spread is left out; it shines to all sides before it.")
-    if not getattr(thing, "visible_camera", True):
-        scene.warn(f"Lamp {name}: it is seen, though it is hidden from the camera in Blender.")
     width = float(light.size)
     height = float(light.size_y) if light.shape in ("RECTANGLE", "ELLIPSE") else width
     is_round = light.shape in ("DISK", "ELLIPSE")
@@ -98,7 +102,7 @@ def _add_area(scene: Scene, thing: Any, name: str, place: F64, strength: list[fl
     area = float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]))) * (math.pi if is_round else 4.0)
     if area < LEAST**2:
         return
-    scene.lamp_materials[name] = {"color": 0, "emission": [c / (math.pi * area) for c in strength]}
+    scene.lamp_materials[name] = _shining(thing, [c / (math.pi * area) for c in strength])
     matrix = (TO_Y_UP @ turned).tolist()
     kind = "disk" if is_round else "quad"
     scene.lamps.append({"type": kind, "name": name, "material": name, "transform": [{"matrix": matrix}]})

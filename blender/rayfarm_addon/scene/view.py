@@ -1,7 +1,6 @@
 """From a projection matrix to the view that a farm is asked for.
 
-A farm's pictures are centred on the line of sight. One that is not (lens shift, a border, a viewport that looks through a
-camera) is cut out of the smallest centred picture that has it.
+What is not about the line of sight (a shifted lens, a border, a viewport that looks through a camera) is asked for with a shift.
 """
 
 from __future__ import annotations
@@ -19,7 +18,8 @@ __all__ = ["Lens", "Shot", "shot_of", "view_of"]
 
 F64 = npt.NDArray[np.float64]
 WIDEST = 178.9
-MOST_SIDE = 16384
+MOST_SHIFT = 100.0
+LEAST_SHIFT = 1e-6  # of a picture's height: what is less is rounding's
 
 
 @dataclass(frozen=True)
@@ -74,24 +74,23 @@ def view_of(place: F64, projection: F64, share: float, lens: Lens) -> dict[str, 
 def shot_of(
     place: F64, projection: F64, size: tuple[int, int], lens: Lens = Lens(), border: tuple[int, int, int, int] | None = None
 ) -> Shot:
-    """border: of the picture's pixels that are wanted, x0, y0, x1, y1 from the lower left corner; None: all."""
+    """border: of the picture's pixels that are wanted, x0, y0, x1, y1 from the lower left corner; None: all.
+
+    Raises ValueError where the lens is shifted too far.
+    """
     width, height = size
     x0, y0, x1, y1 = border or (0, 0, width, height)
+    wide, tall = x1 - x0, y1 - y0
     is_flat = projection[3, 3] != 0
     a, b = (projection[0, 3], projection[1, 3]) if is_flat else (-projection[0, 2], -projection[1, 2])
-    across, left = _centred(width * (1 + a) / 2, x0, x1)
-    high, low = _centred(height * (1 + b) / 2, y0, y1)
-    view = view_of(place, projection, high / height, lens)
-    return Shot(view, across, high, left, high - low - (y1 - y0), x1 - x0, y1 - y0)
-
-
-def _centred(axis: float, low: int, high: int) -> tuple[int, int]:
-    """How long a stretch is that has its middle on the axis and low to high within; and where low lies in it."""
-    axis = round(2 * axis) / 2  # to half a pixel
-    half = max(axis - low, high - axis)
-    if 2 * half > MOST_SIDE:
-        raise ValueError("The lens is shifted so far that the picture would have to be cut out of one that is too large.")
-    return int(2 * half), int(low - (axis - half))
+    view = view_of(place, projection, tall / height, lens)
+    # The line of sight meets the picture there; a farm's lens is shifted by heights of what is wanted.
+    sight = width * (1 + a) / 2, height * (1 + b) / 2
+    shifts = {"shift_x": ((x0 + x1) / 2 - sight[0]) / tall, "shift_y": ((y0 + y1) / 2 - sight[1]) / tall}
+    if max(map(abs, shifts.values())) > MOST_SHIFT:
+        raise ValueError("The lens is shifted further than the farm's are.")
+    view |= {name: float(shift) for name, shift in shifts.items() if abs(shift) > LEAST_SHIFT}
+    return Shot(view, wide, tall, 0, 0, wide, tall)
 
 
 def _unit(vector: F64) -> F64:

@@ -76,13 +76,14 @@ def values(each: Pass, channels: Mapping[str, F32], shot: Shot, ids: Ids) -> F32
 
 
 def _depth(channels: Mapping[str, F32], shot: Shot) -> F32:
-    """Along the line of sight from the eye, as Cycles tells it; the farm tells it along the ray, from the near plane."""
+    """Along the line of sight, as Cycles tells it; the farm tells it along the ray."""
     depth = channels["Depth.Z"]
     share = np.ones_like(depth)
     if "projection" not in shot.view:
         height, width = depth.shape
         slope = math.tan(math.radians(shot.view["fov"]) / 2)
-        y = (2 * (np.arange(height) + 0.5) / height - 1) * slope
-        x = (2 * (np.arange(width) + 0.5) / width - 1) * slope * width / height
+        right, up = (shot.view.get(name, 0.0) for name in ("shift_x", "shift_y"))
+        y = (2 * (np.arange(height) + 0.5) / height - 1 - 2 * up) * slope
+        x = ((2 * (np.arange(width) + 0.5) - width) / height + 2 * right) * slope
         share = 1 / np.sqrt(1 + x[None, :] ** 2 + y[:, None] ** 2)
-    return np.where(depth > 0, depth * share + shot.view.get("near", 0.0), FAR).astype(np.float32)[..., None]
+    return np.where(depth > 0, depth * share, FAR).astype(np.float32)[..., None]

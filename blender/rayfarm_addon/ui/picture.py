@@ -90,7 +90,8 @@ def picture_of(
         return place_of(thing), np.array(projection, np.float64), thing
 
     place, projection, thing = camera()
-    shot = shot_of_camera(scene, thing, place, projection, size, _border(render, size))
+    border = _border(render, size)
+    shot = shot_of_camera(scene, thing, place, projection, size, border)
     request = requested(settings, settings.samples) | {"width": shot.width, "height": shot.height}
     request |= {"priority": settings.priority} | ({"noise": settings.noise} if settings.use_noise else {})
     moves = False
@@ -109,7 +110,7 @@ def picture_of(
 
         ends = middle - frame - length / 2
         over_the_shutter(found, [at(ends + length * i / (settings.keys - 1)) for i in range(settings.keys)])
-        moves = shot.view.get("projection") != "panorama" and with_keys(scene, shot, over, size[1])
+        moves = shot.view.get("projection") != "panorama" and with_keys(scene, shot, over, size, border)
         go_to(frame)
         if moves or any(node.places for node in scene.nodes) or any(mesh.shapes for mesh in scene.meshes.values()):
             request |= {"frame": FRAME, "shutter": length, "shutter_at": "centred"}

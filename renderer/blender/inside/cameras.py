@@ -10,6 +10,8 @@ from .keys import keyed
 
 __all__ = ["Cameras", "to_ours"]
 
+LEAST = 1e-6  # of a shift: what is less is rounding's
+
 
 def to_ours(v: Any) -> tuple[float, float, float]:
     """A point or direction of Blender's world, which has Z up, in ours."""
@@ -40,6 +42,9 @@ class Cameras:
             values = seen[thing.name]
             fixed = {name: values[0][name] for name in ("projection",)}
             varied = {name: keyed([each[name] for each in values], frames, fps) for name in values[0] if name not in fixed}
+            straight = [name for name in ("shift_x", "shift_y") if varied.get(name) == 0.0]
+            for name in straight:
+                del varied[name]
             cameras.append({"name": thing.name[:200], **fixed, **varied})
         return cameras
 
@@ -61,6 +66,9 @@ class Cameras:
         }
         corners = data.view_frame(scene=self._scene)  # of the right, the left below it, and on around
         height = max(c.y for c in corners) - min(c.y for c in corners)
+        middle = [sum(getattr(c, axis) for c in corners) / 4 / max(height, 1e-12) for axis in ("x", "y")]
+        if data.type != "PANO":
+            found["shift_x"], found["shift_y"] = (each if abs(each) > LEAST else 0.0 for each in middle)
         if data.type == "PERSP":
             depth = abs(corners[0].z) or 1.0
             found["fov"] = min(max(math.degrees(2 * math.atan(height / 2 / depth)), 0.01), 179.0)
@@ -92,8 +100,6 @@ class Cameras:
 
     def _note(self, thing: Any) -> None:
         data, name = thing.data, thing.name
-        if data.shift_x or data.shift_y:
-            self._notes.append(f"Camera {name}: the shift of its lens is not taken over; turn the camera, or crop")
         if data.type == "PANO" and _panorama(data) not in ("EQUIRECTANGULAR", None):
             self._notes.append(f"Camera {name}: shows all around (equirectangular) in place of {_panorama(data).lower()}")
         if data.type == "CUSTOM":

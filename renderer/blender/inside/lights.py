@@ -12,13 +12,12 @@ from .keys import keyed
 __all__ = ["Lights"]
 
 AREA = 1 / math.pi  # radiance of an area light of one watt and one square metre
-# Where a cone begins to fall off: Cycles' smooth step and glTF's square send out as much.
-FALL = 0.75
 MOST = 1e9
+LEAST = 1e-4  # of a point's radius
 
 
 class Lights:
-    """The scene's lights: points, spots and suns have no body, area lights are shapes that shine."""
+    """The scene's lights: suns, spots and points without a size are lights, all others shapes that shine and stop nothing."""
 
     def __init__(self, bpy: Any, scene: Any, notes: list[str]) -> None:
         import mathutils
@@ -28,8 +27,6 @@ class Lights:
         self._turns: dict[str, Any] = {}
         for thing in self._all:
             _note(thing, notes)
-        if any(thing.data.type == "AREA" for thing in self._all):
-            notes.append("Area lights are surfaces here: the camera sees them, and they cast shadows")
 
     def looks(self) -> dict[str, Any]:
         """By name, what says how a light is now."""
@@ -44,13 +41,17 @@ class Lights:
             values = seen[thing.name]
             said: dict[str, Any] = {name: keyed([each[name] for each in values], frames, fps) for name in values[0]}
             name = thing.name[:200]
-            if thing.data.type != "AREA":
-                lights.append(
-                    {"name": name, "type": {"SUN": "directional", "SPOT": "spot"}.get(thing.data.type, "point"), **said}
-                )
+            if "emission" not in said:
+                lights.append({"name": name, **_kind(thing.data), **said})
                 continue
             material = f"light {name}"
-            materials[material] = {"color": 0, "emission": said["emission"]}
+            materials[material] = {"color": 0, "emission": said["emission"], "lamp": True}
+            if not getattr(thing, "visible_camera", True):
+                materials[material]["unseen"] = True
+            if "center" in said:
+                ball = {name: said[name] for name in ("center", "radius")}
+                shapes.append({"type": "sphere", "name": name, "material": material, **ball})
+                continue
             x, y, z = (
                 said["turn"]
                 if isinstance(said["turn"], list)
@@ -73,15 +74,16 @@ class Lights:
         scale = world.to_scale()
         if data.type == "AREA":
             return self._area(thing.name, data, world, scale, watts)
-        found = {
-            "intensity": [c / (4 * math.pi) for c in watts],
-            "position": to_ours(world.translation),
-            "radius": data.shadow_soft_size,
-        }
+        radius = data.shadow_soft_size
+        if data.type == "POINT" and thing.data.shadow_soft_size > LEAST:
+            radius = max(radius, LEAST)
+            radiance = [min(c / (4 * math.pi**2 * radius**2), MOST) for c in watts]
+            return {"emission": radiance, "center": to_ours(world.translation), "radius": radius}
+        found = {"intensity": [c / (4 * math.pi) for c in watts], "position": to_ours(world.translation), "radius": radius}
         if data.type == "SPOT":
             outer = min(data.spot_size / 2, math.radians(89.9))
             edge = math.cos(outer)
-            inner = math.acos(min(edge + (1 - edge) * max(data.spot_blend, 1e-3) * FALL, 1.0))
+            inner = math.acos(min(edge + (1 - edge) * data.spot_blend, 1.0))
             found |= {
                 "direction": forward,
                 "outer_cone": math.degrees(outer),
@@ -105,6 +107,12 @@ class Lights:
             "turn": [math.degrees(a) for a in turn],
             "place": to_ours(world.translation),
         }
+
+
+def _kind(data: Any) -> dict[str, Any]:
+    if data.type == "SPOT":
+        return {"type": "spot", "falloff": "smooth"}
+    return {"type": "directional" if data.type == "SUN" else "point"}
 
 
 def _color(data: Any) -> list[float]:

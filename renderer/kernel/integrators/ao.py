@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
+from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.record import DIRECT, record_light, record_miss, record_surface
@@ -41,7 +41,7 @@ def trace_ao(scene, stack, o, d, time, options, stream, log, first):
     rays = 0
     layers = local_floats(LAYER_SLOTS)
     for passed in range(MAX_PASSED):
-        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time)
+        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time, camera_root(scene.bvh))
         rays += 1
         if hit.primitive == NO_PRIMITIVE:
             if passed < len(log):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.arrays.rows import UNLIT
-from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
+from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.mixture import mixture_bounce
@@ -29,7 +29,7 @@ from renderer.kernel.integrators.strategy import heuristic_weight, mistaken, sha
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, limited, reach
 from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light
-from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_specular
+from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
 from renderer.kernel.surface.departure import departure
@@ -40,6 +40,7 @@ __all__ = ["trace_path"]
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
+_ROOT = np.int32(0)
 
 
 @template
@@ -61,7 +62,8 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
         # Wanted further down only; but since they wait for nothing, the processor makes them while the ray is traced.
         for_bounce = draw4(stream, np.uint32(2 * number + 2))
         for_light = draw4(stream, np.uint32(2 * number + 1))
-        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time)
+        root = camera_root(scene.bvh) if number == 0 else _ROOT
+        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time, root)
         rays += 1
         row = number + passed
         if hit.primitive == NO_PRIMITIVE:
@@ -77,14 +79,17 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
         path = with_throughput(path, throughput)
         if row < len(log):
             record_surface(log, row, surface, through, hit.t, path)
+        if is_lamp(scene, surface.material) or not through:
+            path = _add_emission(scene, surface, path, number, options, time)
         if through:
+            if row < len(log):
+                record_light(log, row, EMITTED, path.radiance)
             passed += 1
             if passed == MAX_PASSED:
                 break
             path = with_origin(path, departure(surface, False, path.d))
             continue
 
-        path = _add_emission(scene, surface, path, number, options, time)
         vertex, path = vertex_at(scene, surface, path, stream, number, layers, time)
         if number == 0:
             distance = hit.t if passed == 0 else vec.length(vec.sub(surface.point, path.vertex))

@@ -10,7 +10,7 @@ from renderer.arrays.rows import ABSORBING, DISPERSIVE
 from renderer.bvh.simd import load_int, store_int
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
-from renderer.kernel.material.material import absorption, disperse, is_transparent, opacity
+from renderer.kernel.material.material import absorption, disperse, is_lamp, is_transparent, opacity
 from renderer.kernel.polynomial import exp
 from renderer.kernel.sampling.sampler import draw1
 from renderer.wide.values import any_of, where3
@@ -114,7 +114,9 @@ def reach(scene, surface, path, options, stream, row, time):
 
     row: how many surfaces it has met before; time: of the shutter, 0 ... 1; None where nothing moves.
     """
-    through = scene.has.textures is not None and options.transparent and _is_passed(scene, surface, stream, row, time)
+    through = is_lamp(scene, surface.material)
+    if scene.has.textures is not None and options.transparent and not through:
+        through = _is_passed(scene, surface, stream, row, time)
     throughput = path.throughput
     if not (surface.front or through):
         throughput = _attenuated(scene, surface.material, throughput, path.vertex, surface.point)

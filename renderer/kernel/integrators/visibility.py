@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit
+from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit, shadow_root
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material.material import opacity
@@ -33,7 +33,7 @@ def _through(scene, stack, start, end, time):
             return left
         distance = math.sqrt(vec.dot(rest, rest))
         d = vec.scale(rest, _ONE / distance)
-        hit = closest_hit(scene.bvh, stack, o, d, distance, time)
+        hit = closest_hit(scene.bvh, stack, o, d, distance, time, shadow_root(scene.bvh))
         if hit.primitive == NO_PRIMITIVE:
             return left
         surface = surface_at(scene, o, d, hit)
@@ -53,4 +53,5 @@ def transmittance(scene, stack, start, end, transparent, time=None):
     """
     if scene.has.textures is not None and transparent:
         return _through(scene, stack, start, end, time)
-    return _ZERO if any_hit(scene.bvh, stack, start, vec.sub(end, start), _ONE, time) else _ONE
+    way = vec.sub(end, start)
+    return _ZERO if any_hit(scene.bvh, stack, start, way, _ONE, time, shadow_root(scene.bvh)) else _ONE

@@ -13,7 +13,7 @@ import numpy as np
 
 from renderer.arrays.light_rows import CORNER_ERROR
 from renderer.arrays.rows import CONDUCTOR, METALLIC_ROUGHNESS, UNLIT
-from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
+from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.record import DIRECT, EMITTED, record_light, record_miss, record_surface
@@ -31,7 +31,7 @@ from renderer.kernel.integrators.transport import forget_first_hit, keep_first_h
 from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
 from renderer.kernel.light.environment import environment_radiance
 from renderer.kernel.light.lights import LightSample, choose_light, sample_light, sample_one_light
-from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_specular, sample_material
+from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular, sample_material
 from renderer.kernel.options import NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
 from renderer.kernel.surface.departure import departure
@@ -44,6 +44,7 @@ _ONE = np.float32(1.0)
 _HALF = np.float32(0.5)
 _QUARTER = np.float32(0.25)
 _INF = np.float32(np.inf)
+_ROOT = np.int32(0)
 _POLISHED = np.float32(0.15)  # roughness up to which a metal is taken for a mirror
 
 
@@ -129,7 +130,8 @@ def trace_whitted(scene, stack, o, d, time, options, stream, log, first):
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
     layers = local_floats(LAYER_SLOTS)
     while True:
-        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time)
+        root = camera_root(scene.bvh) if number == 0 else _ROOT
+        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time, root)
         rays += 1
         row = number + passed
         if hit.primitive == NO_PRIMITIVE:
@@ -145,15 +147,17 @@ def trace_whitted(scene, stack, o, d, time, options, stream, log, first):
         path = with_throughput(path, throughput)
         if row < len(log):
             record_surface(log, row, surface, through, hit.t, path)
+        if shines(surface) and (is_lamp(scene, surface.material) or not through):
+            path = _add(path, emission(scene, surface.material, surface.uv, surface.uv1, surface.front, time))
         if through:
+            if row < len(log):
+                record_light(log, row, EMITTED, path.radiance)
             passed += 1
             if passed == MAX_PASSED:
                 break
             path = with_origin(path, departure(surface, False, path.d))
             continue
 
-        if shines(surface):
-            path = _add(path, emission(scene, surface.material, surface.uv, surface.uv1, surface.front, time))
         vertex, path = vertex_at(scene, surface, path, stream, number, layers, time)
         material = vertex.material
         if number == 0:

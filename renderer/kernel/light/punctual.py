@@ -13,14 +13,26 @@ from renderer.bvh.motion import step_at
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
+from renderer.kernel.polynomial import acos
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere
 
-__all__ = ["DIRECTIONAL", "POINT", "SPOT", "sample_moving_punctual", "sample_punctual"]
+__all__ = [
+    "DIRECTIONAL",
+    "POINT",
+    "SPOT",
+    "SPOT_LINEAR",
+    "SPOT_SMOOTH",
+    "SPOT_SMOOTH_ANGLE",
+    "sample_moving_punctual",
+    "sample_punctual",
+]
 
-POINT, SPOT, DIRECTIONAL = 0, 1, 2
+POINT, SPOT, DIRECTIONAL, SPOT_SMOOTH, SPOT_LINEAR, SPOT_SMOOTH_ANGLE = range(6)
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_THREE = np.float32(3.0)
 _FAR = np.float32(1e18)
 _INV_4PI = np.float32(0.25 / math.pi)
 _UP = (_ZERO, _ZERO, _ONE)
@@ -28,10 +40,21 @@ _NOWHERE = (_ZERO, _ZERO, _ZERO)
 
 
 @device
-def spot_falloff(cosine, scale, offset):
-    """What a spot sends at an angle to its axis, 0 ... 1: KHR_lights_punctual, "Inner and Outer Cone Angles"."""
-    inside = min(max(cosine * scale + offset, _ZERO), _ONE)
-    return inside * inside
+def spot_falloff(kind, cosine, scale, offset):
+    """What a spot sends at an angle to its axis, 0 ... 1, by how far that is within the edge, 0 ... 1:
+
+    SPOT: the square, by the cosine (KHR_lights_punctual, "Inner and Outer Cone Angles").
+    SPOT_SMOOTH: a smooth step of it, by the cosine (Cycles' spot_light_attenuation; pbrt 4ed, 12.2.1).
+    SPOT_LINEAR: as it is, by the angle (Mitsuba's plugin spot).
+    SPOT_SMOOTH_ANGLE: a smooth step of it, by the angle (UsdLuxShapingAPI, shaping:cone:softness).
+    """
+    by = acos(cosine) if kind == SPOT_LINEAR or kind == SPOT_SMOOTH_ANGLE else cosine  # noqa: SIM109 -- kernels compare kinds one by one
+    inside = min(max(by * scale + offset, _ZERO), _ONE)
+    if kind == SPOT:
+        return inside * inside
+    if kind == SPOT_LINEAR:
+        return inside
+    return inside * inside * (_THREE - _TWO * inside)
 
 
 @device
@@ -95,8 +118,8 @@ def _sample(kind, light, p, u):
     distance = math.sqrt(square)
     axis = vec.scale(d, _ONE / distance)
     strength = _ONE
-    if kind == SPOT:  # by the direction from the centre, so that an extent does not blur the cone
-        strength = spot_falloff(-vec.dot(axis, shines), light[10], light[11])
+    if kind != POINT:  # by the direction from the centre, so that an extent does not blur the cone
+        strength = spot_falloff(kind, -vec.dot(axis, shines), light[10], light[11])
     if extent == _ZERO:
         return axis, place, vec.scale(value, strength / square), _ONE
     if distance > extent:

@@ -1,8 +1,7 @@
 """What a surface is made of, and the one place where the models are told apart.
 
-To add a model: a file in bsdf/, a number in rows.py, a branch in each of `eval_material` and `sample_material` (or their
-`rare` halves), the list that renderer/kernel/pool/surfaces.py puts its vertices on, and its name in
-renderer/scene/parameters.py and packing.py.
+To add a model: a file in bsdf/, a number in rows.py, a branch in `eval_material` and `sample_material` (or their `rare` halves),
+the list of renderer/kernel/pool/surfaces.py for its vertices, and its name in renderer/scene/parameters.py and packing.py.
 """
 
 from __future__ import annotations
@@ -57,6 +56,7 @@ __all__ = [
     "eval_material",
     "eval_rare",
     "fetch_material",
+    "is_lamp",
     "is_specular",
     "is_transparent",
     "look_up_layers",
@@ -232,6 +232,12 @@ def disperse(scene, surface, material, throughput, u):
 def is_transparent(scene, number):
     """Whether `opacity` may be below 1 somewhere on material `number`."""
     return scene.material_flags[number] & rows.TRANSPARENT != 0
+
+
+@device
+def is_lamp(scene, number):
+    """Whether material `number` gives its light to what meets it, and stops nothing."""
+    return scene.has.textures is not None and scene.material_flags[number] & rows.LAMP != 0
 
 
 @device

@@ -75,16 +75,16 @@ def begin(pool, lists, following, width, height, camera, options, batch, motion)
         none = nil(film_x)
         if motion is not None:
             time = draw4(Stream(options.sampler, options.seed, key, sample), _TIME_BLOCK)[0]
-            o, d = moving_ray(camera, film_x, film_y, (u[2], u[3]), time)
+            o, d, start = moving_ray(camera, film_x, film_y, (u[2], u[3]), time)
         else:
             time = none
-            o, d = camera_ray(camera, film_x, film_y, (u[2], u[3]))
+            o, d, start = camera_ray(camera, film_x, film_y, (u[2], u[3]))
         one = none + _ONE
         nothing = none, none, none, none, none, none, none, none
         write(pool, rows, RAY, (*o, *d, none, one))
         write(pool, rows, CARRIED, (none, none, none, none, one, one, one, none))
         write(pool, rows, HIT, nothing)
-        write(pool, rows, SAMPLE, (as_floats(key), told[1], told[2], told[3], told[4], time, none, none))
+        write(pool, rows, SAMPLE, (as_floats(key), told[1], told[2], told[3], told[4], time, start, none))
         write(pool, rows, PLACE, (*o, none, none, none, none, none))
         write(pool, rows, FRAME, nothing)
         write(pool, rows, FIRST, nothing)

@@ -13,6 +13,7 @@ from renderer.arrays.rows import (
     BASE,
     COLUMNS,
     DISPERSIVE,
+    LAMP,
     METALLIC,
     NEEDS_TANGENT,
     NORMAL_MAPPED,
@@ -34,7 +35,7 @@ from renderer.kernel.surface.surface import Surface, triangle_at
 from renderer.wide.lanes import each_lane
 from renderer.wide.values import any_of, lookup, nil, not_, to_int, u32, where, where3
 
-__all__ = ["attenuated", "keep_matter", "passes", "surfaces_at"]
+__all__ = ["attenuated", "keep_matter", "lamps", "passes", "surfaces_at"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -46,6 +47,7 @@ _TRANSMITS, _TRANSPARENT, _ABSORBING, _DISPERSIVE = (
     np.uint32(ABSORBING),
     np.uint32(DISPERSIVE),
 )
+_LAMP = np.uint32(LAMP)
 _PASSING_BLOCK, _COLOR_BLOCK = np.uint32(PASSING_BLOCK), np.uint32(COLOR_BLOCK)
 
 
@@ -83,14 +85,23 @@ def surfaces_at(scene, d, hit):
 
 
 @device
+def lamps(scene, surface):
+    """Which surfaces give their light to what meets them, and stop nothing."""
+    return _flagged(scene, surface.material, _LAMP)
+
+
+@device
 def passes(scene, surface, stream, row, options, time):
     """Where the paths go through their surfaces as if these were not there. row: how many each has met before."""
     through = surface.error != surface.error
+    if scene.has.textures is not None:
+        through = lamps(scene, surface)
     if scene.has.textures is not None and options.transparent:
         may = _flagged(scene, surface.material, _TRANSPARENT)
         if any_of(may):
             u = draw4(stream, to_int(row) + _PASSING_BLOCK)[0]
-            through = may & (u >= opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], time))
+            faint = u >= opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], time)
+            through = through | (may & faint)
     return through
 
 

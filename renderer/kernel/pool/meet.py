@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bvh.simd import load_int
-from renderer.bvh.traverse import NO_PRIMITIVE
+from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, shadow_root
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.integrators.transport import limited
@@ -33,8 +33,8 @@ from renderer.kernel.pool.lists import (
 from renderer.kernel.pool.rows import CARRIED, HIT, LAMP, RAY, SHADOW, at, few, read, time_of, write
 from renderer.kernel.pool.shade import walk_in_shade
 from renderer.kernel.pool.walk import walk
-from renderer.kernel.pool.ways import BEST, BLOCKED, set_out, three
-from renderer.wide.values import as_floats, as_wide, nil, where3
+from renderer.kernel.pool.ways import BEST, BLOCKED, set_out, three, whole
+from renderer.wide.values import as_floats, as_wide, nil, where, where3
 
 __all__ = ["meet", "see_lights"]
 
@@ -42,6 +42,7 @@ _ZERO = np.float32(0.0)
 _INF = np.float32(np.inf)
 _NOBODY = np.uint32(0xFFFFFFFF)  # of the world's primitives, or instances: -1
 _PRIMITIVE = HIT + np.uintp(3)
+_NUMBER = CARRIED + np.uintp(7)
 _SEGMENTS = LAMP + np.uintp(3)
 _END, _WAITS, _GOES_ON = SHADOW + np.uintp(3), SHADOW + np.uintp(6), SHADOW + np.uintp(7)
 
@@ -55,7 +56,11 @@ def meet(scene, alone, stack, pool, lists):
         rows = eight(lists, ACTIVE, k)
         ray, hit = read(pool, rows, RAY), read(pool, rows, HIT)
         zero = nil(ray[0])
-        set_out(pool, rows, (ray[0], ray[1], ray[2]), (ray[3], ray[4], ray[5]), zero + _INF)
+        root = zero
+        if scene.bvh.begin is not None:
+            number = few(pool, rows, _NUMBER, 1)[0]
+            root = where(number == _ZERO, whole(camera_root(scene.bvh), zero), zero)
+        set_out(pool, rows, (ray[0], ray[1], ray[2]), (ray[3], ray[4], ray[5]), zero + _INF, root)
         nobody = as_floats(as_wide(_NOBODY, zero))
         write(pool, rows, HIT, (zero, zero, zero, nobody, nobody, hit[5], hit[6], hit[7]))
     for k in range(count):
@@ -102,7 +107,11 @@ def _light(scene, alone, stack, pool, lists, options):
         rows = eight(lists, WAITING, k)
         way = read(pool, rows, SHADOW)
         start, end = (way[0], way[1], way[2]), (way[3], way[4], way[5])
-        set_out(pool, rows, start, vec.sub(end, start), nil(way[0]))
+        none = nil(way[0])
+        root = none
+        if scene.bvh.begin is not None:
+            root = whole(shadow_root(scene.bvh), none)
+        set_out(pool, rows, start, vec.sub(end, start), none, root)
     for k in range(count):
         put(lists, NODES, np.uintp(k), row(lists, WAITING, k))
     cut(lists, NODES, np.uintp(count))

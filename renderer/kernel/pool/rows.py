@@ -28,6 +28,7 @@ __all__ = [
     "ROWS",
     "SAMPLE",
     "SHADOW",
+    "START",
     "TIME",
     "WAY",
     "at",
@@ -47,8 +48,9 @@ CARRIED = np.uintp(8)  # radiance 3, depth, throughput 3, number of the vertex t
 HIT = np.uintp(
     16
 )  # t, u, v, primitive, instance; surfaces passed so far; for the protocol the object's number, and its light's share
-SAMPLE = np.uintp(24)  # pixel key, sample's number, pixel's place in the tile; its x and y; time
+SAMPLE = np.uintp(24)  # pixel key, sample's number, pixel's place in the tile; its x and y; time; how far from the lens it began
 TIME = np.uintp(29)
+START = np.uintp(30)
 PLACE = np.uintp(32)  # the vertex: point 3, error, geometric normal 3, front + 2 smooth
 FRAME = np.uintp(40)  # its shading normal 3, lift 3, material, the list that it is on (lists.py)
 LAMP = np.uintp(48)  # towards the light 3, pdf, radiance 3, alone; then what a shadow ray brings 3, by how many segments,

@@ -35,8 +35,8 @@ from renderer.kernel.pool.lists import (
     pad,
     row,
 )
-from renderer.kernel.pool.matter import attenuated, keep_matter, passes, surfaces_at
-from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, LAMP, MAPPED, PLACE, RAY, at, few, read, times_of, write
+from renderer.kernel.pool.matter import attenuated, keep_matter, lamps, passes, surfaces_at
+from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, LAMP, MAPPED, PLACE, RAY, START, at, few, read, times_of, write
 from renderer.kernel.pool.scatter import stream_of
 from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import shines, sphere_at
@@ -101,6 +101,7 @@ def _keep_first(scene, pool, rows, first, surface, albedo, n, distance, passed):
     """Writes down what the film wants of a path's first hit."""
     if scene.has.textures is not None:
         distance = where(passed == _ZERO, distance, vec.length(vec.sub(surface.point, few(pool, rows, PLACE, 3))))
+    distance = distance + few(pool, rows, START, 1)[0]
     a, b = read(pool, rows, FIRST), read(pool, rows, FIRST + np.uintp(8))
     object_number, material = as_floats(surface.object + _NEXT), as_floats(surface.material + _NEXT)
     albedo, n = where3(first, albedo, (a[0], a[1], a[2])), where3(first, n, (a[4], a[5], a[6]))
@@ -156,7 +157,9 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         stream = stream_of(pool, rows, options)
         through = passes(scene, surface, stream, number + passed, options, time)
         throughput = attenuated(scene, surface, through, throughput, pool, rows)
-        lit = shines(surface) & (pdf >= _ZERO) & not_(through)
+        lit = shines(surface) & (pdf >= _ZERO)
+        if scene.has.textures is not None:
+            lit = lit & (lamps(scene, surface) | not_(through))
         share = nil(pdf)
         if any_of(lit):
             emitted, share = _emitted(scene, pool, rows, surface, lit, d, pdf, time)

@@ -31,6 +31,7 @@ __all__ = [
     "new_ways",
     "set_out",
     "three",
+    "whole",
     "word",
 ]
 
@@ -94,7 +95,7 @@ def _slab(o, d):
 
 
 @device
-def _whole(n, like):
+def whole(n, like):
     """A whole number's bits in eight lanes."""
     return as_floats(as_wide(np.uint32(n), like))
 
@@ -107,9 +108,9 @@ def _planes(inverse, axis):
 
 
 @device
-def set_out(pool, rows, o, d, best):
-    """Puts eight rays at the root of the tree: their rows, u32x8, and where they begin and go, three f32x8 each; what
-    BEST, or BLOCKED, is to begin with, f32x8.
+def set_out(pool, rows, o, d, best, root):
+    """Puts eight rays at a node of the tree: their rows, u32x8, and where they begin and go, three f32x8 each; what
+    BEST, or BLOCKED, is to begin with, f32x8; the node's number by its bits, f32x8.
     """
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])
@@ -117,7 +118,7 @@ def set_out(pool, rows, o, d, best):
     zero = nil(d[0])
     ax, ay, az = abs(d[0]), abs(d[1]), abs(d[2])
     first, second = ax > max(ay, az), ay > az
-    a, b, c = _whole(0, zero), _whole(WIDTH, zero), _whole(2 * WIDTH, zero)
+    a, b, c = whole(0, zero), whole(WIDTH, zero), whole(2 * WIDTH, zero)
     scale = where(first, x[0], where(second, y[0], z[0]))
     planes = _planes(x[0], 0), _planes(y[0], 1), _planes(z[0], 2)
     kx = where(first, b, where(second, c, a))
@@ -129,6 +130,6 @@ def set_out(pool, rows, o, d, best):
     oy = where(first, o[2], where(second, o[0], o[1]))
     oz = where(first, o[0], where(second, o[1], o[2]))
     top = as_floats(rows * np.uint32(_ENTRY))
-    write(pool, rows, WAY, (x[0], y[0], z[0], x[1], y[1], z[1], top, zero))
+    write(pool, rows, WAY, (x[0], y[0], z[0], x[1], y[1], z[1], top, root))
     write(pool, rows, WAY + np.uintp(8), (x[2], y[2], z[2], *planes, kx, ky))
     write(pool, rows, WAY + np.uintp(16), (kz, sx, sy, scale, ox, oy, oz, best))

@@ -15,6 +15,8 @@ from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers import assimp
+from renderer.scene.readers.spread import collada_nodes
+from renderer.scene.readers.xml import refuse_entities
 
 __all__ = ["read"]
 
@@ -27,10 +29,12 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     """Adds the file's scene at a moment to the description, in the file's own unit. Raises SceneError."""
     before = {field.name: copy(getattr(description, field.name)) for field in fields(description)}
     data = files.read(main)
+    refuse_entities(data, main, doctype_too=False)
+    own = files.recall(("Collada's own", main), lambda: _own(data, main))
     try:
         assimp.read(files, main, description, moment, scale=1 / _metres(data))
-        _set_lenses(description, files.recall(("Collada's lenses", main), lambda: _lenses(data)))
-        _set_watts(description, files.recall(("Blender's lamps", main), lambda: _lamps(data)))
+        _set_lenses(description, own.lenses)
+        _set_watts(description, own.lamps)
     except SceneError as refused:
         for name, value in before.items():
             setattr(description, name, value)
@@ -43,6 +47,23 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         description.warnings.append(f"{main}: is read without its cameras, lights and animation, as not all of it is Collada.")
 
 
+class _Own(NamedTuple):
+    """What is read of a file beside assimp, by the nodes' names and ids."""
+
+    lenses: dict[str, float]
+    lamps: dict[str, _Lamp]
+
+
+def _own(data: bytes, main: str) -> _Own:
+    """Raises SceneError where the file's nodes contain each other, or are too many."""
+    try:
+        root = ElementTree.fromstring(data)
+    except ElementTree.ParseError:
+        return _Own({}, {})
+    collada_nodes(root, main)
+    return _Own(_lenses(root), _lamps(root))
+
+
 def _set_lenses(description: SceneDescription, lenses: dict[str, float]) -> None:
     """Gives cameras their vertical fields of view: assimp takes the degrees of some for radians."""
     for i, camera in enumerate(description.cameras):
@@ -51,12 +72,8 @@ def _set_lenses(description: SceneDescription, lenses: dict[str, float]) -> None
             description.cameras[i] = replace(camera, view=replace(camera.view, fov=fov))
 
 
-def _lenses(data: bytes) -> dict[str, float]:
+def _lenses(root: ElementTree.Element) -> dict[str, float]:
     """The vertical fields of view, in degrees, of the cameras on nodes, by the nodes' names and ids."""
-    try:
-        root = ElementTree.fromstring(data)
-    except ElementTree.ParseError:
-        return {}
     by_id = {}
     for camera in root.iterfind(".//{*}library_cameras/{*}camera"):
         said = {key: _number(camera.findtext(f".//{{*}}perspective/{{*}}{key}")) for key in ("xfov", "yfov", "aspect_ratio")}
@@ -93,12 +110,8 @@ def _set_watts(description: SceneDescription, lamps: dict[str, _Lamp]) -> None:
                 light.inner_cone, light.outer_cone = lamp.cone
 
 
-def _lamps(data: bytes) -> dict[str, _Lamp]:
+def _lamps(root: ElementTree.Element) -> dict[str, _Lamp]:
     """Of a file that Blender wrote, the lights on nodes, by the nodes' names and ids."""
-    try:
-        root = ElementTree.fromstring(data)
-    except ElementTree.ParseError:
-        return {}
     by_id = {}
     for light in root.iterfind(".//{*}library_lights/{*}light"):
         own = light.find("{*}extra/{*}technique[@profile='blender']")

@@ -19,7 +19,7 @@ from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.mtl import read_mtl
 from renderer.scene.readers.obj_lines import Statements, parse
 from renderer.scene.textures import TextureShelf
-from renderer.scene.unique import unique_rows
+from renderer.scene.unique import unique_threes
 
 __all__ = ["read"]
 
@@ -123,8 +123,8 @@ def _mesh(name: str, said: Statements, faces: npt.NDArray[np.int64]) -> Mesh | N
 
 def _joined(corners: I32) -> tuple[I32, I32]:
     """Corners that are the same made one vertex: the (V, 3) vertices, and the vertex of each corner."""
-    first, number = unique_rows(corners)
-    return corners[first], number.astype(np.int32)
+    first, number = unique_threes(corners)
+    return corners[first], number
 
 
 class _Materials:

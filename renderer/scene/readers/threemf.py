@@ -23,8 +23,10 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import product
 from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
+from renderer.scene.readers.spread import judge_spread
+from renderer.scene.readers.threemf_rows import Rows, cut_out
 from renderer.scene.textures import TextureShelf
-from renderer.zips import DAMAGED
+from renderer.zips import DAMAGED, is_bomb
 
 __all__ = ["read"]
 
@@ -35,6 +37,7 @@ MAX_INSTANCES = 500_000
 _UPRIGHT = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 _NOT_READ = {"compositematerials", "multiproperties", "beamlattice", "slicestack", "displacementmesh", "booleans", "levelset"}
 _WRAPS: dict[str, Wrap] = {"wrap": "repeat", "mirror": "mirror", "clamp": "clamp", "none": "clamp"}
+_BUILD = ("", "")
 _SUPPORTS = ("support", "solidsupport")
 
 
@@ -59,6 +62,39 @@ class _Object:
     triangles: list[int] = field(default_factory=list)
     groups: list[str | None] = field(default_factory=list)
     components: list[tuple[str, str, F64]] = field(default_factory=list)  # path, object, transform
+    rows: list[Rows] = field(default_factory=list)  # vertices and triangles that were taken at once
+
+    @property
+    def points(self) -> F32:
+        """(V, 3)."""
+        taken = [rows.stacked(("x", "y", "z")) for rows in self.rows if "x" in rows.columns]
+        return np.concatenate([*taken, np.array(self.vertices).reshape(-1, 3)]).astype(np.float32)
+
+    @property
+    def table(self) -> npt.NDArray[np.int64]:
+        """(T, 6) v1 v2 v3, and of which property; -1 for none."""
+        found = []
+        for rows in self.rows:
+            if "v1" in rows.columns:
+                corners = rows.stacked(("v1", "v2", "v3"))
+                first = rows.columns.get("p1", np.full(len(rows), -1))
+                chosen = [rows.columns.get(name, first) for name in ("p1", "p2", "p3")]
+                found.append(np.column_stack([corners, *chosen]))
+        return np.concatenate([*found, np.array(self.triangles, np.int64).reshape(-1, 6)]).astype(np.int64)
+
+    @property
+    def group_of(self) -> tuple[npt.NDArray[np.int64], list[str]]:
+        """(T,) the group of each triangle, and the groups' names."""
+        found: list[npt.NDArray[np.int64]] = []
+        number: dict[str, int] = {}
+        for rows in self.rows:
+            if "v1" in rows.columns:
+                said, which = np.unique(rows.columns.get("pid", np.full(len(rows), -1)), return_inverse=True)
+                names = [self.group if each < 0 else str(each) for each in said.tolist()]
+                found.append(np.array([number.setdefault(name, len(number)) for name in names])[which])
+        names = [self.group if name is None else name for name in self.groups]
+        found.append(np.array([number.setdefault(name, len(number)) for name in names], np.int64))
+        return np.concatenate(found).astype(np.int64), list(number)
 
 
 class _Model:
@@ -73,6 +109,8 @@ class _Model:
         self.left_out: set[str] = set()
         self._object: _Object | None = None
         self._group: _Group | None = None
+        data, self._lists = cut_out(data)
+        self._list = 0
         parser = expat.ParserCreate()
         parser.StartElementHandler = self._start
         parser.EntityDeclHandler = self._entity
@@ -87,7 +125,9 @@ class _Model:
     def _start(self, tag: str, said: dict[str, str]) -> None:
         name = tag.rpartition(":")[2]
         made = self._object
-        if name == "vertex" and made is not None:
+        if name in ("vertices", "triangles"):
+            self._take(made)
+        elif name == "vertex" and made is not None:
             made.vertices += float(said["x"]), float(said["y"]), float(said["z"])
         elif name == "triangle" and made is not None:
             first = int(said.get("p1", -1))
@@ -116,6 +156,12 @@ class _Model:
             self.textures[said["id"]] = said.get("path", ""), ways[0], ways[1]
         elif name in _NOT_READ:
             self.left_out.add(name)
+
+    def _take(self, made: _Object | None) -> None:
+        """The list that begins here, where it was taken at once."""
+        if self._list < len(self._lists) and (rows := self._lists[self._list]) is not None and made is not None:
+            made.rows.append(rows)
+        self._list += 1
 
     def _placed(self, said: dict[str, str]) -> tuple[str, str, F64]:
         path = next((value for key, value in said.items() if key.rpartition(":")[2] == "path"), self.path)
@@ -166,11 +212,23 @@ class _Reader:
         items = root.items or [(root.path, number, np.eye(4)) for number in root.objects]
         if not root.items:
             self._shelf.warn(f"{self._main}: its build is empty; all of its objects are shown.")
+        self._judge([(path, number) for path, number, _ in items])
         for path, number, place in items:
             self._place(path, number, product(_UPRIGHT, place), 0)
         left = sorted({words for model in self._models.values() for words in model.left_out})
         if left:
             self._shelf.warn(f"{self._main}: not read and left out: {', '.join(left)}.")
+
+    def _judge(self, shown: list[tuple[str, str]]) -> None:
+        """Raises SceneError where components of components are more than fit, before any is placed."""
+
+        def below(key: tuple[str, str]) -> list[tuple[str, str]]:
+            if key == _BUILD:
+                return shown
+            found = self._model(key[0]).objects.get(key[1])
+            return [] if found is None else [(path, number) for path, number, _ in found.components]
+
+        judge_spread(_BUILD, below, self._main)
 
     def _root(self) -> str:
         if "_rels/.rels" in self._names:
@@ -186,8 +244,12 @@ class _Reader:
         name = self._names.get(path.lower().lstrip("/"))
         if name is None:
             raise SceneError(f"{self._main}: its part {path[:120]} is missing; export the file again")
-        if self._package.getinfo(name).file_size > MAX_PART_BYTES:
+        entry = self._package.getinfo(name)
+        if entry.file_size > MAX_PART_BYTES:
             raise SceneError(f"{self._main}: its part {path[:120]} is larger than {MAX_PART_BYTES >> 30} GiB; make it smaller")
+        if is_bomb(entry.file_size, entry.compress_size):
+            times = entry.file_size // max(entry.compress_size, 1)
+            raise SceneError(f"{self._main}: its part {path[:120]} unpacks to {times} times its size, as zip bombs do")
         try:
             return self._package.read(name)
         except (*DAMAGED, OSError) as error:
@@ -210,7 +272,7 @@ class _Reader:
             return
         for below, other, within in found.components:
             self._place(below, other, product(place, within), depth + 1)
-        if found.triangles:
+        if found.triangles or any("v1" in rows.columns for rows in found.rows):
             key = path.lower().lstrip("/"), number
             if key not in self._made:
                 self._made[key] = list(self._meshes(model, found, f"object {number}"))
@@ -221,18 +283,15 @@ class _Reader:
 
     def _meshes(self, model: _Model, made: _Object, fallback: str) -> Iterator[int]:
         """The description's meshes of an object, one for each material."""
-        points = np.array(made.vertices, np.float32).reshape(-1, 3)
-        table = np.array(made.triangles, np.int64).reshape(-1, 6)
+        points, table = made.points, made.table
         corners, chosen = table[:, :3], table[:, 3:]
         if corners.min() < 0 or corners.max() >= len(points):
             raise SceneError(
                 f"{self._main}: a triangle names vertex {corners.max()} where there are {len(points)}; export it again"
             )
-        names = [made.group if name is None else name for name in made.groups]
-        number = {name: i for i, name in enumerate(dict.fromkeys(names))}
-        group = np.array([number[name] for name in names])
+        group, names = made.group_of
         chosen = np.where(chosen < 0, made.index, chosen)
-        for name, i in number.items():
+        for i, name in enumerate(names):
             rows = np.flatnonzero(group == i)
             said = model.groups.get(name)
             yield from self._of_group(model, said, made.name or fallback, points, corners[rows], chosen[rows])

@@ -12,29 +12,24 @@ from PIL import Image
 from pxr import Usd
 
 from renderer.image.encode import encode
+from tests.benchmarks.mutations.packed import blends, packed_gltf, textures, zips
+from tests.benchmarks.mutations.seed import Seed
+from tests.benchmarks.mutations.tail import long_tail
 from tests.peers.test_mitsuba_files import SHAPES, write_files
 from tests.renderer.scene import samples, usd_files
 from tests.renderer.scene.builders import full_gltf, moving_gltf
 from tests.renderer.scene.fbx_text import fbx, light, material, node
 from tests.renderer.scene.pbrt_files import BALL, SQUARE, world
-from tests.renderer.scene.test_assimp import chunk, collada
-from tests.renderer.scene.test_threemf import model, package, solid
+from tests.renderer.scene.test_assimp import collada
+from tests.renderer.scene.test_threemf import RELATIONS, model, package, solid
 
-__all__ = ["Seed", "seeds"]
-
-Seed = tuple[str, dict[str, bytes]]  # the main file's name, and all files; any of them may be damaged
+__all__ = ["seeds"]
 
 _FBX = Path(__file__).parents[2] / "data" / "fbx" / "kit.fbx"
-_AC3D = (
-    'AC3Db\nMATERIAL "blue" rgb 0.1 0.2 0.8 amb 0.2 0.2 0.2 emis 0 0 0 spec 0.5 0.5 0.5 shi 10 trans 0.25\nOBJECT world\n'
-    "kids 1\nOBJECT poly\n"
-    "loc 0 1 0\nnumvert 3\n0 0 0\n1 0 0\n0 1 0\nnumsurf 1\nSURF 0x20\nmat 0\nrefs 3\n0 0 0\n1 1 0\n2 0 1\nkids 0\n"
-)
-_X3D = (
-    '<?xml version="1.0"?><X3D version="3.0"><Scene><Transform translation="2 0 0"><Shape><Appearance><Material '
-    'diffuseColor="0.2 0.7 0.1"/></Appearance><IndexedFaceSet coordIndex="0 1 2 -1">'
-    '<Coordinate point="0 0 0 1 0 0 0 1 0"/></IndexedFaceSet></Shape>'
-    "</Transform></Scene></X3D>"
+_STL = (
+    "solid a\n"
+    + "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 1e-1\nendloop\nendfacet\n" * 4
+    + "endsolid a\n"
 )
 _YAML = """name: Toy
 settings: {width: 64, height: 32, spp: 4}
@@ -86,17 +81,7 @@ def _usd(folder: Path) -> list[Seed]:
     from pxr import UsdUtils
 
     UsdUtils.CreateNewUsdzPackage(str(folder / "a.usda"), str(folder / "a.usdz"))
-    return [(name, {name: (folder / name).read_bytes()}) for name in ("a.usda", "a.usdc", "a.usdz")]
-
-
-def _three_ds() -> bytes:
-    import struct
-
-    points = chunk(0x4110, struct.pack("<H9f", 3, 0, 0, 0, 1, 0, 0, 0, 1, 0))
-    faces = chunk(0x4120, struct.pack("<H4H", 1, 0, 1, 2, 0), chunk(0x4130, b"red\0", struct.pack("<HH", 1, 0)))
-    coloured = chunk(0xAFFF, chunk(0xA000, b"red\0"), chunk(0xA020, chunk(0x0011, bytes((255, 0, 51)))))
-    lamp = chunk(0x4000, b"lamp\0", chunk(0x4600, struct.pack("<3f", 0, 0, 7)))
-    return chunk(0x4D4D, chunk(0x3D3D, coloured, lamp, chunk(0x4000, b"tri\0", chunk(0x4100, points, faces))))
+    return [Seed(name, {name: (folder / name).read_bytes()}) for name in ("a.usda", "a.usdc", "a.usdz")]
 
 
 def seeds() -> dict[str, list[Seed]]:
@@ -117,30 +102,29 @@ def seeds() -> dict[str, list[Seed]]:
     sky = encode(np.ones((8, 8, 3), np.float32), "exr")
     beside = {"skin.png": png, "m.ply": taken["m.ply"], "sky.exr": sky, "more.pbrt": f'Material "dielectric" {BALL}'.encode()}
     group = '<object id="2"><components><component objectid="1" transform="0 1 0 -1 0 0 0 0 1 5 0 0"/></components></object>'
-    threemf = package(model(solid() + group, '<item objectid="2"/><item objectid="1"/>'))
+    build = '<item objectid="2"/><item objectid="1"/>'
+    threemf = package(model(solid() + group, build))
+    inside = {"_rels/.rels": RELATIONS.encode(), "3D/main.model": model(solid() + group, build).encode()}
+    whole = Seed("scene.pbrt", {"scene.pbrt": world(_PBRT).encode(), **beside})
+    packed_too = {"scene.pbrt": world('Include "more.pbrt.gz"').encode(), "more.pbrt.gz": gzip.compress(SQUARE.encode())}
+    ours = {"scene.yaml": _YAML.encode(), "m.obj": taken["m.obj"], "skin.png": png}
     return {
-        "glTF (.glb)": [(file, {file: data}) for data, file in glb],
-        "glTF (.gltf)": [(next(file for file in parts if file.endswith(".gltf")), parts)],
+        ".blend": blends(),
+        "glTF (.glb)": [Seed(file, {file: data}) for data, file in glb],
+        "glTF (.gltf)": [Seed(next(file for file in parts if file.endswith(".gltf")), parts)],
+        "glTF, packed": packed_gltf(),
         "USD": usd,
-        "FBX": [("kit.fbx", {"kit.fbx": _FBX.read_bytes()}), ("text.fbx", {"text.fbx": text.encode()})],
-        "OBJ + MTL": [("painted.obj", painted), ("body.obj", {"body.obj": taken["body.obj"]})],
-        "Collada": [("a.dae", {"a.dae": collada().encode()}), ("body.dae", {"body.dae": taken["body.dae"]})],
-        "3MF": [("a.3mf", {"a.3mf": threemf})],
-        "PLY": [(file, {file: taken[file]}) for file in ("body.ply", "ascii.ply")],
-        "STL": [("body.stl", {"body.stl": taken["body.stl"]})],
-        "OFF": [("a.off", {"a.off": b"OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"})],
-        "Mitsuba": [("scene.xml", {"scene.xml": text.encode(), **peers}) for text in SHAPES.values()],
-        "pbrt": [
-            ("scene.pbrt", {"scene.pbrt": world(_PBRT).encode(), **beside}),
-            (
-                "scene.pbrt",
-                {"scene.pbrt": world('Include "more.pbrt.gz"').encode(), "more.pbrt.gz": gzip.compress(SQUARE.encode())},
-            ),
-        ],
-        "Rayfarm's own": [("scene.yaml", {"scene.yaml": _YAML.encode(), "m.obj": taken["m.obj"], "skin.png": png})],
-        "the long tail": [
-            ("a.ac", {"a.ac": _AC3D.encode()}),
-            ("a.x3d", {"a.x3d": _X3D.encode()}),
-            ("a.3ds", {"a.3ds": _three_ds()}),
-        ],
+        "FBX": [Seed("kit.fbx", {"kit.fbx": _FBX.read_bytes()}), Seed("text.fbx", {"text.fbx": text.encode()})],
+        "OBJ + MTL": [Seed("painted.obj", painted), Seed("body.obj", {"body.obj": taken["body.obj"]})],
+        "Collada": [Seed("a.dae", {"a.dae": collada().encode()}), Seed("body.dae", {"body.dae": taken["body.dae"]})],
+        "3MF": [Seed("a.3mf", {"a.3mf": threemf}), *[Seed("a.3mf", inside, ("3D/main.model",), is_package=True)] * 3],
+        "PLY": [Seed(file, {file: taken[file]}) for file in ("body.ply", "ascii.ply")],
+        "STL": [Seed("body.stl", {"body.stl": taken["body.stl"]}), Seed("a.stl", {"a.stl": _STL.encode()})],
+        "OFF": [Seed("a.off", {"a.off": b"OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"})],
+        "Mitsuba": [Seed("scene.xml", {"scene.xml": text.encode(), **peers}) for text in SHAPES.values()],
+        "pbrt": [whole, Seed("scene.pbrt", packed_too)],
+        "Rayfarm's own": [Seed("scene.yaml", ours)],
+        "textures": textures(),
+        "the long tail": long_tail(),
+        "zip": zips(ours),
     }

@@ -88,6 +88,15 @@ TABLE: dict[str, Target] = {
             "10 M triangles, bytes each": at_most(90),
         },
     ),
+    "formats": Target(
+        "From a file of a million triangles to a scene that can be rendered",
+        "seconds of the processor, or bytes a triangle",
+        lines={
+            f"{name}, {what}": at_most(bound)
+            for name in ("a.glb", "a.ply", "a.stl", "a.usdc", "a.fbx", "a.3mf", "a.blend", "compressed.blend")
+            for what, bound in (("seconds", 1.5), ("bytes each", 90))
+        },
+    ),
     "threads": Target("Samples a second of two threads", "times those of one", each=at_least(1.95)),
     "cold": Target(
         "Kernels that are not compiled yet",

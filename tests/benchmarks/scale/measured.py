@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import re
@@ -26,6 +27,7 @@ from rayfarm.local.farm import free_port
 from renderer.film import Sums
 from service.store.films import Film
 from service.store.tile_cache import TileCache
+from tests.benchmarks.scale.processors import Processors, Share
 from tests.helpers import ROOT, running_redis, wait_until
 from tests.reducer import Reducing
 from worker.contract import RESULTS, WORKER_KEYS
@@ -57,6 +59,7 @@ class Load:
     alone: bool = False  # each slot sends its own sums
     per_worker: int = 32  # slots of a machine
     site: bool = False  # the machines are of one site, with a reducer
+    simulators: int = 1  # processes that simulate them
 
 
 @dataclass
@@ -85,6 +88,7 @@ class Taken:
     rounds_s: list[float] = field(default_factory=list)  # between two rounds of a watcher
     packets: int = 0  # that all watchers got
     pictures: Counter[int] = field(default_factory=Counter)  # answers by their status
+    shares: dict[str, Share] = field(default_factory=dict)  # of processors, by process
 
 
 class Served:
@@ -171,20 +175,27 @@ class Served:
 
 
 @contextlib.contextmanager
-def slots_of(served: Served, load: Load, sums: Path) -> Iterator[subprocess.Popen[str]]:
-    """A process of simulated slots."""
+def slots_of(served: Served, load: Load, sums: Path) -> Iterator[list[subprocess.Popen[str]]]:
+    """Processes of simulated slots."""
     sample_s = load.sample_s * (load.tile / 128) ** 2
-    command = ["nice", sys.executable, "-m", "tests.benchmarks.scale.slots", f"--redis={served.redis.url}"]
-    command += [f"--service={served.url}", f"--token={served.token}", f"--sums={sums}", f"--slots={load.slots}"]
-    command += [f"--tile-sample-s={sample_s}", f"--per-worker={load.per_worker}", *["--alone"] * load.alone]
-    command += [f"--site={SITE_NAME}"] * load.site
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, preexec_fn=spawn_guard())
-    try:
-        yield process
-    finally:
-        if process.poll() is None:
-            process.kill()
-        process.wait()
+    machines = -(-load.slots // load.per_worker)
+    ends = [min(load.slots, machines * i // load.simulators * load.per_worker) for i in range(load.simulators + 1)]
+    with contextlib.ExitStack() as running:
+        processes = []
+        for number, (begin, end) in enumerate(itertools.pairwise(ends)):
+            command = ["nice", sys.executable, "-m", "tests.benchmarks.scale.slots", f"--redis={served.redis.url}"]
+            command += [f"--service={served.url}", f"--token={served.token}", f"--sums={sums}", f"--slots={end - begin}"]
+            command += [f"--tile-sample-s={sample_s}", f"--per-worker={load.per_worker}", *["--alone"] * load.alone]
+            command += [*[f"--site={SITE_NAME}"] * load.site, f"--name=machine-{number}"]
+            processes.append(subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, preexec_fn=spawn_guard()))
+            running.callback(_ended, processes[-1])
+        yield processes
+
+
+def _ended(process: subprocess.Popen[str]) -> None:
+    if process.poll() is None:
+        process.kill()
+    process.wait()
 
 
 @contextlib.contextmanager
@@ -210,12 +221,15 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
         reducer_of(served, load),
         slots_of(served, load, kept) as slots,
     ):
+        assert served.redis.process is not None
+        simulators = {f"slots {number}": process.pid for number, process in enumerate(slots)}
         job = served.job(served.scene(), load)
         wait_until(lambda: served.counts().get("merged", 0) > 0, 180, "a batch is merged")
         watching = _watching(served, job, load)
         time.sleep(load.warm_s)
         at_first = served.samples(job)
         before, begun, (service_s, redis_s) = served.counts(), time.monotonic(), served.processor_s()
+        processors = Processors({"service": served.process.pid, "Redis": served.redis.process.pid} | simulators)
         with _pictures(served, job, load.pictures, taken.pictures):
             while time.monotonic() - begun < load.seconds:
                 _look(served, taken)
@@ -223,6 +237,7 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
         after, ended = served.counts(), served.processor_s()
         taken.seconds = time.monotonic() - begun
         taken.service_s, taken.redis_s = ended[0] - service_s, ended[1] - redis_s
+        taken.shares = processors.shares()
         of_job = served.samples(job)
         for name in ("merged", "results", "result_bytes", "lost", "dropped"):
             setattr(taken, name, after[name] - before[name])
@@ -287,13 +302,15 @@ def _pictures(served: Served, job: str, many: int, answers: Counter[int]) -> Ite
         answers.update({int(status): count for status, count in said.items()})
 
 
-def _settled(served: Served, slots: subprocess.Popen[str]) -> dict[str, int]:
+def _settled(served: Served, slots: list[subprocess.Popen[str]]) -> dict[str, int]:
     """Wait until all that is out has come back and is merged; what the slots have counted. What they have in hand they finish."""
     deadline = time.monotonic() + SETTLES_S
     while time.monotonic() < deadline and (_in_hand(served) or served.store.xlen(RESULTS)):
         time.sleep(0.5)
-    slots.terminate()
-    said = dict(json.loads(slots.communicate(timeout=60)[0].splitlines()[-1]))
+    said = Counter[str]()
+    for process in slots:
+        process.terminate()
+        said.update(json.loads(process.communicate(timeout=60)[0].splitlines()[-1]))
     while time.monotonic() < deadline and served.store.xlen(RESULTS):
         time.sleep(0.2)
     return said | {"unread": int(served.store.xlen(RESULTS))}

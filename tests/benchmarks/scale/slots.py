@@ -26,6 +26,7 @@ from renderer.film import Sums
 from tests.service.peer_worker import PeerWorker
 from worker.contract import HEARTBEAT_TTL_S, RESULTS, RenderBatch, Result, WorkerReport, prepare_queue, render_queue, worker_key
 from worker.joint import JointBatch, Piece, Run
+from worker.lifeline import lifeline
 from worker.results import MAX_ENTRIES
 from worker.site import SITE
 from worker.site_link import SiteLink
@@ -90,10 +91,11 @@ class Slots(PeerWorker):
         adds: bool = True,
         site: str = "",
         per_worker: int = PER_WORKER,
+        name: str = "peer",
     ) -> None:
         """sums: (CHANNELS, side, side) of one sample of a tile. tile_sample_s: how long a slot takes for that. adds: whether the
         slots of a machine add up what they render of a tile. site: where the machines are."""
-        super().__init__(redis_url, service, token, slots=slots)
+        super().__init__(redis_url, service, token, name, slots=slots)
         self.site = site
         self.direct_bytes = 0  # of sums that went to the service without a site's reducer
         self._per_worker = per_worker
@@ -112,6 +114,9 @@ class Slots(PeerWorker):
         self._machines = [
             _Machine(f"{self.name}-{first // per_worker}", list(range(first, min(first + per_worker, slots)))) for first in firsts
         ]
+        self._lives = [redis.Redis.from_url(redis_url, client_name=lifeline(machine.name)) for machine in self._machines]
+        for life in self._lives:
+            life.ping()
         self._next = 0  # machine to take something
         self._hands: list[tuple[float, int, _Batches]] = []  # by when the next of its batches is rendered
         self._doing: dict[int, dict[str, Any]] = {}
@@ -138,6 +143,8 @@ class Slots(PeerWorker):
     def stop(self) -> None:
         """Vanish, once `run` has returned."""
         self.redis.delete(*(worker_key(machine.name) for machine in self._machines))
+        for life in self._lives:
+            life.close()
         self.redis.close()
         self.http.close()
 
@@ -325,8 +332,9 @@ def main() -> None:
     parser.add_argument("--alone", action="store_true", help="each slot sends its own sums")
     parser.add_argument("--site", default="", help="where they are")
     parser.add_argument("--per-worker", type=int, default=PER_WORKER, help="slots of a machine")
+    parser.add_argument("--name", default="peer", help="of its machines, before their numbers")
     o = parser.parse_args()
-    about = (o.slots, np.load(Path(o.sums)), o.tile_sample_s, not o.alone, o.site, o.per_worker)
+    about = (o.slots, np.load(Path(o.sums)), o.tile_sample_s, not o.alone, o.site, o.per_worker, o.name)
     slots = Slots(o.redis, o.service, o.token, *about)
     signal.signal(signal.SIGTERM, lambda *_: slots.stop_running())
     print("ready", flush=True)

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from tests.renderer.judge import assert_mean
 @entry
 def _rays(camera, x, y, u, v, out):
     for i in range(len(x)):
-        o, d = camera_ray(camera, x[i], y[i], (u[i], v[i]))
+        o, d, _ = camera_ray(camera, x[i], y[i], (u[i], v[i]))
         out[i, 0], out[i, 1], out[i, 2] = o
         out[i, 3], out[i, 4], out[i, 5] = d
 
@@ -132,6 +133,32 @@ def test_a_pinhole_is_a_lens_of_no_size():
     assert (rays(View(**LEVEL), 5, 7, 0.1, 0.9)[1] == rays(View(**LEVEL, focus=9.0), 5, 7, 0.7, 0.2)[1]).all()
 
 
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_a_shifted_picture_is_a_piece_of_a_larger_one(projection):
+    """96 x 72 from the pixel (50, 12) of 256 x 192, whose middle is (128, 96): 30 to the left and 48 up."""
+    large = View(**TILTED, fov=80, projection=projection, height=4.0, aperture=0.1, focus=3.0)
+    fov = math.degrees(2 * math.atan(math.tan(math.radians(40)) * 72 / 192))
+    shift = {"shift_x": (98 - 128) / 72, "shift_y": (96 - 48) / 72}
+    piece = replace(large, fov=fov, height=4.0 * 72 / 192, **shift)
+    x, y = np.meshgrid(np.arange(96.0), np.arange(72.0))
+    whole = rays(large, x.ravel() + 50, y.ravel() + 12, 0.3, 0.6, 256, 192)
+    for a, b in zip(rays(piece, x.ravel(), y.ravel(), 0.3, 0.6, 96, 72), whole, strict=True):
+        np.testing.assert_allclose(a, b, atol=3e-6)
+    assert piece.middle(96, 72) == pytest.approx((128 - 50, 96 - 12))
+    for time, found in zip(*over_the_shutter((large, piece), 96, 72), strict=True):
+        mixed = {k: (1 - time) * getattr(large, k) + time * getattr(piece, k) for k in shift}
+        tall = (1 - time) * math.tan(math.radians(40)) + time * math.tan(math.radians(fov) / 2)
+        height = (1 - time) * large.height + time * piece.height
+        between = replace(large, fov=math.degrees(2 * math.atan(tall)), height=height, **{k: float(v) for k, v in mixed.items()})
+        np.testing.assert_allclose(found, np.concatenate(rays(between, 20, 13, 0.3, 0.8, 96, 72), 1)[0], atol=3e-6)
+
+
+def test_a_panorama_has_no_lens_to_shift():
+    view = View(**TILTED, projection="panorama")
+    for a, b in zip(rays(replace(view, shift_x=0.5, shift_y=0.2), 5, 7), rays(view, 5, 7), strict=True):
+        assert (a == b).all()
+
+
 def test_near_cuts_away_what_stands_before():
     wall = square((0, 0, 2), (9, 0, 0), (0, 9, 0), 0)
     back = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 1)
@@ -142,6 +169,11 @@ def test_near_cuts_away_what_stands_before():
             sums = render_frame(room, RenderSettings(16, 16, view, max_depth=1, filter="box"), 1)
             assert (mean(sums, 24) == seen).all()
             hit = mean(sums, 24, POSITION)
+            depth = mean(sums, 24, DEPTH)
+            if projection == "orthographic":
+                np.testing.assert_allclose(depth, 2 if seen == 1 else 6, atol=1e-5)
+            else:
+                np.testing.assert_allclose(depth, np.linalg.norm(hit - np.array([0, 0, 4]), axis=-1), atol=1e-4)
             np.testing.assert_allclose(hit[..., 2], 2 if seen == 1 else -2, atol=1e-5)
             np.testing.assert_allclose(mean(sums, 24, NORMAL)[..., 2], 1, atol=1e-6)
 
@@ -149,7 +181,7 @@ def test_near_cuts_away_what_stands_before():
 @entry
 def _moving_rays(camera, x, y, u, v, time, out):
     for i in range(len(time)):
-        o, d = moving_ray(camera, x, y, (u, v), time[i])
+        o, d, _ = moving_ray(camera, x, y, (u, v), time[i])
         out[i, 0], out[i, 1], out[i, 2] = o
         out[i, 3], out[i, 4], out[i, 5] = d
 

@@ -78,7 +78,9 @@ def test_cameras_and_lights_are_blenders(kit):
     power = {found.name: found for found in kit[0][1].lights}
     assert power["point"].intensity == pytest.approx([500 * c / (4 * math.pi) for c in (1, 0.9, 0.8)])
     assert power["sun"].intensity == pytest.approx([2.5, 2.5, 2.25])
-    assert (power["spot"].outer_cone, power["spot"].inner_cone) == pytest.approx((25, 17.5))
+    edge = math.cos(math.radians(25))
+    assert math.cos(math.radians(power["spot"].inner_cone)) == pytest.approx(edge + (1 - edge) * 0.3)  # blended over 0.3
+    assert (power["spot"].outer_cone, power["spot"].falloff) == (pytest.approx(25), "smooth")
 
 
 def test_an_area_light_gives_blenders_watts(kit):
@@ -86,7 +88,10 @@ def test_an_area_light_gives_blenders_watts(kit):
     instance = next(i for i in description.instances if i.name == "area")
     x, y = instance.transform[:3, 0], instance.transform[:3, 1]
     area = 4 * np.linalg.norm(np.cross(x, y))
-    emission = description.materials[description.meshes[instance.mesh].material].emission
+    material = description.materials[description.meshes[instance.mesh].material]
+    assert material.lamp
+    assert material.unseen  # as Blender's are, unless told
+    emission = material.emission
     assert area == pytest.approx(1)
     assert np.pi * area * emission[0] == pytest.approx(300)
 
@@ -211,6 +216,16 @@ def test_a_camera_that_sees_in_perspective_comes_first(scene):
     objects = node(50, "a plan", "Camera") + node(51, "view", "Camera") + camera(60, CameraProjectionType=1) + camera(61, Far=9.0)
     description = scene("a.fbx", fbx(objects, [(60, 50), (50, 0), (61, 51), (51, 0)]))
     assert [(c.name, c.view.projection) for c in description.cameras] == [("view", "perspective"), ("a plan", "orthographic")]
+
+
+def test_a_film_that_is_offset_is_a_shifted_lens(scene):
+    """By inches, of a film of 36 x 24 mm."""
+    film = {"FilmWidth": 36 / 25.4, "FilmHeight": 24 / 25.4, "AspectWidth": 360.0, "AspectHeight": 240.0, "AspectRatioMode": 2}
+    lens = {"ApertureMode": 3, "FocalLength": 50.0, "FilmOffsetX": 0.3 * 24 / 25.4, "FilmOffsetY": -0.1 * 24 / 25.4}
+    objects = node(51, "view", "Camera") + camera(61, **film, **lens)
+    view = scene("a.fbx", fbx(objects, [(61, 51), (51, 0)])).cameras[0].view
+    assert view.fov == pytest.approx(math.degrees(2 * math.atan(12 / 50)))
+    assert (view.shift_x, view.shift_y) == pytest.approx((0.3, -0.1))
 
 
 def test_hidden_nodes_are_left_out_and_counted(scene):

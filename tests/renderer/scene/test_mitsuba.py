@@ -42,6 +42,21 @@ def test_old_names_defaults_and_the_film(tmp_path: Path) -> None:
     assert found.spheres[0].radius == 2
 
 
+def test_a_shifted_lens_and_a_spot(tmp_path: Path) -> None:
+    """Its offsets are parts of the film's width and height, to the right and down."""
+    found = scene_of(
+        tmp_path,
+        '<sensor type="perspective"><float name="principal_point_offset_x" value="0.1"/>'
+        '<float name="principal_point_offset_y" value="0.25"/>'
+        '<film type="hdrfilm"><integer name="width" value="200"/><integer name="height" value="100"/></film></sensor>'
+        '<emitter type="spot"><float name="cutoff_angle" value="30"/></emitter>' + BALL.format(""),
+    )
+    assert (found.cameras[0].view.shift_x, found.cameras[0].view.shift_y) == pytest.approx((0.2, -0.25))
+    (light,) = found.lights
+    assert (light.falloff, light.outer_cone, light.inner_cone) == ("linear", 30, 22.5)
+    assert not found.warnings
+
+
 def test_a_file_of_meshes_of_its_own(tmp_path: Path) -> None:
     def packed(offset: float, flags: int) -> bytes:
         vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, offset]], "<f4")

@@ -200,3 +200,50 @@ def test_a_picture_of_the_sky_is_turned_and_as_bright(pbrt):
     # pbrt counts half of the pixels' solid angle: an even upper half of luminance L has the illuminance pi L / 2.
     light = np.dot((1, 2, 3), (0.2126, 0.7152, 0.0722))
     assert found.environment.color[0] == pytest.approx(2 * math.pi / (math.pi * light / 2), rel=0.01)
+
+
+LAID = 'Texture "t" "spectrum" "checkerboard" "string mapping" "{}" {} Material "diffuse" "texture reflectance" "t" '
+
+
+def test_a_planar_mapping_is_by_place_in_the_space_that_the_texture_was_named_in(pbrt):
+    words = LAID.format("planar", '"vector3 v1" [2 0 0] "vector3 v2" [0 3 0] "float udelta" .25')
+    found = pbrt(f"AttributeBegin Translate 0 1 0 {words} AttributeEnd Translate 5 0 0 Scale 2 1 1 {words} {SQUARE}")
+    (mesh,) = found.meshes
+    x, y = mesh.positions[:, 0], mesh.positions[:, 1]
+    np.testing.assert_allclose(mesh.uvs1, np.stack([2 * x + 0.25, 1 - 3 * y], axis=1), atol=1e-5)
+    moved = pbrt(f"Translate 0 1 0 {words} Translate 5 0 0 Scale 2 1 1 {SQUARE}").meshes[0]
+    np.testing.assert_allclose(moved.uvs1, np.stack([2 * (2 * x + 5) + 0.25, 1 - 3 * y], axis=1), atol=1e-5)
+    texture = found.textures[found.materials[mesh.material].base_color_texture]
+    assert texture.uv_set == 1
+    assert not any("mapping" in warning or "v1" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize("kind", ["spherical", "cylindrical"])
+def test_round_mappings_go_on_across_the_line_where_they_begin(pbrt, kind):
+    (mesh,) = pbrt(LAID.format(kind, "") + BALL).meshes
+    off_the_axis = (np.hypot(*mesh.positions[:, :2].T) > 1e-3)[mesh.triangles].all(axis=1)
+    corners = mesh.uvs1[mesh.triangles[off_the_axis]]
+    assert np.ptp(corners, axis=1).max() < 0.5
+    x, y, z = mesh.positions.T.astype(float)
+    if kind == "spherical":
+        np.testing.assert_allclose(mesh.uvs1[:, 0], np.arccos(np.clip(z, -1, 1)) / np.pi, atol=1e-5)
+    else:
+        np.testing.assert_allclose(mesh.uvs1[:, 1], 1 - z, atol=1e-5)
+    turn = mesh.uvs1[:, 0] - 0.5 if kind == "cylindrical" else 1 - mesh.uvs1[:, 1]
+    away = np.hypot(x, y)
+    np.testing.assert_allclose(away * np.cos(2 * np.pi * turn), x, atol=1e-4)
+    np.testing.assert_allclose(away * np.sin(2 * np.pi * turn), y, atol=1e-4)
+
+
+def test_what_is_made_of_textures_lies_as_they_do_and_several_ways_are_named(pbrt):
+    made = LAID.format("spherical", "").partition("Material")[0]
+    mixed = (
+        made + 'Texture "m" "spectrum" "scale" "texture tex" "t" "texture scale" "f" Material "diffuse" "texture reflectance" "m"'
+    )
+    for mapping, says in (("spherical", False), ("uv", True)):
+        other = f'Texture "f" "float" "checkerboard" "string mapping" "{mapping}" '
+        found = pbrt(other + mixed + BALL)
+        assert found.meshes[0].uvs1 is not None
+        assert any("in several ways" in warning for warning in found.warnings) == says
+    with pytest.raises(SceneError, match="mapping 'odd'; there are uv, planar"):
+        pbrt(LAID.format("odd", "") + BALL)

@@ -8,6 +8,7 @@ import pytest
 
 from renderer.errors import SceneError
 from renderer.scene.load import read
+from renderer.scene.readers.threemf_rows import cut_out
 
 NAMES = (
     'unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02" '
@@ -134,3 +135,44 @@ def test_damaged_packages_are_scenes_or_sentences(tmp_path):
         except SceneError as error:
             assert str(error).startswith("a.3mf: ")
             assert "could not be read as" not in str(error)
+
+
+def rows(count, odd=""):
+    """A mesh of a strip; odd: something in the first of its rows."""
+    points = "\n".join(f'<vertex x="{i % 3}.{i}e-1" y="-{i}" z="{i * i}"/>' for i in range(count))
+    faces = "".join(f'<triangle v1="{i}" v2="{i + 1}" v3="{i + 2}" p1="{i % 2}"/>\n' for i in range(count - 2))
+    return f"<mesh><vertices>\n{points.replace('<vertex ', '<vertex' + odd, 1)}\n</vertices><triangles>{faces}</triangles></mesh>"
+
+
+def test_rows_that_look_alike_are_taken_at_once_and_are_the_same(scene):
+    base = '<basematerials id="5"><base name="a" displaycolor="#FF0000"/><base name="b" displaycolor="#00FF00"/></basematerials>'
+    found = []
+    for odd in (" ", "  "):
+        text = model(base + f'<object id="1" pid="5" pindex="0">{rows(50, odd)}</object>', '<item objectid="1"/>')
+        found.append(scene("a.3mf", package(text)))
+    assert len(found[0].meshes) == 2
+    for other in found[1:]:
+        for mesh, same in zip(found[0].meshes, other.meshes, strict=True):
+            np.testing.assert_array_equal(mesh.positions, same.positions)
+            np.testing.assert_array_equal(mesh.triangles, same.triangles)
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        (b'<vertex x="1" y="2" z="3"/>\n<vertex x="4" y="5" z="6"/>', ["x", "y", "z"]),
+        (b'<m:vertex z="1" y="2" x="3" /><m:vertex z="4" y="5" x="6" />', None),  # a blank before the end
+        (b'<vertex x="1" y="2" z="3"/><vertex x="4" z="5" y="6"/>', None),
+        (b'<vertex x="1" y="2" z="3"/><vertex x="4" y="5 6" z="7"/>', None),
+        (b'<vertex x="1" y="2" z="3"/><!-- "x" "y" "z" --><vertex x="4" y="5" z="7"/>', None),
+        (b'<vertex x="1" y="&two;" z="3"/>', None),
+        (b'<vertex x="1" x="2" z="3"/>', None),
+        (b'<vertex x="" y="2" z="3"/>', None),
+        (b'<vertices x="1" y="2" z="3"/>', None),
+        (b"", None),
+    ],
+)
+def test_rows_that_differ_are_left_to_the_parser(text, names):
+    slim, (found,) = cut_out(b"<mesh><vertices>" + text + b"</vertices></mesh>")
+    assert (list(found.columns) if found is not None else None) == names
+    assert (text in slim) == (names is None)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from renderer.scene.unique import unique_rows
+from renderer.scene.unique import unique_rows, unique_threes
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.int32, np.int64])
@@ -17,3 +17,12 @@ def test_rows_are_those_of_numpy(dtype, shape):
 def test_zeros_of_either_sign_are_the_same():
     first, kind = unique_rows(np.array([[0.0, 1.0], [-0.0, 1.0]], np.float32))
     assert (len(first), kind.tolist()) == (1, [0, 0])
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 1000])
+def test_threes_are_the_same_kinds_in_the_order_in_which_they_come(count):
+    table = np.random.default_rng(4).integers(-3, 3, (count, 3)).astype(np.int32)
+    first, kind = unique_threes(table)
+    np.testing.assert_array_equal(table[first][kind], table)
+    assert len(first) == len(unique_rows(table)[0])
+    assert (np.diff(first) > 0).all()

@@ -184,6 +184,8 @@ def test_a_camera_sees_what_usd_says_it_sees(tmp_path):
     lens.CreateFocalLengthAttr(35.0)
     lens.CreateVerticalApertureAttr(20.25)
     lens.CreateFStopAttr(2.8)
+    lens.CreateHorizontalApertureOffsetAttr(1.5)
+    lens.CreateVerticalApertureOffsetAttr(-4.0)
     lens.CreateFocusDistanceAttr(80.0)
     flat = UsdGeom.Camera.Define(made, "/flat")
     flat.CreateProjectionAttr("orthographic")
@@ -203,7 +205,12 @@ def test_a_camera_sees_what_usd_says_it_sees(tmp_path):
     assert view.focus == pytest.approx(0.8)
     window = flat.GetCamera(0).frustum.GetWindow()
     assert found.cameras[1].view.height == pytest.approx(window.GetSize()[1] * 0.01, abs=1e-6)
-    assert any("lens is shifted" in w and "(1): flat" in w for w in found.warnings)
+    middle = window.GetMidpoint() / window.GetSize()[1]
+    assert (found.cameras[1].view.shift_x, found.cameras[1].view.shift_y) == pytest.approx(tuple(middle), abs=1e-6)
+    window = lens.GetCamera(0).frustum.GetWindow()
+    middle = window.GetMidpoint() / window.GetSize()[1]
+    assert abs(middle[0]) > 0.05
+    assert (view.shift_x, view.shift_y) == pytest.approx(tuple(middle), abs=1e-6)
 
 
 def test_shapes_without_points_have_the_extents_that_usd_computes(tmp_path):

@@ -19,7 +19,9 @@ def lit(tmp_path):
         shaping = UsdLux.ShapingAPI.Apply(light.GetPrim()) if any("cone" in name for name in inputs) else None
         for name, value in inputs.items():
             prim = (shaping or light).GetPrim()
-            (prim.GetAttribute(f"inputs:{name.replace('__', ':')}") or prim.GetAttribute(name)).Set(value)
+            (prim.GetAttribute(f"inputs:{name.replace('__', ':')}") or prim.CreateAttribute(name, Sdf.ValueTypeNames.Bool)).Set(
+                value
+            )
         if place is not None:
             light.AddTransformOp().Set(place)
         made.GetRootLayer().Save()
@@ -88,10 +90,20 @@ def test_a_sphere_with_a_cone_is_a_spot_of_the_same_radiance(lit):
     options = {"shaping__cone__angle": 30.0, "shaping__cone__softness": 0.4}
     found = lit("SphereLight", "Y", 0.1, radius=2.0, intensity=5.0, **options)
     (light,) = found.lights
-    assert (light.kind, light.outer_cone) == ("spot", 30)
+    assert (light.kind, light.outer_cone, light.falloff) == ("spot", 30, "smooth angle")
     assert light.inner_cone == pytest.approx(18)
     assert light.radius == pytest.approx(0.2)
     assert light.intensity[0] == pytest.approx(5 * np.pi * 0.2**2)
+
+
+def test_lights_are_seen_unless_they_say_otherwise(lit):
+    for kind in ("SphereLight", "RectLight", "DiskLight"):
+        shown = lit(kind).materials[-1]
+        assert not shown.lamp
+        assert not shown.unseen
+    for value in (False, True):
+        light = lit("RectLight", visibleInPrimaryRay=value).materials[-1]
+        assert (light.lamp, light.unseen) == (not value, not value)
 
 
 def test_a_sphere_is_a_ball_and_a_point_sends_as_much(lit):

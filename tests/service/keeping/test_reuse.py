@@ -5,9 +5,11 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from renderer.frames import parse_frames
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
 
@@ -35,7 +37,7 @@ def test_a_picture_that_is_asked_for_again_is_there_at_once_and_outlasts_the_fir
         service.wait_for(first, "finished", LONG_S)
     again = service.submit(scene)  # nobody is there who could render it
     found = service.wait_for(again, "finished", LONG_S)
-    assert found["taken"] == {"job": first, "spp": 8.0}
+    assert found["taken"] == {"job": first, "spp": 8.0, "samples": 64 * 48 * 8, "frames": None}
     assert (found["samples"], found["kind"]) == (64 * 48 * 8, "test-kind")
     assert service.http.delete(f"/api/jobs/{first}").status_code == 204
     until(lambda: not service.farm.films.size(first), "the first film is gone", LONG_S)
@@ -52,7 +54,7 @@ def test_more_samples_go_on_from_what_is_there_to_the_bits_of_all_at_once(servic
     service.wait_for(few, "finished", LONG_S)
     many = service.submit(scene, spp=256)
     found = service.wait_for(many, "finished", LONG_S)
-    assert found["taken"] == {"job": few, "spp": 64.0}
+    assert (found["taken"]["job"], found["taken"]["spp"]) == (few, 64.0)
     assert samples_of(worker, many) == 64 * 48 * 192
     fresh = service.submit(scene, spp=256, fresh=True)
     assert service.wait_for(fresh, "finished", LONG_S)["taken"] is None
@@ -109,6 +111,69 @@ def test_a_finer_end_by_noise_takes_from_a_coarser_one_and_ends_as_alone(service
     assert digests[0.05, True][1] == digests[0.05, False][1] != digests[0.09, True][1]
     coarse = service.submit(scene, spp=None, noise=0.09)
     assert service.job(coarse)["taken"]["job"] == digests[0.09, True][0], "of the finer some tiles have too many"
+
+
+SHOT = {"width": 32, "height": 24, "tile_size": 16, "spp": 4}
+
+
+def frame_digests(service: Service, job: str, frames: str) -> list[str]:
+    """Of these frames, in their order."""
+    urls = [f"/api/jobs/{job}/frames/{number}/digest" for number in parse_frames(frames)]
+    return [service.http.get(url).raise_for_status().json()["digest"] for url in urls]
+
+
+def expected_frames(frames: str, spp: int = 4) -> list[str]:
+    """What a shot of SHOT has at these frames."""
+    return [expected_digest(32, 24, spp, round(2000 * number)) for number in parse_frames(frames)]
+
+
+def test_a_shot_that_is_asked_for_again_is_there_at_once_in_whatever_order(service: Service) -> None:
+    with service.worker() as worker:
+        scene = service.ready_scene()
+        first = service.submit(scene, **SHOT, frames="0-3")
+        service.wait_for(first, "finished", LONG_S)
+    again = service.submit(scene, **SHOT, frames="1-3", order="breadth-first")  # nobody is there who could render it
+    found = service.wait_for(again, "finished", LONG_S)
+    assert found["taken"] == {"job": first, "spp": 4.0, "samples": 3 * 32 * 24 * 4, "frames": "1-3"}
+    assert (found["shot"]["states"], found["progress"]) == ({"finished": 3}, 1.0)
+    assert not samples_of(worker, again)
+    assert service.http.delete(f"/api/jobs/{first}").status_code == 204
+    until(lambda: not service.farm.films.size(first), "the first film is gone", LONG_S)
+    assert frame_digests(service, again, "1-3") == expected_frames("1-3")
+
+
+def test_a_shot_takes_its_frames_from_several_and_renders_the_others_alone(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    head, tail = (service.submit(scene, **SHOT, frames=frames) for frames in ("0-1", "4"))
+    for job in (head, tail):
+        service.wait_for(job, "finished", LONG_S)
+    whole = service.submit(scene, **SHOT, frames="0-4")
+    found = service.wait_for(whole, "finished", LONG_S)
+    assert (found["taken"]["job"], found["taken"]["frames"]) == (head, "0-1,4")
+    assert {batch.frame / 2 for batch in worker.batches if batch.job == whole} == {2, 3}
+    assert sorted(worker.frames) == [0, 1, 2, 3, 4], "what is taken is not prepared again"
+    assert frame_digests(service, whole, "0-4") == expected_frames("0-4")
+    more = service.submit(scene, **{**SHOT, "spp": 16}, frames="0-4")
+    assert service.wait_for(more, "finished", LONG_S)["taken"]["frames"] == "0-4"
+    assert samples_of(worker, more) == 5 * 32 * 24 * 12, "it goes on from the four that are there"
+    assert frame_digests(service, more, "0-4") == expected_frames("0-4", 16)
+
+
+def test_what_would_show_in_a_shot_is_not_taken(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    service.wait_for(service.submit(scene, **SHOT, frames="0-1", fps=24), "finished", LONG_S)
+
+    def taken(**request: Any) -> bool:
+        return service.job(service.submit(scene, **{**SHOT, "frames": "0-1", "fps": 24, **request}))["taken"] is not None
+
+    assert taken(), "asked for alike"
+    assert not taken(fps=25)
+    assert not taken(spp=2), "samples are never taken away"
+    assert not taken(turntable=4.0)
+    assert not taken(camera="overview")
+    assert not taken(frames="2-3")
+    assert not taken(order="noisiest-first"), "what a frame gets of the samples hangs on the others"
+    assert not taken(fresh=True)
 
 
 def test_a_damaged_film_is_not_taken(service: Service, worker: PeerWorker) -> None:

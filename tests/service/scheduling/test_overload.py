@@ -11,8 +11,11 @@ import pytest
 
 from renderer.film import digest
 from renderer.settings import Tile
+from service.scheduling.leases import UNSEEN_ALLOWED
 from service.store.film_file import FilmFile
+from tests.benchmarks.scale import slots as slots_module
 from tests.benchmarks.scale.slots import Slots
+from tests.helpers import wait_until
 from tests.service.conftest import TOKEN, Service
 from tests.service.peer_worker import expected_sums
 
@@ -46,3 +49,38 @@ def test_nothing_is_rendered_twice_while_results_pile_up(service: Service, monke
     assert service.digest(job) == digest(np.tile(sums * SPP, (1, HEIGHT // TILE, WIDTH // TILE)))
     assert service.farm.engine.snapshot.counts["lost"] == 0
     assert slots.samples == tiles * SPP, "each once"
+
+
+def test_slots_that_are_starved_of_a_processor_lose_nothing(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They stand still for longer than their reports live: Redis knows that they live, and what they have is theirs."""
+    monkeypatch.setattr(slots_module, "HEARTBEAT_TTL_S", 1)
+    sums, samples = expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0), 40
+    slots = Slots(service.options["redis_url"], service.url, TOKEN, 6, sums, 0.05)
+    answer, starved, goes_on = slots._answer, threading.Event(), threading.Event()
+
+    def when_there_is_time(now: float) -> bool:
+        if starved.is_set():
+            goes_on.wait(60)
+        return answer(now)
+
+    monkeypatch.setattr(slots, "_answer", when_there_is_time)
+    thread = threading.Thread(target=slots.run, args=(150.0,))
+    thread.start()
+    leases = service.farm.engine._scheduler.leases
+    try:
+        job = service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=TILE, spp=samples)
+        wait_until(lambda: service.farm.engine.snapshot.counts.get("merged", 0) > 12, 60, "they are at work")
+        starved.set()
+        wait_until(lambda: any(lease.unseen > UNSEEN_ALLOWED for lease in leases), 60, "theirs are looked for again and again")
+        assert not service.farm.engine.snapshot.roster.reports
+        goes_on.set()
+        service.wait_for(job, "finished", 60)
+    finally:
+        goes_on.set()
+        slots.stop_running()
+        thread.join(20)
+        slots.stop()
+    tiles = (WIDTH // TILE) * (HEIGHT // TILE)
+    assert service.digest(job) == digest(np.tile(sums * samples, (1, HEIGHT // TILE, WIDTH // TILE)))
+    assert service.farm.engine.snapshot.counts["lost"] == 0
+    assert slots.samples == tiles * samples, "each once"

@@ -49,10 +49,13 @@ def test_any_arrival_is_the_sum_of_what_was_taken(batches: list[tuple[int, int, 
         for at in range(0, len(batches), group):
             some = batches[at : at + group]
             taken = film.merge([part(film, *batch) for batch in some])
+            before = {tile: set(samples) for tile, samples in model.items()}
+            for (tile, first, count), was_taken in zip(some, taken, strict=True):
+                model[tile] |= set(range(first, first + count)) if was_taken else set()
             for (tile, first, count), was_taken in zip(some, taken, strict=True):
                 samples = set(range(first, first + count))
-                assert was_taken == (not model[tile] & samples), "exactly what overlaps is dropped"
-                model[tile] |= samples if was_taken else set()
+                assert was_taken or model[tile] & samples, "what does not overlap is taken"
+                assert not was_taken or samples - before[tile], "and what brings nothing new is not"
         again = make(Path(folder) / "job.sqlite")
         for tile, samples in model.items():
             rect = film.tiles[tile]

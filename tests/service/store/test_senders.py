@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from service.store.film_check import film_samples, rows_left
-from service.store.film_copy import copy_film
+from service.store.film_copy import FilmCopy
 from service.store.film_version import VERSION, FilmShape
 from service.store.films import FOLD_AT, MOST_APART, Film
 from service.store.parts import Part
@@ -69,7 +69,8 @@ def test_a_folded_row_goes_over_into_copies_and_out_of_damaged_films(film: Film,
     for first in range(2 * FOLD_AT):
         sent(film, "ab"[first % 2], first)
     film.settle()
-    assert copy_film(tmp_path / "job.sqlite", tmp_path / "copy.sqlite", SHAPE, 2 * FOLD_AT) == 64 * 2 * FOLD_AT
+    with FilmCopy(tmp_path / "copy.sqlite", SHAPE) as made:
+        assert made.take(tmp_path / "job.sqlite", [0], 2 * FOLD_AT) == {0: 64 * 2 * FOLD_AT}
     saved = make(tmp_path / "saved.sqlite")
     saved.take_over(rows_left(tmp_path / "copy.sqlite", SHAPE))
     assert saved.coverage(0, 0).ranges == [(0, 2 * FOLD_AT)]

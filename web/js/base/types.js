@@ -12,6 +12,8 @@
  * @property {number} [aperture] radius of the lens; 0: all is sharp
  * @property {number | null} [focus] distance of what is sharp along the line of sight; null: the target's
  * @property {number} [near] what stands before this distance is cut away
+ * @property {number} [shift_x] of the lens, to the right, in heights of the picture
+ * @property {number} [shift_y] up
  * @property {number} [height] what an orthographic camera shows from top to bottom
  *
  * @typedef {{name: string, view: View}} Camera
@@ -19,6 +21,7 @@
  * @typedef {object} Scene
  * @property {string} id
  * @property {string} name
+ * @property {string} [project] whose members see it; empty: none
  * @property {"preparing" | "ready" | "failed"} status
  * @property {string | null} error
  * @property {string | null} step what preparing does at the moment
@@ -50,6 +53,7 @@
  * @property {string} id
  * @property {string} name
  * @property {string} scene
+ * @property {string} [project] its scene's; empty: none
  * @property {JobState} state
  * @property {string | null} message why it does not go on at the moment
  * @property {string | null} error
@@ -85,7 +89,8 @@
  * @property {number | null} [late] since when it is expected to miss that
  * @property {Wait[]} [waits_for] the jobs that it comes after and that are not finished
  * @property {string[]} [doubted] workers that were found out since, and whose samples its picture holds
- * @property {{job: string, spp: number} | null} [taken] with what of an earlier one of the same picture it began
+ * @property {{job: string, spp: number, samples?: number | null, frames?: string | null} | null} [taken] with what of an earlier
+ *     one of the same picture it began; frames: of a shot, those that it took
  *
  * @typedef {{id: string, name: string | null, state: JobState | null}} Wait name and state: null where it was deleted
  *

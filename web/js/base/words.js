@@ -19,8 +19,9 @@ const TAGS = { en: "en", de: "de", zh: "zh-Hans" };
 /** The language of the page. */
 export const language = chosen();
 
-/** @type {Record<string, string>} */
-const catalogue = language === "en" ? {} : await load();
+const [catalogue, spoken] = language === "en" ? [{}, {}] : await Promise.all([load(language), load(`service.${language}`)]);
+/** Sentences of the service, as ./said.js puts them together. */
+export const sayings = spoken;
 const plurals = new Intl.PluralRules(language);
 if (globalThis.document) document.documentElement.lang = TAGS[language];
 
@@ -45,10 +46,10 @@ function stored() {
   }
 }
 
-/** @returns {Promise<Record<string, string>>} empty where it cannot be had: English is better than no page */
-async function load() {
+/** @param {string} name @returns {Promise<Record<string, string>>} empty where it cannot be had: English is better than no page */
+async function load(name) {
   try {
-    const response = await fetch(new URL(`../../words/${language}.json`, import.meta.url));
+    const response = await fetch(new URL(`../../words/${name}.json`, import.meta.url));
     return response.ok ? await response.json() : {};
   } catch {
     return {};

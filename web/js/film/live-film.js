@@ -9,6 +9,7 @@ import { Film } from "./film.js";
 import { Live } from "../news/live.js";
 import { firstFrame } from "../base/shot-words.js";
 import { showError } from "../shell/tray.js";
+import { said } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -57,7 +58,7 @@ export class LiveFilm {
       link: (up) => setLink(this.link, up),
       have: () => (this.isFetched ? (this.side ? this.film.tileSamples(this.side) : []) : null),
       refused: (sentence) =>
-        showError(t("The live picture ended"), sentence, {
+        showError(t("The live picture ended"), said(sentence), {
           ofPage: true,
           action: { label: t("Reload the page"), run: () => location.reload() },
         }),

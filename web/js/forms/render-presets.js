@@ -36,6 +36,9 @@ export function sizeOf(long, aspect) {
 /** Seconds from a click to the first samples, however small the picture is. */
 const BEGIN_S = 0.5;
 
+/** A few specks may be as noisy as this, whatever the rest of the picture is: nothing is said of it then. */
+const NO_PICTURE = 1;
+
 /**
  * What a picture takes on this farm: from what the scene's latest one measured, else from what the workers rendered last,
  * which says nothing of its noise.
@@ -51,9 +54,10 @@ export function expected(scene, workers, pixels, spp) {
   const measured = scene?.measured;
   const slots = workers.reduce((sum, { slots }) => sum + slots, 0);
   const others = workers.reduce((sum, { slots, samples_per_s }) => sum + slots * samples_per_s, 0);
+  const noise = measured?.noise ? measured.noise / Math.sqrt(spp) : Infinity;
   const speed = measured ? slots / measured.sample_s : others;
   return {
     seconds: speed > 0 ? BEGIN_S + samples / speed : null,
-    noise: measured?.noise ? measured.noise / Math.sqrt(spp) : null,
+    noise: noise < NO_PICTURE ? noise : null,
   };
 }

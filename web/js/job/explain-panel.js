@@ -197,7 +197,7 @@ function row(vertex, button) {
     "tr",
     null,
     h("th", { scope: "row" }, button),
-    h("td", null, h("span", { class: "met" }, nameOf(vertex)), h("span", { class: "quiet small" }, kind === "surface" ? lobe(vertex) : kind === "passed" ? t("passed by its alpha") : "")),
+    h("td", null, h("span", { class: "met" }, nameOf(vertex)), h("span", { class: "quiet small" }, kind === "surface" ? lobe(vertex) : kind === "passed" ? (emitted.some(Boolean) ? t("a lamp, which stops nothing") : t("passed by its alpha")) : "")),
     h("td", { class: "mono", title: listed(throughput) }, radiance(luminance(throughput))),
     h("td", { class: "mono", title: listed(sum(emitted, direct)) }, brought ? `+${radiance(brought)}` : "–", h("span", { class: "quiet small" }, lit)),
   );

@@ -3,6 +3,7 @@
 import { getHistory } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { clock, roughly } from "../base/format.js";
+import { said as inWords } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -28,7 +29,7 @@ const WORDS = {
   "in-time": () => t("Expected by its deadline again"),
   healed: () => t("Its film was damaged; what is missing is rendered again"),
   distrusted: (name) => t("{name} rendered something else than others; what it sent is rendered again", { name }),
-  failed: (words) => t("A batch failed, and is tried again. {words}", { words }),
+  failed: (words) => t("A batch failed, and is tried again. {words}", { words: inWords(words) }),
 };
 
 /** @param {number} noise */

@@ -3,6 +3,7 @@
 import { changeJob } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { putJob } from "../news/farm.js";
+import { mayChange, whyNot } from "../news/projects.js";
 import { clock, compact, count } from "../base/format.js";
 import { command } from "../shell/hints.js";
 import { linkTo } from "../shell/router.js";
@@ -11,6 +12,7 @@ import { endOf, settingOf, valueText } from "../news/settings-table.js";
 import { framesDone, isShot } from "../base/shot-words.js";
 import { progressBar } from "../shell/state-chip.js";
 import { showError } from "../shell/tray.js";
+import { said } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -27,6 +29,10 @@ const STOPPED = ["paused", "cancelled", "failed"];
  * @param {string} failure
  */
 export async function change(job, change, failure) {
+  if (!mayChange(job.project)) {
+    showError(failure, whyNot(job.project), { brief: true }); // asked by a key
+    return;
+  }
   try {
     putJob(await changeJob(job.id, change));
   } catch (error) {
@@ -97,14 +103,14 @@ export function progressPanel() {
       setText(samples, isShot(job) ? count(job.shot?.states.finished ?? 0) : count(Math.floor(job.samples / pixels)));
       setText(of, goal(job));
       bar.update(job.progress, job.state);
-      const rate = job.samples_per_s || (job.state !== "queued" && job.active_s > 0.5 ? (job.samples - (job.taken?.spp ?? 0) * pixels) / job.active_s : 0);
+      const rate = job.samples_per_s || (job.state !== "queued" && job.active_s > 0.5 ? (job.samples - samplesTaken(job)) / job.active_s : 0);
       setText(speed, rate >= 1 ? compact(rate) : "–");
       message.hidden = !job.message;
-      setText(message, job.message ?? "");
+      setText(message, said(job.message));
       error.hidden = !job.error;
       if (job.error !== shownError) {
         shownError = job.error; // an alert that is written again is read out again
-        fill(error, icon("warning"), h("div", { class: "grow" }, job.error, job.reproduce && command(job.reproduce)));
+        fill(error, icon("warning"), h("div", { class: "grow" }, said(job.error), job.reproduce && command(job.reproduce)));
       }
       const from = takenSentence(job);
       taken.hidden = !from;
@@ -138,12 +144,22 @@ function badSentence({ bad_samples: n, frames }) {
   return tn(n, "{n} sample came out as no number and was left out.", "{n} samples came out as no number and were left out.") + first;
 }
 
+/** @param {Job} job @returns {number} of all pixels, with which it began */
+const samplesTaken = ({ taken, width, height }) => taken?.samples ?? (taken?.spp ?? 0) * (width ?? 1) * (height ?? 1);
+
 /** @param {Job} job @returns {string} with what of an earlier job it began; empty where with nothing */
 function takenSentence({ taken, spp, noise }) {
   if (!taken) return "";
+  if (taken.frames) {
+    const n = count(Math.round(taken.spp));
+    return t("Taken from earlier jobs of the same shot: the frames {frames}, with {n} samples per pixel.", { frames: shortened(taken.frames), n });
+  }
   if (noise != null || !spp) return t("Taken from an earlier job of the same picture: {n} samples per pixel.", { n: count(Math.round(taken.spp)) });
   return t("Taken from an earlier job of the same picture: {n} of {of} samples per pixel.", { n: count(Math.round(taken.spp)), of: count(spp) });
 }
+
+/** @param {string} frames as 0-9,12 */
+const shortened = (frames) => (frames.length <= 40 ? frames.replaceAll(",", ", ") : `${frames.slice(0, 40).replace(/,[^,]*$/, "").replaceAll(",", ", ")}, …`);
 
 /** @param {Job} job what "12" samples are out of */
 function goal(job) {

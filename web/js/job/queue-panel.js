@@ -4,9 +4,10 @@ import { change } from "./job-panel.js";
 import { fill, h, setText } from "../base/dom.js";
 import { roughly } from "../base/format.js";
 import { icon } from "../base/icons.js";
+import { said } from "../base/said.js";
 import { t } from "../base/words.js";
 import { queueFields } from "../forms/queue-fields.js";
-import { may } from "../news/session.js";
+import { mayChange } from "../news/projects.js";
 import { linkTo } from "../shell/router.js";
 import { stateChip } from "../shell/state-chip.js";
 
@@ -36,7 +37,6 @@ export function queuePanel() {
     h("button", { class: "button small for-submit", type: "button", onclick: () => ask({ after: [] }) }, t("Begin without waiting")),
   );
   const fields = queueFields((part) => ask(part));
-  for (const input of fields.elements.flatMap((element) => [...element.querySelectorAll("input")])) input.disabled = !may("submit");
   const ready = h("p", { class: "quiet small number", hidden: true });
   const more = h(
     "details",
@@ -58,6 +58,7 @@ export function queuePanel() {
       setText(ready, readyWords(job));
       ready.hidden = !ready.textContent;
       fields.put(job);
+      for (const input of fields.elements.flatMap((each) => [...each.querySelectorAll("input")])) input.disabled = !mayChange(job.project);
       const all = job.waits_for ?? [];
       waits.hidden = !all.length;
       const key = JSON.stringify(all);
@@ -89,7 +90,7 @@ function lateWords({ deadline, expected, late }) {
 function readyWords({ deadline, expected, unforeseen, late }) {
   if (deadline == null || late != null) return "";
   return expected == null
-    ? [t("Wanted by {time}.", { time: dayAndTime(deadline) }), unforeseen].filter(Boolean).join(" ")
+    ? [t("Wanted by {time}.", { time: dayAndTime(deadline) }), said(unforeseen)].filter(Boolean).join(" ")
     : t("Wanted by {time}; ready at {ready} by the forecast.", { time: dayAndTime(deadline), ready: dayAndTime(expected) });
 }
 

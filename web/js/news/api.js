@@ -2,6 +2,7 @@
 
 import { decodeFilm } from "./tile-packet.js";
 import { inProject } from "../base/project.js";
+import { said } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
@@ -58,7 +59,7 @@ export function errorOf(status, body) {
   try {
     const problem = JSON.parse(body);
     const sentence = problem.detail ?? problem.title;
-    if (typeof sentence === "string" && sentence) return new ApiError(status, sentence);
+    if (typeof sentence === "string" && sentence) return new ApiError(status, said(sentence));
   } catch {
     // Not JSON: a proxy between the page and the service.
   }

@@ -23,6 +23,7 @@ import { ViewLink } from "./view-link.js";
 import { viewStage } from "./view-stage.js";
 import { viewTools } from "./view-tools.js";
 import { Store } from "../base/store.js";
+import { said as inWords } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").View} View */
@@ -108,13 +109,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     },
     state({ samples, bound, mean, noise, done, slots, message }) {
       surface.dataset.samples = String(samples);
-      if (message) setText(state, message);
+      if (message) setText(state, inWords(message));
       else if (bound) setText(state, clarity(mean, noise, done ? null : slots));
     },
-    failed: (sentence) => setText(state, sentence),
+    failed: (sentence) => setText(state, inWords(sentence)),
     picked: (found) => onPicked?.(found),
     link: (up) => up || setText(state, t("The connection is lost; trying again.")),
-    refused: (sentence) => setText(state, sentence),
+    refused: (sentence) => setText(state, inWords(sentence)),
   });
 
   /** The canvas has the picture's own pixels, and the page's layout stretches it smoothly. @param {number} width @param {number} height */

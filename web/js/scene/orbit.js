@@ -110,10 +110,10 @@ export function dolly(view, factor) {
  * @param {{x: number, y: number}} at a pixel
  * @param {number} depth from the eye
  */
-export function alongSight({ fov }, { width, height }, at, depth) {
+export function alongSight({ fov, shift_x: right = 0, shift_y: up = 0 }, { width, height }, at, depth) {
   const half = Math.tan((fov * Math.PI) / 360);
-  const x = ((2 * (at.x + 0.5) - width) / height) * half;
-  const y = ((2 * (at.y + 0.5) - height) / height) * half;
+  const x = ((2 * (at.x + 0.5) - width) / height + 2 * right) * half;
+  const y = ((2 * (at.y + 0.5) - height) / height - 2 * up) * half;
   return depth / Math.hypot(x, y, 1);
 }
 

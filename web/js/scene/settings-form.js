@@ -5,7 +5,7 @@ import { h, setText } from "../base/dom.js";
 import { scenes, workers } from "../news/farm.js";
 import { compact, noiseText, roughly } from "../base/format.js";
 import { icon } from "../base/icons.js";
-import { may } from "../news/session.js";
+import { mayChange, whyNot } from "../news/projects.js";
 import { qualityFields } from "../forms/quality-fields.js";
 import { queueFold } from "../forms/queue-fold.js";
 import { expected } from "../forms/render-presets.js";
@@ -75,9 +75,9 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     ...queue.get(),
   });
   const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), t("Render"));
-  const isFree = may("submit");
+  const isFree = mayChange(scene.project);
   render.disabled = !isFree;
-  const why = !isFree && h("p", { class: "hint", role: "note" }, t("Your role may look, and not render. Ask who runs this farm."));
+  const why = !isFree && h("p", { class: "hint", role: "note" }, whyNot(scene.project));
   const onsubmit = async (/** @type {SubmitEvent} */ event) => {
     event.preventDefault();
     if (!isFree) return;

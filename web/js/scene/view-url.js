@@ -1,7 +1,8 @@
 /**
  * A view as a few characters of the URL: eye, target and field of view, and what else is not as usual.
  *
- *     view=3_2_5*0_1_0*40*u0_0_1*a0.02*d5.3*port*h2     u: up, a: aperture, d: focus, p: projection, h: height, n: near
+ *     view=3_2_5*0_1_0*40*u0_0_1*a0.02*d5.3*port*h2     u: up, a: aperture, d: focus, p: projection, h: height, n: near,
+ *     x, y: shift of the lens
  */
 
 /** @typedef {import("../base/types.js").View} View */
@@ -21,6 +22,8 @@ export function viewToText(view) {
   if (view.aperture) parts.push(`a${short(view.aperture)}`);
   if (view.focus != null) parts.push(`d${short(view.focus)}`);
   if (view.near) parts.push(`n${short(view.near)}`);
+  if (view.shift_x) parts.push(`x${short(view.shift_x)}`);
+  if (view.shift_y) parts.push(`y${short(view.shift_y)}`);
   const projection = Object.entries(PROJECTIONS).find(([, name]) => name === view.projection)?.[0];
   if (projection) parts.push(`p${projection}`);
   if (view.projection === "orthographic" && view.height != null) parts.push(`h${short(view.height)}`);
@@ -38,10 +41,13 @@ export function viewFromText(text) {
     if (part[0] === "a") view.aperture = Number(value);
     if (part[0] === "d") view.focus = Number(value);
     if (part[0] === "n") view.near = Number(value);
+    if (part[0] === "x") view.shift_x = Number(value);
+    if (part[0] === "y") view.shift_y = Number(value);
     if (part[0] === "h") view.height = Number(value);
     if (part[0] === "p") view.projection = /** @type {Record<string, string>} */ (PROJECTIONS)[value] ?? "perspective";
   }
-  const numbers = [...view.eye, ...view.target, ...view.up, view.fov, view.aperture, view.focus, view.near, view.height];
+  const lens = [view.fov, view.aperture, view.focus, view.near, view.height, view.shift_x, view.shift_y];
+  const numbers = [...view.eye, ...view.target, ...view.up, ...lens];
   const isOne = numbers.every((value) => value == null || Number.isFinite(value)) && view.fov > 0 && view.fov < 180;
   const isSomewhere = view.eye.some((value, i) => value !== view.target[i]) && view.up.some(Boolean);
   return isOne && isSomewhere ? view : null;

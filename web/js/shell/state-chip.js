@@ -20,6 +20,9 @@ const STATES = {
   "set-aside": ["warning", t("Set aside")],
 };
 
+/** @param {string} state */
+export const stateWord = (state) => STATES[state]?.[1] ?? state;
+
 /**
  * @param {string} state
  * @returns {{element: HTMLElement, update: (state: string) => void}}

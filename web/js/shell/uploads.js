@@ -4,11 +4,12 @@ import { ApiError, deleteScene, getInfo } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptScene } from "../news/farm.js";
 import { bytes } from "../base/format.js";
+import { chosenProject } from "../base/project.js";
 import { filesOfDrop, filesOfList, titleOf } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { areImages, hasLight, offerLight } from "./light-drop.js";
 import { addEnvironment } from "../news/environments.js";
-import { may } from "../news/session.js";
+import { mayChange } from "../news/projects.js";
 import { go } from "./router.js";
 import { Card, announce, showError } from "./tray.js";
 import { upload } from "../news/upload.js";
@@ -185,7 +186,7 @@ export function acceptDrops() {
   let depth = 0; // enter and leave fire for every element that is crossed
   /** @param {DragEvent} event */
   const hasFiles = (event) => event.dataTransfer?.types.includes("Files") ?? false;
-  const isFree = may("submit");
+  const isFree = mayChange(chosenProject());
   /** @param {number} next */
   const setDepth = (next) => {
     depth = Math.max(0, next);

@@ -21,6 +21,7 @@ import { compareFrames } from "../shot/compare-frames.js";
 import { isShot } from "../base/shot-words.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { Disposer, Store } from "../base/store.js";
+import { said } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -87,11 +88,11 @@ export function compareView(a, b) {
     for (const id of ids) {
       if (asked.has(id) || referenceId(id) !== null || all.some((job) => job.id === id)) continue;
       asked.add(id);
-      getJob(id).then(adoptJob, (error) => instead(t("This picture is not here"), error.message));
+      getJob(id).then(adoptJob, (error) => instead(t("This picture is not here"), error.status === 404 ? t("It was deleted, or its address is not whole.") : error.message));
     }
     const waits = all.find(({ id, width }) => ids.includes(id) && !width);
     if (waits) {
-      instead(waits.name, waits.error ?? waits.message ?? t("Waits for its scene."));
+      instead(waits.name, said(waits.error ?? waits.message) || t("Waits for its scene."));
       return;
     }
     const lost = ids.find((id) => references.value && referenceId(id) && !references.value.some((each) => each.id === referenceId(id)));

@@ -7,7 +7,8 @@ import { adoptScene, hidden, jobs, scenes, workers } from "../news/farm.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { linkTo, setTitle } from "../shell/router.js";
-import { may } from "../news/session.js";
+import { chosenProject } from "../base/project.js";
+import { mayChange } from "../news/projects.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { Disposer } from "../base/store.js";
 import { showError } from "../shell/tray.js";
@@ -56,7 +57,7 @@ export function homeView() {
     showScenes(seenScenes);
     showJobs(seenJobs);
     zone.classList.toggle("compact", seenScenes.length > 0);
-    nothing.hidden = may("submit") || seenScenes.length + seenJobs.length > 0 || scenes.value === null;
+    nothing.hidden = mayChange(chosenProject()) || seenScenes.length + seenJobs.length > 0 || scenes.value === null;
     sceneSection.hidden = seenScenes.length === 0;
     jobSection.hidden = seenJobs.length === 0;
   };

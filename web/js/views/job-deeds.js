@@ -3,6 +3,7 @@
 import { changeMany, restore } from "../news/job-list.js";
 import { setAllHidden } from "../news/farm.js";
 import { showError, undoable } from "../shell/tray.js";
+import { said } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../news/job-list.js").Change} Change */
@@ -31,7 +32,7 @@ export async function change(ids, change, done) {
   try {
     const { changed, refused } = await changeMany(ids, change);
     const first = refused[0];
-    if (first) showError(tn(refused.length, "{n} job could not be {done}", "{n} jobs could not be {done}", { done }), first.why);
+    if (first) showError(tn(refused.length, "{n} job could not be {done}", "{n} jobs could not be {done}", { done }), said(first.why));
     if (changed.length === 0) {
       if (!first) showError(t("No job was {done}", { done }), t("None of the chosen jobs is in a state in which that can be done."), { brief: true });
       return;

@@ -8,9 +8,11 @@ import { ago, clock } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { lightWords } from "../base/light-words.js";
 import { linkTo } from "../shell/router.js";
+import { offer } from "../news/projects.js";
 import { endOf } from "../news/settings-table.js";
 import { firstFrame, framesDone, isShot, shotName } from "../base/shot-words.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
+import { said } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -48,20 +50,23 @@ export function jobRow(job, lead) {
   let picturedAt = -Infinity;
   let picturedState = "";
 
+  const element = h(
+    "li",
+    { class: "job-row" },
+    lead,
+    h("div", { class: "picture" }, icon("image"), image),
+    h("div", { class: "title" }, name, size),
+    chip.element,
+    h("div", { class: "bar" }, bar.element, far),
+    when,
+    remove,
+  );
+
   return {
-    element: h(
-      "li",
-      { class: "job-row" },
-      lead,
-      h("div", { class: "picture" }, icon("image"), image),
-      h("div", { class: "title" }, name, size),
-      chip.element,
-      h("div", { class: "bar" }, bar.element, far),
-      when,
-      remove,
-    ),
+    element,
     update(next) {
       latest = next;
+      offer(element, next.project);
       setText(name, next.name);
       remove.setAttribute("aria-label", t("Delete the picture of {name}", { name: next.name }));
       setText(size, next.width && next.height ? sizeLine(next) : "");
@@ -90,8 +95,8 @@ function sizeLine(job) {
 
 /** @param {Job} job */
 function progressLine(job) {
-  if (job.state === "failed") return job.error ?? "";
-  if (job.message) return job.message;
+  if (job.state === "failed") return said(job.error);
+  if (job.message) return said(job.message);
   if (job.state === "finished") return t("in {time}", { time: clock(job.active_s) });
   const done = isShot(job) && job.shot ? framesDone(job.shot) : `${Math.floor(job.progress * 100)} %`;
   return job.state === "running" && job.eta_s != null ? t("{done}, {time} left", { done, time: clock(job.eta_s) }) : done;

@@ -9,6 +9,7 @@ import { lightWords } from "../base/light-words.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
+import { offer } from "../news/projects.js";
 import { doubtNotice } from "../job/doubt-notice.js";
 import { queuePanel } from "../job/queue-panel.js";
 import { livePicture } from "../film/live-picture.js";
@@ -29,10 +30,11 @@ import { parseFrames } from "../base/frame-numbers.js";
 import { shotDesk } from "../shot/shot-desk.js";
 import { isShot, shotName } from "../base/shot-words.js";
 import { addShortcuts } from "../shell/shortcuts.js";
-import { progressBar, stateChip } from "../shell/state-chip.js";
+import { progressBar, stateChip, stateWord } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce } from "../shell/tray.js";
 import { removeJob } from "./job-row.js";
+import { said } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -54,12 +56,13 @@ export function jobView(id) {
     jobs.subscribe((all) => {
       const job = all?.find((candidate) => candidate.id === id);
       if (job) asked = false;
+      if (job) offer(element, job.project);
       if (job?.width && job.height) {
         update ??= open(element, job, life);
         update(job);
       } else if (job) {
         // Its size is the scene's, and that is not known yet.
-        instead(emptyPage("clock", job.name, h("p", null, job.error ?? job.message ?? t("Waits for its scene."))));
+        instead(emptyPage("clock", job.name, h("p", null, said(job.error ?? job.message) || t("Waits for its scene."))));
       } else if (all && !asked) {
         asked = true;
         getJob(id).then(adoptJob, (error) => {
@@ -69,7 +72,7 @@ export function jobView(id) {
             emptyPage(
               wasThere ? "trash" : "image",
               wasThere ? t("This picture was deleted") : t("This picture is not here"),
-              !wasThere && h("p", null, error.message),
+              !wasThere && h("p", null, error.status === 404 ? t("It was deleted, or its address is not whole.") : error.message),
               h("a", { href: linkTo("jobs") }, t("To the jobs")),
             ),
           );
@@ -121,6 +124,15 @@ function open(page, job, life) {
 
   const notice = h("div", { class: "stage-notice" });
   picture.element.append(notice);
+  const waiting = h("p", { class: "stage-waiting", "aria-hidden": "true", hidden: true }, icon("info"), h("span")); // its panel says the same
+  picture.element.append(waiting);
+  const showWaiting = () => {
+    const isOver = ["cancelled", "failed"].includes(latest.state);
+    waiting.hidden = latest.samples > 0 || !(isOver || latest.state === "queued");
+    const why = isOver ? t("Nothing of it was rendered.") : said(latest.message) || t("Waits for its first samples.");
+    setText(/** @type {Element} */ (waiting.lastElementChild), why);
+  };
+  showWaiting();
   const isWaiting = () => workers.value?.length === 0 && !["finished", "failed", "cancelled"].includes(latest.state);
   life.add(workers.subscribe(() => fill(notice, isWaiting() && noWorkerNotice())));
 
@@ -169,8 +181,9 @@ function open(page, job, life) {
   );
 
   return (next) => {
-    if (next.state !== latest.state) announce(`${next.name}: ${next.state}`);
+    if (next.state !== latest.state) announce(`${next.name}: ${stateWord(next.state)}`);
     latest = next;
+    showWaiting();
     setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
     chip.update(next.state);
     line.update(next.progress, next.state);

@@ -4,6 +4,7 @@ import { fill, h, setText } from "../base/dom.js";
 import { hidden, scenes, workers } from "../news/farm.js";
 import { JobList } from "../news/job-list.js";
 import { count } from "../base/format.js";
+import { offer } from "../news/projects.js";
 import { freshId } from "../forms/fields.js";
 import { emptyState, noWorkerNotice } from "../shell/hints.js";
 import { here, linkTo, onParams, setParams, setTitle } from "../shell/router.js";
@@ -224,6 +225,7 @@ function selectableRow(id, list, selection) {
       }
       box.setAttribute("aria-label", t("Select {name}", { name: job.name }));
       row.update(job);
+      offer(element, job.project);
     },
   };
 }

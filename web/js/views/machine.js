@@ -10,6 +10,7 @@ import { machineTerms } from "./machine-terms.js";
 import { sparkline } from "./sparkline.js";
 import { stateChip } from "../shell/state-chip.js";
 import { showError } from "../shell/tray.js";
+import { said } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Worker} Worker */
@@ -78,7 +79,7 @@ export function machineCard() {
     cpu.title = worker.cpu;
     chip.update(state);
     const draining = busy ? tn(busy, " {n} slot still finishes what it has in hand.", " {n} slots still finish what they have in hand.") : "";
-    setText(why, worker.state === "paused" ? `${worker.message ?? ""}${draining}` : "");
+    setText(why, worker.state === "paused" ? `${said(worker.message)}${draining}` : "");
     setText(speed, worker.speeds?.length ? t("{n} samples/s", { n: compact(worker.speeds.at(-1) ?? 0) }) : "–");
     line.update(worker.speeds ?? []);
     const { memory_used: used, memory_total: total } = worker;
@@ -95,7 +96,7 @@ export function machineCard() {
     fill(button, icon(isPaused ? "play" : "pause"), isPaused ? t("Take back") : t("Pause"));
     button.title = isPaused ? t("It takes work again") : t("It finishes what it has in hand and takes no more");
   };
-  const fact = (/** @type {string} */ title, /** @type {HTMLElement[]} */ ...said) => h("div", null, h("dt", null, title), ...said);
+  const fact = (/** @type {string} */ title, /** @type {HTMLElement[]} */ ...shown) => h("div", null, h("dt", null, title), ...shown);
   return {
     element: h(
       "li",
@@ -112,7 +113,7 @@ export function machineCard() {
       ),
       slots,
       terms.element,
-      h("footer", null, button, log),
+      h("footer", { class: "for-admin" }, button, log),
     ),
     update,
   };

@@ -6,6 +6,7 @@ import { putScene, setHidden } from "../news/farm.js";
 import { compact } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { linkTo } from "../shell/router.js";
+import { offer } from "../news/projects.js";
 import { lightOf, variantOf } from "../base/scene-version.js";
 import { stateChip } from "../shell/state-chip.js";
 import { showError, undoable } from "../shell/tray.js";
@@ -28,16 +29,18 @@ export function sceneCard(scene) {
     { class: "icon-button danger delete for-submit", type: "button", onclick: () => removeScene(latest) },
     icon("trash"),
   );
+  const element = h(
+    "li",
+    { class: "card" },
+    picture.element,
+    h("div", { class: "body" }, name, h("div", { class: "row" }, chip.element, facts)),
+    remove,
+  );
   return {
-    element: h(
-      "li",
-      { class: "card" },
-      picture.element,
-      h("div", { class: "body" }, name, h("div", { class: "row" }, chip.element, facts)),
-      remove,
-    ),
+    element,
     update(next) {
       latest = next;
+      offer(element, next.project);
       setText(name, next.name);
       name.title = next.name;
       remove.setAttribute("aria-label", t("Delete {name}", { name: next.name }));
@@ -53,7 +56,7 @@ export function sceneCard(scene) {
 export function shortFacts(scene) {
   const { counts } = scene;
   const parts = [variantOf(scene), lightOf(scene)].filter(Boolean);
-  if (counts.triangles) parts.push(t("{n} triangles", { n: compact(counts.triangles) }));
+  if (counts.triangles) parts.push(counts.triangles === 1 ? t("1 triangle") : t("{n} triangles", { n: compact(counts.triangles) }));
   if (counts.spheres) parts.push(tn(counts.spheres, "{n} sphere", "{n} spheres"));
   if (counts.textures) parts.push(tn(counts.textures, "{n} texture", "{n} textures"));
   const end = Math.max(0, ...(scene.clips ?? []).map((clip) => clip.end));

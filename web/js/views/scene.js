@@ -7,6 +7,7 @@ import { bytes, count, extent } from "../base/format.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { go, here, linkTo, setParams, setTitle } from "../shell/router.js";
+import { offer } from "../news/projects.js";
 import { settingsForm } from "../scene/settings-form.js";
 import { firstFrame } from "../base/shot-words.js";
 import { addShortcuts } from "../shell/shortcuts.js";
@@ -20,6 +21,7 @@ import { renderStrip } from "../scene/render-strip.js";
 import { sidesFromUrl } from "../scene/sides.js";
 import { sideNames } from "../compare/job-differences.js";
 import { removeScene } from "./scene-card.js";
+import { said } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
@@ -33,11 +35,11 @@ export function sceneView(id) {
   setTitle(t("Scene"));
   const life = new Disposer();
   const element = h("div", { class: "page scene-page" });
-  /** @param {Error} error */
-  const gone = ({ message }) =>
+  /** @param {Error & {status?: number}} error */
+  const gone = ({ message, status }) =>
     fill(
       element,
-      emptyPage("cube", t("This scene is not here"), h("p", null, message), h("a", { href: linkTo() }, t("To the scenes"))),
+      emptyPage("cube", t("This scene is not here"), h("p", null, status === 404 ? t("It was deleted, or its address is not whole.") : message), h("a", { href: linkTo() }, t("To the scenes"))),
     );
 
   let asked = false;
@@ -49,6 +51,7 @@ export function sceneView(id) {
       if (scene) {
         if (part?.status !== scene.status) {
           if (part && scene.status === "ready") announce(t("{name} is ready to render", { name: scene.name }));
+          offer(element, scene.project);
           part = { status: scene.status, update: { preparing, failed, ready }[scene.status](element, scene, life) };
         }
         part.update(scene);
@@ -96,7 +99,7 @@ function preparing(page, scene, life) {
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
   fill(page, heading(scene), notice, h("section", { class: "preparing-panel panel" }, chip.element, bar.element, step));
   return (next) => {
-    setText(step, next.step ?? "");
+    setText(step, said(next.step));
     bar.update(next.progress);
   };
 }
@@ -114,11 +117,11 @@ function failed(page, scene) {
       "div",
       { class: "notice error", role: "alert" },
       icon("warning"),
-      h("div", null, h("strong", null, t("This cannot be rendered. ")), scene.error ?? ""),
+      h("div", null, h("strong", null, t("This cannot be rendered. ")), said(scene.error)),
     ),
     h(
       "section",
-      { class: "section row" },
+      { class: "section row wraps for-submit" },
       h(
         "button",
         { class: "button primary", type: "button", onclick: () => choose({ folder: false }) },
@@ -256,10 +259,10 @@ function viewOf(scene, form, sides, life) {
  * @param {string | null} sentences
  */
 function addButton(scene, sentences) {
-  if (!sentences?.includes("; add it")) return null;
+  if (!sentences || !/; add (it|them)/.test(sentences)) return null;
   return h(
     "button",
-    { class: "button", type: "button", onclick: () => addFiles(scene) },
+    { class: "button for-submit", type: "button", onclick: () => addFiles(scene) },
     icon("plus"),
     t("Add files"),
   );
@@ -276,7 +279,7 @@ function warnings(scene) {
     h(
       "ul",
       { "aria-label": t("Warnings") },
-      sentences.map((sentence) => h("li", null, sentence)),
+      sentences.map((sentence) => h("li", null, said(sentence))),
     ),
     addButton(scene, sentences.join(" ")),
   );

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-import re
 from collections import Counter
-from pathlib import PurePosixPath
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +20,7 @@ from renderer.scene.readable import read_only
 from renderer.scene.readers.assimp.animation import Movement
 from renderer.scene.readers.assimp.library import Camera, Imported, Lamp, Shape, import_file
 from renderer.scene.readers.assimp.materials import Materials
+from renderer.scene.readers.assimp.untrusted import judge
 from renderer.scene.readers.numbers import clamped
 from renderer.scene.textures import TextureShelf
 from renderer.settings import View
@@ -33,7 +32,6 @@ F64 = npt.NDArray[np.float64]
 _DIRECTIONAL, _POINT, _SPOT, _AMBIENT = 1, 2, 3, 4
 _ASPECT = 16 / 9  # of a camera that does not say
 _MOST = 1e12
-_XML = (".dae", ".x3d", ".xgl", ".amf")
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment(), scale: float = 1.0) -> None:
@@ -48,8 +46,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
 
 def _opened(files: SceneFiles, main: str, scale: float) -> Imported:
     data = files.read(main)
-    if PurePosixPath(main).suffix.lower() in _XML and re.search(rb"<!ENTITY", data, re.IGNORECASE):
-        raise SceneError(f"{main}: declares XML entities, which no scene needs; remove its DOCTYPE")
+    judge(data, main)
     imported = import_file(data, main)
     if imported.nodes:
         imported.nodes[0].local = np.diag([scale, scale, scale, 1.0]) @ imported.nodes[0].local

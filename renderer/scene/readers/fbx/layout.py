@@ -119,7 +119,7 @@ Light = _structure(
 Camera = _structure(
     "Camera",
     "projection:int _:bool resolution:real*2 fov:real*2 fov_tan:real*2 _:real orthographic:real*2 _:real*2 aspect:real"
-    " near:real far:real",
+    " near:real far:real _:int*7 focal_mm:real",
     Element,
 )
 SkinDeformer = _structure("SkinDeformer", "method:int clusters:list vertices:list weights:list most_weights:size", Element)

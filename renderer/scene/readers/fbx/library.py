@@ -18,7 +18,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.readers.fbx import layout
 
-__all__ = ["Opened", "array", "at", "each", "is_set", "matrix", "pointed", "text", "triangulated"]
+__all__ = ["Opened", "array", "at", "each", "is_set", "matrix", "number_of", "pointed", "text", "triangulated"]
 
 _KNOWN = range(21_000, 22_000)  # 0.21: versions whose structures layout.py has
 _OUT_OF_MEMORY = {5, 6, 7}  # ufbx_error_type: memory, memory limit, allocation limit
@@ -67,6 +67,8 @@ def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
     library.ufbx_triangulate_face.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, layout.Face]
     library.ufbx_find_bool_len.restype = ctypes.c_bool
     library.ufbx_find_bool_len.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_bool]
+    library.ufbx_find_real_len.restype = ctypes.c_double
+    library.ufbx_find_real_len.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_double]
     return library
 
 
@@ -151,6 +153,11 @@ def matrix(values: Any) -> npt.NDArray[np.float64]:
 def is_set(element: Any, name: bytes) -> bool:
     """Whether a property of an element, which is yes or no, is yes; no where it is not there."""
     return bool(_library().ufbx_find_bool_len(ctypes.addressof(element.props), name, len(name), False))
+
+
+def number_of(element: Any, name: bytes) -> float:
+    """A property of an element that is a number; 0 where it is not there."""
+    return float(_library().ufbx_find_real_len(ctypes.addressof(element.props), name, len(name), 0.0))
 
 
 def triangulated(mesh: Any, begin: int, count: int) -> npt.NDArray[np.uint32]:

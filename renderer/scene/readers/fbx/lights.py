@@ -16,6 +16,7 @@ import numpy.typing as npt
 from renderer.scene.description import Light, Material, Vec3
 from renderer.scene.readers.numbers import clamped
 from renderer.settings import View
+from renderer.view import MAX_SHIFT
 
 __all__ = ["AREA_SIDE", "area_material", "is_area", "read_camera", "read_light", "upright_square"]
 
@@ -24,6 +25,7 @@ F64 = npt.NDArray[np.float64]
 POINT, DIRECTIONAL, SPOT, AREA, VOLUME = range(5)
 _QUADRATIC = 2
 _MAX = 1e12
+_INCH = 25.4  # millimetres
 AREA_SIDE = 1.0  # metres, of an area light that is not scaled: FBX does not say
 
 
@@ -55,7 +57,12 @@ def read_light(light: Any, name: str, world: F64, by_blender: bool, unit: float,
         return Light("point", _color(light, scale), position, (x, y, z), name=name)
     outer = clamped(light.outer_angle / 2, 0.01, 90.0)
     inner = clamped(light.inner_angle / 2, 0.0, outer)
-    return Light("spot", _color(light, scale), position, (x, y, z), inner_cone=inner, outer_cone=outer, name=name)
+    spot = Light("spot", _color(light, scale), position, (x, y, z), inner_cone=inner, outer_cone=outer, name=name)
+    if by_blender:  # its exporter writes the share of the angle that is not blended, where it means one of the cosine
+        edge = math.cos(math.radians(outer))
+        full = edge + (1 - edge) * (1 - inner / outer)
+        spot.inner_cone, spot.falloff = min(math.degrees(math.acos(min(full, 1.0))), outer), "smooth"
+    return spot
 
 
 def area_material(light: Any, name: str, world: F64, by_blender: bool) -> Material:
@@ -63,7 +70,8 @@ def area_material(light: Any, name: str, world: F64, by_blender: bool) -> Materi
     side = upright_square(light, world)[:3, :2]
     area = float(np.linalg.norm(np.cross(side[:, 0], side[:, 1]))) * 4
     emission = _color(light, 1 / (math.pi * max(area, 1e-12)) if by_blender else 1.0)
-    return Material(name, base_color=(0.0, 0.0, 0.0), emission=emission)
+    # Blender's own are no bodies, and hidden from its camera unless told; others do not say.
+    return Material(name, base_color=(0.0, 0.0, 0.0), emission=emission, lamp=by_blender, unseen=by_blender)
 
 
 def upright_square(light: Any, world: F64) -> F64:
@@ -78,15 +86,21 @@ def upright_square(light: Any, world: F64) -> F64:
     return np.asarray(world @ turn @ half, np.float64)
 
 
-def read_camera(camera: Any, world: F64) -> View:
-    """The view of a camera, along +X of its node, +Y up; its scale is left aside. Raises SettingsError where it sees nothing."""
+def read_camera(camera: Any, world: F64, film_offset: tuple[float, float] = (0.0, 0.0)) -> View:
+    """The view of a camera, along +X of its node, +Y up; its scale is left aside. Raises SettingsError where it sees nothing.
+
+    film_offset: in inches.
+    """
     eye, forward, up = world[:3, 3], _unit(world[:3, 0]), _unit(world[:3, 1])
     target = eye + forward * max(1.0, float(np.abs(eye).max()))
     points = (tuple(float(c) for c in v) for v in (eye, target, up))
     a, b, c = points
     if camera.projection == 1:
         return View(a, b, c, projection="orthographic", height=abs(camera.orthographic[1]))  # type: ignore[arg-type]
-    return View(a, b, c, clamped(float(np.nan_to_num(camera.fov[1])) or 40.0, 0.01, 179.0))  # type: ignore[arg-type]
+    fov = clamped(float(np.nan_to_num(camera.fov[1])) or 40.0, 0.01, 179.0)
+    height = 2 * math.tan(math.radians(fov) / 2) * max(float(np.nan_to_num(camera.focal_mm)), 1e-6) / _INCH  # of the film
+    x, y = (clamped(float(np.nan_to_num(each)) / height, -MAX_SHIFT, MAX_SHIFT) for each in film_offset)
+    return View(a, b, c, fov, shift_x=x, shift_y=y)  # type: ignore[arg-type]
 
 
 def _unit(vector: F64) -> F64:

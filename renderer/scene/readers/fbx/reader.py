@@ -15,7 +15,7 @@ from renderer.scene.description import Camera, Instance, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.fbx import layout, lights
 from renderer.scene.readers.fbx.animation import Stacks
-from renderer.scene.readers.fbx.library import Opened, array, at, each, is_set, matrix, pointed, text
+from renderer.scene.readers.fbx.library import Opened, array, at, each, is_set, matrix, number_of, pointed, text
 from renderer.scene.readers.fbx.materials import Materials
 from renderer.scene.readers.fbx.meshes import Part, parts_of
 from renderer.scene.readers.fbx.shapes import Skin, blended, turned_with
@@ -241,7 +241,7 @@ class _Reader:
         try:
             world = self._finite(matrix(node.node_to_world), node)
             camera = at(layout.Camera, node.camera)
-            view = lights.read_camera(camera, world)
+            view = lights.read_camera(camera, world, (number_of(camera, b"FilmOffsetX"), number_of(camera, b"FilmOffsetY")))
             if is_set(camera, b"UseDepthOfField"):
                 self._odd["cameras with depth of field, whose aperture FBX does not tell: sharp everywhere"] += 1
         except SettingsError as error:

@@ -17,6 +17,8 @@ __all__ = ["Accessors", "as_floats"]
 MAX_ELEMENTS = 1 << 26
 MAX_VALUES = 1 << 29  # of all arrays together: an accessor without data costs a hostile file nothing
 
+MAX_BARE = 1 << 22  # vertices and indices of meshes that are all 0, as no data stands behind them
+
 _COMPONENT = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
@@ -40,7 +42,7 @@ class Accessors:
         self.accessors = root.objects("accessors")
         self._loaded: dict[int, memoryview] = {}
         self._unpacked_views: dict[int, memoryview] = {}
-        self._values_given = 0
+        self._values_given = self._bare = 0
         self._floats: dict[int, npt.NDArray[np.float32]] = {}
 
     def floats(self, index: int, *widths: int) -> npt.NDArray[np.float32]:
@@ -66,6 +68,14 @@ class Accessors:
                 f"{self._file}: {self.accessors[index].where} holds floats where indices belong; export the file again"
             )
         return values.reshape(-1)
+
+    def judge_bare(self, index: int) -> None:
+        """Before a mesh is made of it. Raises SceneError where too much of the file's meshes has no data behind it."""
+        accessor = self.accessors[index]
+        if "bufferView" not in accessor:
+            self._bare += accessor.integer("count", low=1, high=MAX_ELEMENTS + 1)
+        if self._bare > MAX_BARE:
+            raise accessor.wrong("bufferView", f"is missing: more than {MAX_BARE >> 20} million vertices or indices have no data")
 
     def view_bytes(self, index: int) -> memoryview:
         """The bytes of a buffer view."""

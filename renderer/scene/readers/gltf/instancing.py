@@ -23,12 +23,13 @@ def instance_transforms(source: Json, accessors: Accessors, limit: int) -> Matri
     for key, width in _WIDTHS.items():
         at = attributes.index(key, accessors.accessors) if attributes else None
         if at is not None:
+            count = accessors.accessors[at].integer("count", low=1)
+            if count > limit:
+                raise source.wrong("attributes", f"shows its mesh {count} times where {limit} are left; show it less often")
             found[key] = accessors.floats(at, width).astype(np.float64)
     counts = {len(values) for values in found.values()}
     if len(counts) != 1:
         raise source.wrong("attributes", "has no arrays of places, or arrays of different lengths")
     (count,) = counts
-    if count > limit:
-        raise source.wrong("attributes", f"shows its mesh {count} times where {limit} are left; show it less often")
     translation, rotation, scale = (found.get(k, np.tile(np.array(_DEFAULTS[k]), (count, 1))) for k in _WIDTHS)
     return compose(translation, rotation, scale)

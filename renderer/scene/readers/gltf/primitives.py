@@ -43,6 +43,8 @@ def read_primitive(
         )
         return None
     attributes = _Attributes(source, accessors)
+    for bare in attributes.bare():
+        accessors.judge_bare(bare)
     positions = attributes.get("POSITION", (3,))
     if positions is None:
         shelf.warn(f"Mesh {name}: has no positions and is left out.")
@@ -92,6 +94,13 @@ class _Attributes:
 
     def __contains__(self, key: str) -> bool:
         return key in self._attributes
+
+    def bare(self) -> list[int]:
+        """The accessors of positions and indices, which Draco's block does not hold."""
+        known = self._accessors.accessors
+        found = None if self.indices is not None else self._source.index("indices", known)
+        places = None if "POSITION" in self._decoded else self._attributes.index("POSITION", known)
+        return [at for at in (found, places) if at is not None]
 
     def get(self, key: str, widths: tuple[int, ...]) -> F32 | None:
         """(count, width) float32, of one of the widths; None where the primitive has none."""

@@ -17,6 +17,7 @@ from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.mitsuba import values
 from renderer.scene.readers.mitsuba.values import Matrix
+from renderer.scene.readers.xml import refuse_entities
 
 __all__ = ["Document", "Element"]
 
@@ -125,8 +126,7 @@ class Document:
 
     def _parsed(self, name: str) -> ElementTree.Element:
         data = self.files.read(name)
-        if re.search(rb"<!(DOCTYPE|ENTITY)", data, re.IGNORECASE):
-            raise SceneError(f"{name}: declares XML entities, which no scene needs; remove its DOCTYPE")
+        refuse_entities(data, name)
         try:
             return ElementTree.fromstring(data)
         except ElementTree.ParseError as error:

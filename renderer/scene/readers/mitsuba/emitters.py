@@ -31,12 +31,12 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
         inner = min(max(source.number("beam_width", 0.75 * outer), 0.0), outer)
         if source.child("texture") is not None:
             document.ignore(f"{source.what}: its texture is not read")
-        if outer - inner > 0.1:
-            document.ignore("Between the cones of a spot light, light falls off as glTF says and not as Mitsuba does")
         intensity = rgb(source.get("intensity", 1.0), True)
         direction = _vec(_unit(world[:3, 2]))
         description.lights.append(
-            Light("spot", intensity, _vec(world[:3, 3]), direction, inner_cone=inner, outer_cone=outer, name=name)
+            Light(
+                "spot", intensity, _vec(world[:3, 3]), direction, inner_cone=inner, outer_cone=outer, falloff="linear", name=name
+            )
         )
     elif source.type == "directional":
         direction = source.get("direction")

@@ -20,6 +20,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     document = Document(files, main, description)
     shelf = TextureShelf(description, files)
     shapes = Shapes(document, Bsdfs(document, Textures(document, shelf), description), description)
+    shapes.judge()
     for part in document.scene.children:
         if part.tag == "shape":
             shapes.add(part)

@@ -35,9 +35,10 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
         if source.type == "thinlens":
             aperture = max(source.number("aperture_radius", 0.0), 0.0)
             focus = max(source.number("focus_distance", 1.0), 1e-6)
-        if source.number("principal_point_offset_x", 0.0) or source.number("principal_point_offset_y", 0.0):
-            document.ignore(f"{source.what}: its shifted lens is not taken over; the picture's middle is the line of sight")
         more: dict[str, Any] = {"fov": fov, "aperture": aperture, "focus": focus, "near": 0.0 if near <= 1e-2 else near}
+        # In parts of the film's width and height, the latter downwards.
+        more["shift_x"] = source.number("principal_point_offset_x", 0.0) * width / height
+        more["shift_y"] = -source.number("principal_point_offset_y", 0.0)
     elif source.type == "orthographic":
         across = float(np.linalg.norm(world[:3, 0]))
         more = {"projection": "orthographic", "height": 2 * across * height / width, "near": 0.0}

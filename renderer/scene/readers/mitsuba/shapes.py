@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from renderer.errors import SceneError
@@ -11,6 +13,7 @@ from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, meshes_of
 from renderer.scene.readers.mitsuba.values import Matrix
 from renderer.scene.readers.shapes import lathe
+from renderer.scene.readers.spread import judge_spread
 
 __all__ = ["Shapes"]
 
@@ -23,7 +26,14 @@ class Shapes:
 
     def __init__(self, document: Document, bsdfs: Bsdfs, description: SceneDescription) -> None:
         self._document, self._bsdfs, self._description = document, bsdfs, description
+        self._balls: dict[
+            tuple[int, bool], int
+        ] = {}  # spheres that are no more round, by material and whether they are inside out
         self._meshes: dict[int, list[tuple[int, Matrix]]] = {}  # of a shape: its meshes' numbers, and where they lie in it
+
+    def judge(self) -> None:
+        """Raises SceneError where groups of groups show more than fits, before any is."""
+        judge_spread(self._document.scene, _shown, self._document.main)
 
     def add(self, shape: Element, place: Matrix | None = None, depth: int = 0) -> None:
         """Adds a shape, in the place of the group that it belongs to."""
@@ -71,13 +81,29 @@ class Shapes:
                 Sphere((float(x), float(y), float(z)), float(radius * scales[0]), material, shape.id or "sphere")
             )
             return
-        turns = np.linspace(-np.pi / 2, np.pi / 2, _SPHERE_RINGS + 1)
-        ball: Mesh = lathe(shape.id or "sphere", [(float(np.cos(t)), float(np.sin(t))) for t in turns], 2 * _SPHERE_RINGS)
-        if shape.flag("flip_normals", False):
-            ball.triangles = np.ascontiguousarray(ball.triangles[:, ::-1])
-            ball.normals = None if ball.normals is None else -ball.normals
-        ball.material = material
-        self._description.meshes.append(ball)
         place = np.diag([radius, radius, radius, 1.0])
         place[:3, 3] = center
-        self._description.instances.append(Instance(len(self._description.meshes) - 1, world @ place, name=shape.id))
+        number = self._ball(material, shape.flag("flip_normals", False))
+        self._description.instances.append(Instance(number, world @ place, name=shape.id))
+
+    def _ball(self, material: int, is_flipped: bool) -> int:
+        key = material, is_flipped
+        if key not in self._balls:
+            turns = np.linspace(-np.pi / 2, np.pi / 2, _SPHERE_RINGS + 1)
+            ball: Mesh = lathe("sphere", [(float(np.cos(t)), float(np.sin(t))) for t in turns], 2 * _SPHERE_RINGS)
+            if is_flipped:
+                ball.triangles = np.ascontiguousarray(ball.triangles[:, ::-1])
+                ball.normals = None if ball.normals is None else -ball.normals
+            ball.material = material
+            self._description.meshes.append(ball)
+            self._balls[key] = len(self._description.meshes) - 1
+        return self._balls[key]
+
+
+def _shown(thing: Element) -> Iterator[Element]:
+    """The shapes that a shape or a scene shows."""
+    if thing.type == "instance":
+        for group in thing.of("shape"):
+            yield from group.of("shape")
+    elif thing.tag == "scene" or thing.type == "merge":
+        yield from (shape for shape in thing.of("shape") if shape.type != "shapegroup")

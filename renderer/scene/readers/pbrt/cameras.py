@@ -99,14 +99,15 @@ def add_camera(source: Parameters, to_world: Matrix, description: SceneDescripti
     fields: dict[str, Any] = {"eye": _vec(eye), "target": _vec(eye + _unit(forward)), "up": _vec(_unit(up))}
     axis = int(np.argmax(np.abs(up)))
     description.up = _vec(np.sign(up[axis]) * np.eye(3)[axis])  # the world's axis that is most so
-    _, _, low, high = _window(source, width / height, notes)
+    left, right_end, low, high = _window(source, width / height, notes)
+    shift: dict[str, Any] = {"shift_x": (left + right_end) / 2 / (high - low), "shift_y": (low + high) / 2 / (high - low)}
     source.used.update(("shutteropen", "shutterclose"))
     if source.type == "orthographic":
         tall = (high - low) * float(np.linalg.norm(up))
         if source.number("lensradius", 0.0) > 0:
             notes.add(source.place, "An orthographic camera is sharp everywhere here")
         source.used.add("focaldistance")
-        fields |= {"projection": "orthographic", "height": tall}
+        fields |= {"projection": "orthographic", "height": tall, **shift}
     elif source.type == "spherical":
         if source.text("mapping", "equalarea") != "equirectangular":
             notes.add(source.place, "A spherical camera's picture is equirectangular here, and not of equal area")
@@ -118,6 +119,7 @@ def add_camera(source: Parameters, to_world: Matrix, description: SceneDescripti
             source.used.update(source.values)
             fov = 40.0
         half = math.tan(math.radians(min(max(fov, 1e-3), 179.0)) / 2) * (high - low) / 2
+        fields |= shift
         fields["fov"] = min(max(math.degrees(2 * math.atan(half)), 0.01), 179.0)
         lens = source.number("lensradius", 0.0) * float(np.linalg.norm(right))
         focus = source.number("focaldistance", _FAR) * float(np.linalg.norm(forward))
@@ -141,8 +143,6 @@ def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, floa
             raise source.place.wrong("screenwindow takes four numbers: left, right, low and high")
         window = (float(said[0]), float(said[1]), float(said[2]), float(said[3]))
     left, right, low, high = window
-    if abs(left + right) > 1e-4 * (right - left) or abs(low + high) > 1e-4 * (high - low):
-        notes.add(source.place, "screenwindow is not about the middle: the picture's middle is the line of sight here")
     if abs((right - left) / (high - low) / ratio - 1) > 1e-3:
         notes.add(source.place, "The picture's shape is not that of screenwindow or frameaspectratio: it is not stretched here")
     return window

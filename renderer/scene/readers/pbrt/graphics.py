@@ -329,7 +329,7 @@ class Graphics:
             raise statement.place.wrong(f"a texture is of floats or of spectra, and not of {kind[:40]!r}")
         found.defaults = self._state.attributes.get("texture", {})
         self._all.append(found)
-        self._textures.define(name, kind, found)
+        self._textures.define(name, kind, found, self._state.ctm[0])
 
     def _on_light_source(self, statement: Statement) -> None:
         self._in_world(statement)

@@ -23,7 +23,6 @@ __all__ = ["Lights"]
 
 _MOST = 1e9
 _MOST_LIGHTS = 1_000_000
-_BETWEEN_CONES = "Between its cones a spot light falls off a little otherwise than pbrt's, with as many watts in all"
 
 
 class Lights:
@@ -124,17 +123,19 @@ class Lights:
         scale, power = source.number("scale", 1.0), source.number("power", -1.0)
         if power > 0:
             scale *= power / (2 * math.pi * ((1 - start) + (start - end) / 2))
-        if start - end > 1e-6:
-            self._notes.add(source.place, _BETWEEN_CONES)
-        # glTF's falloff is a square, pbrt's a smooth step: moved by a sixth of its width, it lets as much through.
-        shift = (start - end) / 6
-        cones = [math.degrees(math.acos(min(max(cosine - shift, -1.0), 1.0))) for cosine in (start, end)]
         first, last = np.array(source.vector("from", (0.0, 0.0, 0.0))), np.array(source.vector("to", (0.0, 0.0, 1.0)))
         towards = product(world[:3, :3], (last - first)[:, None])[:, 0]
         x, y, z = (float(v) for v in first)
         rgb = self._times(self._color(source, "I"), scale)
         light = Light(
-            "spot", rgb, self._at((x, y, z), world), _unit(towards), inner_cone=cones[0], outer_cone=cones[1], name="spot"
+            "spot",
+            rgb,
+            self._at((x, y, z), world),
+            _unit(towards),
+            inner_cone=inner,
+            outer_cone=outer,
+            falloff="smooth",
+            name="spot",
         )
         self._description.lights.append(light)
 

@@ -14,6 +14,7 @@ import numpy as np
 from renderer.scene.description import Image, Material, SceneDescription, Vec3
 from renderer.scene.readers.pbrt.coats import dielectric_albedo, under_a_coat
 from renderer.scene.readers.pbrt.conductors import head_on, index_of, of_reflectance
+from renderer.scene.readers.pbrt.mappings import Mapping
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.textures import Textures, Varying, linear
@@ -49,6 +50,8 @@ class Materials:
         self.named: dict[str, Parameters] = {}
         self._numbers: dict[tuple[Any, ...], int] = {}
         self._made: dict[int, Material] = {}
+        self._ways: dict[int, tuple[Mapping, ...]] = {}
+        self.mappings: dict[int, Mapping] = {}  # by the description's numbers of materials, whose textures do not lie by UVs
 
     def number(self, source: Parameters | None, emission: Emission, alpha: Varying) -> int:
         """The description's number of a material. alpha: how much of the surface is there."""
@@ -59,12 +62,21 @@ class Materials:
             made = replace(made, emission=emission.radiance, emission_texture=emission.texture, double_sided=emission.both_sides)
             self._description.materials.append(made)
             self._numbers[key] = len(self._description.materials) - 1
+            ways = [*self._ways.get(id(source), ()), *([alpha.mapping] if alpha.mapping is not None else [])]
+            if ways:
+                self.mappings[self._numbers[key]] = ways[0]
+            if source is not None and len(set(ways)) > 1:
+                self._notes.add(source.place, f"The textures of {source} lie on things in several ways: all lie as the first")
         return self._numbers[key]
 
     def of(self, source: Parameters, depth: int) -> Material:
         """A material without light and holes."""
         if id(source) not in self._made:
+            before = len(self._textures.mappings)
             self._made[id(source)] = self._make(source, depth)
+            self._ways[id(source)] = tuple(self._textures.mappings[before:])
+        else:
+            self._textures.mappings += self._ways[id(source)]
         return self._made[id(source)]
 
     def _make(self, source: Parameters, depth: int) -> Material:

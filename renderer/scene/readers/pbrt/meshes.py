@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from importlib import import_module
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy.typing as npt
 from renderer.scene.description import Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import face_normals, smoothed
-from renderer.scene.readers.other import read_data
+from renderer.scene.readers.pbrt.growth import Growth
 from renderer.scene.readers.pbrt.loop import subdivided
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
@@ -24,20 +25,19 @@ __all__ = ["MESHES", "mesh_of", "turned", "with_uvs"]
 MESHES = ("trianglemesh", "plymesh", "bilinearmesh", "loopsubdiv")
 _NORMALS = rb"\A[^\0]{0,20000}?property\s+\w+\s+nx\b"
 _EVERY_EDGE = 181.0
-_MOST_TRIANGLES = 8_000_000
 _PATCH = 8  # squares along a side of a patch that is bent
 _FLAT = 1e-5
 
 
-def mesh_of(source: Parameters, files: SceneFiles, notes: Notes) -> Mesh:
+def mesh_of(source: Parameters, files: SceneFiles, notes: Notes, growth: Growth) -> Mesh:
     """The mesh of a shape. Raises SceneError."""
     if source.type == "trianglemesh":
         return _triangles(source)
     if source.type == "plymesh":
         return _of_file(source, files, notes)
     if source.type == "bilinearmesh":
-        return _patches(source, notes)
-    return _subdivided(source, notes)
+        return _patches(source, notes, growth)
+    return _subdivided(source, notes, growth)
 
 
 def _triangles(source: Parameters) -> Mesh:
@@ -68,7 +68,7 @@ def _read(files: SceneFiles, name: str) -> SceneDescription:
     if name.lower().endswith(".gz"):
         data = unpacked(data, name)
     part = SceneDescription(name=name)
-    read_data(data, ".ply", files, name, part)
+    import_module("renderer.scene.readers.other").read_data(data, ".ply", files, name, part)  # heavy, and seldom needed
     if re.search(_NORMALS, data) is None:
         part.meshes = [replace(mesh, normals=None) for mesh in part.meshes]
     return part
@@ -79,7 +79,7 @@ def _one(part: SceneDescription) -> Mesh:
     return replace(mesh, colors=None, material=0)
 
 
-def _patches(source: Parameters, notes: Notes) -> Mesh:
+def _patches(source: Parameters, notes: Notes, growth: Growth) -> Mesh:
     points = _points(source)
     corners = _indices(source, len(points), 4, None if len(points) != 4 else np.arange(4))
     normals, uvs = _vectors(source, "N", len(points)), _uvs(source, len(points))
@@ -92,8 +92,9 @@ def _patches(source: Parameters, notes: Notes) -> Mesh:
     skew = quads[:, 3] - quads[:, 1] - quads[:, 2] + quads[:, 0]  # 0 of a parallelogram, whose UVs two triangles show rightly
     even = np.linalg.norm(skew, axis=1) <= _FLAT * np.linalg.norm(quads[:, 3] - quads[:, 0], axis=1)
     steps = 1 if (away <= _FLAT * size).all() and (even.all() or uvs is None) else _PATCH
-    while steps > 1 and 2 * steps * steps * len(corners) > _MOST_TRIANGLES:
+    while steps > 1 and 2 * steps * steps * len(corners) > growth.room:
         steps //= 2
+    growth.add(2 * (steps * steps - 1) * len(corners))
     side = np.linspace(0, 1, steps + 1)
     v, u = np.meshgrid(side, side, indexing="ij")
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v], axis=-1).reshape(-1, 4)
@@ -114,13 +115,14 @@ def _patches(source: Parameters, notes: Notes) -> Mesh:
     return _facing(mesh)
 
 
-def _subdivided(source: Parameters, notes: Notes) -> Mesh:
+def _subdivided(source: Parameters, notes: Notes, growth: Growth) -> Mesh:
     points = _points(source)
     triangles = _indices(source, len(points), 3, None)
-    wanted = min(max(source.integer("levels", source.integer("nlevels", 3)), 0), 16)
-    levels = wanted
-    while levels and len(triangles) * 4**levels > _MOST_TRIANGLES:
+    wanted = max(source.integer("levels", source.integer("nlevels", 3)), 0)
+    levels = min(wanted, 16)
+    while levels and len(triangles) * 4**levels > growth.room:
         levels -= 1
+    growth.add(len(triangles) * (4**levels - 1))
     if levels < wanted:
         notes.add(source.place, f"{source} is refined {levels} times and not {wanted}, so that it does not grow too large")
     fine, faces = subdivided(points, triangles, levels)

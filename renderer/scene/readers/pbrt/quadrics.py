@@ -41,18 +41,19 @@ def shape_key(source: Parameters) -> tuple[object, ...]:
     return (source.type, *((name, source.number(name, math.inf)) for name in names))
 
 
-def quadric(source: Parameters) -> Quadric:
-    """The mesh of a shape. Raises SceneError where nothing of it is left."""
+def quadric(source: Parameters, coarser: int = 1) -> Quadric:
+    """The mesh of a shape, of so many times fewer edges. Raises SceneError where nothing of it is left."""
     radius = _radius(source)
+    all_around, along = _AROUND // coarser, _ALONG // coarser
     turn = math.radians(min(max(source.number("phimax", 360.0), 0.0), 360.0))
-    around = np.linspace(0, turn, max(int(_AROUND * turn / (2 * math.pi)), 3) + 1)
+    around = np.linspace(0, turn, max(int(all_around * turn / (2 * math.pi)), 3) + 1)
     if source.type == "disk":
         return _disk(source, radius, turn, around)
     default = radius if source.type == "sphere" else 1.0
     ends = sorted((source.number("zmin", -default), source.number("zmax", default)))
     if source.type == "sphere":
         low, high = (min(max(z, -radius), radius) for z in ends)
-        theta = np.linspace(math.acos(low / radius), math.acos(high / radius), _ALONG + 1)
+        theta = np.linspace(math.acos(low / radius), math.acos(high / radius), along + 1)
         ring, height = np.sin(theta), np.cos(theta)
         ring[np.abs(height) == 1] = 0
         normals = _surface(ring, height, around)

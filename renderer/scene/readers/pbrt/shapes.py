@@ -12,18 +12,20 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix, product
 from renderer.scene.normals import face_normals
 from renderer.scene.readers.pbrt.curves import Strand, strand_of, together
+from renderer.scene.readers.pbrt.growth import Growth
 from renderer.scene.readers.pbrt.lights import Lights
+from renderer.scene.readers.pbrt.mappings import mapped
 from renderer.scene.readers.pbrt.materials import Emission, Materials, is_nothing
 from renderer.scene.readers.pbrt.meshes import MESHES, mesh_of, turned, with_uvs
 from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.parameters import Parameters
-from renderer.scene.readers.pbrt.quadrics import QUADRICS, quadric, shape_key, whole_sphere
+from renderer.scene.readers.pbrt.quadrics import QUADRICS, Quadric, quadric, shape_key, whole_sphere
 from renderer.scene.readers.pbrt.textures import Textures
 from renderer.scene.readers.pbrt.transforms import Ctm, between
 
 __all__ = ["Looks", "Part", "Shapes"]
 
-_MOST_INSTANCES = 5_000_000
+_MOST_INSTANCES = 500_000
 _ROUND = 1e-4
 
 
@@ -66,11 +68,16 @@ class Shapes:
         self._open: list[Part] | None = None
         self._quadrics: dict[tuple[object, ...], int] = {}  # the meshes of shapes that are alike
         self._strands: dict[tuple[int, bytes, bytes], tuple[list[Strand], Ctm]] = {}
+        self._places: dict[str, np.ndarray] = {}  # (N, 4, 4) of each object's parts in it
+        self._made: dict[tuple[object, ...], Quadric] = {}
+        self._balls: dict[int, int] = {}  # whole spheres as meshes, by their material
+        self._growth = Growth()
 
     def begin(self, name: str) -> None:
         """What follows belongs to an object."""
         self.flush()
         self._open = self.objects[name] = []
+        self._places.pop(name, None)
 
     def end(self) -> None:
         """The object is whole."""
@@ -86,8 +93,15 @@ class Shapes:
         """Shows an object."""
         if name not in self.objects:
             raise place.wrong(f"there is no object {name[:60]!r}; its ObjectBegin stands before it is shown")
-        for part in self.objects[name]:
-            self._place(part, ctm)
+        parts = self.objects[name]
+        self._make_room(len(parts), place)
+        if name not in self._places:
+            inner = [between(part.ctm, self._time) for part in parts]
+            self._places[name] = np.stack(inner) if inner else np.zeros((0, 4, 4))
+        worlds = product(product(self._outer, between(ctm, self._time)), self._places[name])
+        stands = ctm[0] is ctm[1]
+        for part, world in zip(parts, worlds, strict=True):
+            self._show(part, world, moves=not stands or part.ctm[0] is not part.ctm[1], is_within=True)
 
     def add(self, source: Parameters, looks: Looks) -> None:
         """Adds a shape."""
@@ -115,13 +129,18 @@ class Shapes:
         if radius is not None and not looks.reverse and not self._is_textured(number) and self._is_round(looks.ctm):
             self._keep(Part(-1, looks.ctm, "sphere", radius, number))
             return
-        shared = (*shape_key(source), number, looks.reverse) if source.type in QUADRICS else None
+        mapping = self._materials.mappings.get(number)
+        shared = (*shape_key(source), number, looks.reverse) if source.type in QUADRICS and mapping is None else None
         if shared is not None and shared in self._quadrics:
             self._keep(Part(self._quadrics[shared], looks.ctm, source.type))
             return
-        mesh = mesh if mesh is not None else quadric(source).mesh
+        mesh = mesh if mesh is not None else self._quadric(source).mesh
         if self._is_textured(number):
             mesh = with_uvs(mesh)
+        if mapping is not None:
+            mesh = mapped(mesh, mapping, between(looks.ctm, self._time))
+            if self.in_object:
+                self._notes.add(source.place, "Textures that lie by place move with the objects that are shown many times")
         self._add_mesh(replace(mesh, material=number), looks.ctm)
         if shared is not None:
             self._quadrics[shared] = len(self._description.meshes) - 1
@@ -137,9 +156,9 @@ class Shapes:
         if radius is not None and not looks.reverse:
             return None, np.array([4 * np.pi * radius**2])
         if source.type in QUADRICS:
-            made = quadric(source)
+            made = self._quadric(source)
             return turned(made.mesh) if looks.reverse else made.mesh, np.array([made.area])
-        mesh = mesh_of(source, self._files, self._notes)
+        mesh = mesh_of(source, self._files, self._notes, self._growth)
         if looks.reverse:
             mesh = turned(mesh)
         if looks.area is None:
@@ -147,6 +166,16 @@ class Shapes:
         placed = mesh.positions.astype(float) @ looks.ctm[0][:3, :3].T
         areas = 0.5 * np.linalg.norm(face_normals(placed, mesh.triangles), axis=1)
         return mesh, areas
+
+    def _quadric(self, source: Parameters) -> Quadric:
+        """Those that are alike are made once; where there are very many, they are drawn coarser."""
+        key = shape_key(source)
+        if key not in self._made:
+            coarser = self._growth.coarser()
+            if coarser > 1:
+                self._notes.add(source.place, "Of very many round shapes the later ones are drawn coarser")
+            self._made[key] = quadric(source, coarser)
+        return self._made[key]
 
     def _emission(self, looks: Looks, areas: np.ndarray) -> Emission:
         if looks.area is None:
@@ -177,31 +206,34 @@ class Shapes:
         if self._open is not None:
             self._open.append(part)
         else:
-            self._place(part, None)
+            self._place(part)
 
-    def _place(self, part: Part, outer: Ctm | None) -> None:
-        """Shows a part, in the place of an instance."""
-        if len(self._description.instances) + len(self._description.spheres) >= _MOST_INSTANCES:
-            raise Place(self._description.name, 0).wrong(
-                f"more than {_MOST_INSTANCES // 10**6} million shapes are shown; show fewer"
-            )
-        moves = any(each[0] is not each[1] for each in (part.ctm, outer) if each is not None)
-        inner = between(part.ctm, self._time)
-        world = product(self._outer, inner if outer is None else product(between(outer, self._time), inner))
+    def _make_room(self, more: int, place: Place) -> None:
+        if len(self._description.instances) + len(self._description.spheres) + more > _MOST_INSTANCES:
+            raise place.wrong(f"with it more than {_MOST_INSTANCES} shapes are shown; show fewer")
+
+    def _place(self, part: Part) -> None:
+        """Shows a part where it is."""
+        world = product(self._outer, between(part.ctm, self._time))
+        self._show(part, world, moves=part.ctm[0] is not part.ctm[1], is_within=False)
+
+    def _show(self, part: Part, world: Matrix, moves: bool, is_within: bool) -> None:
+        """is_within: it is a part of an object."""
         self._description.moves |= moves
         if part.mesh >= 0:
             self._description.instances.append(Instance(part.mesh, world, name=part.name, moves=moves))
             return
         scale = float(np.sqrt((world[:3, 0] ** 2).sum()))
-        if outer is not None and not self._is_round((world, world)):
+        if is_within and not self._is_round((world, world)):
             self._ball(part, world, moves)
             return
         x, y, z = (float(v) for v in world[:3, 3])
         self._description.spheres.append(Sphere((x, y, z), part.radius * scale, part.material, part.name, moves=moves))
 
     def _ball(self, part: Part, world: Matrix, moves: bool) -> None:
-        source = Parameters("shape", "sphere", Place(self._description.name, 0))
-        mesh = replace(quadric(source).mesh, material=part.material)
-        self._description.meshes.append(mesh)
+        if part.material not in self._balls:
+            source = Parameters("shape", "sphere", Place(self._description.name, 0))
+            self._description.meshes.append(replace(self._quadric(source).mesh, material=part.material))
+            self._balls[part.material] = len(self._description.meshes) - 1
         sized = product(world, np.diag([part.radius, part.radius, part.radius, 1.0]))
-        self._description.instances.append(Instance(len(self._description.meshes) - 1, sized, name=part.name, moves=moves))
+        self._description.instances.append(Instance(self._balls[part.material], sized, name=part.name, moves=moves))

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.files import MAX_FILE_BYTES, SceneFiles
 from renderer.scene.readers.pbrt.notes import Place
+from renderer.zips import most_unpacked
 
 __all__ = ["MAX_DEPTH", "MAX_STATEMENTS", "Argument", "Statement", "Statements", "unpacked"]
 
@@ -27,6 +28,7 @@ MAX_DEPTH = 32  # of files that include each other
 MAX_FILES = 20_000
 MAX_STATEMENTS = 5_000_000
 MAX_TEXT = 2 << 30  # bytes of all files together
+MAX_AGAIN = 16 << 20  # bytes of those that were included before
 _TOKEN = re.compile(r'\s+|#[^\n]*|"(?P<text>[^"\n]*)"|(?P<open>\[)|(?P<word>[^\s"\[\]#]+)')
 _LIST = re.compile(r'(?:[^"\]#]+|"[^"\n]*"|#[^\n]*)*+\]')
 _COMMENT = re.compile(r'("[^"\n]*")|#[^\n]*')
@@ -48,7 +50,8 @@ class Statements:
 
     def __init__(self, files: SceneFiles) -> None:
         self._files = files
-        self._count = self._bytes = self._opened = 0
+        self._count = self._bytes = self._opened = self._again = 0
+        self._seen: set[str] = set()
 
     def of(self, name: str, depth: int = 0) -> Iterator[Statement]:
         """The statements of a file; those that include others are among them."""
@@ -63,6 +66,14 @@ class Statements:
         self._bytes += len(data)
         if self._bytes > MAX_TEXT:
             raise SceneError(f"{name}: with it the scene has more than {MAX_TEXT >> 30} GiB of text; make it smaller")
+        if name in self._seen:
+            self._again += len(data)
+        if self._again > MAX_AGAIN:
+            raise SceneError(
+                f"{name}: more than {MAX_AGAIN >> 20} MiB are included that were included before; make an object "
+                "of what is shown many times (ObjectBegin)"
+            )
+        self._seen.add(name)
         yield from self._parsed(data.decode("utf-8", "replace"), PurePosixPath(name).name)
 
     def _parsed(self, text: str, file: str) -> Iterator[Statement]:
@@ -104,12 +115,16 @@ class Statements:
 def unpacked(data: bytes, name: str) -> bytes:
     """What a .gz file holds. Raises SceneError."""
     packed = zlib.decompressobj(wbits=31)
+    most = min(most_unpacked(len(data)), MAX_FILE_BYTES)
     try:
-        found = packed.decompress(data, MAX_FILE_BYTES)
+        found = packed.decompress(data, most)
     except zlib.error as error:
         raise SceneError(f"{name}: could not be unpacked ({error}); pack it again") from None
-    if packed.unconsumed_tail or not packed.eof:
-        raise SceneError(f"{name}: is cut off, or holds more than {MAX_FILE_BYTES >> 30} GiB; pack it again")
+    if not packed.eof:
+        is_bomb = len(found) >= most
+        raise SceneError(
+            f"{name}: {f'unpacks to more than {most >> 20} MiB, as zip bombs do' if is_bomb else 'is cut off; pack it again'}"
+        )
     return found
 
 

@@ -6,7 +6,7 @@ pbrt counts v from below, ours from above: meshes are turned so when they are ma
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,9 @@ import numpy as np
 from renderer.image.tonemap import decode_srgb, encode_srgb
 from renderer.scene.description import Image, SceneDescription, TexelFilter, UvTransform, Vec3, Wrap
 from renderer.scene.files import SceneFiles
+from renderer.scene.matrices import Matrix
 from renderer.scene.readers.pbrt.baked import SIZE, Grid, checks, grid, looked_up
+from renderer.scene.readers.pbrt.mappings import UPRIGHT, Mapping, mapping_of
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameter, Parameters, text_of
 from renderer.scene.readers.pbrt.spectra import Colors
@@ -26,6 +28,7 @@ _WRAPS: dict[str, Wrap] = {"repeat": "repeat", "clamp": "clamp", "black": "clamp
 _MAX_NESTED = 24
 _MOST_PARTS = 32  # of a texture that is worked out as a picture
 _SOLID = {"fbm": 0.0, "wrinkled": 0.3, "windy": 0.3}  # what varies in space, and a middling value of it
+_LAID_ON = ("imagemap", "checkerboard", "bilerp")
 _ONE: Vec3 = (1.0, 1.0, 1.0)
 _BLACK: Vec3 = (0.0, 0.0, 0.0)
 
@@ -36,6 +39,7 @@ class Definition(NamedTuple):
     kind: str
     parameters: Parameters
     parts: dict[tuple[str, str], Definition]
+    mapping: Mapping | None = None  # of its own; of one that is made of others, theirs
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,7 @@ class Varying:
 
     value: Vec3
     texture: int | None = None
+    mapping: Mapping | None = None
 
     @property
     def is_constant(self) -> bool:
@@ -61,12 +66,14 @@ class Textures:
         self.named: dict[tuple[str, str], Definition] = {}
         self._known: dict[int, Varying] = {}
         self._constants: dict[int, Vec3 | None] = {}
+        self.mappings: list[Mapping] = []  # of the textures that were asked for
 
-    def define(self, name: str, kind: str, parameters: Parameters) -> None:
-        """A name for a texture; kind: float or spectrum."""
+    def define(self, name: str, kind: str, parameters: Parameters, ctm: Matrix) -> None:
+        """A name for a texture; kind: float or spectrum. ctm: the transformation that it is named under."""
         wanted = [text_of(each) for each in parameters.values.values() if each.type == "texture"]
         parts = {(k, n): self.named[k, n] for n in wanted for k in ("float", "spectrum") if (k, n) in self.named}
-        self.named["float" if kind == "float" else "spectrum", name] = Definition(kind, parameters, parts)
+        mapping = mapping_of(parameters, ctm)
+        self.named["float" if kind == "float" else "spectrum", name] = Definition(kind, parameters, parts, mapping)
 
     def color(self, owner: Parameters, name: str, default: Vec3) -> Varying:
         """A colour of a surface."""
@@ -138,7 +145,7 @@ class Textures:
         if color is None:
             return self.shelf.derived(alpha.texture, f"holes by {factor}", lambda it: cut(None, it))
         own = self._description.textures[color]
-        if (own.transform, own.wrap_s, own.wrap_t) != (holes.transform, holes.wrap_s, holes.wrap_t):
+        if replace(own, image=0, layers=(), filter="linear") != replace(holes, image=0, layers=(), filter="linear"):
             return None
         return self.shelf.combined(color, alpha.texture, f"holes by {factor}", cut)
 
@@ -149,7 +156,9 @@ class Textures:
             raise owner.place.wrong(
                 f"{owner} has the texture {wanted[:60]!r} as {name}, but no {kind} texture of this name stands before"
             )
-        return self.of(definition, default)
+        found = self.of(definition, default)
+        self.mappings += [found.mapping] if found.mapping is not None else []
+        return found
 
     def of(self, definition: Definition, default: Vec3 = _ONE) -> Varying:
         """A texture; the default where it shows nothing."""
@@ -162,11 +171,11 @@ class Textures:
         return self._known[key]
 
     def _make(self, definition: Definition, default: Vec3, depth: int) -> Varying:
-        kind, source, _ = definition
+        kind, source, *_ = definition
         if depth > _MAX_NESTED:
             raise source.place.wrong(f"{source} is made of textures that are nested too deep")
         if source.type == "imagemap":
-            return self._image(source, default)
+            return self._image(definition, default)
         if source.type in _SOLID or source.type in ("marble", "ptex"):
             value = _SOLID.get(source.type, 0.5)
             self._notes.add(source.place, f"{source} is not read: one value stands for all of it")
@@ -180,12 +189,12 @@ class Textures:
                 factor = self._constant_part(definition, name, of, _ONE, depth)
                 if factor is not None:
                     scaled = self._made(self._child(definition, other, kind_of_other), _ONE, depth + 1)
-                    return Varying(_times(scaled.value, factor), scaled.texture)
+                    return replace(scaled, value=_times(scaled.value, factor))
         if source.type == "checkerboard" and source.integer("dimension", 2) == 2:
             first = self._constant_part(definition, "tex1", kind, _ONE, depth)
             second = self._constant_part(definition, "tex2", kind, _BLACK, depth)
             if first is not None and second is not None:
-                return self._checks(source, first, second)
+                return self._checks(definition, first, second)
         return self._baked(definition, depth)
 
     def _constant(self, definition: Definition, depth: int) -> Vec3 | None:
@@ -196,7 +205,7 @@ class Textures:
         return self._constants[key]
 
     def _same_everywhere(self, definition: Definition, depth: int) -> Vec3 | None:
-        kind, source, _ = definition
+        kind, source, *_ = definition
         if depth > _MAX_NESTED:
             raise source.place.wrong(f"{source} is made of textures that are nested too deep")
         if source.type == "constant":
@@ -233,16 +242,18 @@ class Textures:
             return (source.number(name, 1.0),) * 3
         return self.colors.albedo(found) if found.type != "blackbody" else self.colors.light(found)
 
-    def _place(self, source: Parameters) -> UvTransform:
+    def _place(self, definition: Definition) -> UvTransform:
         """How our UVs become those of an image or of squares, both counted from above."""
-        mapping = source.text("mapping", "uv")
+        source = definition.parameters
+        source.used.update(("mapping", "uscale", "vscale", "udelta", "vdelta", "v1", "v2"))
+        if definition.mapping is not None:
+            return UPRIGHT
         su, sv = source.number("uscale", 1.0), source.number("vscale", 1.0)
         du, dv = source.number("udelta", 0.0), source.number("vdelta", 0.0)
-        if mapping != "uv":
-            self._notes.add(source.place, f"{source} is laid on by its {mapping[:30]} mapping; it is laid on by UVs here")
         return su, 0.0, du, 0.0, sv, 1 - sv - dv
 
-    def _image(self, source: Parameters, default: Vec3) -> Varying:
+    def _image(self, definition: Definition, default: Vec3) -> Varying:
+        source, mapping = definition.parameters, definition.mapping
         wanted = source.text("filename")
         name = self._files.find(wanted, source.place.file)
         if name is None:
@@ -261,7 +272,7 @@ class Textures:
         wrap = _WRAPS.get(said, "clamp")
         filter: TexelFilter = "nearest" if source.text("filter", "bilinear") == "point" else "linear"
         source.used.add("maxanisotropy")
-        texture = self.shelf.texture(image, wrap, wrap, 0, self._place(source), (), filter)
+        texture = self.shelf.texture(image, wrap, wrap, int(mapping is not None), self._place(definition), (), filter)
         scale = source.number("scale", 1.0)
         if source.flag("invert", False):
             texture = self.shelf.derived(
@@ -270,15 +281,16 @@ class Textures:
                 lambda it: Image(f"{it.name} inverted", np.maximum(1 - scale * linear(it), 0), False),
             )
             scale = 1.0
-        return Varying((scale,) * 3, texture)
+        return Varying((scale,) * 3, texture, mapping)
 
-    def _checks(self, source: Parameters, first: Vec3, second: Vec3) -> Varying:
-        su, _, du, _, sv, _ = self._place(source)
+    def _checks(self, definition: Definition, first: Vec3, second: Vec3) -> Varying:
+        su, _, du, _, sv, dv = self._place(definition)
         # Two squares each way are one image; from above, its lower left one is the first.
         pixels = np.array([[second, first], [first, second]], np.float32)
         image = self.shelf.add(Image(f"checkerboard {len(self._description.images)}", pixels, srgb=False))
-        transform = (su / 2, 0.0, du / 2, 0.0, sv / 2, (1 - sv - source.number("vdelta", 0.0)) / 2 + 0.5)
-        return Varying(_ONE, self.shelf.texture(image, "repeat", "repeat", 0, transform, (), "nearest"))
+        transform = (su / 2, 0.0, du / 2, 0.0, sv / 2, dv / 2 + 0.5)
+        uv_set = int(definition.mapping is not None)
+        return Varying(_ONE, self.shelf.texture(image, "repeat", "repeat", uv_set, transform, (), "nearest"), definition.mapping)
 
     def _baked(self, definition: Definition, depth: int) -> Varying:
         source = definition.parameters
@@ -287,7 +299,19 @@ class Textures:
             Image(f"{source.type} {len(self._description.images)}", np.ascontiguousarray(pixels, np.float32), False)
         )
         self._notes.add(source.place, f"{source} is worked out as a picture of {SIZE} x {SIZE}, which repeats with the UVs")
-        return Varying(_ONE, self.shelf.texture(image))
+        ways = self._ways(definition, {})
+        mapping = next((way for way in ways if way is not None), None)
+        if len(ways) > 1:
+            self._notes.add(source.place, f"{source} is made of textures that lie on things in several ways: all lie as one")
+        return Varying(_ONE, self.shelf.texture(image, uv_set=int(mapping is not None)), mapping)
+
+    def _ways(self, definition: Definition, known: dict[int, set[Mapping | None]]) -> set[Mapping | None]:
+        """In which ways a texture, and those that it is made of, lie on things; None is by UVs."""
+        key = id(definition.parameters)
+        if key not in known:
+            own = {definition.mapping} if definition.parameters.type in _LAID_ON else set()
+            known[key] = own.union(*(self._ways(part, known) for part in definition.parts.values()))
+        return known[key]
 
     def _on_grid(self, definition: Definition, at: Grid, depth: int, known: dict[int, np.ndarray]) -> np.ndarray:
         """(SIZE, SIZE, 3) a texture over the unit square. known: those that were worked out for the same picture."""
@@ -299,7 +323,7 @@ class Textures:
         return known[key]
 
     def _on_new_grid(self, definition: Definition, at: Grid, depth: int, known: dict[int, np.ndarray]) -> np.ndarray:
-        kind, source, _ = definition
+        kind, source, *_ = definition
         if depth > _MAX_NESTED:
             raise source.place.wrong(f"{source} is made of textures that are nested too deep")
 
@@ -316,10 +340,10 @@ class Textures:
         if source.type == "checkerboard":
             if source.integer("dimension", 2) != 2:
                 self._notes.add(source.place, f"{source} of cubes in space is laid on as squares, by UVs")
-            return np.where(checks(at, self._place(source)), part("tex1", kind, _ONE), part("tex2", kind, _BLACK))
+            return np.where(checks(at, self._place(definition)), part("tex1", kind, _ONE), part("tex2", kind, _BLACK))
         if source.type == "bilerp":
             corners = [np.array(self._value(source, f"v{k}", kind, (float(k[1]),) * 3)) for k in ("00", "01", "10", "11")]
-            x, y = at.moved(self._place(source))
+            x, y = at.moved(self._place(definition))
             s, t = x[..., None], 1 - y[..., None]
             return (1 - s) * ((1 - t) * corners[0] + t * corners[1]) + s * ((1 - t) * corners[2] + t * corners[3])
         if source.type in ("imagemap", "constant"):

@@ -13,6 +13,7 @@ from renderer.scene.matrices import Matrix
 from renderer.scene.readers.numbers import clamped
 from renderer.scene.readers.usd.notes import Notes
 from renderer.settings import View
+from renderer.view import MAX_SHIFT
 
 __all__ = ["read_camera", "shutter_of"]
 
@@ -31,8 +32,6 @@ def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) 
         value = attribute.Get(time)
         return float(value) if value is not None and math.isfinite(value) else 0.0
 
-    if said(camera.GetHorizontalApertureOffsetAttr()) or said(camera.GetVerticalApertureOffsetAttr()):
-        notes.add("Cameras whose lens is shifted look straight", prim.GetName())
     if len(camera.GetClippingPlanesAttr().Get(time) or ()):
         notes.add("Clipping planes of cameras cut nothing off", prim.GetName())
     eye = world[:3, 3]
@@ -40,14 +39,18 @@ def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) 
     focus = said(camera.GetFocusDistanceAttr()) * unit
     target = eye + forward * (focus if focus > _LEAST else max(unit, float(np.abs(eye).max())))
     height = abs(said(camera.GetVerticalApertureAttr()))
+    offsets = said(camera.GetHorizontalApertureOffsetAttr()), said(camera.GetVerticalApertureOffsetAttr())
+    x, y = (clamped(offset / height, -MAX_SHIFT, MAX_SHIFT) if height > 0 else 0.0 for offset in offsets)
+    shift: dict[str, Any] = {"shift_x": x, "shift_y": y}
     if camera.GetProjectionAttr().Get(time) == "orthographic":
-        return View(_vec3(eye), _vec3(target), _vec3(up), projection="orthographic", height=max(height * _TENTH * unit, _LEAST))
+        tall = max(height * _TENTH * unit, _LEAST)
+        return View(_vec3(eye), _vec3(target), _vec3(up), projection="orthographic", height=tall, **shift)
     length = max(said(camera.GetFocalLengthAttr()), _LEAST)
     fov = clamped(math.degrees(2 * math.atan(height / (2 * length))), 0.01, 179.0)
     stop = said(camera.GetFStopAttr())
     if stop > 0 and focus > _LEAST:
-        return View(_vec3(eye), _vec3(target), _vec3(up), fov, aperture=length * _TENTH * unit / (2 * stop), focus=focus)
-    return View(_vec3(eye), _vec3(target), _vec3(up), fov)
+        shift |= {"aperture": length * _TENTH * unit / (2 * stop), "focus": focus}
+    return View(_vec3(eye), _vec3(target), _vec3(up), fov, **shift)
 
 
 def shutter_of(prim: Any, time: Any, notes: Notes) -> float:

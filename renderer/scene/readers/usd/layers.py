@@ -17,6 +17,7 @@ from pxr import Sdf, Tf, Usd, UsdUtils, Work
 
 from renderer.errors import SceneError
 from renderer.scene.readers.names import number_of
+from renderer.scene.readers.usd.composed import judge_composition
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.sources import LAYER_SUFFIXES, Sources
 
@@ -70,6 +71,7 @@ def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage,
     notes = Notes()
     opener = _Opener(sources, notes)
     root = opener.open(sources.root_of(main))
+    judge_composition({layer.identifier: layer for layer in opener.opened.values()}, root, main)
     stage = Usd.Stage.Open(root, load=Usd.Stage.LoadAll)
     names = _variants(stage)
     if variant is not None:

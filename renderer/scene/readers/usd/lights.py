@@ -55,7 +55,23 @@ def lamp_of(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: 
     """A light in its place; None, with a note, of a kind that is not known here.
 
     world: (4, 4), to metres; unit: metres of a unit of the stage, which the areas are counted in that it is normalised by.
+    One that the camera does not see is no body, either, as in Cycles.
     """
+    found = _lamp(prim, world, name, unit, time, notes)
+    if found is not None and found.material is not None:
+        found.material.lamp = found.material.unseen = _is_unseen(prim, time)
+    return found
+
+
+def _is_unseen(prim: Any, time: Any) -> bool:
+    """Whether the camera sees past a light: UsdLux's do show, Blender's do not; who says otherwise says it as Cycles' and
+    Omniverse's delegates read it."""
+    told = prim.GetAttribute("inputs:visibleInPrimaryRay") or prim.GetAttribute("visibleInPrimaryRay")
+    value = told.Get(time) if told else None
+    return _is_blenders(prim) if value is None else not value
+
+
+def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes) -> Lamp | None:
     light = UsdLux.LightAPI(prim)
     _note(light, prim, time, notes)
     place = (float(world[0, 3]), float(world[1, 3]), float(world[2, 3]))
@@ -151,7 +167,7 @@ def _aimed(light: Light, cone: tuple[float, float] | None, unit: float) -> Light
     """The light, of so many watts of the stage's units, and within a cone where there is one."""
     light.intensity = _times(light.intensity, unit * unit)
     if cone is not None:
-        light.kind, (light.inner_cone, light.outer_cone) = "spot", cone
+        light.kind, light.falloff, (light.inner_cone, light.outer_cone) = "spot", "smooth angle", cone
     return light
 
 

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import F32, I32
+from renderer.scene.readers.usd.ears import Scissors
 
 __all__ = ["AtCorners", "Faces", "cut", "joined"]
 
 Codes = npt.NDArray[np.int64]
-MAX_CLIPPED = 20_000  # polygons that are cut one by one, as they are not convex
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,8 @@ class AtCorners:
 def cut(faces: Faces, points: F32, mirrored: bool) -> npt.NDArray[np.int64]:
     """(T, 3) numbers of corners: triangles that fill the faces, counter-clockwise unless mirrored.
 
-    Fans, but for what is not convex: quads are cut along their other diagonal, and larger polygons ear by ear.
+    Fans, but for what is not convex: quads are cut along their other diagonal, and larger polygons ear by ear, as long as
+    that takes no longer than some seconds.
     """
     counts, first = faces.counts, faces.first
     face = np.repeat(np.arange(len(counts)), np.maximum(counts - 2, 0))
@@ -70,9 +70,11 @@ def cut(faces: Faces, points: F32, mirrored: bool) -> npt.NDArray[np.int64]:
     for number in np.flatnonzero(counts == 4)[_bent_quads(faces, points)]:
         a = first[number]
         fans[start[number] : start[number] + 2] = (a, a + 1, a + 3), (a + 1, a + 2, a + 3)
-    for number in _hollow(faces, points)[:MAX_CLIPPED]:
+    scissors = Scissors()
+    for number in _hollow(faces, points):
         a, n = int(first[number]), int(counts[number])
-        fans[start[number] : start[number] + n - 2] = a + _ears(points[faces.corners[a : a + n]].astype(np.float64))
+        if not scissors.are_blunt:
+            fans[start[number] : start[number] + n - 2] = a + scissors.cut(points[faces.corners[a : a + n]].astype(np.float64))
     return fans[:, ::-1] if mirrored else fans
 
 
@@ -100,36 +102,6 @@ def _hollow(faces: Faces, points: F32) -> Codes:
     # The sum of all turns points to the face's outside; a corner that turns against it bends inwards.
     inwards = np.einsum("ij,ij->i", turn, whole[some.face]) < 0
     return large[np.bincount(some.face, inwards, len(some.counts)) > 0]
-
-
-def _ears(place: npt.NDArray[np.float64]) -> Codes:
-    """(n - 2, 3) triangles of one polygon's (n, 3) corners."""
-    ahead = np.roll(place, -1, axis=0)
-    normal = np.cross(place, ahead).sum(axis=0)
-    axis = int(np.argmax(np.abs(normal)))
-    flat = np.delete(place, axis, axis=1)
-    if (normal[axis] < 0) != (axis == 1):  # dropping y turns the plane over
-        flat = flat * (-1.0, 1.0)
-    left = list(range(len(place)))
-    found = []
-    while len(left) > 3:
-        ear = next((i for i in range(len(left)) if _is_ear(flat, left, i)), 0)
-        found.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
-        del left[ear]
-    return np.array([*found, tuple(left)], np.int64)
-
-
-def _is_ear(flat: npt.NDArray[np.float64], left: list[int], i: int) -> bool:
-    a, b, c = flat[left[i - 1]], flat[left[i]], flat[left[(i + 1) % len(left)]]
-    if _area(a, b, c) <= 0:
-        return False
-    others = flat[[left[(i + k) % len(left)] for k in range(2, len(left) - 1)]]
-    inside = (_area(a, b, others.T) >= 0) & (_area(b, c, others.T) >= 0) & (_area(c, a, others.T) >= 0)
-    return not bool(inside.any())
-
-
-def _area(a: Any, b: Any, c: Any) -> Any:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def joined(faces: Faces, attributes: list[AtCorners]) -> tuple[Codes, I32]:

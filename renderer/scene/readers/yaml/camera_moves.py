@@ -17,7 +17,7 @@ from renderer.settings import View
 
 __all__ = ["between", "moved"]
 
-_NUMBERS = ("fov", "height", "aperture", "near")
+_NUMBERS = ("fov", "height", "aperture", "near", "shift_x", "shift_y")
 
 
 def moved(view: View, source: dict[str, Any], time: float) -> View:

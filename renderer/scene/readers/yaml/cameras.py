@@ -22,7 +22,7 @@ def read_view(source: dict[str, Any], document: Yaml, path: Path) -> View:
     if "aperture" in source and "f_stop" in source:
         raise document.error(path, "has one of aperture and f_stop")
     fields: dict[str, Any] = {key: vec3(source[key]) for key in ("eye", "target", "up") if key in source}
-    fields |= {key: float(source[key]) for key in ("fov", "height", "aperture", "near") if key in source}
+    fields |= {key: float(source[key]) for key in ("fov", "height", "aperture", "near", "shift_x", "shift_y") if key in source}
     fields |= {key: source[key] for key in ("projection",) if key in source}
     try:
         view = View(**fields)

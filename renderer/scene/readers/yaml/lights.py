@@ -18,7 +18,7 @@ __all__ = ["read_environment", "read_light"]
 
 _FIELDS = {
     "point": {"position", "radius"},
-    "spot": {"position", "direction", "target", "radius", "inner_cone", "outer_cone"},
+    "spot": {"position", "direction", "target", "radius", "inner_cone", "outer_cone", "falloff"},
     "directional": {"direction", "angle"},
 }
 _ALL = {"type", "name", "intensity", "color"}
@@ -41,6 +41,7 @@ def read_light(source: dict[str, Any], index: int, document: Yaml, path: Path) -
     light.radius, light.angle = float(source.get("radius", 0)), float(source.get("angle", 0))
     light.outer_cone = float(source.get("outer_cone", 45))
     light.inner_cone = float(source.get("inner_cone", 0))
+    light.falloff = source.get("falloff", "squared")
     if light.inner_cone > light.outer_cone:
         raise document.error((*path, "inner_cone"), f"is wider than the outer cone of {light.outer_cone:g} degrees")
     return light

@@ -20,7 +20,7 @@ SCENE_SETTINGS: Mapping[str, Declared] = {
     **{name: SETTINGS[name] for name in OPTIONAL},
 }
 # Those of a camera that a file writes as the renderer takes them.
-_LENS = ("projection", "fov", "height", "aperture", "near")
+_LENS = ("projection", "fov", "height", "aperture", "near", "shift_x", "shift_y")
 
 
 def filled_in(document: dict[str, Any], settings: Mapping[str, Declared] = SCENE_SETTINGS) -> dict[str, Any]:

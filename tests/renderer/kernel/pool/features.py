@@ -140,6 +140,21 @@ def sliding(material: Material) -> SceneDescription:
     return description
 
 
+def hidden(material: Material) -> SceneDescription:
+    """Lamps that are no bodies before the camera, of which it sees one, and a ball that it does not see."""
+    glow = {"base_color": gray(0.0), "emission": (3.0, 2.0, 1.0), "lamp": True}
+    cards = tuple(square((x, 1.0, 2.0), (0.5, 0, 0), (0, 0.4, 0), n) for x, n in ((-0.6, 3), (0.6, 4)))
+    ball = Sphere((1.4, 0.7, 0.4), 0.5, 5)
+    description = room(
+        material,
+        cards,
+        materials=[Material(**glow), Material(**glow, unseen=True), Material(base_color=gray(0.6), unseen=True)],
+        spheres=[ball],
+    )
+    description.materials[2] = replace(description.materials[2], lamp=True, unseen=True)
+    return description
+
+
 def dark() -> SceneDescription:
     """Nothing that shines."""
     description = room(Material(base_color=gray(0.5)), environment=None)
@@ -207,6 +222,7 @@ FEATURES: dict[str, Feature] = {
     "a panorama": _of(GRAY, view=View((0.0, 1.6, 3.0), (0.0, 0.7, 0.0), projection="panorama")),
     "an orthographic view": _of(GRAY, view=View((0.0, 1.6, 5.0), (0.0, 0.7, 0.0), projection="orthographic", height=4.0)),
     "a lens": _of(GRAY, view=replace(VIEW, aperture=0.2, focus=4.0)),
+    "a shifted lens": _of(GRAY, view=replace(VIEW, shift_x=0.4, shift_y=-0.2)),
     "a near plane": _of(GRAY, view=replace(VIEW, near=4.8)),
     # What only the full one has
     "textures": _of(Material(**PBR, **TEXTURED, metallic=1.0)),
@@ -238,6 +254,8 @@ FEATURES: dict[str, Feature] = {
     "copies": _feature(lambda: copies(Material(**PBR, roughness=0.4))),
     "many lights": _feature(lambda: lamps(100)),
     "lights without a body": _feature(_punctual),
+    "what the camera does not see": _feature(lambda: hidden(Material(kind="mirror", base_color=gray(0.9)))),
+    "half clear lamps": _feature(lambda: hidden(_half_clear())),
     # What moves while the shutter is open
     "what moves": _feature(lambda: moving(Material(**PBR, metallic=0.5, roughness=0.3))),
     "textures that slide": _feature(

@@ -37,7 +37,7 @@ def _together(bvh, alone, stack, pool, lists, count, out):
         rows = eight(lists, NODES, k)
         ray = read(pool, rows, RAY)
         none = nil(ray[0])
-        set_out(pool, rows, (ray[0], ray[1], ray[2]), (ray[3], ray[4], ray[5]), none + _INF)
+        set_out(pool, rows, (ray[0], ray[1], ray[2]), (ray[3], ray[4], ray[5]), none + _INF, none)
         nobody = as_floats(as_wide(_NOBODY, none))
         write(pool, rows, HIT, (none, none, none, nobody, nobody, none, none, none))
     walk(bvh, None, alone, pool, stack, lists)
@@ -60,7 +60,8 @@ def _in_shade(bvh, alone, stack, pool, lists, count, out):
         rows = eight(lists, NODES, k)
         ends = read(pool, rows, SHADOW)
         start = (ends[0], ends[1], ends[2])
-        set_out(pool, rows, start, vec.sub((ends[3], ends[4], ends[5]), start), nil(ends[0]))
+        none = nil(ends[0])
+        set_out(pool, rows, start, vec.sub((ends[3], ends[4], ends[5]), start), none, none)
     walk_in_shade(bvh, None, alone, pool, stack, lists)
     for k in range(count):
         out[k] = pool[at(k, BLOCKED)]

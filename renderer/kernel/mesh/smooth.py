@@ -1,0 +1,143 @@
+"""A mesh's points, and the normals that its corners have where it has none. All arrays are the caller's."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import builder, device
+
+__all__ = ["blend_normals", "join_corners", "measure_corners", "number_points", "sort_corners"]
+
+_FINE = 1e4  # normals that agree to so many parts of 1 are the same
+_MOST_KINDS = 64  # that a corner is compared with: where more meet in one point, some that agree stay apart
+
+
+@device
+def _mixed(value):
+    """SplitMix64's finalizer (Steele, Lea & Flood 2014)."""
+    value ^= value >> np.uint64(30)
+    value *= np.uint64(0xBF58476D1CE4E5B9)
+    value ^= value >> np.uint64(27)
+    value *= np.uint64(0x94D049BB133111EB)
+    return value ^ (value >> np.uint64(31))
+
+
+@builder
+def number_points(bits, salt, slot, first, number):
+    """Numbers the rows of bits (V, 3) u32 by what they hold, and says of each number its first row: how many there are.
+
+    salt: u64, which decides nothing but where in `slot` something lies, so that no file can choose that. slot: a power of two of
+    at least 2 V, all -1. first, number: (V,) i32.
+    """
+    mask = np.uint64(len(slot) - 1)
+    count = 0
+    for i in range(len(bits)):
+        a, b, c = bits[i, 0], bits[i, 1], bits[i, 2]
+        at = _mixed(_mixed((np.uint64(a) << np.uint64(32) | np.uint64(b)) ^ salt) + np.uint64(c)) & mask
+        while slot[at] >= 0:
+            j = first[slot[at]]
+            if bits[j, 0] == a and bits[j, 1] == b and bits[j, 2] == c:
+                break
+            at = (at + np.uint64(1)) & mask
+        if slot[at] < 0:
+            slot[at] = count
+            first[count] = i
+            count += 1
+        number[i] = slot[at]
+    return count
+
+
+@builder
+def sort_corners(triangle, number, start, order):
+    """Fills order (3 T,) with the corners of each point, in their order, and start (P + 1,), all 0, with where they begin."""
+    for i in range(len(triangle)):
+        for k in range(3):
+            start[number[triangle[i, k]] + 1] += 1
+    for p in range(1, len(start)):
+        start[p] += start[p - 1]
+    for i in range(len(triangle)):
+        for k in range(3):
+            p = number[triangle[i, k]]
+            order[start[p]] = 3 * i + k
+            start[p] += 1
+    for p in range(len(start) - 1, 0, -1):
+        start[p] = start[p - 1]
+    start[0] = 0
+
+
+@builder
+def measure_corners(position, triangle, unit, across, along):
+    """Of each triangle its unit normal, 0 without an area; of each corner how far its edges reach across and along each other."""
+    corner = np.empty((3, 3), np.float64)
+    for i in range(len(triangle)):
+        for k in range(3):
+            for c in range(3):
+                corner[k, c] = position[triangle[i, k], c]
+        for k in range(3):
+            o, n, p = corner[k], corner[(k + 1) % 3], corner[(k + 2) % 3]
+            ux, uy, uz = n[0] - o[0], n[1] - o[1], n[2] - o[2]
+            vx, vy, vz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
+            x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            size = np.sqrt(x * x + y * y + z * z)
+            across[3 * i + k] = size
+            along[3 * i + k] = ux * vx + uy * vy + uz * vz
+            if k == 0:
+                size = size if size > 0 else 1.0  # then x, y and z are 0
+                unit[i, 0], unit[i, 1], unit[i, 2] = x / size, y / size, z / size
+
+
+@builder
+def blend_normals(unit, angle, start, order, limit, most, normal):
+    """Each corner's normal: the mean, by their angles, of the faces at its point that lie within the crease angle of its own.
+
+    limit: the cosine of that. most: corners at a point that each looks at.
+    """
+    for p in range(len(start) - 1):
+        begin, degree = start[p], start[p + 1] - start[p]
+        for r in range(degree):
+            here = order[begin + r]
+            face = here // 3
+            x, y, z = unit[face, 0], unit[face, 1], unit[face, 2]
+            tx, ty, tz = x * angle[here], y * angle[here], z * angle[here]
+            for k in range(1, min(degree, most)):
+                other = order[begin + (r + k) % degree]
+                f = other // 3
+                if x * unit[f, 0] + y * unit[f, 1] + z * unit[f, 2] > limit:
+                    tx, ty, tz = tx + unit[f, 0] * angle[other], ty + unit[f, 1] * angle[other], tz + unit[f, 2] * angle[other]
+            size = np.sqrt(tx * tx + ty * ty + tz * tz)
+            size = size if size > 0 else 1.0
+            normal[here, 0], normal[here, 1], normal[here, 2] = tx / size, ty / size, tz / size
+
+
+@builder
+def join_corners(vertex, normal, start, order, kind, kept):
+    """Numbers corners that agree in vertex and normal, and says of each number its first corner: how many there are.
+
+    vertex, kind, kept: (3 T,) i32; kind is all -1.
+    """
+    some = np.empty(_MOST_KINDS, np.int64)
+    count = 0
+    for p in range(len(start) - 1):
+        found = 0
+        for r in range(start[p], start[p + 1]):
+            here = order[r]
+            for k in range(min(found, _MOST_KINDS)):
+                other = some[k]
+                if vertex[other] == vertex[here] and _agree(normal, here, other):
+                    kind[here] = kind[other]
+                    break
+            if kind[here] < 0:
+                kind[here] = count
+                kept[count] = here
+                some[found % _MOST_KINDS] = here
+                count += 1
+                found += 1
+    return count
+
+
+@device
+def _agree(normal, i, j):
+    agree = True
+    for c in range(3):
+        agree = agree and np.rint(normal[i, c] * _FINE) == np.rint(normal[j, c] * _FINE)
+    return agree

@@ -1,0 +1,47 @@
+"""What is looked at before assimp opens a file: what would have it follow references, or unpack, until memory ends."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import PurePosixPath
+from xml.etree import ElementTree
+
+from renderer.errors import SceneError
+from renderer.scene.readers.spread import collada_nodes, x3d_nodes
+from renderer.scene.readers.xml import refuse_entities
+from renderer.zips import DAMAGED, is_bomb
+
+__all__ = ["judge"]
+
+_XML = (".dae", ".x3d", ".xgl", ".amf", ".irrmesh")
+
+
+def judge(data: bytes, main: str) -> None:
+    """Raises SceneError where a file is not to be opened."""
+    suffix = PurePosixPath(main).suffix.lower()
+    if suffix in _XML:
+        refuse_entities(data, main, doctype_too=False)
+    if suffix == ".x3d":
+        try:
+            x3d_nodes(ElementTree.fromstring(data), main)
+        except ElementTree.ParseError:
+            return  # assimp says what is wrong with it
+    if suffix == ".zae":
+        _judge_package(data, main)
+
+
+def _judge_package(data: bytes, main: str) -> None:
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as package:
+            for entry in package.infolist():
+                if is_bomb(entry.file_size, entry.compress_size):
+                    raise SceneError(f"{main}: its part {entry.filename[:120]} unpacks to far more than it is, as zip bombs do")
+                if entry.filename.lower().endswith(".dae"):
+                    inside = package.read(entry)
+                    refuse_entities(inside, main, doctype_too=False)
+                    collada_nodes(ElementTree.fromstring(inside), main)
+    except ElementTree.ParseError:
+        return
+    except (*DAMAGED, OSError) as error:
+        raise SceneError(f"{main}: is damaged ({str(error)[:120]}); pack it again") from error

@@ -1,0 +1,95 @@
+"""Textures that lie on things by where these are and not by their UVs: on a plane, about a sphere, about a cylinder.
+
+A mesh has what a mapping makes of its points as its second set of UVs, v counted from above as in the first.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import Mesh, UvTransform, Vec3
+from renderer.scene.matrices import Matrix
+from renderer.scene.readers.pbrt.parameters import Parameters
+
+__all__ = ["UPRIGHT", "Mapping", "mapped", "mapping_of"]
+
+F64 = npt.NDArray[np.float64]
+UPRIGHT: UvTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+
+class Mapping(NamedTuple):
+    """kind: planar, spherical or cylindrical. of_world: rows of the matrix from the world to the texture's space.
+
+    axes, offsets: of planar ones, along which s and t grow, and what they begin with.
+    """
+
+    kind: str
+    of_world: tuple[tuple[float, ...], ...]
+    axes: tuple[Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    offsets: tuple[float, float] = (0.0, 0.0)
+
+    def uvs(self, points: F64) -> F64:
+        """(V, 2) s and t of points (V, 3) of the world."""
+        matrix = np.array(self.of_world)
+        x, y, z = (points @ matrix[:3, :3].T + matrix[:3, 3]).T
+        if self.kind == "planar":
+            s, t = (x * a[0] + y * a[1] + z * a[2] + d for a, d in zip(self.axes, self.offsets, strict=True))
+        elif self.kind == "spherical":
+            s = np.arccos(np.clip(z / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-30), -1, 1)) / math.pi
+            t = np.arctan2(y, x) / (2 * math.pi) % 1.0
+        else:
+            s, t = (math.pi + np.arctan2(y, x)) / (2 * math.pi), z
+        return np.stack([s, t], axis=1)
+
+    @property
+    def around(self) -> int | None:
+        """Which of s and t begins again after a turn."""
+        return {"spherical": 1, "cylindrical": 0}.get(self.kind)
+
+
+def mapping_of(source: Parameters, ctm: Matrix) -> Mapping | None:
+    """How a texture lies on things, which was named under this transformation; None where it lies there by their UVs."""
+    kind = source.text("mapping", "uv")
+    if kind == "uv":
+        return None
+    if kind not in ("planar", "spherical", "cylindrical"):
+        raise source.place.wrong(f"{source} has the mapping {kind[:30]!r}; there are uv, planar, spherical and cylindrical")
+    of_world = tuple(tuple(float(v) for v in row) for row in np.linalg.pinv(ctm))
+    if kind != "planar":
+        return Mapping(kind, of_world)
+    axes = source.vector("v1", (1.0, 0.0, 0.0)), source.vector("v2", (0.0, 1.0, 0.0))
+    return Mapping(kind, of_world, axes, (source.number("udelta", 0.0), source.number("vdelta", 0.0)))
+
+
+def mapped(mesh: Mesh, mapping: Mapping, ctm: Matrix) -> Mesh:
+    """The mesh, which stands in the world by a transformation, with a second set of UVs."""
+    points = mesh.positions.astype(np.float64) @ ctm[:3, :3].T + ctm[:3, 3]
+    found = mapping.uvs(points)
+    if mapping.around is not None:
+        mesh, found = _sewn(mesh, found, mapping.around)
+    return replace(mesh, uvs1=np.stack([found[:, 0], 1 - found[:, 1]], axis=1).astype(np.float32))
+
+
+def _sewn(mesh: Mesh, found: F64, around: int) -> tuple[Mesh, F64]:
+    """Triangles across the line where the count begins again go on beyond 1: those have vertices of their own."""
+    turns = found[mesh.triangles, around]
+    across = np.flatnonzero(np.ptp(turns, axis=1) > 0.5)
+    if len(across) == 0:
+        return mesh, found
+    corners = mesh.triangles[across].reshape(-1)
+    own = found[corners].copy()
+    own[:, around] += own[:, around] < 0.5
+    triangles = mesh.triangles.copy()
+    triangles[across] = np.arange(len(found), len(found) + len(corners), dtype=np.int32).reshape(-1, 3)
+
+    def more(values: npt.NDArray[np.float32] | None) -> npt.NDArray[np.float32] | None:
+        return None if values is None else np.concatenate([values, values[corners]])
+
+    positions = np.concatenate([mesh.positions, mesh.positions[corners]])
+    mesh = replace(mesh, positions=positions, triangles=triangles, normals=more(mesh.normals), uvs=more(mesh.uvs))
+    return mesh, np.concatenate([found, own])

@@ -1,0 +1,90 @@
+"""How much a file that refers to itself grows: a library follows its references until memory ends, so they are counted before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from typing import TypeVar
+from xml.etree import ElementTree
+
+from renderer.errors import SceneError
+
+__all__ = ["collada_nodes", "judge_spread", "x3d_nodes"]
+
+MAX_NODES = 500_000
+MAX_DEPTH = 500
+
+_WITH_NODES = ("library_nodes", "library_visual_scenes", "visual_scene", "node")
+
+Key = TypeVar("Key", bound=Hashable)
+
+
+def judge_spread(
+    root: Key, below: Callable[[Key], Iterable[Key]], file: str, most: int = MAX_NODES, is_circle_error: bool = True
+) -> int:
+    """How many things a file shows that begins with `root`, each as often as it is referred to.
+
+    below: what is in a thing, and what it refers to. is_circle_error: else the library does not go round in circles by itself.
+    Raises SceneError where things contain each other, or are too many or too deep.
+    """
+    sizes: dict[Key, int] = {}
+    path: list[tuple[Key, Iterator[Key]]] = [(root, iter(below(root)))]
+    counts, within = [1], {root}
+    while path:
+        key, rest = path[-1]
+        child = next(rest, None)
+        if child is None:
+            path.pop()
+            within.discard(key)
+            sizes[key] = counts.pop()
+            if sizes[key] > most:
+                raise SceneError(f"{file}: its references to nodes show more than {most} of them; fewer fit")
+            if counts:
+                counts[-1] += sizes[key]
+        elif child in sizes:
+            counts[-1] += sizes[child]
+        elif child in within and not is_circle_error:
+            continue
+        elif child in within:
+            raise SceneError(f"{file}: its nodes contain each other without end; export it again")
+        else:
+            if len(path) >= MAX_DEPTH:
+                raise SceneError(f"{file}: its nodes are nested more than {MAX_DEPTH} deep. Flatten its hierarchy")
+            path.append((child, iter(below(child))))
+            counts.append(1)
+            within.add(child)
+    return sizes[root]
+
+
+def collada_nodes(root: ElementTree.Element, file: str) -> int:
+    """Of a Collada file, with what its nodes take from libraries. Raises SceneError as `judge_spread` does."""
+    known: dict[str, ElementTree.Element] = {}
+    for node in root.iter():
+        if _tag(node) in ("node", "visual_scene"):
+            for name in (node.get("id"), node.get("name")):
+                if name:
+                    known.setdefault(name, node)
+
+    def below(node: ElementTree.Element) -> Iterator[ElementTree.Element]:
+        for child in node:
+            if _tag(child) in _WITH_NODES:
+                yield child
+            elif _tag(child) == "instance_node" and (found := known.get((child.get("url") or "").lstrip("#"))) is not None:
+                yield found
+
+    return judge_spread(root, below, file)
+
+
+def x3d_nodes(root: ElementTree.Element, file: str) -> int:
+    """Elements of an X3D file, with what it uses again. Raises SceneError as `judge_spread` does."""
+    known = {name: node for node in root.iter() if (name := node.get("DEF"))}
+
+    def below(node: ElementTree.Element) -> Iterator[ElementTree.Element]:
+        used = known.get(node.get("USE") or "")
+        return iter(node) if used is None else iter((used,))
+
+    return judge_spread(root, below, file, max(MAX_NODES, sum(1 for _ in root.iter())))
+
+
+def _tag(element: ElementTree.Element) -> str:
+    tag = element.tag
+    return tag.rpartition("}")[2] if isinstance(tag, str) else ""

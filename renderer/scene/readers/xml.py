@@ -1,0 +1,18 @@
+"""What no XML of a scene needs, and what makes a few bytes of it gigabytes."""
+
+from __future__ import annotations
+
+import re
+
+from renderer.errors import SceneError
+
+__all__ = ["refuse_entities"]
+
+_ENTITY, _DOCTYPE = re.compile(rb"<!ENTITY", re.IGNORECASE), re.compile(rb"<!(DOCTYPE|ENTITY)", re.IGNORECASE)
+
+
+def refuse_entities(data: bytes, file: str, doctype_too: bool = True) -> None:
+    """Raises SceneError where a file declares entities, or a document type, in whichever encoding of Unicode."""
+    plain = data.replace(b"\0", b"") if b"\0" in data[:8] else data
+    if (_DOCTYPE if doctype_too else _ENTITY).search(plain):
+        raise SceneError(f"{file}: declares XML entities, which no scene needs; remove its DOCTYPE")

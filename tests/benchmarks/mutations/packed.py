@@ -1,0 +1,153 @@
+"""Sound files whose bytes are packed by a codec of its own: glTF's buffers and pictures, textures, zips, .blend files."""
+
+from __future__ import annotations
+
+import base64
+import io
+import subprocess
+import tempfile
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import DracoPy
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813
+from PIL import Image
+
+from renderer.image.encode import encode
+from tests.benchmarks.mutations.seed import Seed
+from tests.peers.blender import python_with_bpy
+from tests.renderer.scene.builders import TRIANGLE, Gltf
+from tests.renderer.scene.test_gltf_packed import KTX2, packed
+
+__all__ = ["blends", "packed_gltf", "pictures", "textures", "zips"]
+
+SIZE = 16
+_SAVE = """
+import sys, bpy
+bpy.ops.wm.read_factory_settings(use_empty=False)
+cube = bpy.data.objects["Cube"]
+cube.modifiers.new("round", "SUBSURF")
+for index in (0, 1):
+    bpy.ops.wm.save_as_mainfile(filepath=sys.argv[1 + index], compress=bool(index), check_existing=False)
+"""
+
+
+def _pixels() -> np.ndarray:
+    y, x = np.mgrid[0:SIZE, 0:SIZE]
+    return np.stack([x * 15, y * 15, (x ^ y) * 15, np.full_like(x, 255)], -1).astype(np.uint8)
+
+
+def pictures() -> dict[str, bytes]:
+    """A small picture in every format of textures that something here can write."""
+    made: dict[str, bytes] = {}
+    for suffix, form in (
+        ("png", "PNG"),
+        ("jpg", "JPEG"),
+        ("webp", "WEBP"),
+        ("avif", "AVIF"),
+        ("tga", "TGA"),
+        ("bmp", "BMP"),
+        ("gif", "GIF"),
+    ):
+        out = io.BytesIO()
+        Image.fromarray(_pixels()).convert("RGBA" if form in ("PNG", "WEBP", "TGA") else "RGB").save(out, form)
+        made[f"a.{suffix}"] = out.getvalue()
+    light = _pixels()[..., :3].astype(np.float32) / 64
+    made["a.exr"] = encode(light, "exr")
+    with tempfile.TemporaryDirectory(prefix="rayfarm-seeds-") as folder:
+        for name, kind in (
+            ("a.hdr", "float"),
+            ("half.exr", "half"),
+            ("a.tif", "uint8"),
+            ("wide.tif", "float"),
+            ("a.ppm", "uint8"),
+            ("a.sgi", "uint8"),
+        ):
+            path = Path(folder) / name
+            file = oiio.ImageOutput.create(str(path))
+            file.open(str(path), oiio.ImageSpec(SIZE, SIZE, 3, kind))
+            file.write_image(np.ascontiguousarray(light))
+            file.close()
+            made[name] = path.read_bytes()
+    for name, text in KTX2.items():
+        made[f"{name.lower()}.ktx2"] = zlib.decompress(base64.b85decode(text))
+    return made
+
+
+def textures() -> list[Seed]:
+    """A square under each of the pictures."""
+    scene = "shapes: [{{type: quad, material: m}}]\ntextures: {{t: {{image: {0}}}}}\nmaterials: {{m: {{texture: t}}}}\n"
+    lit = "shapes: [{{type: sphere}}]\nenvironment: {{image: {0}}}\n"
+    found: list[Seed] = []
+    for name, data in pictures().items():
+        shown = [scene, lit] if name.endswith((".exr", ".hdr")) else [scene]
+        found += [Seed("scene.yaml", {"scene.yaml": text.format(name).encode(), name: data}, (name,)) for text in shown]
+    return found
+
+
+def packed_gltf() -> list[Seed]:
+    """What is packed lies in a file beside the JSON, so that damage meets the codec."""
+    made = packed()
+    found = [_apart(made)]
+    points = np.random.default_rng(5).random((30, 3)).astype(np.float32)
+    faces = np.array([(i, i + 1, i + 2) for i in range(28)], np.uint32)
+    block = DracoPy.encode(points, faces, quantization_bits=16, preserve_order=True)
+    compressed = Gltf()
+    node = compressed.mesh(points, faces.reshape(-1))
+    primitive = compressed.root["meshes"][node["mesh"]]["primitives"][0]
+    compressed.binary.clear()
+    compressed.root["bufferViews"].clear()
+    identifier = DracoPy.decode(block).attributes[0]["unique_id"]
+    extension = {"bufferView": compressed.view(block), "attributes": {"POSITION": identifier}}
+    primitive["extensions"] = {"KHR_draco_mesh_compression": extension}
+    for accessor in compressed.root["accessors"]:
+        del accessor["bufferView"]
+    found.append(_apart(compressed))
+    images = pictures()
+    for name, form in (
+        ("etc1s.ktx2", "KHR_texture_basisu"),
+        ("uastc.ktx2", "KHR_texture_basisu"),
+        ("a.webp", "EXT_texture_webp"),
+        ("a.avif", "EXT_texture_avif"),
+    ):
+        shown = Gltf()
+        texture = shown.texture({"uri": name})
+        shown.root["textures"][texture] = {"extensions": {form: {"source": 0}}}
+        shown.mesh(material=shown.material(pbrMetallicRoughness={"baseColorTexture": {"index": texture}}))
+        found.append(Seed("a.gltf", {"a.gltf": shown.gltf(), name: images[name]}, (name,)))
+    sparse = Gltf()
+    sparse.mesh(TRIANGLE)
+    places, values = sparse.view(np.array([1], np.uint16).tobytes()), sparse.view(np.array([(2, 0, 0)], np.float32).tobytes())
+    parts: dict[str, Any] = {"indices": {"bufferView": places, "componentType": 5123}, "values": {"bufferView": values}}
+    sparse.root["accessors"][0]["sparse"] = {"count": 1, **parts}
+    return [*found, _apart(sparse)]
+
+
+def _apart(made: Gltf) -> Seed:
+    return Seed("a.gltf", {"a.gltf": made.gltf("a.bin"), "a.bin": bytes(made.binary)}, ("a.bin",))
+
+
+def zips(scene: dict[str, bytes]) -> list[Seed]:
+    """A scene's files in a zip, packed in each way that there is."""
+    found: list[Seed] = []
+    for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
+        out = io.BytesIO()
+        with zipfile.ZipFile(out, "w", method) as archive:
+            for name, data in scene.items():
+                archive.writestr(f"model/{name}", data)
+        found.append(Seed("scene.zip", {"scene.zip": out.getvalue()}))
+    return found
+
+
+def blends() -> list[Seed]:
+    """What Blender saves, as it is and compressed; none where there is no Blender."""
+    python = python_with_bpy()
+    if python is None:
+        return []
+    with tempfile.TemporaryDirectory(prefix="rayfarm-seeds-") as name:
+        paths = [Path(name) / "plain.blend", Path(name) / "compressed.blend"]
+        subprocess.run([python, "-I", "-c", _SAVE, *map(str, paths)], check=True, capture_output=True, timeout=300)
+        return [Seed("a.blend", {"a.blend": path.read_bytes()}) for path in paths]

@@ -1,0 +1,64 @@
+"""What held something back: how much of a processor each process used, and how long it waited for one (Linux, /proc).
+
+A thread that used and waited for a processor all the time was the limit, or the machine was; one that did neither had time to
+spare.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+__all__ = ["Processors", "Share"]
+
+_Times = dict[int, tuple[float, float]]  # of a thread: seconds on a processor, and waiting for one
+
+
+class Share(NamedTuple):
+    """Of processors, over a time: used and waited for, by a process and by its busiest thread."""
+
+    used: float
+    waited: float
+    thread_used: float
+    thread_waited: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.used:.2f} used, {self.waited:.2f} waited for (of one thread {self.thread_used:.2f}, {self.thread_waited:.2f})"
+        )
+
+
+class Processors:
+    """From its making on."""
+
+    def __init__(self, processes: Mapping[str, int]) -> None:
+        """Ids of processes by name."""
+        self._processes = processes
+        self._begun = time.monotonic()
+        self._before = {name: _times(pid) for name, pid in processes.items()}
+
+    def shares(self) -> dict[str, Share]:
+        """Of each, since then; threads that have ended are left out."""
+        seconds = time.monotonic() - self._begun
+        found = {}
+        for name, pid in self._processes.items():
+            before = self._before[name]
+            each = [
+                ((used - before.get(thread, (0.0, 0.0))[0]) / seconds, (waited - before.get(thread, (0.0, 0.0))[1]) / seconds)
+                for thread, (used, waited) in _times(pid).items()
+            ]
+            busiest = max(each, key=sum, default=(0.0, 0.0))
+            found[name] = Share(sum(used for used, _ in each), sum(waited for _, waited in each), *busiest)
+        return found
+
+
+def _times(pid: int) -> _Times:
+    found: _Times = {}
+    for thread in Path(f"/proc/{pid}/task").glob("*"):
+        with contextlib.suppress(OSError, ValueError):
+            used, waited, _ = (thread / "schedstat").read_text().split()
+            found[int(thread.name)] = int(used) / 1e9, int(waited) / 1e9
+    return found

@@ -1,0 +1,54 @@
+"""A browser that watches a job while the service that works as the farm is killed, and another takes over."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, WebSocket, expect
+
+from tests.e2e.conftest import Watched
+from tests.helpers import running_redis
+from tests.service.conftest import TOKEN, until
+from tests.service.owning.test_two_services import Started, begun, told
+from tests.service.peer_worker import PeerWorker
+
+pytestmark = pytest.mark.browser
+
+
+def test_the_picture_goes_on_by_itself(tmp_path: Path, watched: Watched) -> None:
+    page = watched.page
+    tiles: list[WebSocket] = []  # by which connection each came
+    page.on("websocket", lambda socket: socket.on("framereceived", lambda said: isinstance(said, bytes) and tiles.append(socket)))
+    redis = running_redis(tmp_path)
+    redis.start()
+    both = [Started(tmp_path / "data", name, redis_url=redis.url) for name in ("one", "other")]
+    try:
+        until(lambda: sorted(each.says() for each in both) == ["ready", "stands by"], "both are there", 90, lambda: told(both))
+        owner, other = sorted(both, key=Started.says)
+        with PeerWorker(redis.url, other.url, TOKEN) as worker:
+            job = begun(other, worker)
+            page.goto(f"{other.url}/#/jobs/{job}")  # which passes it all on
+            page.evaluate("window.isStillHere = true")
+            until(lambda: samples(page) > 0 and tiles, "there is something to see", 60, lambda: told(both))
+            first = tiles[0]
+            owner.process.kill()
+            owner.process.wait()
+            until(other.is_ready, "the other has taken over", 60, lambda: told(both))
+            before = int(other.job(job)["samples"]) // (64 * 48)
+            until(lambda: samples(page) > before, "the numbers go on", 60, lambda: (samples(page), told(both)))
+            until(lambda: samples(page) > 0 and tiles[-1] is not first, "the picture goes on", 60, lambda: told(both))
+            expect(page.get_by_text("Connection lost")).to_be_hidden()
+            assert page.evaluate("window.isStillHere"), "nobody has loaded it again"
+            other.http.patch(f"/api/jobs/{job}", json={"state": "cancelled"}).raise_for_status()
+            expect(page.locator(".job-head .chip")).to_have_text("Cancelled")
+    finally:
+        for each in both:
+            each.end()
+        redis.stop()
+
+
+def samples(page: Page) -> int:
+    """A pixel's, as the page says it."""
+    found = page.locator(".side .big.number").text_content()
+    return int((found or "0").replace(",", ""))

@@ -1,0 +1,103 @@
+"""Lights that are no bodies, and what the camera does not see: by whole pictures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from renderer.film import ALBEDO, DEPTH, NORMAL, OBJECT, SAMPLES, Sums, mean
+from renderer.render import render_frame
+from renderer.scene.description import Material
+from renderer.settings import RenderSettings, View
+from tests.renderer.builders import emitter, gray, scene, square
+from tests.renderer.judge import assert_mean, mean_and_error
+
+WHITE, MIRROR = Material(base_color=gray(0.8)), Material(kind="mirror", base_color=gray(1.0))
+LAMP = emitter(4.0, lamp=True, unseen=True)
+FLOOR = square((0, 0, 0), (20, 0, 0), (0, 0, -20), 0)
+VIEW = View((0.0, 2.0, 6.0), (0.0, 1.0, 0.0), fov=40.0)
+BEFORE = square((0, 1.4, 2.0), (0.5, 0, 0), (0, 0.4, 0), 1)  # in the line of sight, facing it
+ABOVE = square((0, 3.0, 0), (1, 0, 0), (0, 0, 1), 1)  # faces down
+HIGHER = square((0, 3.5, 0), (1, 0, 0), (0, 0, 1), 2)
+PATH = {"light_samples": 2}  # what follows one path at a time
+
+
+def picture(materials: list[Material], *meshes: object, spp: int = 64, view: View = VIEW, **more: object) -> Sums:
+    asked: dict[str, object] = {"max_depth": 4, "filter": "box", **more}
+    return render_frame(scene(materials, meshes), RenderSettings(48, 32, view, **asked), spp)
+
+
+def planes(sums: Sums) -> np.ndarray:
+    return np.concatenate([sums[ALBEDO], sums[NORMAL], sums[DEPTH : DEPTH + 1], sums[OBJECT : OBJECT + 1]])
+
+
+@pytest.mark.parametrize("kernel", [{}, PATH, {"integrator": "whitted"}, {"integrator": "ao"}])
+def test_the_camera_sees_what_is_behind(kernel: dict[str, object]) -> None:
+    """What it tells of first hits is the same to the bit as without the lamp."""
+    with_lamp = picture([WHITE, LAMP], FLOOR, BEFORE, spp=4, **kernel)
+    without = picture(
+        [WHITE, emitter(4.0)], FLOOR, replace(BEFORE, positions=BEFORE.positions + np.float32(100)), spp=4, **kernel
+    )
+    assert (planes(with_lamp) == planes(without)).all()
+    assert without[OBJECT].any()
+    assert not without[OBJECT].all()
+
+
+@pytest.mark.parametrize("kernel", [{}, PATH])
+def test_it_lights_as_a_body_does(kernel: dict[str, object]) -> None:
+    below = View((0.3, 2.0, 0.4), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=30.0)
+    sums = picture([WHITE, emitter(4.0)], FLOOR, ABOVE, view=below, max_depth=2, spp=256)
+    body, _ = mean_and_error(sums)
+    assert_mean(picture([WHITE, LAMP], FLOOR, ABOVE, view=below, max_depth=2, spp=256, **kernel), body, slack=2e-3)
+
+
+@pytest.mark.parametrize("kernel", [{}, PATH, {"integrator": "whitted"}])
+def test_mirrors_show_it_with_what_is_behind(kernel: dict[str, object]) -> None:
+    """The camera sees a mirror, in which one lamp lies before another, and both before a surface that shines."""
+    down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=10.0)
+    wall = square((0, 5.0, 0), (3, 0, 0), (0, 0, 3), 3)
+    materials = [MIRROR, LAMP, emitter(2.0, lamp=True, unseen=True), emitter(0.5)]
+    found = mean(picture(materials, FLOOR, ABOVE, HIGHER, wall, view=down, spp=4, **kernel), 24)
+    np.testing.assert_allclose(found, 6.5, rtol=1e-5)
+
+
+def test_nothing_lies_in_its_shade() -> None:
+    """With one lamp before another, the floor has the light of both."""
+    down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=20.0)
+
+    def lit(*radiance: float, kernel: dict[str, object]) -> Sums:
+        lamps = [emitter(each, lamp=True, unseen=True) for each in radiance]
+        return picture([WHITE, *lamps], FLOOR, ABOVE, HIGHER, view=down, max_depth=2, spp=512, **kernel)
+
+    parts = [mean_and_error(lit(4.0, 0.0, kernel={})), mean_and_error(lit(0.0, 3.0, kernel={}))]
+    expected = sum(part[0] for part in parts)
+    for kernel in ({}, PATH):
+        assert_mean(lit(4.0, 3.0, kernel=kernel), expected, slack=3 * max(part[1] for part in parts) / expected + 1e-4)
+
+
+def test_one_that_is_not_hidden_shows_before_what_is_behind() -> None:
+    """Both shine into the camera, and the first hit is that behind."""
+    lamp = emitter(4.0, lamp=True)
+    found = picture([emitter(1.0), lamp], FLOOR, BEFORE, spp=4, max_depth=1)
+    light = mean(found, 24)[..., 0]
+    assert set(np.unique(np.round(light, 4))) >= {1.0, 5.0}
+    hidden = picture([emitter(1.0), LAMP], FLOOR, BEFORE, spp=4, max_depth=1)
+    np.testing.assert_allclose(planes(found), planes(hidden), rtol=1e-4, atol=100)  # the way is measured in two parts
+
+
+def test_a_body_that_is_not_seen_casts_its_shadow() -> None:
+    """And is seen in a mirror."""
+    ball = Material(base_color=gray(0.0), unseen=True)
+    blocker = square((0, 1.0, 0), (8, 0, 0), (0, 0, -8), 2)
+    down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=20.0)
+    lamp = square((0, 3.0, 0), (0.2, 0, 0), (0, 0, 0.2), 1)
+    sums = picture([WHITE, emitter(9.0), ball], FLOOR, lamp, blocker, view=down, max_depth=2, spp=16)
+    assert (sums[OBJECT] == 1).all()
+    assert not mean(sums, 24).any()
+    shining = Material(base_color=gray(0.0), emission=gray(2.0), unseen=True)
+    turned = square((0, 1.0, 0), (8, 0, 0), (0, 0, 8), 2)
+    seen = picture([MIRROR, emitter(9.0), shining], FLOOR, lamp, turned, view=down, spp=4)
+    np.testing.assert_allclose(mean(seen, 24), 2.0, rtol=1e-5)
+    assert (seen[SAMPLES] == 4).all()

@@ -1,0 +1,79 @@
+"""Of sums that were added up on their way, and a piece of them that came alone too, the film takes each sample once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer.film import BadSample
+from service.store.films import Film
+from tests.service.peer_worker import expected_sums
+from tests.service.store.test_films import make, part, rows_of
+
+
+def right(film: Film, tile: int, samples: int) -> None:
+    """What the film object has, and what anybody reads who opens its file."""
+    again = make(film._path)
+    for each in (film, again):
+        np.testing.assert_array_equal(each.tile_sums(0, tile), expected_sums(film.tiles[tile], 0, samples, 0))
+        assert each.coverage(0, tile).ranges == [(0, samples)]
+    again.close()
+
+
+@pytest.mark.parametrize("alone", [[(4, 2)], [(0, 2)], [(8, 4)], [(0, 2), (6, 2), (10, 2)]])
+def test_a_run_takes_the_place_of_its_pieces_that_came_before(tmp_path: Path, alone: list[tuple[int, int]]) -> None:
+    film = make(tmp_path / "job.sqlite")
+    for first, count in alone:
+        bad = [BadSample(1, 2, first), BadSample(1, 3, first + 1)]
+        assert film.merge([part(film, 0, first, count, bad=bad, bad_count=2)]) == [True]
+    assert film.merge([part(film, 1, 0, 12)]) == [True], "of another tile"
+    film.tile_sums(0, 0)  # what was looked at is not taken for what there is
+    bad = [BadSample(1, 2, 4), BadSample(3, 3, 11)]
+    assert film.merge([part(film, 0, 0, 12, bad=bad, bad_count=2)]) == [True]
+    right(film, 0, 12)
+    right(film, 1, 12)
+    assert film.bad_samples(0) == (2, bad)
+    assert film.bad_count(0) == 2
+    assert film.merge([part(film, 0, first, count) for first, count in alone]) == [False] * len(alone)
+    assert rows_of(film).execute("SELECT first, count FROM part WHERE tile = 0").fetchall() == [(0, 12)]
+    film.close()
+
+
+def test_what_comes_together_is_sorted_out_by_size(tmp_path: Path) -> None:
+    film = make(tmp_path / "job.sqlite")
+    parts = [part(film, 0, 4, 2), part(film, 0, 0, 12), part(film, 0, 0, 12), part(film, 0, 10, 4), part(film, 0, 12, 3)]
+    assert film.merge(parts) == [False, True, False, False, True]
+    right(film, 0, 15)
+    film.close()
+
+
+def test_one_that_is_damaged_is_dropped_and_the_others_of_its_run_are_not(tmp_path: Path) -> None:
+    film = make(tmp_path / "job.sqlite")
+    parts = [part(film, 0, first, 2) for first in range(0, 8, 2)]
+    damaged = [*parts[:2], replace(parts[2], sums=parts[2].sums[:-1]), parts[3]]
+    assert film.merge([*damaged, parts[2]]) == [True, True, False, True, True]
+    right(film, 0, 8)
+    film.close()
+
+
+def test_a_run_that_has_but_a_part_of_what_is_there_is_dropped(tmp_path: Path) -> None:
+    film = make(tmp_path / "job.sqlite")
+    assert film.merge([part(film, 0, 0, 4)]) == [True]
+    assert film.merge([part(film, 0, 2, 10)]) == [False], "of a row the film does not know one half from the other"
+    assert film.merge([part(film, 0, 0, 4)]) == [False], "nothing new"
+    assert film.merge([part(film, 0, 4, 2), part(film, 0, 7, 2)]) == [True, True]
+    assert film.merge([part(film, 0, 4, 6)]) == [True]
+    right(film, 0, 10)
+    film.close()
+
+
+def test_where_each_workers_sums_stay_apart_nobody_replaces_anothers(tmp_path: Path) -> None:
+    film = make(tmp_path / "job.sqlite")
+    film.keeps_apart = True
+    assert film.merge([part(film, 0, 4, 2, workers=("honest",))]) == [True]
+    assert film.merge([part(film, 0, 0, 12, workers=("another",))]) == [False]
+    assert film.has_sent("honest")
+    film.close()

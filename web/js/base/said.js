@@ -1,0 +1,124 @@
+/**
+ * What the service says, in the language of the page: errors, reasons, warnings.
+ *
+ * Its sentences come from workers, from children that read files, out of databases and of older releases: as English text, which
+ * is what programs get too. So the text itself is the key, as with the page's own words, with places for what varies. Several
+ * sentences are translated one by one, and so is what a sentence quotes; what is in no catalogue stays English.
+ */
+
+import { language, sayings } from "./words.js";
+
+/** A sentence with places: the text between them, and what they are called. @typedef {{parts: string[], names: string[], text: string}} Pattern */
+
+/** Longer ones are traces of programs. */
+const LONGEST = 4000;
+const DEEPEST = 5;
+/** How many translations are remembered: lists show the same ones again and again. */
+const MOST_KEPT = 500;
+const PLACE = /\{(\w+)\}/;
+/** Between sentences; names and numbers have points too, so what follows begins as sentences do. */
+const BETWEEN = /(?<=[.!?]) (?=[\p{Lu}`])/u;
+
+/** @type {Pattern[] | null} */
+let patterns = null;
+/** @type {Map<string, string>} */
+const kept = new Map();
+
+/**
+ * @param {string | null | undefined} english a sentence or more of the service
+ * @returns {string} empty where it has said nothing
+ */
+export function said(english) {
+  if (!english || language === "en" || english.length > LONGEST) return english ?? "";
+  const known = kept.get(english);
+  if (known !== undefined) return known;
+  if (kept.size >= MOST_KEPT) kept.clear();
+  const found = translated(english, 0) ?? english;
+  kept.set(english, found);
+  return found;
+}
+
+/** @param {string} text @param {number} depth @returns {string | null} null where nothing of it is known */
+function translated(text, depth) {
+  if (depth > DEEPEST) return null;
+  return sayings[text] ?? oneByOne(text, depth) ?? whole(text, depth) ?? halves(text, depth) ?? afterName(text, depth);
+}
+
+/** @param {string} text @param {number} depth */
+function whole(text, depth) {
+  for (const { parts, names, text: template } of (patterns ??= compiled())) {
+    const values = between(parts, text);
+    if (values) return template.replaceAll(/\{(\w+)\}/g, (place, name) => quoted(values[names.indexOf(name)] ?? place, depth));
+  }
+  return null;
+}
+
+/** @returns {Pattern[]} those that say most first */
+function compiled() {
+  const found = Object.entries(sayings).flatMap(([english, text]) => {
+    const pieces = english.split(PLACE);
+    const parts = pieces.filter((_, i) => i % 2 === 0);
+    return parts.length > 1 ? [{ parts, names: pieces.filter((_, i) => i % 2 === 1), text }] : [];
+  });
+  const length = (/** @type {Pattern} */ { parts }) => parts.join("").length;
+  return found.sort((a, b) => length(b) - length(a));
+}
+
+/** @param {string[]} parts @param {string} text @returns {string[] | null} what stands between the parts, where the text has them in turn */
+function between(parts, text) {
+  const last = parts.length - 1;
+  const begin = parts[0] ?? "";
+  const end = text.length - (parts[last] ?? "").length;
+  if (!text.startsWith(begin) || !text.endsWith(parts[last] ?? "")) return null;
+  const values = [];
+  let at = begin.length;
+  for (const part of parts.slice(1, last)) {
+    const found = text.indexOf(part, at);
+    if (found < 0) return null;
+    values.push(text.slice(at, found));
+    at = found + part.length;
+  }
+  if (at > end) return null;
+  values.push(text.slice(at, end));
+  // What a sentence begins with is a name; whose name is said before that is for `afterName`.
+  return values.every(Boolean) && (begin || !values[0]?.includes(": ")) ? values : null;
+}
+
+/** What a sentence quotes: mostly a name, sometimes a sentence without its capital or its point. @param {string} value @param {number} depth */
+function quoted(value, depth) {
+  const capital = value.charAt(0).toUpperCase() + value.slice(1);
+  const sentence = () => (value.includes(" ") ? translated(`${capital}.`, depth + 1)?.replace(/[.。]$/, "") : undefined);
+  return sayings[value] ?? sayings[capital] ?? (value.includes(" ") ? translated(value, depth + 1) : null) ?? sentence() ?? value;
+}
+
+/** @param {string} text @param {number} depth */
+function oneByOne(text, depth) {
+  const sentences = text.split(BETWEEN);
+  if (sentences.length < 2) return null;
+  const found = sentences.map((sentence) => translated(sentence, depth + 1));
+  if (found.every((each) => each === null)) return null;
+  return found.map((each, i) => each ?? sentences[i]).join(language === "zh" ? "" : " ");
+}
+
+/** As files are refused: what is wrong with it; what to do. @param {string} text @param {number} depth */
+function halves(text, depth) {
+  const at = text.lastIndexOf("; ");
+  if (at < 0) return null;
+  const [wrong, remedy] = [text.slice(0, at), text.slice(at + 2)];
+  const [first, second] = [translated(wrong, depth + 1), translated(remedy, depth + 1)];
+  if (first === null && second === null) return null;
+  return `${first ?? wrong}${language === "zh" ? "；" : "; "}${second ?? remedy}`;
+}
+
+/** As much is said of files and fields: name: what is wrong with it. @param {string} text @param {number} depth */
+function afterName(text, depth) {
+  const [, name, rest] = /^([^:]{1,120}): (.+)$/s.exec(text) ?? [];
+  const found = rest === undefined ? null : translated(rest, depth + 1) ?? withoutPoint(rest, depth + 1);
+  return found === null ? null : `${name}: ${found}`;
+}
+
+/** @param {string} text @param {number} depth */
+function withoutPoint(text, depth) {
+  const found = text.endsWith(".") ? translated(text.slice(0, -1), depth) : null;
+  return found === null ? null : `${found}${language === "zh" ? "。" : "."}`;
+}

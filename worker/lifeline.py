@@ -1,0 +1,30 @@
+"""How the service tells a worker that is dead from one that is only slow: its heartbeat's connection to Redis has a name, and
+ends with its process.
+
+A worker on a machine that has too much to do may not report for longer than its report lives. What it has in hand is not lost.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from collections.abc import Iterable
+from typing import Any
+
+import redis
+
+__all__ = ["connected", "lifeline"]
+
+
+def lifeline(worker: str) -> str:
+    """The name of its connection: Redis takes no spaces there."""
+    return f"rayfarm-worker-{hashlib.sha256(worker.encode()).hexdigest()[:24]}"
+
+
+def connected(store: redis.Redis, workers: Iterable[str]) -> set[str]:
+    """Those of these workers whose connection stands; nobody where Redis does not tell. Raises redis.RedisError."""
+    names = {lifeline(worker): worker for worker in workers}
+    clients: Any = []
+    with contextlib.suppress(redis.ResponseError):
+        clients = store.client_list() if names else []
+    return {names[client["name"]] for client in clients if client.get("name") in names}

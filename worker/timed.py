@@ -1,0 +1,37 @@
+"""Reading from a socket until a time: whoever sends a byte now and then is not waited for longer than whoever sends none."""
+
+from __future__ import annotations
+
+import io
+import socket
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
+
+__all__ = ["Timed"]
+
+
+class Timed(io.RawIOBase):
+    """What comes over a connection. Raises TimeoutError once its time is over."""
+
+    def __init__(self, wire: socket.socket, seconds: float) -> None:
+        self._wire = wire
+        self.allow(seconds)
+
+    def allow(self, seconds: float) -> None:
+        """Let what comes from now on take so long."""
+        self._until = time.monotonic() + seconds
+
+    def readable(self) -> bool:
+        """It is."""
+        return True
+
+    def readinto(self, buffer: WriteableBuffer) -> int:
+        """Bytes as they come; 0 at their end."""
+        left_s = self._until - time.monotonic()
+        if left_s <= 0.0:
+            raise TimeoutError("it takes too long")
+        self._wire.settimeout(left_s)
+        return self._wire.recv_into(buffer)
