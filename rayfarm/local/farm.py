@@ -168,7 +168,7 @@ class LocalFarm:
         """Whether the service takes requests."""
         try:
             # It is asked in plain HTTP. To read the machine's certificates for each look takes the processor from what starts.
-            return httpx.get(f"{self.url}/readyz", timeout=5.0, verify=False).is_success
+            return httpx.get(f"{self.url}/readyz", timeout=5.0, verify=False, trust_env=False).is_success
         except httpx.HTTPError:
             return False
 
