@@ -277,9 +277,10 @@ def test_whitteds_constant_is_a_grey_and_a_mistake_is_asked_for_by_name(page: Pa
     page.get_by_label("Ambient light").fill("0.1")
     page.get_by_label("Mistake on purpose").select_option("attenuation")
     page.get_by_label("Near plane").fill("1.5")
+    page.get_by_label("Shift up").fill("0.25")
     asked = submitted(page)
     assert (asked["integrator"], asked["ambient"], asked["mistake"]) == ("whitted", [0.1, 0.1, 0.1], "attenuation")
-    assert asked["view"]["near"] == 1.5
+    assert (asked["view"]["near"], asked["view"]["shift_y"]) == (1.5, 0.25)
 
 
 def test_a_panorama_is_twice_as_wide_as_high(page: Page) -> None:

@@ -108,6 +108,7 @@ def moving(folder: Path) -> dict[str, object]:
         lamp.location, lamp.rotation_euler = (i, -i, 4), (0.2 * i, 0.3, 0.1 * i)
         scene.collection.objects.link(lamp)
     moved = bpy.data.objects["point"]
+    moved.data.shadow_soft_size = 0.2
     for frame, value in ((FRAMES[0], 40.0), (FRAMES[-1], 400.0)):
         moved.data.energy = value
         moved.data.keyframe_insert("energy", frame=frame)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 from renderer.scene.description import Vec3
 
-__all__ = ["clamped", "unit", "unit_color"]
+__all__ = ["blended_cone", "clamped", "unit", "unit_color"]
 
 
 def clamped(value: float, low: float, high: float) -> float:
@@ -23,3 +24,9 @@ def unit_color(values: Iterable[float], high: float = 1.0) -> Vec3:
     """Three numbers, each brought into 0..high."""
     r, g, b = (clamped(v, 0.0, high) for v in values)
     return r, g, b
+
+
+def blended_cone(outer: float, blend: float) -> float:
+    """The half angle, in degrees, within which a spot of Blender is full. outer: its own half angle; blend: 0 ... 1."""
+    edge = math.cos(math.radians(outer))
+    return min(math.degrees(math.acos(min(edge + (1 - edge) * blend, 1.0))), outer)

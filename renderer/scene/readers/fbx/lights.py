@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import Light, Material, Vec3
-from renderer.scene.readers.numbers import clamped
+from renderer.scene.readers.numbers import blended_cone, clamped
 from renderer.settings import View
 from renderer.view import MAX_SHIFT
 
@@ -59,9 +59,7 @@ def read_light(light: Any, name: str, world: F64, by_blender: bool, unit: float,
     inner = clamped(light.inner_angle / 2, 0.0, outer)
     spot = Light("spot", _color(light, scale), position, (x, y, z), inner_cone=inner, outer_cone=outer, name=name)
     if by_blender:  # its exporter writes the share of the angle that is not blended, where it means one of the cosine
-        edge = math.cos(math.radians(outer))
-        full = edge + (1 - edge) * (1 - inner / outer)
-        spot.inner_cone, spot.falloff = min(math.degrees(math.acos(min(full, 1.0))), outer), "smooth"
+        spot.inner_cone, spot.falloff = blended_cone(outer, 1 - inner / outer), "smooth"
     return spot
 
 

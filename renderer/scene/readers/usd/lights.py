@@ -11,6 +11,7 @@ from pxr import UsdLux
 from renderer.scene.description import Light, Mesh, Vec3
 from renderer.scene.material import Material
 from renderer.scene.matrices import Matrix
+from renderer.scene.readers.numbers import blended_cone
 from renderer.scene.readers.shapes import disk, lathe, quad
 from renderer.scene.readers.usd.notes import Notes
 
@@ -60,6 +61,9 @@ def lamp_of(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: 
     found = _lamp(prim, world, name, unit, time, notes)
     if found is not None and found.material is not None:
         found.material.lamp = found.material.unseen = _is_unseen(prim, time)
+    spot = found.light if found is not None and found.light is not None and found.light.kind == "spot" else None
+    if spot is not None and _is_blenders(prim):  # whose softness is its own blend, of the cosine
+        spot.inner_cone, spot.falloff = blended_cone(spot.outer_cone, 1 - spot.inner_cone / spot.outer_cone), "smooth"
     return found
 
 
