@@ -1,0 +1,29 @@
+"""The row of formats: what it writes is the same mesh in each, and is read as such."""
+
+import numpy as np
+import pytest
+
+from renderer.scene.load import read
+from tests.benchmarks.peers.formats import WRITERS
+from tests.benchmarks.peers.meshes import displaced_sphere
+from tests.benchmarks.peers.targets import TABLE
+
+
+@pytest.mark.parametrize("name", [name for name in WRITERS if not name.endswith((".blend", ".glb"))])
+def test_a_format_holds_the_mesh(tmp_path, name):
+    mesh = displaced_sphere(400)
+    WRITERS[name](tmp_path / name, mesh)
+    description = read(tmp_path, name)
+    (found,) = description.meshes
+    assert len(found.triangles) == len(mesh.triangles)
+    assert len(found.positions) < 2 * len(mesh.positions)  # no corner is a vertex of its own
+    place = description.instances[0].transform[:3, :3]
+    corners = found.positions[found.triangles].astype(float) @ place.T
+    size = np.ptp(corners.reshape(-1, 3), axis=0)
+    unit = 0.01 if name in ("a.usdc", "a.fbx") else 1.0  # who does not say counts in centimetres
+    np.testing.assert_allclose(np.sort(size), np.sort(np.ptp(mesh.positions, axis=0)) * unit, rtol=1e-4)
+
+
+def test_each_format_has_its_goals():
+    wanted = {f"{name}, {what}" for name in WRITERS if name != "a.obj" for what in ("seconds", "bytes each")}
+    assert set(TABLE["formats"].lines) == wanted
