@@ -14,15 +14,14 @@ local/          a whole farm on this machine: Redis, service and worker as super
 
 from typing import TYPE_CHECKING, Any
 
-from rayfarm.answers import BadSample, Camera, Frame, Job, Scene, Shot, Worker
-from renderer.errors import RayfarmError
-
 if TYPE_CHECKING:
+    from rayfarm.answers import BadSample, Camera, Frame, Job, Scene, Shot, Worker
     from rayfarm.client import Client, ClientError
     from rayfarm.library.here import SceneWarning
     from rayfarm.library.image import Image
     from rayfarm.library.render import progressive, render
     from rayfarm.library.shown import show
+    from renderer.errors import RayfarmError
 
 __all__ = [
     "BadSample",
@@ -42,13 +41,16 @@ __all__ = [
     "show",
 ]
 
-# Loaded when they are asked for: a command that only talks to a farm has no use for numpy, and one without a farm none for HTTP.
+# Loaded when they are asked for: a command that only talks to a farm has no use for numpy, one without a farm none for HTTP, and
+# neither is to be interrupted by Ctrl-C before it can answer to it.
 _LATER = {
-    **dict.fromkeys(("Client", "ClientError"), "client"),
-    "Image": "library.image",
-    "SceneWarning": "library.here",
-    "show": "library.shown",
-    **dict.fromkeys(("progressive", "render"), "library.render"),
+    **dict.fromkeys(("BadSample", "Camera", "Frame", "Job", "Scene", "Shot", "Worker"), "rayfarm.answers"),
+    **dict.fromkeys(("Client", "ClientError"), "rayfarm.client"),
+    **dict.fromkeys(("progressive", "render"), "rayfarm.library.render"),
+    "Image": "rayfarm.library.image",
+    "RayfarmError": "renderer.errors",
+    "SceneWarning": "rayfarm.library.here",
+    "show": "rayfarm.library.shown",
 }
 
 
@@ -57,4 +59,4 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'rayfarm' has no attribute {name!r}")
     import importlib
 
-    return getattr(importlib.import_module(f"rayfarm.{_LATER[name]}"), name)
+    return getattr(importlib.import_module(_LATER[name]), name)

@@ -27,7 +27,7 @@ import httpx
 from rayfarm.answers import Environment, Frame, Job, Scene, Worker, read, read_list
 from renderer.errors import RayfarmError
 from renderer.frames import frame_text
-from worker.foreign import MAX_ANSWER, is_address, kind_of_answer, not_a_farm
+from worker.foreign import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
 from worker.trust import trust
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ TOKEN_VARIABLE = "RAYFARM_API_TOKEN"
 
 POLL_S = 0.3
 AWAY_S = 60.0
+AT_LENGTH = httpx.Timeout(3600.0, connect=5.0)  # of what is long on its way, or is sent when it is made
 ANSWER_S = 300.0  # for a whole answer in JSON, however slowly its bytes come
 MAX_PICTURE = 8 << 30
 MAX_MESSAGE = 64 << 20  # of a live picture: its largest tile, and all frames of a long shot
@@ -86,12 +87,16 @@ class Client:
         except (OSError, ValueError) as error:
             raise ClientError(f"The farm's certificate cannot be read: {error}.") from None
         self._verify = verify
-        self._http = httpx.Client(
-            verify=verify,
-            base_url=self.url if is_address(self.url) else "",
-            timeout=httpx.Timeout(timeout_s, connect=5.0),
-            headers={"Authorization": f"Bearer {token}"} if token else {},
-        )
+        try:
+            self._http = httpx.Client(
+                verify=verify,
+                base_url=self.url if is_address(self.url) else "",
+                timeout=httpx.Timeout(timeout_s, connect=5.0),
+                headers={"Authorization": f"Bearer {token}"} if token else {},
+                trust_env=not is_here(self.url),
+            )
+        except (ImportError, ValueError, httpx.InvalidURL) as error:
+            raise ClientError(f"The proxy that HTTP_PROXY, ALL_PROXY and their like name cannot be used: {error}") from None
 
     def __enter__(self) -> Client:
         return self
@@ -133,9 +138,8 @@ class Client:
                 parts = [("files", (inside, stack.enter_context(path.open("rb")))) for inside, path in named.items()]
             except OSError as error:
                 raise ClientError(f"{error.filename} cannot be read: {error.strerror}.") from error
-            timeout = httpx.Timeout(3600.0, connect=5.0)
             return self._read(
-                Scene, self._send("POST", "/api/scenes", params=_into(project), data=fields, files=parts, timeout=timeout)
+                Scene, self._send("POST", "/api/scenes", params=_into(project), data=fields, files=parts, timeout=AT_LENGTH)
             )
 
     def upload_environment(self, image: Path, project: str = "") -> Environment:
@@ -221,8 +225,7 @@ class Client:
 
         Path("shot.mp4").write_bytes(farm.movie(job.id))
         """
-        timeout = httpx.Timeout(3600.0, connect=5.0)  # it is sent when it is made
-        answer = self._send("GET", f"/api/jobs/{_id(job)}/movie.{format}", limit=MAX_PICTURE, params=query, timeout=timeout)
+        answer = self._send("GET", f"/api/jobs/{_id(job)}/movie.{format}", limit=MAX_PICTURE, params=query, timeout=AT_LENGTH)
         if FRAMES_HEADER not in answer.headers:
             raise NotAFarm(not_a_farm(self.url, "what it sends is no film of a farm"))
         return answer.body
@@ -255,8 +258,7 @@ class Client:
 
         farm.let_go(films_days=30)["bytes"]  # only told; dry_run=False does it
         """
-        timeout = httpx.Timeout(3600.0, connect=5.0)
-        answer = self._send("POST", "/api/retention", json={"dry_run": dry_run, **rules}, timeout=timeout)
+        answer = self._send("POST", "/api/retention", json={"dry_run": dry_run, **rules}, timeout=AT_LENGTH)
         data = self._data(answer)
         if not isinstance(data, dict) or not isinstance(data.get("items"), list):
             raise self._other(answer)
@@ -280,6 +282,7 @@ class Client:
                 compression=None,
                 max_size=MAX_MESSAGE,
                 open_timeout=20,
+                proxy=None if is_here(self.url) else True,
             )
         except InvalidStatus as error:
             status = error.response.status_code

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -17,7 +16,6 @@ from renderer.errors import SettingsError
 from renderer.presets import PRESETS
 from renderer.settings import Tile, Vec3
 from renderer.work import SHOT
-from worker.log_lines import FORMAT_VARIABLE, FORMATS
 
 __all__ = [
     "Aov",
@@ -28,7 +26,6 @@ __all__ = [
     "Fps",
     "Frame",
     "Frames",
-    "LogFormat",
     "Order",
     "Overwrite",
     "Server",
@@ -42,7 +39,6 @@ __all__ = [
     "parse_tile",
     "parse_vec3",
     "told",
-    "use_log_format",
 ]
 
 SKY = "sky:"
@@ -111,26 +107,10 @@ Order = Annotated[
     str | None, typer.Option(metavar="NAME", help=sentences(SHOT["order"]), rich_help_panel="Time", show_default=False)
 ]
 Every = Annotated[int | None, typer.Option(metavar="N", min=2, max=1024, help=sentences(SHOT["every"]), rich_help_panel="Time")]
-LogFormat = Annotated[
-    str | None,
-    typer.Option(
-        "--log-format",
-        metavar="NAME",
-        help="text, or json: each line of the logs an object, for programs. [dim]$RAYFARM_LOG_FORMAT[/dim]",
-    ),
-]
 Server = Annotated[
     str | None,
     typer.Option(metavar="URL", help="The farm's address; the one running here unless told. [dim]$RAYFARM_SERVER[/dim]"),
 ]
-
-
-def use_log_format(name: str | None) -> None:
-    """Have the processes that are started write their logs so. Raises CommandError."""
-    if name is not None:
-        if name not in FORMATS:
-            raise CommandError(f"--log-format is {name!r}; there are {', '.join(FORMATS)}")
-        os.environ[FORMAT_VARIABLE] = name
 
 
 def denoised_name(output: Path) -> Path:

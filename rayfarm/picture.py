@@ -86,6 +86,13 @@ class Picture:
         """The optional settings by the renderer's names; None where nothing is asked for."""
         return typed(ASKED, self.given)
 
+    def check(self) -> None:
+        """Raises CommandError for what no scene makes sense of: before one is uploaded for it."""
+        self._size()
+        self.environment()
+        for options_of in (ASKED, ENDS, LIGHT, VIEW):
+            typed(options_of, self.given)
+
     def has_view(self) -> bool:
         """Whether a view of one's own is asked for, and not just one of the scene's cameras."""
         return any(value is not None for value in self._view().values())

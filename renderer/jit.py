@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from importlib.metadata import version
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, ClassVar
 
 from renderer import __version__, sources
 from renderer.places import cache_home
@@ -146,6 +146,8 @@ class KeptByMeaning(UserProvidedCacheLocator):
     Functions that are not ours, those of tests, are left to the next locator.
     """
 
+    _writable: ClassVar[set[str]] = set()
+
     def __init__(self, py_func: Any, py_file: str) -> None:
         self._name = Path(py_file).relative_to(sources.ROOT).with_suffix("").as_posix().replace("/", ".")
         self._cache_path = str(cache_folder() / self._name)
@@ -164,7 +166,9 @@ class KeptByMeaning(UserProvidedCacheLocator):
         if not Path(py_file).is_relative_to(sources.ROOT):
             return None
         locator = cls(py_func, py_file)
-        locator.ensure_cache_path()
+        if locator.get_cache_path() not in cls._writable:  # looked at once for all functions of a module
+            locator.ensure_cache_path()
+            cls._writable.add(locator.get_cache_path())
         return locator
 
 

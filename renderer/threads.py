@@ -30,16 +30,16 @@ class Team:
     """So many threads, kept from one job to the next; None for one per core. A context manager."""
 
     def __init__(self, threads: int | None = None) -> None:
-        self._threads = threads or cores()
+        self.threads = threads or cores()
         self._pool: ThreadPoolExecutor | None = None
 
     def each(self, work: Callable[[_Part], _Result], parts: Iterable[_Part]) -> list[_Result]:
         """What `work` gives for every part, in their order. The first of them are begun first; a lone one is done right here."""
         parts = list(parts)
-        if self._threads == 1 or len(parts) < 2:
+        if self.threads == 1 or len(parts) < 2:
             return [work(part) for part in parts]
         if self._pool is None:
-            self._pool = ThreadPoolExecutor(self._threads, thread_name_prefix="team")
+            self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="team")
         return list(self._pool.map(work, parts))
 
     def __enter__(self) -> Self:

@@ -18,7 +18,7 @@ from service.settings import Settings
 from worker import tracing
 from worker.log_lines import by_json
 
-__all__ = ["Life"]
+__all__ = ["REFUSES_TO_START", "Life"]
 
 TRY_EVERY_S = 0.1
 REFUSES_TO_START = 3  # the exit code that uvicorn has for this

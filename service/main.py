@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import gc
 import signal
+import sys
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from types import FrameType
@@ -23,7 +24,7 @@ from service.api.standing_by import StandingBy
 from service.errors import CannotStart
 from service.farm import Farm
 from service.health_port import HealthPort
-from service.life import Life
+from service.life import REFUSES_TO_START, Life
 from service.pages import Pages, WebPages
 from service.settings import Settings
 from service.watching.memory import keep_one_heap
@@ -37,7 +38,11 @@ DOCS = Path(__file__).parent / "docs_page"
 
 def create_app(settings: Settings | None = None) -> FastAPI:
     """The service as an ASGI application; settings come from the environment where none are given."""
-    settings = settings or Settings()
+    try:
+        settings = settings or Settings.read()
+    except CannotStart as error:
+        print(f"ERROR:    {error}", file=sys.stderr)
+        sys.exit(REFUSES_TO_START)
     if by_json():
         as_json("service")
 

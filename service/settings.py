@@ -7,11 +7,12 @@ import re
 import secrets
 import socket
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field, field_validator
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import Field, ValidationError, field_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict, SettingsError
 
+from service.errors import CannotStart
 from service.hooks.signing import key_of, new_secret
 from service.places import default_data_folder, shipped, sqlite_url
 from service.store.whole import PRIVATE_FOLDER, write_whole
@@ -104,6 +105,18 @@ class Settings(BaseSettings):
     peer_url: str = ""  # where other services of this farm reach this one; concluded from host and port where empty
     lease_s: float = Field(default=6.0, ge=1.0)  # an owner that does not answer for so long is taken over from
     live_bytes: int = 128 * MIB  # of memory, for tiles on their way to those who watch jobs
+
+    @classmethod
+    def read(cls, **given: Any) -> Settings:
+        """As the environment has them, but for what is given. Raises CannotStart for what makes no sense."""
+        try:
+            return cls(**given)
+        except ValidationError as error:
+            first = error.errors()[0]
+            name, why = str(first["loc"][0]), first["msg"].removeprefix("Value error, ")
+        except SettingsError as error:
+            name, why = str(error).partition('"')[2].partition('"')[0], 'it is no JSON; a list is written as ["a", "b"]'
+        raise CannotStart(f"RAYFARM_{name.upper()} makes no sense: {why[:1].lower()}{why[1:]}. Set it anew, or unset it.")
 
     @field_validator("data")
     @classmethod

@@ -7,17 +7,22 @@ import os
 import signal
 from collections.abc import Generator, Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import hypothesis
 import pytest
 from xdist.remote import Producer
+from xdist.workermanage import WorkerController
 
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
 from tests.kernels import compiling_beside, ready_first, wait_for_farms
-from tests.spreading import SHARE_THE_FARM, Shares
+from tests.spreading import SHARE_THE_FARM, WAITING, WITHOUT_A_FARM, Shares, is_left_out, only_what_waits
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and what they start would ignore it too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Plain HTTP needs no certificates, and every client reads all that it finds: here there are none.
+os.environ.setdefault("SSL_CERT_DIR", str(Path(__file__).parent))
 
 # Begun first, in this order: what needs no kernel while they are compiled, then what takes longest.
 FIRST = (
@@ -58,7 +63,10 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def kernels_ready_first() -> Iterator[None]:
+def kernels_ready_first(request: pytest.FixtureRequest) -> Iterator[None]:
+    if all(item.nodeid.startswith(WAITING) for item in request.session.items):
+        yield  # the service knows no kernels
+        return
     with ready_first():
         yield
 
@@ -99,6 +107,15 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Shares:
     return Shares(config, log)
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node: WorkerController) -> None:
+    node.workerinput["waits"] = only_what_waits(node)
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    return is_left_out(collection_path, config) or None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Puts them in order; and nobody starts a second farm unawares."""
 
@@ -107,7 +124,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     for item in items:
         if {"farm", "browser"} & set(getattr(item, "fixturenames", ())) and not item.nodeid.startswith(SHARE_THE_FARM):
-            raise pytest.UsageError(f"{item.nodeid} uses the farm or the browser: name its file in tests/conftest.py")
+            raise pytest.UsageError(f"{item.nodeid} uses the farm or the browser: name its file in tests/spreading.py")
+        if "farm" in getattr(item, "fixturenames", ()) and item.nodeid.startswith(WITHOUT_A_FARM):
+            raise pytest.UsageError(f"{item.nodeid} uses the farm: its file is not among WITHOUT_A_FARM of tests/spreading.py")
     items.sort(key=turn)
 
 

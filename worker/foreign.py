@@ -10,7 +10,7 @@ import re
 from typing import Any
 from urllib.parse import urlsplit
 
-__all__ = ["MAX_ANSWER", "is_address", "kind_of_answer", "not_a_farm"]
+__all__ = ["MAX_ANSWER", "is_address", "is_here", "kind_of_answer", "not_a_farm"]
 
 MAX_ANSWER = 64 << 20  # bytes of JSON; whoever sends more is no farm, and is not listened to any longer
 
@@ -23,6 +23,14 @@ def is_address(url: str) -> bool:
     except ValueError:
         return False
     return is_http and not re.search(r"\s", url)
+
+
+def is_here(url: str) -> bool:
+    """Whether an address is this machine's own, to which no proxy leads, whatever HTTP_PROXY and its like say."""
+    try:
+        return urlsplit(url).hostname in ("localhost", "127.0.0.1", "::1")
+    except ValueError:
+        return False
 
 
 def not_a_farm(url: str, came: str) -> str:

@@ -18,7 +18,7 @@ from redis.connection import ConnectionPool
 
 from worker.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 from worker.errors import DamagedError, LinkError, NotAFarmError, RefusedError, TokenError
-from worker.foreign import MAX_ANSWER, is_address, kind_of_answer, not_a_farm
+from worker.foreign import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
 from worker.trust import trust
 
 __all__ = ["FarmAnswer", "Link", "check_redis_url"]
@@ -70,7 +70,9 @@ class Link:
                 verify = trust()
             except (OSError, ValueError) as error:
                 raise RefusedError(f"The farm's certificate cannot be read: {error}.") from None
-            self._client = httpx.Client(base_url=self.service, headers=headers, timeout=TIMEOUT, verify=verify)
+            self._client = httpx.Client(
+                base_url=self.service, headers=headers, timeout=TIMEOUT, verify=verify, trust_env=not is_here(self.service)
+            )
         return self._client
 
     def forget_connections(self) -> None:

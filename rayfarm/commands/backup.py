@@ -101,9 +101,13 @@ def restore(
 
 
 def _only_sqlite() -> None:
+    from service.errors import FarmError
     from service.settings import Settings
 
-    settings = Settings()
+    try:
+        settings = Settings.read()
+    except FarmError as error:
+        raise CommandError(str(error)) from None
     if settings.database_url and not settings.database_url.startswith("sqlite"):
         raise CommandError(
             "This farm's database is no SQLite (RAYFARM_DATABASE_URL). Back it up with its own tool (pg_dump), and then films/ "

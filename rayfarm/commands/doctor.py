@@ -12,7 +12,7 @@ import typer
 from rich.text import Text
 
 from rayfarm.console import bar, out
-from rayfarm.errors import EXIT_FAILED
+from rayfarm.errors import EXIT_FAILED, CommandError
 
 if TYPE_CHECKING:
     from rayfarm.doctor.finding import Finding
@@ -66,10 +66,14 @@ def _looks(data: Path | None, deep: bool, port: int) -> Iterator[Finding]:
     from rayfarm.doctor.folder import look_at_folder
     from rayfarm.doctor.machine import look_at_machine
     from rayfarm.doctor.running import look_at_running
+    from service.errors import FarmError
     from service.places import default_data_folder
     from service.settings import Settings
 
-    settings = Settings(data=data.expanduser().resolve() if data else default_data_folder())
+    try:
+        settings = Settings.read(data=data.expanduser().resolve() if data else default_data_folder())
+    except FarmError as error:
+        raise CommandError(str(error)) from None
     yield from look_at_machine()
     with bar() as shown:
         task = shown.add_task("Reading uploads and films", total=None, visible=deep)

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from rayfarm import options
 from rayfarm.errors import CommandError
 from rayfarm.joining import farm_address, run, shown_token
+from rayfarm.log_format import LogFormat, use_log_format
 from worker.site import SITE_NAME
 
 __all__ = ["register"]
@@ -33,7 +33,7 @@ def site(
     address: Annotated[
         str, typer.Option(help="What workers reach this machine by; its address on the way to the farm unless told.")
     ] = "",
-    log_format: options.LogFormat = None,
+    log_format: LogFormat = None,
 ) -> None:
     """Add up what the workers of a site have rendered of a tile, and send it to the farm as one result, until Ctrl-C.
 
@@ -47,7 +47,7 @@ def site(
     """
     from renderer.places import cache_home
 
-    options.use_log_format(log_format)
+    use_log_format(log_format)
     join = farm_address(join)
     if not SITE_NAME.fullmatch(name):
         raise CommandError(f"{name!r} is no name of a site; take small letters, digits and . _ -")

@@ -137,6 +137,7 @@ def submit(
         err.print(f"{kept} of {len(shot.all_frames)} frames are there and kept; --overwrite renders them again", markup=False)
     if is_numbered(scene) and frames is None:
         raise CommandError(f"{scene.name} is a file for each frame: say which, by --frames, or name one of them")
+    picture.check()
     wanted = _deadline(deadline)
     environment = picture.environment().image
     with farm_client(server) as farm:
@@ -180,11 +181,14 @@ def _deadline(text: str | None) -> str | None:
 
 
 def _prepared(farm: Client, uploaded: Scene) -> Scene:
+    ticker = Ticker()
     with bar() as progress:
         task = progress.add_task("preparing", total=1.0)
 
         def show(scene: Scene) -> None:
-            progress.update(task, description=scene.step or "preparing", completed=scene.progress or 0.0)
+            step = scene.step or "preparing"
+            progress.update(task, description=step, completed=scene.progress or 0.0)
+            ticker.tick(f"The scene is prepared: {step}")
 
         return farm.wait_for_scene(uploaded.id, watch=show)
 

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rayfarm import options
 from rayfarm.blender import Program, Wanted, program_for
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
+from rayfarm.log_format import LogFormat, use_log_format
 from rayfarm.machine import StopSignals, cores, has_screen
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def up(
     tls_key: Annotated[Path | None, typer.Option(dir_okay=False, exists=True, help="The certificate's key, as PEM.")] = None,
     blender: Wanted = False,
     blender_program: Program = None,
-    log_format: options.LogFormat = None,
+    log_format: LogFormat = None,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
 ) -> None:
     """Start the farm on this machine: a Redis of its own, the service, one worker slot per core, and the page.
@@ -79,7 +79,7 @@ def up(
     from rayfarm.local.state import locked
     from service.places import default_data_folder
 
-    options.use_log_format(log_format)
+    use_log_format(log_format)
     os.umask(0o077)  # what a farm keeps is its user's alone
     tls = _tls(tls_cert, tls_key)
     signals = StopSignals()

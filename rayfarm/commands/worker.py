@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
-from rayfarm import options
 from rayfarm.blender import Program, Wanted, program_for
 from rayfarm.console import err
 from rayfarm.joining import farm_address, run, shown_token
+from rayfarm.log_format import LogFormat, use_log_format
 from rayfarm.machine import cores
 
 __all__ = ["register"]
@@ -63,7 +63,7 @@ def worker(
     ] = "",
     blender: Wanted = False,
     blender_program: Program = None,
-    log_format: options.LogFormat = None,
+    log_format: LogFormat = None,
 ) -> None:
     """Join a farm: render its batches with this machine's cores until Ctrl-C.
 
@@ -78,7 +78,7 @@ def worker(
       rayfarm worker --join studio.local:8000 --token-file T --idle 15 --tag bigmem
       rayfarm worker --join studio.local:8000 --token-file T --blender
     """
-    options.use_log_format(log_format)
+    use_log_format(log_format)
     join = farm_address(join)
     token = shown_token("A worker", token, token_file)
     command = [sys.executable, "-m", "worker", "--service", join, "--slots", str(slots or cores())]

@@ -21,6 +21,7 @@ from rayfarm.local.broker import find_server
 from rayfarm.local.state import running_farm
 from renderer import __version__
 from worker.contract import WORKER_KEYS, WorkerReport
+from worker.foreign import is_here
 
 __all__ = ["look_at_redis", "look_at_running"]
 
@@ -47,7 +48,7 @@ def look_at_running(data: Path, port: int) -> Iterator[Finding]:
 
 def _service(url: str) -> Iterator[Finding]:
     try:
-        answer = httpx.get(f"{url}/readyz", timeout=PATIENCE_S, verify=False)
+        answer = httpx.get(f"{url}/readyz", timeout=PATIENCE_S, verify=False, trust_env=not is_here(url))
     except httpx.HTTPError as error:
         yield fault("Service", f"{url} does not answer ({type(error).__name__}).", "Look at logs/service.log of the data folder.")
         return

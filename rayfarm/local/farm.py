@@ -130,6 +130,7 @@ class LocalFarm:
             env[TRUST_VARIABLE] = str(self.tls.certificate)
         service = Part("service", uvicorn, self._log("service"), env, steady_s=SERVICE_STEADY_S, serves=self._service_listens)
         service.has_spare = True
+        service.at_peace = self.worker_ready if self.slots else None  # it may be compiling on all cores
         self._start(service)
         if self.slots:
             # The token goes by the environment: a command line is seen by everyone on the machine.
@@ -167,7 +168,7 @@ class LocalFarm:
         """Whether the service takes requests."""
         try:
             # It is asked in plain HTTP. To read the machine's certificates for each look takes the processor from what starts.
-            return httpx.get(f"{self.url}/readyz", timeout=5.0, verify=False).is_success
+            return httpx.get(f"{self.url}/readyz", timeout=5.0, verify=False, trust_env=False).is_success
         except httpx.HTTPError:
             return False
 

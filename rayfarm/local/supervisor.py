@@ -27,7 +27,9 @@ PAUSES_S = (0.2, 1.0, 2.0, 5.0, 10.0, 30.0)
 KILLED_PAUSE_S = 1.0  # at most, for what was killed from outside: that says nothing about whether it can live
 SERVED_PAUSE_S = 0.2  # for what had come to serve: it can live, whatever ended it
 LOOK_EVERY_S = 0.05  # whether a part that was just started serves
+PEACE_EVERY_S = 0.5  # whether the others are ready
 SPARE_AFTER_S = 3.0  # of serving, where it is the first: while a farm starts, its processor has other things to do
+SPARE_LATEST_S = 60.0  # of serving, even where other parts are not ready by then
 SPARE_AGAIN_S = 0.3  # of serving, after a restart: what killed one may kill the next
 KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
@@ -56,6 +58,7 @@ class Part:
     has_served: bool = False
     looked: float = 0.0
     has_spare: bool = False
+    at_peace: Callable[[], bool] | None = None
     spare: subprocess.Popen[bytes] | None = None
     spare_started: float = 0.0
 
@@ -122,8 +125,16 @@ class Supervisor:
         is_there = part.spare is not None and part.spare.poll() is None
         pause = SPARE_AGAIN_S if part.spare_started else SPARE_AFTER_S
         is_time = now - part.started > pause and now - part.spare_started > SPARE_AFTER_S
-        if part.has_spare and part.has_served and not is_there and is_time:
+        if part.has_spare and part.has_served and not is_there and is_time and self._is_peace(part, now):
             part.spare, part.spare_started = self._spawn(part, is_spare=True), now
+
+    def _is_peace(self, part: Part, now: float) -> bool:
+        if part.spare_started or part.at_peace is None or now - part.started > SPARE_LATEST_S:
+            return True
+        if now - part.looked < PEACE_EVERY_S:
+            return False
+        part.looked = now
+        return part.at_peace()
 
     def tend(self) -> Part | None:
         """Look after all parts once; a part that has ended for good (a fatal exit code), or None."""

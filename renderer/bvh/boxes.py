@@ -7,7 +7,10 @@ and with them which kinds: triangles come first, then spheres, then instances. N
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 from renderer.bvh.growing import raise_to, swapped
 from renderer.bvh.layout import INSTANCE, SPHERES, TRIANGLES
@@ -25,6 +28,8 @@ __all__ = [
     "half_area",
     "last_kind",
     "number_of",
+    "numbered",
+    "numbers_of",
     "set_number",
 ]
 
@@ -33,6 +38,18 @@ _MINUS_NUMBER = 7
 _ONE_BITS = np.int32(0x3F800000)  # of 1.0
 _SIGN = np.int32(-(2**31))
 _NOTHING = np.float32(-np.inf)
+
+
+def numbered(boxes: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """The boxes, (N, 8) f32, with numbers from 0 on, which are put in place of theirs."""
+    number = np.arange(len(boxes), dtype=np.int32) + _ONE_BITS
+    boxes.view(np.int32)[:, _NUMBER], boxes.view(np.int32)[:, _MINUS_NUMBER] = number, number | _SIGN
+    return boxes
+
+
+def numbers_of(boxes: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """The numbers of the boxes, (N, 8) f32: (N,) i32."""
+    return boxes.view(np.int32)[:, _NUMBER] - _ONE_BITS
 
 
 @device

@@ -4,7 +4,7 @@ After Wald, "On fast construction of SAH-based bounding volume hierarchies" (200
 centroids along each axis; a sweep over the bins finds the cheapest plane between two; the primitives are partitioned by it.
 
 A node of n primitives has 2 n - 2 rows of the tree for what is below it, and fills them from the front. So threads that split
-several nodes of one tree (top.py) need not agree on anything.
+several parts of one tree (top.py) need not agree on anything.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from renderer.bvh.boxes import (
     number_of,
 )
 from renderer.bvh.layout import INSTANCE
-from renderer.bvh.simd import extract, load, maximum, minimum, splat
+from renderer.bvh.simd import extract, load, maximum, minimum, select, splat, store
 from renderer.jit import device, entry
 
 __all__ = [
@@ -47,6 +47,7 @@ BINS = 16
 SAH_DEPTH = 40  # below, ranges are halved: see STACK_SIZE in layout.py
 _FEW_BINS = 8
 _FEW = 24  # primitives, up to which so few bins find as good a plane
+_LEAST_BINS = 4  # for what fits a leaf
 _NODE_COST = np.float32(0.2)  # of one binary level, in units of one packet's test; measured on meshes and on Cornell boxes
 _LEAF_SIZE = 8
 STACK = 128  # nodes that wait: one a level at most
@@ -61,7 +62,7 @@ _BELOW_ONE = np.float32(1.0 - 1e-6)  # the greatest centroid still falls into th
 class Bins(NamedTuple):
     """One node's bins, those of an axis after those of another; its arrays are used again for every node."""
 
-    box: Any  # (3 * BINS, 8) f32
+    box: Any  # (3 * BINS, 8) f32; where fewer are in use, those of the next axis follow at once
     count: Any  # (3 * BINS,) i64, of primitives; an instance counts for eight
     grid: (
         Any  # (2, 8) f32, lanes 4 ... 6: where an axis' first bin begins; bins per length, 0 where all centroids are in one plane
@@ -105,21 +106,29 @@ def _place(row, grid, last):
 
 
 @device
-def fill_bins(bins, box, first, end, solids):
-    """Puts boxes first ... end - 1 into the bins of all three axes."""
-    for b in range(3 * BINS):
+def fill_bins(bins, box, first, end, used, solids, weights):
+    """Puts boxes first ... end - 1 into so many bins of each of the three axes.
+
+    weights: for how many primitives each counts, by its number; None: for 1, or for 8 where its number is not below `solids`.
+    """
+    for b in range(3 * used):
         clear(bins.box, b)
         bins.count[b] = 0
-    last = splat(np.float32(BINS - 1))
+    last = splat(np.float32(used - 1))
     for i in range(first, end):
-        place = _place(load(box, np.uintp(i * 8)), bins.grid, last)
-        weight = 1 if number_of(box, i) < solids else 8
-        x = np.int64(extract(place, np.uint32(4)))
-        y = np.int64(extract(place, np.uint32(5))) + BINS
-        z = np.int64(extract(place, np.uint32(6))) + 2 * BINS
-        grow(bins.box, x, box, i)
-        grow(bins.box, y, box, i)
-        grow(bins.box, z, box, i)
+        row = load(box, np.uintp(i * 8))
+        place = _place(row, bins.grid, last)
+        number = number_of(box, i)
+        if weights is None:
+            weight = 1 if number < solids else 8
+        else:
+            weight = weights[np.uintp(number)]
+        x = np.uintp(np.int64(extract(place, np.uint32(4))))
+        y = np.uintp(np.int64(extract(place, np.uint32(5))) + used)
+        z = np.uintp(np.int64(extract(place, np.uint32(6))) + 2 * used)
+        grow_by(bins.box, x, row)
+        grow_by(bins.box, y, row)
+        grow_by(bins.box, z, row)
         bins.count[x] += weight
         bins.count[y] += weight
         bins.count[z] += weight
@@ -138,7 +147,7 @@ def cheapest_plane(bins, used):
     for axis in range(3):
         if bins.grid[1, 4 + axis] == _ZERO:
             continue
-        first = axis * BINS
+        first = axis * used
         side, count = splat(_NOTHING), 0
         for b in range(used - 1, 0, -1):
             side = maximum(side, load(bins.box, np.uintp((first + b) * 8)))
@@ -160,24 +169,32 @@ def bound_sides(bins, axis, bin, used, tree_box, rows):
     clear(tree_box, rows)
     clear(tree_box, rows + 1)
     for b in range(used):
-        grow(tree_box, rows if b < bin else rows + 1, bins.box, axis * BINS + b)
+        grow(tree_box, rows if b < bin else rows + 1, bins.box, axis * used + b)
 
 
 @device
 def partition(box, first, end, grid, axis, bin, spread, left, right):
     """Sorts boxes first ... end - 1 to both sides of a plane: where the right side begins.
 
-    Rows left and right of `spread` grow around the doubled centroids of either side. Every box is exchanged with the first
+    Rows left and right of `spread` are the boxes of the doubled centroids of either side. Every box is exchanged with the first
     one of the right side, whether it needs to be or not: a branch that is guessed wrong half of the time costs more.
     """
     lower, scale = grid[0, 4 + axis], grid[1, 4 + axis]
     limit = np.float32(bin)
+    nothing = splat(_NOTHING)
+    of_left, of_right = nothing, nothing
+    low = np.uintp(axis)
+    high = np.uintp(4 + axis)
     middle = first
     for i in range(first, end):
-        is_left = (box[i, 4 + axis] - box[i, axis] - lower) * scale < limit
-        grow_by(spread, left if is_left else right, doubled_centroid(load(box, np.uintp(i * 8))))
+        is_left = (box[np.uintp(i), high] - box[np.uintp(i), low] - lower) * scale < limit
+        centroid = doubled_centroid(load(box, np.uintp(i * 8)))
+        of_left = maximum(select(is_left, centroid, nothing), of_left)
+        of_right = maximum(select(is_left, nothing, centroid), of_right)
         exchange(box, i, middle)
         middle += np.int64(is_left)
+    store(spread, np.uintp(left * 8), of_left)
+    store(spread, np.uintp(right * 8), of_right)
     return middle
 
 
@@ -192,58 +209,76 @@ def _partition_by_kind(box, first, end, kind, triangles, solids):
     return middle
 
 
+@device
+def _gather(box, clusters, begin, end, local, spread, tree_box, node):
+    """Puts the boxes of these clusters' primitives into `local`, and that of them all where the node's is, for its numbers."""
+    nothing = splat(_NOTHING)
+    whole, centroids = nothing, nothing
+    at = np.uintp(0)
+    for i in range(begin, end):
+        c = number_of(clusters.box, i)
+        first = clusters.first[c]
+        for k in range(first, first + clusters.count[c]):
+            row = load(box, np.uintp(clusters.source[k]) * np.uintp(8))
+            store(local, at, row)
+            whole = maximum(row, whole)
+            centroids = maximum(doubled_centroid(row), centroids)
+            at += np.uintp(8)
+    store(tree_box, np.uintp(node * 8), whole)
+    store(spread, np.uintp(0), centroids)
+
+
 @entry
-def split(box, order, task, bins, spread, stack, triangles, solids, tree_box, tree):
-    """Splits a node until every leaf is one packet's worth of one kind, or one instance.
+def split(box, clusters, parts, local, bins, spread, stack, triangles, solids, order, tree_box, tree):
+    """Splits parts of a tree (of clusters.py) until every leaf is a packet's worth of one kind, or one instance.
 
-    task: the node, its first box, their end, the first of its rows, its depth; row 0 of `spread`: its doubled centroids' box.
     tree: left child (the right one is the next) or -1, first in `order`, count; tree_box: the nodes' boxes.
-    stack: (STACK, 4) i64, of nodes that wait, their first box, end and depth; spread: (STACK, 8) f32, beside it.
-    Reorders the node's boxes, and writes their numbers into its part of `order`.
+    stack: (STACK, 4) i64, of nodes that wait, their first box, end and depth; spread: (STACK, 8) f32, beside it, the boxes of
+    their doubled centroids. local: room for the boxes of any of the parts.
     """
-    root, first_box, end_box, rows, root_depth = task
-    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = root, first_box, end_box, root_depth
-    top = 1
-    while top > 0:
-        top -= 1
-        node, first, end, depth = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
-        count = end - first
-        tree[node, 0] = -1
-        tree[node, 1] = first
-        tree[node, 2] = count
-        if count == 1:
-            continue
+    for p in range(len(parts)):
+        root, base, length, rows = parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3]
+        _gather(box, clusters, parts[p, 5], parts[p, 6], local, spread, tree_box, root)
+        stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = root, 0, length, parts[p, 4]
+        top = 1
+        while top > 0:
+            top -= 1
+            node, first, end, depth = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
+            count = end - first
+            tree[node, 0] = -1
+            tree[node, 1] = base + first
+            tree[node, 2] = count
+            if count == 1:
+                continue
 
-        plane = Plane(-1, 0, _INF)
-        used = BINS if count > _FEW else _FEW_BINS
-        if depth < SAH_DEPTH:
-            lay_grid(bins.grid, spread, top, used)
-            fill_bins(bins, box, first, end, solids)
-            plane = cheapest_plane(bins, used)
-        least = first_kind(tree_box, node, triangles, solids)
-        most = last_kind(tree_box, node, triangles, solids)
-        fits = count <= _LEAF_SIZE and least == most and most != INSTANCE
-        area = half_area(load(tree_box, np.uintp(node * 8)))
-        if fits and (plane.axis < 0 or area * (_ONE - _NODE_COST) <= plane.cost):
-            continue
+            plane = Plane(-1, 0, _INF)
+            used = BINS if count > _FEW else (_FEW_BINS if count > _LEAF_SIZE else _LEAST_BINS)
+            if depth < SAH_DEPTH:
+                lay_grid(bins.grid, spread, top, used)
+                fill_bins(bins, local, first, end, used, solids, None)
+                plane = cheapest_plane(bins, used)
+            least = first_kind(tree_box, node, triangles, solids)
+            most = last_kind(tree_box, node, triangles, solids)
+            fits = count <= _LEAF_SIZE and least == most and most != INSTANCE
+            area = half_area(load(tree_box, np.uintp(node * 8)))
+            if fits and (plane.axis < 0 or area * (_ONE - _NODE_COST) <= plane.cost):
+                continue
 
-        right, left = top, top + 1  # on the stack: the left one is next
-        if least < most and count <= _LEAF_SIZE:
-            middle = _partition_by_kind(box, first, end, least, triangles, solids)
-        elif plane.axis >= 0:
-            bound_sides(bins, plane.axis, plane.bin, used, tree_box, rows)
-            clear(spread, left)
-            clear(spread, right)
-            middle = partition(box, first, end, bins.grid, plane.axis, plane.bin, spread, left, right)
-        else:
-            middle = first + count // 2
-        if plane.axis < 0 or (least < most and count <= _LEAF_SIZE):
-            for side in range(2):
-                bound(box, middle if side else first, end if side else middle, tree_box, rows + side, spread, left - side)
-        tree[node, 0] = rows
-        stack[left, 0], stack[left, 1], stack[left, 2], stack[left, 3] = rows, first, middle, depth + 1
-        stack[right, 0], stack[right, 1], stack[right, 2], stack[right, 3] = rows + 1, middle, end, depth + 1
-        rows += 2
-        top += 2
-    for i in range(first_box, end_box):
-        order[i] = number_of(box, i)
+            right, left = top, top + 1  # on the stack: the left one is next
+            if least < most and count <= _LEAF_SIZE:
+                middle = _partition_by_kind(local, first, end, least, triangles, solids)
+            elif plane.axis >= 0:
+                bound_sides(bins, plane.axis, plane.bin, used, tree_box, rows)
+                middle = partition(local, first, end, bins.grid, plane.axis, plane.bin, spread, left, right)
+            else:
+                middle = first + count // 2
+            if plane.axis < 0 or (least < most and count <= _LEAF_SIZE):
+                for side in range(2):
+                    bound(local, middle if side else first, end if side else middle, tree_box, rows + side, spread, left - side)
+            tree[node, 0] = rows
+            stack[left, 0], stack[left, 1], stack[left, 2], stack[left, 3] = rows, first, middle, depth + 1
+            stack[right, 0], stack[right, 1], stack[right, 2], stack[right, 3] = rows + 1, middle, end, depth + 1
+            rows += 2
+            top += 2
+        for i in range(length):
+            order[base + i] = number_of(local, i)

@@ -1,30 +1,21 @@
-"""The top of the binary tree, by all threads at once: large nodes are split part by part, small ones are left to split.py.
+"""The binary tree by all threads at once: its top over clusters of primitives (clusters.py), what is below them part by part.
 
-Boxes and counts are the same in whichever order they are added up, and how boxes are exchanged follows from how a node is
-cut into parts, not from who does which: every number of threads builds the same tree.
+How a tree is cut into parts follows from its primitives, not from who builds it: every number of threads builds the same tree.
 """
 
 from __future__ import annotations
 
 import mmap
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.boxes import bound, clear, exchange
-from renderer.bvh.split import (
-    BINS,
-    SAH_DEPTH,
-    STACK,
-    bound_sides,
-    cheapest_plane,
-    fill_bins,
-    lay_grid,
-    new_bins,
-    partition,
-    split,
-)
+from renderer.bvh.boxes import doubled_centroid, numbers_of
+from renderer.bvh.clusters import JOB, TREELET, Clusters, gathered, one_cluster, split_clusters
+from renderer.bvh.simd import load, maximum, splat, store
+from renderer.bvh.split import STACK, new_bins, split
 from renderer.jit import entry
 from renderer.threads import Team, parts_of
 
@@ -32,8 +23,10 @@ __all__ = ["LEAST_PART", "MOST_PARTS", "Binary", "part_size", "split_all"]
 
 LEAST_PART = 1 << 15  # boxes: a megabyte of them, which a core's cache holds
 MOST_PARTS = 64  # of one tree: more would only cost
+_NOTHING = np.float32(-np.inf)
 
 F32 = npt.NDArray[np.float32]
+Integers = npt.NDArray[Any]
 
 
 def part_size(count: int) -> int:
@@ -49,40 +42,23 @@ class Binary(NamedTuple):
     order: npt.NDArray[np.int32]  # (N,)
 
 
-class _Node(NamedTuple):
-    """A node to be split, as `split` takes it."""
-
-    number: int
-    first: int
-    end: int
-    rows: int
-    depth: int
-    spread: F32  # (8,): the box of its doubled centroids
-
-
 def split_all(box: F32, triangles: int, solids: int, team: Team) -> Binary:
-    """The binary tree over all boxes, which it reorders."""
+    """The binary tree over all boxes."""
     count, part = len(box), part_size(len(box))
-    tree_box, tree = _sparse((2 * count, 8), np.float32), _sparse((2 * count, 3), np.int32)
-    order = np.empty(count, np.int32)
-    waiting = [_Node(0, 0, count, 1, 0, _bounded(box, 0, count, part, tree_box[0], team))]
-    small = []
-    while waiting:
-        node = waiting.pop()
-        if node.end - node.first <= part:
-            small.append(node)
-            continue
-        tree[node.number] = node.rows, node.first, node.end - node.first
-        waiting += _halves(box, node, part, solids, tree_box, team)
-    small.sort(key=lambda node: node.first - node.end)  # the largest first, so that the threads end together
+    binary = Binary(_sparse((2 * count, 8), np.float32), _sparse((2 * count, 3), np.int32), np.empty(count, np.int32))
 
-    def split_small(node: _Node) -> None:
+    def split_some(job: tuple[Clusters, Integers]) -> None:
+        clusters, parts = job
+        room = np.empty((parts[:, 2].max(), 8), np.float32)
         spread, stack = np.empty((STACK, 8), np.float32), np.empty((STACK, 4), np.int64)
-        spread[0] = node.spread
-        split(box, order, tuple(node[:5]), new_bins(), spread, stack, triangles, solids, tree_box, tree)
+        split(box, clusters, parts, room, new_bins(), spread, stack, triangles, solids, binary.order, binary.box, binary.tree)
 
-    team.each(split_small, small)
-    return Binary(tree_box, tree, order)
+    jobs = [
+        (clusters, some) for clusters, parts in _top(box, solids, part, binary, team) for some in _shared_out(parts, part // 2)
+    ]
+    jobs.sort(key=lambda job: -job[1][:, 2].sum())  # the largest first, so that the threads end together
+    team.each(split_some, jobs)
+    return binary
 
 
 def _sparse(shape: tuple[int, int], item: type[np.generic]) -> npt.NDArray[Any]:
@@ -94,98 +70,54 @@ def _sparse(shape: tuple[int, int], item: type[np.generic]) -> npt.NDArray[Any]:
     return np.frombuffer(mmap.mmap(-1, shape[0] * shape[1] * size), item).reshape(shape)
 
 
-def _halves(box: F32, node: _Node, part: int, solids: int, tree_box: F32, team: Team) -> tuple[_Node, _Node]:
-    """Splits one node part by part: its children, whose boxes are written."""
-    spread = np.empty((2, 8), np.float32)
-    middle = _divided(box, node, part, solids, tree_box, spread, team) if node.depth < SAH_DEPTH else None
-    if middle is None:
-        middle = (node.first + node.end) // 2
-        spread[0] = _bounded(box, node.first, middle, part, tree_box[node.rows], team)
-        spread[1] = _bounded(box, middle, node.end, part, tree_box[node.rows + 1], team)
-    after = node.rows + 2 * (middle - node.first)
-    return (
-        _Node(node.rows, node.first, middle, node.rows + 2, node.depth + 1, spread[0]),
-        _Node(node.rows + 1, middle, node.end, after, node.depth + 1, spread[1]),
-    )
+def _top(box: F32, solids: int, part: int, binary: Binary, team: Team) -> Iterator[tuple[Clusters, Integers]]:
+    """Splits the top of the tree: what is left to split, (J, JOB) nodes over these clusters."""
+    count = len(box)
+    waiting = [(np.array([0, 0, count, 1, 0]), np.arange(count, dtype=np.int32))]
+    while waiting:
+        node, source = waiting.pop()
+        whole, spread = _bounded(box, source, part, team)
+        if node[2] <= part:
+            clusters = one_cluster(source, whole)
+            yield clusters, np.append(node, (0, 1)).reshape(1, JOB)
+            continue
+        clusters = gathered(box, source, spread, solids, team)
+        centroids = (clusters.box - np.roll(clusters.box, 4, axis=1)).max(axis=0)
+        parts = split_clusters(
+            clusters, np.append(node, (0, len(clusters.box))), centroids, min(TREELET, part), binary.box, binary.tree
+        )
+        large = parts[:, 2] > part if len(parts) > 1 else np.zeros(1, bool)  # if no plane divides it, it stays as it is
+        waiting += [(each[:5], _sources(clusters, each)) for each in parts[large]]
+        yield clusters, parts[~large]
 
 
-def _divided(box: F32, node: _Node, part: int, solids: int, tree_box: F32, spread: F32, team: Team) -> int | None:
-    """Sorts a node's boxes to both sides of the cheapest plane: where the right side begins; None where no plane divides them.
-
-    Writes the children's boxes, and those of their doubled centroids into `spread`.
-    """
-    parts = parts_of(node.first, node.end, part)
-    several = [new_bins() for _ in parts]
-    team.each(lambda job: _fill(job[1], box, *job[0], node.spread.reshape(1, 8), solids), zip(parts, several, strict=True))
-    box_of_bin, count = (np.stack([getattr(bins, name) for bins in several]) for name in ("box", "count"))
-    bins = several[0]._replace(box=box_of_bin.max(axis=0), count=count.sum(axis=0))
-    axis, bin = _choose(bins, tree_box, node.rows)
-    if axis < 0:
-        return None
-    sides = np.empty((len(parts), 2, 8), np.float32)
-    found = team.each(lambda job: _partition(box, *job[0], bins.grid, axis, bin, job[1]), zip(parts, sides, strict=True))
-    sides.max(axis=0, out=spread)
-    middle = node.first + sum(at - first for at, (first, _) in zip(found, parts, strict=True))
-    team.each(lambda move: _exchange(box, *move), _moves(parts, found, middle))
-    return middle
+def _sources(clusters: Clusters, part: Integers) -> Integers:
+    """The primitives of a part."""
+    number = numbers_of(clusters.box[part[5] : part[6]])
+    return np.concatenate([clusters.source[clusters.first[c] : clusters.first[c] + clusters.count[c]] for c in number])
 
 
-def _moves(parts: list[tuple[int, int]], found: list[int], middle: int) -> list[tuple[int, int, int]]:
-    """What is still to be exchanged when each part is sorted by itself: (from, with, how many)."""
-    wrong_left = [(at, min(end, middle)) for at, (_, end) in zip(found, parts, strict=True) if at < min(end, middle)]
-    wrong_right = [(max(first, middle), at) for at, (first, _) in zip(found, parts, strict=True) if max(first, middle) < at]
-    moves = []
-    while wrong_left:
-        (i, i_end), (j, j_end) = wrong_left.pop(), wrong_right.pop()
-        count = min(i_end - i, j_end - j)
-        moves.append((i, j, count))
-        if i + count < i_end:
-            wrong_left.append((i + count, i_end))
-        if j + count < j_end:
-            wrong_right.append((j + count, j_end))
-    return moves
+def _shared_out(parts: Integers, size: int) -> Iterator[Integers]:
+    """The parts, as many together as hold about so many primitives."""
+    share = (np.cumsum(parts[:, 2]) - parts[:, 2]) // size
+    return iter(np.split(parts, np.flatnonzero(np.diff(share)) + 1))
 
 
-def _bounded(box: F32, first: int, end: int, part: int, whole: F32, team: Team) -> F32:
-    """Writes the box of boxes first ... end - 1 into `whole` (8,): the box of their doubled centroids."""
-    found = np.empty((-(-(end - first) // part), 2, 8), np.float32)
-    team.each(lambda job: _bound(box, *job[0], job[1]), zip(parts_of(first, end, part), found, strict=True))
-    whole[:], spread = found.max(axis=0)
-    return spread
+def _bounded(box: F32, source: Integers, part: int, team: Team) -> tuple[F32, F32]:
+    """The box of these primitives' boxes, and that of their doubled centroids; (8,) each."""
+    found = np.empty((-(-len(source) // part), 2, 8), np.float32)
+    team.each(lambda job: _bound(box, source, *job[0], job[1]), zip(parts_of(0, len(source), part), found, strict=True))
+    whole, spread = found.max(axis=0)
+    return whole, spread
 
 
 @entry
-def _bound(box, first, end, found):
-    """Rows 0 and 1 of `found`: the box of boxes first ... end - 1, and that of their doubled centroids."""
-    bound(box, first, end, found, 0, found, 1)
-
-
-@entry
-def _fill(bins, box, first, end, spread, solids):
-    """Puts boxes first ... end - 1 into bins over the doubled centroids' box."""
-    lay_grid(bins.grid, spread, 0, BINS)
-    fill_bins(bins, box, first, end, solids)
-
-
-@entry
-def _choose(bins, tree_box, rows):
-    """(axis, bin) of the cheapest plane, axis -1 for none; writes the boxes of its sides."""
-    plane = cheapest_plane(bins, BINS)
-    if plane.axis >= 0:
-        bound_sides(bins, plane.axis, plane.bin, BINS, tree_box, rows)
-    return plane.axis, plane.bin
-
-
-@entry
-def _partition(box, first, end, grid, axis, bin, spread):
-    """See `partition`."""
-    clear(spread, 0)
-    clear(spread, 1)
-    return partition(box, first, end, grid, axis, bin, spread, 0, 1)
-
-
-@entry
-def _exchange(box, i, j, count):
-    """Boxes i ... i + count - 1 change places with those from j on."""
-    for k in range(count):
-        exchange(box, i + k, j + k)
+def _bound(box, source, first, end, found):
+    """Rows 0 and 1 of `found`: the box of boxes source[first : end], and that of their doubled centroids."""
+    whole, spread = splat(_NOTHING), splat(_NOTHING)
+    for k in range(first, end):
+        row = load(box, np.uintp(source[k]) * np.uintp(8))
+        whole = maximum(row, whole)
+        spread = maximum(doubled_centroid(row), spread)
+    store(found, np.uintp(0), whole)
+    store(found, np.uintp(8), spread)

@@ -39,6 +39,7 @@ __all__ = ["Begun", "Reuse"]
 
 LOOKED_AT = 32  # of the latest jobs of a picture
 RESTS = ("finished", "cancelled")
+PATIENCE_S = 20.0  # somebody waits for the answer: frames that are not copied by then are rendered
 
 Begun = Mapping[int, Mapping[str, Any]]  # of a frame, by its key: what its row says of what it begins with
 
@@ -107,24 +108,30 @@ class Reuse:
         """Copy of each frame what the job has that has most of it: whose it is, and how many samples. Raises FarmError."""
         assert job.settings is not None and job.tile_size is not None
         found: dict[int, tuple[str, int]] = {}
-        left = {
-            key: sorted((id for id in sources if key in sources[id].frames), key=lambda id: -sources[id].frames[key].samples)
-            for key in {key for source in sources.values() for key in source.frames}
-        }
+        refused: set[str] = set()
+        fitting: set[str] = set()  # for whose films there is room
+        until = time.monotonic() + PATIENCE_S
         with self._films.copy(job.id, RenderSettings.from_json(job.settings), job.tile_size) as take:
-            while left := {key: ids for key, ids in left.items() if ids}:
-                best: dict[str, list[int]] = defaultdict(list)
-                for key, ids in left.items():
-                    best[ids.pop(0)].append(key)
-                for id, keys in best.items():
+            for key in sorted({key for source in sources.values() for key in source.frames}):
+                if found and time.monotonic() > until:
+                    log.info(
+                        "job %s renders from frame %g on what others have: copying takes too long", job.id, frame_number(key)
+                    )
+                    break
+                having = [id for id in sources if key in sources[id].frames and id not in refused]
+                for id in sorted(having, key=lambda id: -sources[id].frames[key].samples):
                     try:
-                        need_room(self._data, self._min_free_bytes + self._films.size(id))
-                        had = take(id, sorted(keys), job.spp or MAX_SPP)
+                        if id not in fitting:
+                            need_room(self._data, self._min_free_bytes + self._films.size(id))
+                            fitting.add(id)
+                        had = take(id, [key], job.spp or MAX_SPP)
                     except FarmError as error:
-                        log.info("nothing is taken from job %s: %s", id, error)
+                        log.info("nothing more is taken from job %s: %s", id, error)
+                        refused.add(id)
                         continue
-                    found |= {key: (id, samples) for key, samples in had.items()}
-                left = {key: ids for key, ids in left.items() if key not in found}
+                    if key in had:
+                        found[key] = id, had[key]
+                        break
         return found
 
     def _sources(self, job: Job, keys: set[int]) -> dict[str, _Source]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,11 +31,10 @@ class Standing:
 
 def standing(engine: Engine) -> Standing:
     """Where a database stands; changes nothing."""
-    scripts = ScriptDirectory.from_config(_config())
+    head, known = _revisions()
     with engine.connect() as connection:
         current = MigrationContext.configure(connection).get_current_revision()
-    known = {script.revision for script in scripts.walk_revisions()}
-    return Standing(current, str(scripts.get_current_head()), current is not None and current not in known)
+    return Standing(current, head, current is not None and current not in known)
 
 
 def refuse_newer(engine: Engine) -> Standing:
@@ -59,6 +59,13 @@ def upgrade(engine: Engine) -> None:
         if stands.current is None and inspect(connection).has_table(Scene.__tablename__):
             command.stamp(config, FIRST)
         command.upgrade(config, "head")
+
+
+@functools.cache
+def _revisions() -> tuple[str, frozenset[str]]:
+    """This release's revision, and all that it knows: read once from a file each."""
+    scripts = ScriptDirectory.from_config(_config())
+    return str(scripts.get_current_head()), frozenset(script.revision for script in scripts.walk_revisions())
 
 
 def _config() -> Config:

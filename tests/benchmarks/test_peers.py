@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import shutil
@@ -98,10 +99,14 @@ def test_meshes_have_the_triangles_asked_for_and_normals_that_look_out(make, cou
     assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
 
 
-def test_a_row_that_is_not_there_gets_a_sentence(tmp_path: Path) -> None:
-    done = run_bench(tmp_path, "--rows=samples,speed")
-    assert done.returncode == 2
-    assert "there is no row speed; known are samples, error, cycles" in done.stderr
+def test_a_row_that_is_not_there_gets_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["bench_peers", f"--out={tmp_path}", "--rows=samples,speed"])
+    with pytest.raises(SystemExit) as ended:
+        importlib.import_module("tests.benchmarks.bench_peers").main()
+    assert ended.value.code == 2
+    assert "there is no row speed; known are samples, error, cycles" in capsys.readouterr().err
 
 
 @pytest.mark.long

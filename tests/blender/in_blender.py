@@ -66,23 +66,22 @@ def lamps() -> list[str]:
         background(scene).inputs["Strength"].default_value = 0.05
         lamp(kind, energy, (1.5, -2.5, 4), **values)
         both(f"lamp-{name}", scene)
-    for name in ("hidden", "shown"):  # lamps in the picture, before a sun, and in a mirror
+    return [f"lamp-{name}" for name in kinds]
+
+
+def hidden() -> list[str]:
+    """Lamps in the picture and in a mirror, between a sun (of no size: Cycles' mirrors show suns) and the table."""
+    for name, is_seen in (("hidden", False), ("shown", True)):
         scene = empty()
         table(scene)
-        add(
-            "uv_sphere",
-            principled("mirror", Base_Color=(0.9, 0.9, 0.9, 1), Metallic=1, Roughness=0.05),
-            location=(0.3, -1.8, 0.5),
-        )
+        mirror = principled("mirror", Base_Color=(0.9, 0.9, 0.9, 1), Metallic=1, Roughness=0.05)
+        add("uv_sphere", mirror, location=(0.3, -1.8, 0.5), segments=64, ring_count=48)
         background(scene).inputs["Strength"].default_value = 0.3
-        lamp("SUN", 1.5, (1.0, -1.0, 6), angle=0.1)
-        for kind, place, more in (
-            ("AREA", (0.6, -0.8, 2.2), {"size": 1.6}),
-            ("POINT", (-1.2, -1.2, 1.4), {"shadow_soft_size": 0.4}),
-        ):
-            lamp(kind, 60.0, place, **more).visible_camera = name == "shown"
+        lamp("SUN", 1.5, (1.0, -1.0, 6), angle=0.0)
+        lamp("AREA", 60.0, (0.6, -0.8, 2.2), size=1.6).visible_camera = is_seen
+        lamp("POINT", 60.0, (-1.2, -1.2, 1.4), shadow_soft_size=0.4).visible_camera = is_seen
         both(f"lamp-{name}", scene)
-    return [f"lamp-{name}" for name in (*kinds, "hidden", "shown")]
+    return ["lamp-hidden", "lamp-shown"]
 
 
 def surroundings() -> list[str]:
@@ -381,7 +380,7 @@ def large() -> dict:
 
 TASKS = {
     each.__name__: each
-    for each in (lamps, surroundings, cameras, moving, passes, changes, animation, refused, cancelled, viewport, large)
+    for each in (lamps, hidden, surroundings, cameras, moving, passes, changes, animation, refused, cancelled, viewport, large)
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import Shot, read
 from renderer.settings import RenderSettings, View
+from tests.chaos.ending import ends_by
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 from tests.rayfarm.test_sequence import turning
 
@@ -118,6 +120,7 @@ def test_what_is_killed_half_way_does_not_matter(chaos_farm: Farm, expected: str
 
 FRAMES = range(0, 24, 3)
 SHOT = {"width": 96, "height": 64, "spp": 192, "environment": {"color": [1.0, 1.0, 1.0]}}
+FEW = 48  # samples, for what nobody disturbs
 
 
 @pytest.fixture(scope="module")
@@ -128,23 +131,32 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def stills(shot: Path) -> dict[float, str]:
+def stills_of(shot: Path, spp: int) -> dict[float, str]:
     """The frames' digests, each rendered in this process as a still of its moment."""
     found: dict[float, str] = {}
     for frame in FRAMES:
         compiled, summary = Stage(Shot(shot.parent, shot.name)).at(Moment(frame))
         view = View.from_json(summary["cameras"][0]["view"])
         settings = RenderSettings(SHOT["width"], SHOT["height"], view, environment=(1.0, 1.0, 1.0))
-        found[frame] = digest(render_frame(compiled, settings, SHOT["spp"], threads=2))
+        found[frame] = digest(render_frame(compiled, settings, spp, threads=2))
     assert len(set(found.values())) == len(found)
     return found
+
+
+@pytest.fixture(scope="module")
+def stills(shot: Path) -> dict[float, str]:
+    return stills_of(shot, SHOT["spp"])
+
+
+@pytest.fixture(scope="module")
+def few(shot: Path) -> dict[float, str]:
+    return stills_of(shot, FEW)
 
 
 def shoot(farm: Farm, shot: Path, frames: str = "0-21x3", **more: Any) -> str:
     with farm.client() as client:
         scene = client.wait_for_scene(client.upload([shot]).id)
-        return str(client.submit(scene.id, frames=frames, **SHOT, **more).id)
+        return str(client.submit(scene.id, frames=frames, **{**SHOT, **more}).id)
 
 
 def finished_frames(farm: Farm, *jobs: str) -> dict[float, str]:
@@ -158,13 +170,13 @@ def finished_frames(farm: Farm, *jobs: str) -> dict[float, str]:
 
 
 @pytest.mark.parametrize("order", ["in-turn", "breadth-first", "centre-out"])
-def test_the_order_of_frames_does_not_matter(chaos_farm: Farm, shot: Path, stills: dict[float, str], order: str) -> None:
-    assert finished_frames(chaos_farm, shoot(chaos_farm, shot, order=order)) == stills
+def test_the_order_of_frames_does_not_matter(chaos_farm: Farm, shot: Path, few: dict[float, str], order: str) -> None:
+    assert finished_frames(chaos_farm, shoot(chaos_farm, shot, order=order, spp=FEW)) == few
 
 
-def test_a_shot_in_two_jobs_at_a_time_is_the_shot_in_one(chaos_farm: Farm, shot: Path, stills: dict[float, str]) -> None:
-    jobs = [shoot(chaos_farm, shot, frames) for frames in ("0-21x6", "3-21x6")]
-    assert finished_frames(chaos_farm, *jobs) == stills
+def test_a_shot_in_two_jobs_at_a_time_is_the_shot_in_one(chaos_farm: Farm, shot: Path, few: dict[float, str]) -> None:
+    jobs = [shoot(chaos_farm, shot, frames, spp=FEW) for frames in ("0-21x6", "3-21x6")]
+    assert finished_frames(chaos_farm, *jobs) == few
 
 
 @pytest.mark.parametrize("kill", [pytest.param(kill_a_slot, id="a slot"), pytest.param(kill_part("service"), id="the service")])
@@ -184,3 +196,7 @@ def test_where_noise_is_evened_out_the_digests_depend_on_the_request_alone(chaos
     half_way(chaos_farm, job)
     kill_part("service")(chaos_farm)
     assert finished_frames(chaos_farm, job) == quiet
+
+
+def test_ctrl_c_leaves_nothing_of_it(chaos_farm: Farm) -> None:
+    ends_by(chaos_farm, [signal.SIGINT], 10, 2)

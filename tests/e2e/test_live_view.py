@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 from renderer.image import rgbe9995
 from renderer.settings import Tile
 from service.viewing.view_packet import EXACT, Shown, packet
-from tests.e2e.conftest import Watched
+from tests.e2e.conftest import SOON_CLEAR, Watched
 from tests.e2e.site import call
 from tests.helpers import Farm, wait_until
 from tests.service.viewer import body_of, unpacked
@@ -228,6 +228,7 @@ def test_on_a_phone_the_page_scrolls_under_one_finger(farm: Farm, browser: Brows
     with farm.client() as client:
         client.wait_for_scene(scene)
     context = browser.new_context(viewport={"width": 375, "height": 700}, has_touch=True, is_mobile=True)
+    context.add_init_script(SOON_CLEAR)
     page = context.new_page()
     page.goto(f"{farm.url}/#/scenes/{scene}")
     page.wait_for_selector(".live-view[data-view]", timeout=60_000)

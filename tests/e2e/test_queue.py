@@ -22,7 +22,8 @@ def test_a_job_says_what_it_waits_for_and_by_when_it_is_wanted(many: Service, wa
     page.goto(f"{many.url}/#/jobs/{job}")
     panel = page.get_by_role("region", name="Among other jobs")
     expect(panel.get_by_role("link", name="The first")).to_have_attribute("href", f"#/jobs/{first}")
-    expect(page.get_by_text('Waits until "The first" is finished.')).to_be_visible()
+    progress = page.get_by_role("region", name="Progress")
+    expect(progress.get_by_text('Waits until "The first" is finished.')).to_be_visible()
     panel.get_by_role("button", name="Begin without waiting").click()
     expect(panel.get_by_role("link", name="The first")).to_be_hidden()
     assert many.job(job)["waits_for"] == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,8 @@ from rayfarm.cli import main
 from tests.helpers import ROOT
 
 __all__ = ["rayfarm", "started"]
+
+LISTENS_TO = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def started(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -28,6 +31,7 @@ def started(*arguments: str | Path, **environment: str) -> subprocess.CompletedP
 def rayfarm(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """The program in this process, where numba and the kernels are loaded already."""
     stdout, stderr, code = io.StringIO(), io.StringIO(), 0
+    before, listened = dict(os.environ), {number: signal.getsignal(number) for number in LISTENS_TO}
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
         patch.chdir(ROOT)
         patch.setattr(sys, "argv", ["rayfarm", *map(str, arguments)])
@@ -37,4 +41,9 @@ def rayfarm(*arguments: str | Path, **environment: str) -> subprocess.CompletedP
             main()
         except SystemExit as end:
             code = int(end.code or 0)
+        finally:
+            for number, handler in listened.items():
+                signal.signal(number, handler)
+            os.environ.clear()
+            os.environ.update(before)
     return subprocess.CompletedProcess(sys.argv, code, stdout.getvalue(), stderr.getvalue())

@@ -16,6 +16,7 @@ from PIL import Image
 
 from rayfarm import cli
 from renderer.denoise import is_available
+from renderer.errors import RayfarmError
 from tests.helpers import ROOT, wait_until
 from tests.rayfarm.program import rayfarm, started
 
@@ -198,21 +199,22 @@ def test_info_is_for_people_and_programs() -> None:
         (["info", "README.docx"], 1, "There is no file"),
         (["jobs", "--server", "http://127.0.0.1:9"], 1, "No farm answers at http://127.0.0.1:9"),
         (["submit", str(CORNELL), "--server", "http://127.0.0.1:9"], 1, "Start one with `rayfarm up`"),
+        (["submit", str(CORNELL), "--size", "big", "--server", "http://127.0.0.1:9"], 1, "as --size 1920x1080"),
         (["worker", "--join", "http://127.0.0.1:9"], 1, "A worker shows the farm's token"),
         (["worker", "--join", "http://127.0.0.1:9", "--token-file", sys.executable], 1, "is no file with a token"),
         (["up", "--no-browser", "--host", "203.0.113.7"], 1, "is no address of this machine"),
     ],
 )
 def test_what_is_wrong_is_a_sentence_and_an_exit_code(tmp_path: Path, arguments: list[str], code: int, sentence: str) -> None:
-    program = started if arguments[0] in ("up", "worker") else rayfarm  # which listen to signals
-    done = program(*arguments, RAYFARM_DATA=str(tmp_path / "data"), RAYFARM_TOKEN="")
+    done = rayfarm(*arguments, RAYFARM_DATA=str(tmp_path / "data"), RAYFARM_TOKEN="")
     assert done.returncode == code, done.stderr
     assert sentence in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
 
 
 def test_debug_shows_where_an_error_came_from() -> None:
-    assert "Traceback" in started("--debug", "render", "missing.glb", "-o", "out.png").stderr
+    with pytest.raises(RayfarmError, match=r"missing\.glb"):  # which Python shows as it does
+        rayfarm("--debug", "render", "missing.glb", "-o", "out.png")
 
 
 def test_a_damaged_file_is_a_sentence(tmp_path: Path) -> None:

@@ -142,6 +142,16 @@ def test_names_with_square_brackets_are_shown_as_they_are(capsys: pytest.Capture
         assert any('"[/b]"' in str(cell) for cell in progress.make_tasks_table(progress.tasks).columns[0].cells)
 
 
+def test_no_proxy_leads_to_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("HTTP_PROXY", "http_proxy", "ALL_PROXY", "all_proxy"):
+        monkeypatch.setenv(name, "socks5://127.0.0.1:9")
+    monkeypatch.setenv("NO_PROXY", "")
+    with foreign_server(json_answer([{"id": "j"}])) as port, Client(f"http://127.0.0.1:{port}") as farm:
+        assert farm.call("GET", "/api/jobs") == [{"id": "j"}]
+    with pytest.raises(ClientError, match="proxy"):
+        Client("http://studio.example:8000")
+
+
 def test_an_id_is_no_more_than_a_part_of_an_address() -> None:
     asked: list[str] = []
 

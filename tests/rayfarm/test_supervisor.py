@@ -143,8 +143,15 @@ def test_one_that_waits_takes_the_place_of_one_that_died(
     supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(supervision, "SPARE_AFTER_S", 0.0)
-    part = Part("server", WAITS, tmp_path / "log", serves=lambda: True, has_spare=True)
+    monkeypatch.setattr(supervision, "PEACE_EVERY_S", 0.0)
+    others: list[str] = []
+    part = Part("server", WAITS, tmp_path / "log", serves=lambda: True, has_spare=True, at_peace=lambda: bool(others))
     supervisor.start(part)
+    wait_until(lambda: supervisor.tend() is None and part.has_served, 20, "it serves")
+    for _ in range(3):
+        supervisor.tend()
+    assert part.spare is None, "others are starting"
+    others.append("ready")
     wait_until(lambda: supervisor.tend() is None and part.spare is not None, 20, "one waits")
     first, waiting = part.process, part.spare
     assert first is not None

@@ -15,12 +15,16 @@ import pytest
 
 from tests.foreign_server import NOT_A_FARM, foreign_server, json_answer
 from tests.helpers import ROOT
+from tests.rayfarm.program import rayfarm
+
+WORKER = ("worker", "--slots=1")
 
 
-def start(*arguments: str | Path, **environment: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "rayfarm", "worker", "--token=t", "--slots=1", *map(str, arguments)]
-    env = {**os.environ, "COLUMNS": "160", "RAYFARM_REDIS_URL": "", **environment}
-    return subprocess.Popen(command, cwd=ROOT, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def test_a_worker_waits_for_no_library_that_it_has_no_use_for() -> None:
+    """What the command imports, and what the worker does before it is ready, is time that a farm waits for it."""
+    for module, without in (("rayfarm.commands.worker", "numpy httpx"), ("renderer.scene.readers.pbrt", "trimesh scipy.spatial")):
+        found = subprocess.check_output([sys.executable, "-c", f"import sys, {module}; print(*sys.modules)"], cwd=ROOT, text=True)
+        assert not set(without.split()) & set(found.split())
 
 
 @pytest.mark.parametrize(
@@ -33,17 +37,18 @@ def start(*arguments: str | Path, **environment: str) -> subprocess.Popen[str]:
 )
 def test_what_is_no_farm_ends_it_with_a_sentence(answer: bytes, words: str) -> None:
     with foreign_server(answer) as port:
-        process = start("--join", f"127.0.0.1:{port}")
-        _, err = process.communicate(timeout=60)
-    assert process.returncode == 1
-    assert words in err
-    assert "starts again" not in err
-    assert "Traceback" not in err
+        done = rayfarm(*WORKER, "--token=t", f"--join=127.0.0.1:{port}", RAYFARM_REDIS_URL="")
+    assert done.returncode == 1
+    assert words in done.stderr
+    assert "starts again" not in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_a_redis_that_is_away_is_waited_for_until_ctrl_c() -> None:
     with foreign_server(json_answer({"redis_url": "redis://127.0.0.1:9/0", "instance": "i", "data_dir": ""})) as port:
-        process = start("--join", f"127.0.0.1:{port}")
+        command = [sys.executable, "-m", "rayfarm", *WORKER, "--token=t", f"--join=127.0.0.1:{port}"]
+        env = {**os.environ, "COLUMNS": "160", "RAYFARM_REDIS_URL": ""}
+        process = subprocess.Popen(command, cwd=ROOT, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         assert process.stderr is not None
         said = ""
         deadline = time.monotonic() + 60
@@ -58,15 +63,11 @@ def test_a_redis_that_is_away_is_waited_for_until_ctrl_c() -> None:
 
 def test_what_cannot_be_started_is_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    process = start("--join", "127.0.0.1:9", RAYFARM_CACHE=str(tmp_path / "file"))
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 1
-    assert "RAYFARM_CACHE" in err
-    assert "Traceback" not in err
-    process = start("--join", "http://exa mple")
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 1
-    assert "no address" in err
+    for join, sentence in (("127.0.0.1:9", "RAYFARM_CACHE"), ("http://exa mple", "no address")):
+        done = rayfarm(*WORKER, "--token=t", f"--join={join}", RAYFARM_CACHE=str(tmp_path / "file"))
+        assert done.returncode == 1
+        assert sentence in done.stderr
+        assert "Traceback" not in done.stderr
 
 
 def test_a_token_comes_from_a_file_and_one_among_the_arguments_is_warned_of(tmp_path: Path) -> None:
@@ -81,17 +82,15 @@ def test_a_token_comes_from_a_file_and_one_among_the_arguments_is_warned_of(tmp_
             pass
 
     (tmp_path / "token").write_text("of-a-file\n")
-    command = [sys.executable, "-m", "rayfarm", "worker", "--slots=1"]
     with ThreadingHTTPServer(("127.0.0.1", 0), Refuses) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         join = f"--join=127.0.0.1:{server.server_port}"
         for how in (f"--token-file={tmp_path / 'token'}", "--token=seen"):
-            done = subprocess.run([*command, join, how], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+            done = rayfarm(*WORKER, join, how)
             assert done.returncode == 1
             assert ("can read --token" in done.stderr) == how.startswith("--token=")
         server.shutdown()
     assert shown == ["Bearer of-a-file", "Bearer seen"]
-    lost = [*command, "--join=127.0.0.1:9", "--token-file=/not/there"]
-    done = subprocess.run(lost, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+    done = rayfarm(*WORKER, "--join=127.0.0.1:9", "--token-file=/not/there")
     assert done.returncode == 1
     assert "/not/there" in done.stderr

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import os
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -14,12 +16,16 @@ import httpx
 import pytest
 import redis
 import uvicorn
+from fastapi import FastAPI
 from sqlalchemy import create_engine, text
+from starlette.routing import BaseRoute
 
 from rayfarm.local.farm import free_port
+from service.api import routes
 from service.farm import Farm
 from service.main import create_app
 from service.settings import Settings
+from service.store.database import connect
 from service.store.models import Base
 from tests.helpers import running_redis
 from tests.service.peer_worker import PeerWorker
@@ -27,18 +33,37 @@ from tests.service.store.postgres import PostgresServer, find_postgres
 
 TOKEN = "the farm's token"
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
-DATABASES = ("sqlite", "postgresql")
-# The files, here, whose tests with a service are run on either database.
-ON_BOTH = (
-    "scheduling/test_jobs.py",
-    "scheduling/test_shots.py",
-    "scheduling/test_history.py",
-    "scheduling/test_database_faults.py",
-    "keeping/test_retention.py",
-    "store/test_garbage.py",
-    "owning/test_candidate.py",
-    "owning/test_two_services.py",
-)
+# The files, here, whose tests with a service are run on either database. Where tests are named these alone are, and the others on
+# PostgreSQL with --long: they ask nothing else of a database.
+ON_BOTH: dict[str, tuple[str, ...]] = {
+    "scheduling/test_jobs.py": (
+        "test_a_job_comes_to_the_very_sums_that_its_samples_have",
+        "test_more_samples_give_the_bits_of_asking_at_once",
+        "test_cancelling_never_takes_back_what_was_told_of_a_job",
+        "test_a_job_waits_for_its_scene",
+        "test_a_scene_that_fails_fails_its_jobs_and_refuses_more",
+        "test_pause_and_cancel_take_hold_within_a_second",
+        "test_a_higher_priority_goes_first",
+        "test_a_scene_is_prepared_again_for_workers_of_another_kind",
+        "test_deleting_a_job_removes_its_film",
+    ),
+    "scheduling/test_shots.py": (
+        "test_a_shot_in_two_jobs_has_the_digests_of_one",
+        "test_a_frame_that_fails_is_named_and_the_others_go_on",
+        "test_a_shot_is_extended_and_gets_more_samples_here_and_there",
+        "test_frames_are_rendered_again_from_nothing",
+        "test_a_service_that_starts_anew_goes_on_with_a_shot",
+        "test_a_service_that_ends_between_two_rounds_begins_the_next_one",
+        "test_a_time_is_for_the_whole_shot",
+        "test_a_cancelled_shot_goes_on_with_the_kind_it_began_with",
+    ),
+    "scheduling/test_history.py": (),
+    "scheduling/test_database_faults.py": (),
+    "keeping/test_retention.py": (),
+    "store/test_garbage.py": (),
+    "owning/test_candidate.py": (),
+    "owning/test_two_services.py": (),
+}
 
 
 class Service:
@@ -48,12 +73,14 @@ class Service:
         _empty(redis_server)
         own = {"batch_deadline": 2.0, "reuse_films": False}  # a test that asks for a picture wants to see it rendered
         self.options = {"data": data, "redis_url": redis_server.url, "token": TOKEN, **own, **settings}
+        if not self.options.get("database_url"):
+            place_database(data)
         self.start()
 
     def start(self) -> None:
         self.port = free_port("127.0.0.1")
         self.url = f"http://127.0.0.1:{self.port}"
-        self.app = create_app(Settings(port=self.port, **self.options))
+        self.app = application(Settings(port=self.port, **self.options))
         config = uvicorn.Config(self.app, port=self.port, log_level="warning", timeout_graceful_shutdown=2)
         self.server = uvicorn.Server(config)
         self.thread = threading.Thread(target=self.server.run, daemon=True)
@@ -112,12 +139,44 @@ class Service:
         return str(self.http.get(f"/api/jobs/{id}/frames/0/digest").raise_for_status().json()["digest"])
 
 
+_routes: list[BaseRoute] = []
+
+
+def application(settings: Settings) -> FastAPI:
+    """The service's. What FastAPI finds out of all routes at the first request takes a tenth of a second: it is shared here."""
+    app = create_app(settings)
+    places = [i for i, route in enumerate(app.router.routes) if getattr(route, "original_router", None) is routes.router]
+    _routes[:] = _routes or [app.router.routes[i] for i in places]
+    for i, known in zip(places, _routes, strict=True):
+        app.router.routes[i] = known
+    return app
+
+
+@functools.cache
+def _made_database() -> bytes:
+    """What SQLite keeps of a farm's tables, without a row."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "rayfarm.sqlite"
+        connect(f"sqlite:///{path}")[0].dispose()
+        return path.read_bytes()
+
+
+def place_database(data: Path) -> None:
+    """Put a database into a new data folder, copied and not made anew: that takes seventeen steps of a release each."""
+    path = data / "rayfarm.sqlite"
+    if not path.exists():
+        data.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(_made_database())
+
+
 def until(true: Callable[[], bool], what: str, timeout: float = 20.0, say: Callable[[], Any] = lambda: "") -> None:
-    """Wait until something is true."""
+    """Wait until something is true. Mostly asked for over HTTP: so not so often after a while, as others need the processor."""
     deadline = time.monotonic() + timeout
+    pause = 0.01
     while not true():
         assert time.monotonic() < deadline, f"waited {timeout} s until {what}: {say()}"
-        time.sleep(0.02)
+        time.sleep(pause)
+        pause = min(1.2 * pause, 0.06)
 
 
 @pytest.fixture(scope="session")
@@ -195,7 +254,9 @@ def database(request: pytest.FixtureRequest, databases: Databases) -> Iterator[s
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     where = metafunc.definition.path.relative_to(Path(__file__).parent).as_posix()
     if "database" in metafunc.fixturenames and where in ON_BOTH and not os.environ.get("RAYFARM_TEST_DATABASE_URL"):
-        metafunc.parametrize("database", DATABASES, indirect=True)
+        named = ON_BOTH[where]
+        rare = [pytest.mark.long] if named and metafunc.function.__name__ not in named else []
+        metafunc.parametrize("database", ["sqlite", pytest.param("postgresql", marks=rare)], indirect=True)
 
 
 @pytest.fixture

@@ -19,6 +19,7 @@ from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescr
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
+from renderer.scene.readers.ply_faces import evened
 from renderer.scene.readers.points import MOST_POINTS, balls
 from renderer.scene.readers.xml import refuse_entities
 from renderer.scene.textures import TextureShelf
@@ -43,6 +44,8 @@ def read_data(data: bytes, suffix: str, files: SceneFiles, main: str, descriptio
         refuse_entities(data, main)
     if suffix == ".stl" and not _is_binary_stl(data):
         data = data.decode("utf-8", "replace").encode()  # the only words are names: another encoding must not stop the numbers
+    if suffix == ".ply":
+        data = evened(data)
     shelf = TextureShelf(description, files)
     resolver = _Resolver(files, main, shelf)
     try:

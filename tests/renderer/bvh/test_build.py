@@ -121,6 +121,15 @@ def test_a_tree_cut_into_small_parts_is_whole_and_the_same_by_any_number_of_thre
         assert array.tobytes() == second.tobytes() == third.tobytes()
 
 
+def test_a_heap_far_from_the_rest_is_cut_into_parts_too(monkeypatch):
+    """All but one fall into one cell of the first grid, and all but one again into one of the second."""
+    monkeypatch.setattr("renderer.bvh.top.LEAST_PART", 16)
+    rng = np.random.default_rng(6)
+    corner = np.concatenate([rng.uniform(0, 1e-4, (3000, 3)), [(1, 1, 1), (1, 1, 2), (2, 1, 1)], [(1e4, 0, 0)] * 3])
+    with Team(2) as team:
+        assert_whole(corner.astype(np.float32), np.arange(len(corner), dtype=np.int32).reshape(-1, 3), NO_SPHERES, team)
+
+
 def test_a_tree_of_several_parts_is_the_same_by_any_number_of_threads():
     count = 90_000
     assert part_size(count) < count / 2

@@ -24,10 +24,6 @@ from tests.helpers import running_redis
 from tests.service.api.test_access import caller
 from tests.service.conftest import Service
 
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")  # of names that the provider's library will call otherwise
-    import oidc_provider_mock
-
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 
 PEOPLE = {
@@ -58,6 +54,9 @@ class Provider:
 
 @pytest.fixture(scope="module")
 def provider() -> Iterator[Provider]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of names that the provider's library will call otherwise
+        import oidc_provider_mock  # here, as it takes half a second, that the other processes of tests need not spend
     users = [oidc_provider_mock.User(sub=sub, claims=claims) for sub, claims in PEOPLE.items()]
     with oidc_provider_mock.run_server_in_thread(user_claims=users, require_nonce=True) as server:
         yield Provider(server)

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from renderer.frames import parse_frames
+from service.keeping import reuse
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
 
@@ -142,7 +143,9 @@ def test_a_shot_that_is_asked_for_again_is_there_at_once_in_whatever_order(servi
     assert frame_digests(service, again, "1-3") == expected_frames("1-3")
 
 
-def test_a_shot_takes_its_frames_from_several_and_renders_the_others_alone(service: Service, worker: PeerWorker) -> None:
+def test_a_shot_takes_its_frames_from_several_and_renders_the_others_alone(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scene = service.ready_scene()
     head, tail = (service.submit(scene, **SHOT, frames=frames) for frames in ("0-1", "4"))
     for job in (head, tail):
@@ -157,6 +160,12 @@ def test_a_shot_takes_its_frames_from_several_and_renders_the_others_alone(servi
     assert service.wait_for(more, "finished", LONG_S)["taken"]["frames"] == "0-4"
     assert samples_of(worker, more) == 5 * 32 * 24 * 12, "it goes on from the four that are there"
     assert frame_digests(service, more, "0-4") == expected_frames("0-4", 16)
+    monkeypatch.setattr(reuse, "PATIENCE_S", 0.0)
+    hurried = service.submit(scene, **SHOT, frames="1-3")
+    assert service.wait_for(hurried, "finished", LONG_S)["taken"]["frames"] == "1", (
+        "who asks does not wait for all of a long shot"
+    )
+    assert frame_digests(service, hurried, "1-3") == expected_frames("1-3")
 
 
 def test_what_would_show_in_a_shot_is_not_taken(service: Service, worker: PeerWorker) -> None:

@@ -46,13 +46,13 @@ def store(service: Service) -> Iterator[redis.Redis]:
         yield connection
 
 
-def begin(service: Service) -> str:
-    return service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=TILE, spp=SPP)
+def begin(service: Service, spp: int) -> str:
+    return service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=TILE, spp=spp)
 
 
-def finish(service: Service, job: str) -> None:
+def finish(service: Service, job: str, spp: int) -> None:
     service.wait_for(job, "finished", 120)
-    assert service.digest(job) == digest(np.tile(SUMS * SPP, (1, HEIGHT // TILE, WIDTH // TILE)))
+    assert service.digest(job) == digest(np.tile(SUMS * spp, (1, HEIGHT // TILE, WIDTH // TILE)))
 
 
 def counted(service: Service, name: str) -> int:
@@ -63,7 +63,7 @@ def counted(service: Service, name: str) -> int:
 def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Service, store: redis.Redis, tmp_path: Path) -> None:
     reducing = Reducing(store, service.url, TOKEN, tmp_path)
     with machines(service, "attic") as slots:
-        job = begin(service)
+        job = begin(service, SPP)
         until(
             lambda: (r := reducing.report()) is not None and r.sent >= 5,
             "the reducer sends",
@@ -77,7 +77,7 @@ def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Servi
         before = slots.direct_bytes
         until(lambda: slots.direct_bytes > before, "machines send to the service themselves", 60)
         reducing = Reducing(store, service.url, TOKEN, tmp_path)
-        finish(service, job)
+        finish(service, job, SPP)
         assert counted(service, "merged") > 2 * counted(service, "results")
         film = service.farm.film(service.farm.records.job(job))
         assert film is not None
@@ -90,11 +90,11 @@ def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Servi
 def test_what_waits_for_a_site_that_is_gone_is_rendered_elsewhere(service: Service, store: redis.Redis, tmp_path: Path) -> None:
     reducing = Reducing(store, service.url, TOKEN, tmp_path)
     with machines(service, "attic"):
-        job = begin(service)
+        job = begin(service, SPP // 2)
         until(lambda: (r := reducing.report()) is not None and r.results > 0, "its machines work", 60)
     reducing.kill()
     with machines(service, ""):
-        finish(service, job)
+        finish(service, job, SPP // 2)
 
 
 def test_each_batch_is_known_by_who_rendered_it() -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import httpx
 import pytest
-from moto.server import ThreadedMotoServer
 
 from service.errors import NotFound, Unavailable
 from service.settings import Settings
@@ -21,6 +20,8 @@ from tests.service.conftest import OBJ, TOKEN, Service, until
 
 @pytest.fixture(scope="module")
 def s3_server() -> Iterator[str]:
+    from moto.server import ThreadedMotoServer  # which takes half a second, that the other processes of tests need not spend
+
     server = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
     server.start()
     host, port = server.get_host_and_port()

@@ -124,11 +124,13 @@ function open(page, job, life) {
 
   const notice = h("div", { class: "stage-notice" });
   picture.element.append(notice);
-  const waiting = h("p", { class: "stage-waiting", "aria-hidden": "true", hidden: true }, icon("clock"), h("span")); // its panel says the same
+  const waiting = h("p", { class: "stage-waiting", "aria-hidden": "true", hidden: true }, icon("info"), h("span")); // its panel says the same
   picture.element.append(waiting);
   const showWaiting = () => {
-    waiting.hidden = latest.samples > 0 || latest.state !== "queued";
-    setText(/** @type {Element} */ (waiting.lastElementChild), said(latest.message) || t("Waits for its first samples."));
+    const isOver = ["cancelled", "failed"].includes(latest.state);
+    waiting.hidden = latest.samples > 0 || !(isOver || latest.state === "queued");
+    const why = isOver ? t("Nothing of it was rendered.") : said(latest.message) || t("Waits for its first samples.");
+    setText(/** @type {Element} */ (waiting.lastElementChild), why);
   };
   showWaiting();
   const isWaiting = () => workers.value?.length === 0 && !["finished", "failed", "cancelled"].includes(latest.state);

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from renderer.scene.description import F32, I32
 from renderer.scene.readers.fbx import layout
 from renderer.scene.readers.fbx.library import array, each, triangulated
-from renderer.scene.unique import unique_rows
+from renderer.scene.unique import unique_rows, unique_threes
 
 __all__ = ["Part", "parts_of"]
 
@@ -87,6 +87,15 @@ class _Attribute:
             self.values = array(vertex.values, np.float64, width)
             self.indices = array(vertex.indices, np.uint32)
             self.exists = len(self.values) > 0
+            if self.exists and len(self.values) == len(self.indices) and width < 4:
+                self._join(width)
+
+    def _join(self, width: int) -> None:
+        """Where each corner has a value of its own, as most programs write normals, those that are the same become one."""
+        padded = np.zeros((len(self.indices), 3), np.float32)
+        padded[:, :width] = self.values[self.indices]
+        first, kind = unique_threes(padded + np.float32(0))  # there are two zeros
+        self.values, self.indices = self.values[self.indices[first]], kind.astype(np.uint32)
 
 
 def _triangles(mesh: Any) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from importlib import import_module
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -13,7 +14,6 @@ import numpy.typing as npt
 from renderer.scene.description import Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import face_normals, smoothed
-from renderer.scene.readers.other import read_data
 from renderer.scene.readers.pbrt.growth import Growth
 from renderer.scene.readers.pbrt.loop import subdivided
 from renderer.scene.readers.pbrt.notes import Notes
@@ -68,7 +68,7 @@ def _read(files: SceneFiles, name: str) -> SceneDescription:
     if name.lower().endswith(".gz"):
         data = unpacked(data, name)
     part = SceneDescription(name=name)
-    read_data(data, ".ply", files, name, part)
+    import_module("renderer.scene.readers.other").read_data(data, ".ply", files, name, part)  # heavy, and seldom needed
     if re.search(_NORMALS, data) is None:
         part.meshes = [replace(mesh, normals=None) for mesh in part.meshes]
     return part

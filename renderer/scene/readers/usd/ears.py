@@ -13,14 +13,15 @@ import numpy.typing as npt
 __all__ = ["Scissors"]
 
 F64 = npt.NDArray[np.float64]
-_MOST_LOOKS = 200_000  # at corners whether they are ears: some seconds
+_MOST_WORK = 100_000  # looks at corners whether they are ears: some seconds
+_AT_ONCE = 500  # corners that bend inwards, which a look takes no longer for
 
 
 class Scissors:
     """Cuts polygons until that has taken long enough; those that come later are fans."""
 
     def __init__(self) -> None:
-        self._left = _MOST_LOOKS
+        self._left = float(_MOST_WORK)
         self.are_blunt = False
 
     def cut(self, place: F64) -> npt.NDArray[np.int64]:
@@ -34,9 +35,10 @@ class Scissors:
         i = missed = 0
         while count > 3:
             a, c = before[i], after[i]
-            self._left -= 1
+            bends = np.flatnonzero(inwards)
+            self._left -= 1 + len(bends) / _AT_ONCE
             self.are_blunt |= self._left < 0
-            if missed > count or self.are_blunt or (not inwards[i] and _is_ear(flat, np.flatnonzero(inwards), a, i, c)):
+            if missed > count or self.are_blunt or (not inwards[i] and _is_ear(flat, bends, a, i, c)):
                 found.append((a, i, c))
                 inwards[i] = False
                 after[a], before[c] = c, a

@@ -112,7 +112,10 @@ class _Walk:
     def _instanced(self, prim: Any, outer: Matrix, moves: bool, depth: int) -> Iterator[Placed]:
         """What a PointInstancer shows of its prototypes."""
         instancer = UsdGeom.PointInstancer(prim)
-        indices = np.asarray(instancer.GetProtoIndicesAttr().Get(self._time) or (), np.int64)
+        said = instancer.GetProtoIndicesAttr().Get(self._time) or ()
+        if len(said) > MAX_INSTANCES:
+            raise SceneError(f"{prim.GetPath()}: shows its prototypes more than {MAX_INSTANCES} times; show them less often")
+        indices = np.asarray(said, np.int64)
         targets = instancer.GetPrototypesRel().GetForwardedTargets()
         given = instancer.ComputeInstanceTransformsAtTime(
             self._time, self._time, UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask

@@ -1,0 +1,188 @@
+"""Clusters of primitives: the cells of a grid that hold any. The top of a tree is built over them, of which there are a hundredth
+as many, as in Garanzha, Pantaleoni & McAllister, "Simpler and Faster HLBVH with Work Queues" (2011).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bvh.boxes import clear, doubled_centroid, grow_by, number_of, numbered
+from renderer.bvh.simd import extract, load, maximum, minimum, splat
+from renderer.bvh.split import (
+    BINS,
+    SAH_DEPTH,
+    STACK,
+    bound_sides,
+    cheapest_plane,
+    fill_bins,
+    lay_grid,
+    new_bins,
+    partition,
+)
+from renderer.jit import entry
+from renderer.threads import Team, parts_of
+
+__all__ = ["JOB", "Clusters", "gathered", "one_cluster", "split_clusters"]
+
+# A node that is still to be split, in so many numbers: its own, its first primitive, how many, the first of its rows, its depth,
+# its first cluster, their end.
+JOB = 7
+CELL_BITS = 15  # of a cell's number: the surface of a mesh goes through some five thousand of so many
+FEWEST = 32  # clusters of a node: planes between fewer of them are too few to choose from
+TREELET = 4096  # primitives: 128 kB of boxes, which stay in a core's cache
+_BELOW_ONE = np.float32(1.0 - 1e-6)
+_ZERO = np.float32(0.0)
+
+F32 = npt.NDArray[np.float32]
+Integers = npt.NDArray[Any]
+
+
+class Clusters(NamedTuple):
+    """C clusters of primitives."""
+
+    source: Any  # (N,) i32: the primitives, cluster by cluster
+    box: Any  # (C, 8) f32: boxes.py, their numbers those of the clusters
+    first: Any  # (C,) i64, in `source`
+    count: Any  # (C,) i64, of primitives
+    weight: Any  # (C,) i64: as the heuristic counts them, an instance for eight
+
+
+def one_cluster(source: Integers, whole: F32) -> Clusters:
+    """All of these primitives; whole: (8,), their box."""
+    count = np.array([len(source)])
+    return Clusters(source, numbered(whole.reshape(1, 8).copy()), np.zeros(1, np.int64), count, count)
+
+
+def gathered(box: F32, source: Integers, spread: F32, solids: int, team: Team) -> Clusters:
+    """These primitives by the cells of a grid over the box of their doubled centroids, `spread` (8,).
+
+    In a cell they keep their order: the clusters do not depend on how many threads gather them.
+    """
+    grid, shift, cells = _grid(spread)
+    parts = parts_of(0, len(source), -(-len(source) // team.threads))
+    cell = np.empty(len(source), np.uint16)
+    whole = np.empty((len(parts), cells, 8), np.float32)
+    tally = np.empty((len(parts), cells, 2), np.int32)
+    team.each(
+        lambda job: _tally(box, source, *job[0], grid, *shift, solids, cell, *job[1:]), zip(parts, whole, tally, strict=True)
+    )
+    used = np.flatnonzero(tally[:, :, 0].sum(axis=0))
+    count, weight = tally[:, used].sum(axis=0, dtype=np.int64).T.copy()
+    first = np.cumsum(count) - count
+    at = np.empty((len(parts), cells), np.int64)
+    at[:, used] = first + np.cumsum(tally[:, used, 0], axis=0) - tally[:, used, 0]
+    sorted_ = np.empty_like(source)
+    team.each(lambda job: _sort(source, cell, *job[0], job[1], sorted_), zip(parts, at, strict=True))
+    return Clusters(sorted_, numbered(whole[:, used].max(axis=0)), first, count, weight)
+
+
+def _grid(spread: F32) -> tuple[F32, tuple[int, int], int]:
+    """A grid of nearly cubical cells: (3, 8) where its first cell begins, cells per length, the last cell, all in lanes 4 ... 6;
+    by how many bits a cell's number along y and z is shifted; how many cells there are."""
+    extent = (spread[4:7] + spread[:3]).astype(np.float64)
+    bits = [0, 0, 0]
+    for _ in range(CELL_BITS):
+        bits[int(np.argmax(np.ldexp(extent, np.negative(bits))))] += 1
+    grid = np.zeros((3, 8), np.float32)
+    grid[0, 4:7] = -spread[:3]
+    with np.errstate(divide="ignore", over="ignore"):
+        scale = np.float32(_BELOW_ONE) * np.ldexp(np.float32(1.0), bits).astype(np.float32) / extent.astype(np.float32)
+    grid[1, 4:7] = np.where(np.isfinite(scale), scale, 0.0)
+    grid[2, 4:7] = np.ldexp(1.0, bits) - 1.0
+    return grid, (bits[0], bits[0] + bits[1]), 1 << CELL_BITS
+
+
+def split_clusters(clusters: Clusters, node: Integers, spread: F32, least: int, tree_box: F32, tree: Integers) -> Integers:
+    """Splits a node over clusters, the first time at any rate, until its parts hold at most `least` primitives or are of too few
+    clusters: the parts, (J, JOB) i64.
+
+    node: (JOB,) i64; spread: (8,), the box of the clusters' doubled centroids. Reorders the clusters' boxes, by whose numbers
+    a part's clusters are known, and writes the rows of the tree above the parts and of their boxes, but for the numbers in these.
+    """
+    stack, spreads = np.empty((STACK, JOB), np.int64), np.empty((STACK, 8), np.float32)
+    stack[0], spreads[0] = node, spread
+    parts = np.empty((len(clusters.box), JOB), np.int64)
+    return parts[: _split(clusters, new_bins(), spreads, stack, least, tree_box, tree, parts)]
+
+
+@entry
+def _tally(box, source, first, end, grid, shift_y, shift_z, solids, cell, whole, tally):
+    """Finds the cells of primitives source[first : end], and what each cell holds of them: its box, (how many, their weight)."""
+    for c in range(len(whole)):
+        clear(whole, c)
+        tally[c, 0] = 0
+        tally[c, 1] = 0
+    lower, scale, last = load(grid, np.uintp(0)), load(grid, np.uintp(8)), load(grid, np.uintp(16))
+    for k in range(first, end):
+        i = np.uintp(source[k])
+        row = load(box, i * np.uintp(8))
+        place = maximum(minimum((doubled_centroid(row) - lower) * scale, last), splat(_ZERO))
+        x = np.int64(extract(place, np.uint32(4)))
+        y = np.int64(extract(place, np.uint32(5)))
+        z = np.int64(extract(place, np.uint32(6)))
+        c = np.uintp(x + (y << shift_y) + (z << shift_z))
+        cell[k] = np.uint16(c)
+        grow_by(whole, c, row)
+        tally[c, 0] += 1
+        tally[c, 1] += 1 if number_of(box, i) < solids else 8
+
+
+@entry
+def _sort(source, cell, first, end, at, target):
+    """Puts primitives source[first : end] where the next of their cell belongs, which `at` tells."""
+    for k in range(first, end):
+        c = np.uintp(cell[k])
+        target[np.uintp(at[c])] = source[k]
+        at[c] += 1
+
+
+@entry
+def _split(clusters, bins, spread, stack, least, tree_box, tree, parts):
+    """See `split_clusters`: how many parts there are."""
+    box = clusters.box
+    top, found = 1, 0
+    is_first = True
+    while top > 0:
+        top -= 1
+        node, first, count, rows, depth = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3], stack[top, 4]
+        begin, end = stack[top, 5], stack[top, 6]
+        axis, bin = -1, 0
+        if depth < SAH_DEPTH and (is_first or (count > least and end - begin >= FEWEST)):
+            lay_grid(bins.grid, spread, top, BINS)
+            fill_bins(bins, box, begin, end, BINS, 0, clusters.weight)
+            plane = cheapest_plane(bins, BINS)
+            axis, bin = plane.axis, plane.bin
+        is_first = False
+        if axis < 0:
+            for k in range(JOB):
+                parts[found, k] = stack[top, k]
+            found += 1
+            continue
+        bound_sides(bins, axis, bin, BINS, tree_box, rows)
+        right, left = top, top + 1  # on the stack: the left one is next
+        middle = partition(box, begin, end, bins.grid, axis, bin, spread, left, right)
+        below = 0
+        for c in range(begin, middle):
+            below += clusters.count[number_of(box, c)]
+        tree[node, 0] = rows
+        tree[node, 1] = first
+        tree[node, 2] = count
+        stack[right, 0] = rows + 1
+        stack[right, 1] = first + below
+        stack[right, 2] = count - below
+        stack[right, 3] = rows + 2 * below
+        stack[right, 4] = depth + 1
+        stack[right, 5] = middle
+        stack[right, 6] = end
+        stack[left, 0] = rows
+        stack[left, 1] = first
+        stack[left, 2] = below
+        stack[left, 3] = rows + 2
+        stack[left, 4] = depth + 1
+        stack[left, 5] = begin
+        stack[left, 6] = middle
+        top += 2
+    return found
