@@ -283,13 +283,14 @@ class Scheduler:
         """
         self.sites.review(self.jobs)
         idle = cache(self._has_idle_slots)
+        rests = cache(lambda id, kind: not (job := self.jobs[id]).knows_cost or job.agenda.next(kind) is None)
         for lease, fate in self._missing.look(self.jobs, results):
             job = self.jobs.get(lease.owner)
             if lease.batch is None or job is None or self.leases.get(lease.id) is None:
                 continue  # with another of its job or frame
             if fate is not Fate.LATE:
                 self._lost(job, lease, lease.batch, fate)
-            elif idle(lease.kind) and not self._pace.waiting:
+            elif rests(job.id, lease.kind) and idle(lease.kind) and not self._pace.waiting:  # it has nothing else for them to do
                 lease.doubled = True
                 self.doubled += 1
                 job.lose(lease.batch)

@@ -12,6 +12,8 @@ import pytest
 from renderer.film import digest
 from renderer.settings import Tile
 from service.scheduling.leases import UNSEEN_ALLOWED
+from service.scheduling.missing import Fate, Missing
+from service.scheduling.scheduler import Scheduler
 from service.store.film_file import FilmFile
 from tests.benchmarks.scale import slots as slots_module
 from tests.benchmarks.scale.slots import Slots
@@ -84,3 +86,26 @@ def test_slots_that_are_starved_of_a_processor_lose_nothing(service: Service, mo
     assert service.digest(job) == digest(np.tile(sums * samples, (1, HEIGHT // TILE, WIDTH // TILE)))
     assert service.farm.engine.snapshot.counts["lost"] == 0
     assert slots.samples == tiles * samples, "each once"
+
+
+def test_no_straggler_is_tried_by_another_while_there_is_other_work(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Scheduler, "_has_idle_slots", lambda self, kind: True)
+    monkeypatch.setattr(Missing, "_fate", lambda self, lease, *_: None if lease.doubled else Fate.LATE)
+    slots = Slots(service.options["redis_url"], service.url, TOKEN, 4, expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0), 0.5)
+    thread = threading.Thread(target=slots.run, args=(150.0,))
+    thread.start()
+
+    def counted(name: str) -> int:
+        return service.farm.engine.snapshot.counts.get(name, 0)
+
+    try:
+        job = service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=TILE, spp=1 << 16)
+        wait_until(lambda: counted("merged") >= 4, 60, "it is known what a batch takes")
+        before, merged = counted("doubled"), counted("merged")
+        wait_until(lambda: counted("merged") >= merged + 12, 60, "they go on for some looks")
+        assert counted("doubled") == before
+        assert service.patch(job, state="cancelled")["state"] == "cancelled"
+    finally:
+        slots.stop_running()
+        thread.join(20)
+        slots.stop()
