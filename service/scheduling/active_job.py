@@ -76,7 +76,6 @@ class ActiveJob:
         self.shot = Shot.of(row.shot)
         self.active_s = row.active_s
         self.started = row.started is not None
-        self.recorded = -math.inf  # when how far it is was written down last
         self.served = 0  # when it was given a batch last, as a place in the order of all batches
         self.frames = {frame.number: self._frame(frame) for frame in frames}
         self.focus_on(row.focus)

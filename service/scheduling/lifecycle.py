@@ -6,7 +6,6 @@ All of it runs in the engine's thread. The database decides: what a person chang
 from __future__ import annotations
 
 import math
-import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
@@ -44,8 +43,6 @@ from service.store.models import ACTIVE, Job, Scene, blobs_of
 from worker.contract import SceneInfo
 
 __all__ = ["LetGo", "Lifecycle"]
-
-PROGRESS_EVERY_S = 3.0
 
 LetGo = Callable[[Counter[str]], None]  # of blobs, and how often each is no longer referred to here
 
@@ -230,10 +227,7 @@ class Lifecycle:
             next(iter(job.frames.values())).renew_noise()
         job.history.measured(job.active_s, job.samples, job.noise_now, is_over)
         gone = job.release()
-        # A still's samples stand in its film: what its row says of them may be behind, and each write waits for the disk.
-        if is_over or gone or job.shot is not None or time.monotonic() - job.recorded >= PROGRESS_EVERY_S:
-            self._records.progress(job)
-            job.recorded = time.monotonic()
+        self._records.progress(job)
         if gone:
             self._let_go(gone)
         if is_over and self._records.finished(job, measured(job)):
