@@ -7,19 +7,25 @@ Handing in is a process of its own, so that the first tile does not wait for it:
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import subprocess
 import sys
 import tempfile
 import threading
+import time
 from pathlib import Path
 
 from renderer.artefact import ArtefactError, name_of, pack, unpack
-from worker.errors import WorkerError
+from worker import logs
+from worker.errors import LinkError, WorkerError
 from worker.link import Link
 from worker.process import spawn_guard
 
 __all__ = ["fetch_kernel", "hand_in", "hand_in_beside"]
+
+log = logging.getLogger(__name__)
+_PATIENCE_S, _PAUSE_S = 60.0, 1.0
 
 
 def fetch_kernel(link: Link, folder: Path, kernel: str) -> tuple[bool, str]:
@@ -66,12 +72,25 @@ def main() -> int:
     parser.add_argument("--kernel", required=True, help="which of them: renderer.render.kernel_name")
     options = parser.parse_args()
     token = os.environ.get("RAYFARM_TOKEN", "")
+    logs.set_up()
     try:
-        hand_in(Link(options.service, token), options.folder, options.kernel)
+        _hand_in_once_it_is_there(Link(options.service, token), options.folder, options.kernel)
     except (WorkerError, OSError) as error:
-        print(f"the kernels are not handed in: {error}", file=sys.stderr)
+        log.warning("the kernels are not handed in: %s", error)
         return 1
     return 0
+
+
+def _hand_in_once_it_is_there(link: Link, folder: Path, kernel: str) -> None:
+    """As `hand_in`. The service of a farm that starts may be loading, or one that died be on its way back."""
+    until = time.monotonic() + _PATIENCE_S
+    while True:
+        try:
+            return hand_in(link, folder, kernel)
+        except LinkError:
+            if time.monotonic() > until:
+                raise
+        time.sleep(_PAUSE_S)
 
 
 if __name__ == "__main__":

@@ -5,10 +5,7 @@ from __future__ import annotations
 import io
 import socket
 import time
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from _typeshed import WriteableBuffer
+from typing import Any
 
 __all__ = ["Timed"]
 
@@ -28,7 +25,7 @@ class Timed(io.RawIOBase):
         """It is."""
         return True
 
-    def readinto(self, buffer: WriteableBuffer) -> int:
+    def readinto(self, buffer: Any) -> int:
         """Bytes as they come; 0 at their end."""
         left_s = self._until - time.monotonic()
         if left_s <= 0.0:

@@ -41,7 +41,7 @@ def statements(service: Service) -> Iterator[list[str]]:
     said: list[str] = []
 
     def note(_: Any, __: Any, statement: str, *___: Any) -> None:
-        if threading.current_thread().name != "engine":
+        if threading.current_thread().name.startswith("AnyIO worker thread"):
             said.append(statement)
 
     event.listen(service.farm.database, "before_cursor_execute", note)
