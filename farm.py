@@ -198,8 +198,8 @@ def run_tests(python, arguments):
         arguments = [a for a in arguments if a != "--long"]
     else:
         arguments = ["-m", "not long", *arguments]
-    # A third of them for what fills a processor, the others for what mostly waits: tests/spreading.py.
-    processes = 3 * min(max(os.cpu_count() or 1, 2), 4)
+    # Half of them for what fills a processor, half for what mostly waits: tests/spreading.py.
+    processes = 2 * min(max(os.cpu_count() or 1, 2), 4)
     environment = dict(os.environ)
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes of the same sources
     # Four thousand tests of real processes, on a machine that has other work too: one that fails is run once more, and is named

@@ -38,7 +38,7 @@ WITHOUT_A_FARM = tuple(
 )
 WAITING = "tests/service/"  # two thirds of the time for something that comes within a second
 SPREAD_FROM = 4  # processes: with fewer, all of them run whatever is next
-FILLING = 3  # of so many processes one fills a processor
+FILLING = 2  # of so many processes one fills a processor
 
 
 def filling(processes: int) -> int:
