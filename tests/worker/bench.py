@@ -190,9 +190,16 @@ def a_worker(redis_url: str, folder: Path, slots: int) -> Iterator[Bench]:
     server.server_close()
 
 
+def used(slot: psutil.Process) -> float:
+    """Seconds of processor time; -1 of one that has ended since it was listed."""
+    try:
+        return sum(slot.cpu_times()[:2])
+    except psutil.NoSuchProcess:
+        return -1.0
+
+
 def busiest(parent: int) -> psutil.Process:
     """The slot that works. One that is being started needs a moment of its core too, and has nothing in hand yet."""
-    slots = psutil.Process(parent).children()
-    before = {slot.pid: sum(slot.cpu_times()[:2]) for slot in slots}
-    wait_until(lambda: any(sum(s.cpu_times()[:2]) - before[s.pid] > 0.4 for s in slots), 30, "a slot uses its core")
-    return max(slots, key=lambda s: sum(s.cpu_times()[:2]) - before[s.pid])
+    before = {slot: used(slot) for slot in psutil.Process(parent).children()}
+    wait_until(lambda: any(used(slot) - then > 0.4 for slot, then in before.items()), 30, "a slot uses its core")
+    return max(before, key=lambda slot: used(slot) - before[slot])

@@ -6,6 +6,7 @@ import time
 
 import redis
 
+from tests.helpers import wait_until
 from worker.contract import WorkerReport, worker_key
 from worker.heartbeat import Reporter
 from worker.lifeline import connected, lifeline
@@ -19,7 +20,7 @@ def test_a_worker_lives_as_long_as_its_connection(redis_url: str, store: redis.R
     store.delete(worker_key(name))
     assert connected(store, {name, "another"}) == {name}
     reporter.redis.close()
-    assert connected(store, {name, "another"}) == set()
+    wait_until(lambda: connected(store, {name, "another"}) == set(), 10, "Redis sees that the connection is closed")
     assert " " not in lifeline(name)
 
 

@@ -337,4 +337,4 @@ def test_slots_end_with_a_worker_that_is_killed(bench: Bench, tmp_path: Path) ->
     slots = psutil.Process(process.pid).children()
     process.send_signal(signal.SIGKILL)
     process.wait()
-    wait_until(lambda: not any(slot.is_running() for slot in slots), 5, "its slots have ended")
+    wait_until(lambda: not any(slot.is_running() for slot in slots), 20, "its slots have ended")
