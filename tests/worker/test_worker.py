@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psutil
 import pytest
 
 from renderer.denoise import denoise, is_available
@@ -28,7 +27,7 @@ from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import ROOT, wait_until
 from tests.rayfarm.test_stage import everything
 from tests.renderer.builders import emitter, scene, square
-from tests.worker.bench import Bench, a_worker, busiest
+from tests.worker.bench import Bench, a_worker, busiest, slots_of
 from worker.contract import (
     DENOISE,
     RENDER_BATCHES,
@@ -189,13 +188,13 @@ def test_a_frame_sends_its_own_parts_alone_and_is_rendered_from_them(bench: Benc
 def test_a_file_that_is_no_scene_is_a_sentence_and_no_end_of_a_worker(
     bench: Bench, name: str, content: bytes, sentence: str
 ) -> None:
-    before = {child.pid for child in psutil.Process(bench.process.pid).children()}
+    before = {slot.pid for slot in slots_of(bench.process.pid)}
     bench.upload(name, {name: content}, name)
     event = bench.prepare(name).event
     assert event["type"] == "prepare-failed"
     assert sentence in event["error"]
     assert "Traceback" not in event["error"]
-    assert {child.pid for child in psutil.Process(bench.process.pid).children()} == before
+    assert {slot.pid for slot in slots_of(bench.process.pid)} == before
 
 
 def test_a_batch_of_a_missing_scene_says_so_and_how_to_see_it(bench: Bench, info: SceneInfo) -> None:
@@ -281,7 +280,7 @@ def kill_the_slot_with(bench: Bench, count: int) -> None:
     victim = busiest(bench.process.pid)
     victim.kill()
     victim.wait(10)
-    wait_until(lambda: len(psutil.Process(bench.process.pid).children()) == 2, 20, "the slot is filled again")
+    wait_until(lambda: len(slots_of(bench.process.pid)) == 2, 20, "the slot is filled again")
 
 
 def test_the_batch_of_a_killed_slot_is_rendered_by_another(bench: Bench, info: SceneInfo) -> None:
@@ -333,8 +332,8 @@ def test_a_wrong_token_ends_the_worker_with_a_sentence(bench: Bench) -> None:
 def test_slots_end_with_a_worker_that_is_killed(bench: Bench, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "worker", f"--service={bench.url}", "--slots=2", f"--cache={tmp_path}", "--name=victim"]
     process = subprocess.Popen(command, cwd=ROOT, env={**os.environ, "RAYFARM_TOKEN": "token"}, stderr=subprocess.DEVNULL)
-    wait_until(lambda: len(psutil.Process(process.pid).children()) >= 2, 60, "its slots are there")
-    slots = psutil.Process(process.pid).children()
+    wait_until(lambda: len(slots_of(process.pid)) >= 2, 60, "its slots are there")
+    slots = slots_of(process.pid)
     process.send_signal(signal.SIGKILL)
     process.wait()
     wait_until(lambda: not any(slot.is_running() for slot in slots), 20, "its slots have ended")
