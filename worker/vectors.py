@@ -31,9 +31,10 @@ SECONDS = 550.0  # below what the service waits
 PATIENCE_S = 30.0  # somebody waits for them
 
 
-def frame_vectors(worker: WorkerContext, manifest: Manifest, work: FrameVectors) -> dict[str, Any]:
+def frame_vectors(worker: WorkerContext, work: FrameVectors) -> dict[str, Any]:
     """The event `vectors-made` or `vectors-failed`."""
     try:
+        manifest = patiently(lambda: worker.link.manifest(work.scene), PATIENCE_S)
         load_kernel()  # here, so that the next child has it
         with tempfile.TemporaryDirectory(prefix="rayfarm-vectors-") as name:
             folder, result = Path(name) / "scene", Path(name) / "vectors.f32"
