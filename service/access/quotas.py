@@ -35,11 +35,6 @@ class Limits:
     jobs: int | None = None
     samples_day: int | None = None
 
-    @property
-    def is_any(self) -> bool:
-        """Whether there is one."""
-        return any(getattr(self, each.name) is not None for each in fields(self))
-
 
 NO_LIMITS = Limits()
 

@@ -21,7 +21,6 @@ router = APIRouter(prefix="/api/tokens", tags=["access"])
 DAY_S = 86400.0
 MOST_DAYS = 3650
 
-TokenKind = Literal["token", "worker"]
 Scope = Literal["view", "submit", "admin", "worker"]
 
 

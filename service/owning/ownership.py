@@ -96,11 +96,6 @@ class Ownership:
         """Whether another may have taken over since this was last looked at."""
         return self.is_lost or self._clock() - self._confirmed > self._doubt_s
 
-    @property
-    def has_standby(self) -> bool:
-        """Whether another service has asked since this one began."""
-        return self._heard
-
     def fence(self, session: Session) -> None:
         """Let a transaction go on only as the owner's. Raises NotOwner."""
         if session.get_bind().dialect.name == "postgresql":
