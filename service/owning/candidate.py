@@ -1,8 +1,8 @@
-"""A service that would own the farm: it does at once where nobody else does, and else stands by.
+"""A service that wants to own the farm: it does so at once if nobody else does, and otherwise stands by.
 
-Three things tell that an owner is dead: it has given the farm up; the folder's lock, which it held, can be had; its process is
-gone from this machine. One that hangs shows none of these. It is asked, in the database, and where it does not answer for
-`lease_s` the farm is taken over from it; what it still tries to write is refused (ownership.py).
+Three things show that an owner is dead: it has given the farm up; the lock it held on the folder is free; its process is gone
+from this machine. An owner that hangs shows none of these. It is asked through the database, and if it does not answer for
+`lease_s`, the farm is taken over; what it still tries to write is refused (ownership.py).
 """
 
 from __future__ import annotations
