@@ -1,4 +1,4 @@
-"""What the API takes and gives, as the OpenAPI page shows it."""
+"""What the API accepts and returns, as the OpenAPI page shows it."""
 
 from __future__ import annotations
 

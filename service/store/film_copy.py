@@ -1,4 +1,5 @@
-"""A film made of what others have. Their rows are copied, not shared: each may grow, be healed or deleted without the others."""
+"""A film made from the rows of others. They are copied, not shared, so that each film can grow, be repaired or be deleted by
+itself."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The films of all jobs: one `Film` a job, opened when asked for, closed when many others were used since."""
+"""The films of all jobs: one `Film` per job, opened on demand, and closed when many others have been used since."""
 
 from __future__ import annotations
 
