@@ -1,7 +1,8 @@
-"""Run a piece of work in a forked child with bounds on memory and time, so that no input can end the worker.
+"""Runs work in a forked child with limits on memory and time, so that no input can end the worker.
 
-Forked and not started anew: the child has the parent's compiled kernels and readers, and begins within milliseconds. The
-parent must have one thread, as the children of Celery's prefork pool have. The child may start as many as it likes.
+The child is forked rather than started afresh: it has the parent's compiled kernels and readers, and starts within
+milliseconds. The parent must be single-threaded, as the children of Celery's prefork pool are. The child may start as many
+threads as it likes.
 """
 
 from __future__ import annotations

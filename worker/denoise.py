@@ -1,6 +1,6 @@
-"""Denoise a frame: the film's means from the service, Open Image Denoise in a bounded child, the result as a blob.
+"""Denoises a frame: the film's means from the service, Open Image Denoise in a bounded child, the result as a blob.
 
-A child of its own: the library keeps threads and memory, which must not stay in a slot that forks.
+In a child of its own, because the library keeps threads and memory, which must not stay in a slot that forks.
 """
 
 from __future__ import annotations

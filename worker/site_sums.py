@@ -1,5 +1,5 @@
-"""The sums that a site's reducer has and has not sent, in a folder: what a reducer that was killed had acknowledged, the next one
-sends.
+"""The sums that a site's reducer holds and has not sent, in a folder, so that the successor of a killed reducer can send what
+that one had acknowledged.
 
     SINCE-NUMBER/FIRST      a result, as worker/result_bytes.py packs it; all of a folder are of one run (worker.joint.Run)
     sending-SINCE-NUMBER/   the same, about to be sent or sent: as it is, so that what goes twice is twice the same

@@ -1,4 +1,5 @@
-"""Motion vectors of a frame: the scene is read at its moment and at those beside it, in a bounded child; the result is a blob."""
+"""Motion vectors of a frame: the scene is read at its time and at those of its neighbours, in a bounded child; the result is a
+blob."""
 
 from __future__ import annotations
 

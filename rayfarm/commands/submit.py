@@ -1,4 +1,4 @@
-"""`rayfarm submit`: a scene for a farm."""
+"""`rayfarm submit`: sends a scene to a farm to be rendered."""
 
 from __future__ import annotations
 
