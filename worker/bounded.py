@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from worker.errors import MachineError, WorkError, is_of_machine
-from worker.process import die_with_parent, share_one_heap
+from worker.process import die_with_parent, share_one_heap, signal_name
 
 __all__ = ["Bounds", "Send", "answer_of", "begin", "end", "how_it_ended", "messages", "run_bounded"]
 
@@ -225,7 +225,7 @@ def how_it_ended(status: int, bounds: Bounds) -> str:
     subject, memory_bytes = bounds.subject, bounds.memory_bytes
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
-        name = signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
+        name = signal_name(number)
         if number in (signal.SIGABRT, signal.SIGKILL, signal.SIGSEGV, signal.SIGBUS):
             return (
                 f"{subject} made its reader crash ({name}): it is damaged, "
