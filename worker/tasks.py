@@ -232,4 +232,3 @@ def _explain(task: Any, pixel: dict[str, Any]) -> None:
     with InHand(worker, {"explain": work.job, "message": work.message}) as hand:
         if not deaths_of(task, worker, work.message):  # else whoever asked has long been told
             explain_pixel(worker, work, hand.compiling)
-

@@ -95,8 +95,8 @@ def _grid(spread: F32) -> tuple[F32, tuple[int, int], int]:
 
 
 def split_clusters(clusters: Clusters, node: Integers, spread: F32, least: int, tree_box: F32, tree: Integers) -> Integers:
-    """Splits a node over clusters, at least once if a plane divides it, until its parts have at most `least` primitives or too few
-    clusters: the parts, (J, JOB) i64.
+    """Splits a node over clusters, at least once if a plane divides it, until its parts have at most `least` primitives or too
+    few clusters: the parts, (J, JOB) i64.
 
     node: (JOB,) i64; spread: (8,), the box of the clusters' doubled centroids. Reorders the clusters' boxes, by whose numbers
     a part's clusters are known, and writes the rows of the tree above the parts and of their boxes, but for the numbers in these.

@@ -1,12 +1,12 @@
 """What was rendered once is not rendered again: a job starts from the samples in the films of earlier jobs of the same picture.
 
-A film is exact sums of numbered samples, so a job of 256 samples that starts from another's 64 ends with the same bits as one that
-rendered them all. The film is copied, so nothing that happens to the earlier job affects the later one. A shot is copied frame
-by frame, each from the job that has the most samples of it; a frame that is complete is not even prepared.
+A film is exact sums of numbered samples, so a job of 256 samples that starts from another's 64 ends with the same bits as one
+that rendered them all. The film is copied, so nothing that happens to the earlier job affects the later one. A shot is copied
+frame by frame, each from the job that has the most samples of it; a frame that is complete is not even prepared.
 
 Whatever would change the bits is not taken: samples by another kind of workers than those connected now (other kernels, another
 processor), more samples than were asked for, and, for a job that ends by noise, tiles that would have ended sooner. A job that
-asks for a rendering time asks for work, and takes nothing; nor does a shot that shares out its samples by how noisy its frames are.
+asks for a rendering time asks for work, and takes nothing; nor does a shot that shares out its samples by its frames' noise.
 """
 
 from __future__ import annotations
@@ -185,7 +185,7 @@ class Reuse:
 
     def _rows(self, taken: Mapping[int, tuple[str, int]]) -> dict[int, Frame]:
         """The rows of the frames that were taken, by key."""
-        found = {}
+        found: dict[int, Frame] = {}
         with self._sessions() as session:
             for id in {id for id, _ in taken.values()}:
                 keys = [key for key, (source, _) in taken.items() if source == id]

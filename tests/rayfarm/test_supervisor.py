@@ -37,10 +37,10 @@ def supervisor(said: list[str]):
     made.stop(lambda: True)
 
 
-@pytest.mark.parametrize(
-    ("number", "name"),
-    [(signal.SIGKILL, "SIGKILL"), pytest.param(40, "signal 40", marks=pytest.mark.skipif(sys.platform != "linux", reason="its number"))],
-)
+NAMELESS = pytest.param(40, "signal 40", marks=pytest.mark.skipif(sys.platform != "linux", reason="a number of Linux"))
+
+
+@pytest.mark.parametrize(("number", "name"), [(signal.SIGKILL, "SIGKILL"), NAMELESS])
 def test_a_part_that_dies_is_started_again_and_it_is_said(
     supervisor: Supervisor, said: list[str], tmp_path: Path, number: int, name: str
 ) -> None:
