@@ -1,4 +1,4 @@
-"""What is asked of a worker at run time, and what it offers: told beside its report, which older workers do without.
+"""What a worker is asked for at run time, and what it offers, in keys beside its report that older workers do without.
 
 service --- key terms_key(name) --> worker     Terms: what an administrator asks for, and the queues of needs that it serves
 worker ---- key offer_key(name) --> service    Offer: what it can, which terms it keeps, and why it rests; expires

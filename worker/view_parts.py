@@ -1,12 +1,13 @@
-"""What the service and a worker say to each other of views that somebody looks at now: no jobs, no films, nothing that stays.
+"""What the service and a worker say to each other about views that somebody is looking at: no jobs, no films, nothing that
+stays.
 
     service --- Celery task RENDER_VIEW --> worker     ViewParts, in a queue that a slot takes from before all others
     service --- Celery task VIEW_FRAME ---> worker     ViewFrame, in the same
     service --- key view_key(watch) ------> worker     the number of the view that is looked at; no key: nobody looks
     worker ---- list VIEW_ANSWERS --------> service    ViewAnswer; the list expires where no service takes from it
 
-A slot compares the number before each part, so that what a newer view has made stale is dropped at once. Answers have a list of
-their own: they are worth nothing to a service that starts anew, and wait for nobody's films.
+A slot compares the number before each part, so whatever a newer view has made stale is dropped at once. Answers have a list of
+their own: they are worthless to a restarted service, and need not wait for anybody's film.
 """
 
 from __future__ import annotations

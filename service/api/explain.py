@@ -1,4 +1,4 @@
-"""/api/jobs/{id}/explain: how a pixel came by its colour, by a worker that follows its paths once more."""
+"""/api/jobs/{id}/explain: how a pixel came by its colour, found by a worker that follows its paths again."""
 
 from __future__ import annotations
 

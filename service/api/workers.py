@@ -1,4 +1,4 @@
-"""/api/workers: who renders, and who is to pause."""
+"""/api/workers: who renders, and pausing them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From what was asked and what the scene has to the settings that fix every sample."""
+"""From a request and a scene to the settings that fix every sample."""
 
 from __future__ import annotations
 

@@ -215,6 +215,7 @@ class Answers:
         self._stored += [answer.entry for answer in answers if isinstance(answer.message, BatchDone)]
         answers[:] = [answer for answer in answers if not isinstance(answer.message, BatchDone)]
         tiles: dict[int, set[int]] = {}
+        with_bad: set[int] = set()  # frames of which new samples were left out
         for each, (_, sums) in zip(arrived, rendered, strict=True):
             if each.taken and each.batch is not None:
                 self._trust.taken(job, each.message, each.batch, sums)
@@ -225,9 +226,11 @@ class Answers:
                 self._scheduler.came_back(job, piece.batch, batch, piece.seconds, piece.worker or each.message.worker)
             self._note(job, each)
             if each.taken and each.batch is not None:
-                if each.message.bad_count:
-                    job.frames[each.batch.frame].bad_samples = job.film.bad_count(each.batch.frame)
                 tiles.setdefault(each.batch.frame, set()).add(each.batch.tile)
+                if each.message.bad_count:
+                    with_bad.add(each.batch.frame)
+        for frame in with_bad:
+            job.frames[frame].bad_samples = job.film.bad_count(frame)
         if arrived:
             job.tick(job.state == "running")
             for frame, changed in tiles.items():

@@ -1,8 +1,8 @@
-"""Which blobs may go: those that no scene and no frame refers to, and that nobody is about to refer to.
+"""Which blobs can be deleted: those that no scene and no frame refers to, and that nobody is about to refer to.
 
-An upload pins its blobs until its scene is written down; what a worker stores is pinned until the news of it must have
-come. Blobs are deleted under the lock by which they are pinned, together with the row that let go of them. So whoever pins a
-blob and then finds or puts it, has it.
+An upload pins its blobs until its scene is recorded; what a worker stores is pinned until its answer must have arrived. Blobs
+are deleted under the lock by which they are pinned, together with the row that referred to them. So code that pins a blob and
+then finds or stores it can rely on it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The desk that serves all who look at scenes: one thread that hands out pieces of views, and takes in what comes back.
+"""The desk that serves everybody who looks at scenes: one thread that hands out pieces of views, and takes in what comes back.
 
-Views go past jobs, films and the database: their pieces wait in a queue of their own, from which a slot takes before all others;
-their sums are added in memory; whoever leaves takes everything along. What is lost on the way is asked for again. A view that is
-whole shares the slots with what waits beside it, of which may be the next light to look at.
+Views bypass jobs, films and the database: their pieces wait in a queue of their own that slots check first; their sums are
+added in memory; when somebody leaves, everything goes. What is lost on the way is asked for again. A view that is already whole
+shares the slots with other waiting work, which may include preparing the next light to look at.
 """
 
 from __future__ import annotations

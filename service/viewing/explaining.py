@@ -1,4 +1,4 @@
-"""Pixels explained: a worker is asked to render a pixel's samples once more, and answered for while who asks waits."""
+"""Explained pixels: asks a worker to render a pixel's samples again, while the request waits for its answer."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import math
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -127,6 +128,19 @@ def test_what_makes_no_sense_is_left_to_the_service(kept: SiteSums, wrong: dict[
     with pytest.raises(ValueError, match=r"."):
         kept.take(sums(0, 4, **wrong))
     assert not kept.in_hand()
+
+
+def test_a_folder_that_somebody_cleared_holds_up_no_other(kept: SiteSums, tmp_path: Path) -> None:
+    kept.take(sums(0, 12))
+    kept.take(sums(12, 12, of=(12, 12)))
+    sending = kept.ripe()
+    next(sending)
+    for folder in tmp_path.iterdir():
+        shutil.rmtree(folder)
+    assert not [*sending]
+    assert not kept.in_hand()
+    kept.take(sums(24, 12, of=(24, 12)))
+    assert len(sent(kept)) == 1
 
 
 def test_no_more_is_taken_than_there_is_room_for(tmp_path: Path) -> None:
