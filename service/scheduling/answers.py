@@ -243,13 +243,15 @@ class Answers:
             self._lifecycle.record(job)
 
     def _spoiled(self, job: ActiveJob, whole: Range, each: Arrived) -> None:
-        """What came is none of its sums: as good as a batch that failed, by whoever sent it."""
-        for piece in each.message.pieces:
+        """What came is none of its sums: as good as a batch that failed, by whoever sent it; of those that came added up it is one
+        failure, and of several workers nobody's."""
+        for number, piece in enumerate(each.message.pieces):
             self.counts["failed"] += 1
             batch = whole._replace(first=piece.first, count=piece.count)
-            sender = piece.worker or each.message.worker
+            sender, is_suspect = piece.worker or each.message.worker, number == 0 and len(each.message.senders) == 1
             why = f"What {sender} sent of it cannot be used ({each.fault})."
-            if (trouble := self._scheduler.failed(job, piece.batch, batch, sender, why, None)) is not None:
+            trouble = self._scheduler.failed(job, piece.batch, batch, sender, why, None, is_suspect=is_suspect)
+            if trouble is not None:
                 self._give_up(job, batch, trouble)
 
     def _give_up(self, job: ActiveJob, batch: Range, trouble: Trouble) -> None:

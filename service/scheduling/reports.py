@@ -18,6 +18,7 @@ __all__ = ["report_of"]
 MAX_SLOTS = 4096
 MOST_BYTES = 4 << 20
 LONGEST_NAME = 200
+LONGEST_KIND = 128  # as a job's row has it
 LONGEST_TEXT = 4000
 FASTEST = 1e12  # samples a second of a slot
 LARGEST = 1e15  # a number that nothing overflows with
@@ -41,7 +42,7 @@ def report_of(key: bytes, value: bytes) -> WorkerReport:
         raise ValueError(f"{report.slots} slots, of which {len(report.current)} do something")
     if not (0 <= report.samples_per_s <= FASTEST and math.isfinite(report.started) and abs(report.pid) <= LARGEST):
         raise ValueError(f"{report.samples_per_s} samples a second")
-    if max(map(len, (report.host, report.cpu, report.kind))) > LONGEST_TEXT or "\0" in report.host + report.cpu + report.kind:
+    if len(report.kind) > LONGEST_KIND or not all(map(_is_plain, (report.kind, report.host, report.cpu))):
         raise ValueError("its host, processor or kind has no name")
     if not all(_is_plain(doing) for doing in report.current):
         raise ValueError("what its slots do cannot be told")

@@ -227,9 +227,19 @@ class Scheduler:
             self._set_aside_if_alone(other)
 
     def failed(
-        self, job: ActiveJob, lease: str, batch: Range, worker: str, error: str, reproduce: str | None, trace: str = ""
+        self,
+        job: ActiveJob,
+        lease: str,
+        batch: Range,
+        worker: str,
+        error: str,
+        reproduce: str | None,
+        trace: str = "",
+        is_suspect: bool = True,
     ) -> Trouble | None:
-        """A worker could not render a batch. It is handed out again, or what stops the job is returned."""
+        """A worker could not render a batch. It is handed out again, or what stops the job is returned.
+
+        is_suspect: whether it counts against the worker."""
         ended = self._end(job, lease)
         if ended is None:
             return None  # handed out again meanwhile, or of an earlier life of the service
@@ -246,8 +256,9 @@ class Scheduler:
             return trouble
         job.history.happened("failed", f"{worker}: {error.splitlines()[0][:200] if error else 'a batch'}")
         job.lose(batch)
-        self.suspicion.failed(worker, (job.id, batch))
-        self._set_aside_if_alone(worker)
+        if is_suspect:
+            self.suspicion.failed(worker, (job.id, batch))
+            self._set_aside_if_alone(worker)
         return None
 
     def returned(self, job: ActiveJob, lease: str, batch: Range, worker: str, why: str) -> None:
