@@ -46,7 +46,9 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     job.tile_size = job.tile_size or default_tile_size(width, height, job.shot is not None and job.noise is None)
     tiles = -(-width // job.tile_size) * -(-height // job.tile_size)
     if tiles > MOST_TILES:
-        raise SettingsError(f"tile_size is {job.tile_size}, which makes {tiles} tiles of a frame; at most {MOST_TILES} are kept in mind")
+        raise SettingsError(
+            f"tile_size is {job.tile_size}, which makes {tiles} tiles of a frame; at most {MOST_TILES} are kept in mind"
+        )
     if settings.shutter and job.shot is None:
         job.shot = Shot().to_json()  # of one frame: what moves meanwhile has keys, and is compiled with them
     job.settings = settings.to_json()

@@ -29,7 +29,7 @@ LOSSES_ALLOWED = 5
 SMALLEST_BATCH_S = 0.04
 SMOOTHING = 0.3
 WORTH_A_SLOT_S = 30.0  # of work, for another slot to pay
-LEAST_COST = 32.0  # times less than in the others a sample is believed to take in a tile: by a wrong time a batch grows at most so
+LEAST_COST = 32.0  # times less than elsewhere a sample is believed to take in a tile: by a wrong time a batch grows at most so
 
 
 @dataclass

@@ -6,7 +6,6 @@ All of it runs in the engine's thread. The database decides: what a person chang
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict

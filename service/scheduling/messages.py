@@ -41,7 +41,7 @@ LARGE = 1 << 31  # bounds what a faulty worker may make us store
 MOST_PIECES = 4096
 LARGEST_BLOB = 1 << 50  # bytes
 Id = Annotated[str, Field(max_length=200, pattern=r"^[^\x00]*$")]
-Sentence = Annotated[str, Field(max_length=20000), AfterValidator(lambda text: text.replace("\0", "\ufffd"))]  # no database has it
+Sentence = Annotated[str, Field(max_length=20000), AfterValidator(lambda text: text.replace("\0", "\ufffd"))]
 Number = Annotated[int, Field(ge=0, le=LARGE)]
 Seconds = Annotated[float, Field(ge=0.0, le=DAY_S)]
 

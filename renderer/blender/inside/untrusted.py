@@ -3,7 +3,8 @@
 Blender opens linked libraries, caches and fonts while it reads a file, by paths that whoever made the file chose. A .blend is a
 dump of Blender's memory with a table that describes it (its "DNA"): so paths are found as what they are, long arrays of
 characters, whatever holds them. Those that lie elsewhere, where a pointer leads, are forgotten. And nodes that import files, by
-paths that other nodes may put together, become nodes that Blender does not know. Sources: Blender's doc/blender_file_format, BLO_readfile, DNA_genfile.
+paths that other nodes may put together, become nodes that Blender does not know. Sources: Blender's doc/blender_file_format,
+BLO_readfile, DNA_genfile.
 """
 
 from __future__ import annotations

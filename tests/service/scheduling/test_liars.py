@@ -1,4 +1,4 @@
-"""Workers that say what is not so: of sums, of times, of blobs, of others' batches. The pictures are as if they were not there."""
+"""Workers that say what is not so, of sums, of times, of blobs, of others' batches: pictures are as if they were not there."""
 
 from __future__ import annotations
 
@@ -124,7 +124,14 @@ def test_a_denoised_picture_is_no_other_file_and_deletes_none(service: Service, 
     named = [short, hashlib.sha256(upload).hexdigest()]
 
     def lie(work: DenoiseFrame) -> None:
-        event = {"type": "denoised", "work": work.work, "worker": worker.name, "sha256": named.pop(0), "version": "v", "samples": 1}
+        event = {
+            "type": "denoised",
+            "work": work.work,
+            "worker": worker.name,
+            "sha256": named.pop(0),
+            "version": "v",
+            "samples": 1,
+        }
         worker.send(event)
         worker.denoised.append(work.job)
 

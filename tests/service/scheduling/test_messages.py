@@ -28,7 +28,12 @@ INFO: dict[str, Any] = {
     "seconds": 0.1,
 }
 FRAME: dict[str, Any] = {
-    **{"type": "frame-prepared", "work": "w", "job": "j", "kind": "k", "worker": "x", "frame": 2},
+    "type": "frame-prepared",
+    "work": "w",
+    "job": "j",
+    "kind": "k",
+    "worker": "x",
+    "frame": 2,
     "info": {"compiled": None, "view": {}, "defaults": {}, "warnings": [], "seconds": 0.1},
 }
 NONSENSE: list[Any] = [
