@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,10 +14,10 @@ import pytest
 
 from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import wait_until
-from tests.worker.bench import Bench, a_worker, busiest
+from tests.worker.bench import Bench, a_worker, busiest, used
 from tests.worker.test_worker import SCENE
 from worker.adding import joined
-from worker.contract import RenderBatch, Result, SceneInfo, render_queue
+from worker.contract import RESULTS, RenderBatch, Result, SceneInfo, render_queue
 from worker.joint import RENDER_JOINTLY, JointBatch, Piece
 from worker.sums import PACKED, pack_sums, unpack_sums
 
@@ -86,7 +87,8 @@ def test_a_killed_slot_loses_its_own_piece_alone(bench: Bench, info: SceneInfo) 
     wait_until(lambda: sum(map(bool, bench.report().current)) == 1, 30, "the others have ended")  # type: ignore[union-attr]
     busiest(bench.process.pid).kill()
     found = [bench.next("batches", "batch", "batch-failed") for _ in range(2)]
-    assert ranges(found) == [(0, 4), (100_004, 4)], "its message may come again: then it is rendered once more, by itself"
+    assert ranges(found) == [(0, 4), (100_004, 4)]
+    give_up(bench)
 
 
 def test_what_no_slot_has_begun_is_in_hand_as_soon_as_it_is_taken(bench: Bench, info: SceneInfo) -> None:
@@ -121,6 +123,27 @@ def test_a_worker_that_is_told_to_end_hands_in_and_puts_back(redis_url: str, tmp
     for first, count in ranges(found):
         assert first == covered, "each sample once"
         covered += count
+
+
+def give_up(bench: Bench) -> None:
+    """Kill whatever slot works, until none does.
+
+    Where it was the one that had taken the message, that comes again, and its piece is rendered by itself, for minutes.
+    """
+    worker, deadline = psutil.Process(bench.process.pid), time.monotonic() + 90
+    before: dict[psutil.Process, float] = {}
+    quiet = time.monotonic()
+    while time.monotonic() < quiet + 3 or bench.report().in_hand:  # type: ignore[union-attr]
+        assert time.monotonic() < deadline, "no slot works any more"
+        time.sleep(0.1)
+        for slot in worker.children():
+            worked = used(slot) - before.setdefault(slot, used(slot))
+            if worked > 0.05:
+                quiet = time.monotonic()
+            if worked > 0.4:
+                slot.kill()
+                slot.wait(10)
+    bench.store.delete(RESULTS)
 
 
 def _has(bench: Bench, count: int) -> bool:
