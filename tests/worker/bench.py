@@ -179,7 +179,7 @@ def a_worker(redis_url: str, folder: Path, slots: int) -> Iterator[Bench]:
             wait_until(ready, 240, "the worker is ready")  # compiles its kernels, where nobody did before
             yield made
             process.terminate()
-            assert process.wait(20) == 0, (folder / "log").read_text()
+            assert process.wait(60) == 0, (folder / "log").read_text()
             assert made.report() is None
             assert not [*folder.glob("rayfarm-sums-*")]
         finally:
