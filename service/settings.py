@@ -1,4 +1,4 @@
-"""What can be set from outside, by environment variables RAYFARM_*."""
+"""What can be configured by environment variables RAYFARM_*."""
 
 from __future__ import annotations
 

@@ -8,12 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import psutil
 import pytest
 
 from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import wait_until
-from tests.worker.bench import Bench, a_worker, busiest
+from tests.worker.bench import Bench, a_worker, busiest, slots_of
 from tests.worker.test_worker import SCENE
 from worker.adding import joined
 from worker.contract import RenderBatch, Result, SceneInfo, render_queue
@@ -91,9 +90,8 @@ def test_a_killed_slot_loses_its_own_piece_alone(bench: Bench, info: SceneInfo) 
 
 
 def test_what_no_slot_has_begun_is_in_hand_as_soon_as_it_is_taken(bench: Bench, info: SceneInfo) -> None:
-    worker = psutil.Process(bench.process.pid)
-    wait_until(lambda: len(worker.children()) == 3, 30, "the slot that was killed has a successor")
-    slots = worker.children()
+    wait_until(lambda: len(slots_of(bench.process.pid)) == 3, 30, "the slot that was killed has a successor")
+    slots = slots_of(bench.process.pid)
     for slot in slots:  # as on a machine that has too much to do
         slot.suspend()
     try:

@@ -102,7 +102,8 @@ def test_a_store_that_is_slow_when_the_picture_is_made_holds_up_no_job(
 ) -> None:
     job = finished(service)
     asked, go = threading.Event(), threading.Event()
-    monkeypatch.setattr(service.farm.blobs, "exists", lambda sha256: asked.set() or go.wait(20))
+    size = service.farm.blobs.size
+    monkeypatch.setattr(service.farm.blobs, "size", lambda sha256: asked.set() or (go.wait(20) and size(sha256)))
     with ThreadPoolExecutor(1) as pool:
         reader = pool.submit(raw, service, job, "?denoise=true")
         until(asked.is_set, "the worker has made it and the store is asked for it")
