@@ -1,6 +1,6 @@
-"""Denoise a frame: the film's means from the service, Open Image Denoise in a bounded child, the result as a blob.
+"""Denoises a frame: the film's means from the service, Open Image Denoise in a bounded child, the result as a blob.
 
-A child of its own: the library keeps threads and memory, which must not stay in a slot that forks.
+In a child of its own, because the library keeps threads and memory, which must not stay in a slot that forks.
 """
 
 from __future__ import annotations
@@ -43,26 +43,23 @@ def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
             )
             blob = patiently(lambda: worker.link.store(result), PATIENCE_S)
     except WorkError as error:
-        return denoise_failure(worker, work, str(error))
+        return denoise_failure(worker, work.work, str(error))
     except WorkerError as error:
-        return denoise_failure(worker, work, f"{worker.name} could not denoise the picture: {error}")
+        return denoise_failure(worker, work.work, f"{worker.name} could not denoise the picture: {error}")
     except OSError as error:
-        return denoise_failure(worker, work, f"{worker.name} has no room for the picture: {error}")
-    return {**_about("denoised", worker, work), "sha256": blob.sha256, "version": version, "samples": samples}
+        return denoise_failure(worker, work.work, f"{worker.name} has no room for the picture: {error}")
+    made = {"sha256": blob.sha256, "version": version, "samples": samples}
+    return {"type": "denoised", "work": work.work, "worker": worker.name, **made}
 
 
-def denoise_failure(worker: WorkerContext, work: DenoiseFrame, error: str) -> dict[str, Any]:
-    """The event of a frame that could not be denoised."""
-    return {**_about("denoise-failed", worker, work), "error": error}
+def denoise_failure(worker: WorkerContext, work: str, error: str) -> dict[str, Any]:
+    """The event of a frame that could not be denoised. work: its id."""
+    return {"type": "denoise-failed", "work": work, "worker": worker.name, "error": error}
 
 
 def _fetch(worker: WorkerContext, work: DenoiseFrame, means: Path) -> tuple[str, int]:
     with means.open("wb") as file:
         return worker.link.means(work.job, work.frame, file)
-
-
-def _about(kind: str, worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
-    return {"type": kind, "work": work.work, "worker": worker.name}
 
 
 def _work(means: Path, result: Path, work: DenoiseFrame) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""An image that somebody uploaded to light scenes with: read in a bounded child, and shown as a small picture."""
+"""An uploaded environment image: read in a bounded child, and turned into a thumbnail."""
 
 from __future__ import annotations
 

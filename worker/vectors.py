@@ -1,4 +1,5 @@
-"""Motion vectors of a frame: the scene is read at its moment and at those beside it, in a bounded child; the result is a blob."""
+"""Motion vectors of a frame: the scene is read at its time and at those of its neighbours, in a bounded child; the result is a
+blob."""
 
 from __future__ import annotations
 
@@ -31,9 +32,10 @@ SECONDS = 550.0  # below what the service waits
 PATIENCE_S = 30.0  # somebody waits for them
 
 
-def frame_vectors(worker: WorkerContext, manifest: Manifest, work: FrameVectors) -> dict[str, Any]:
+def frame_vectors(worker: WorkerContext, work: FrameVectors) -> dict[str, Any]:
     """The event `vectors-made` or `vectors-failed`."""
     try:
+        manifest = patiently(lambda: worker.link.manifest(work.scene), PATIENCE_S)
         load_kernel()  # here, so that the next child has it
         with tempfile.TemporaryDirectory(prefix="rayfarm-vectors-") as name:
             folder, result = Path(name) / "scene", Path(name) / "vectors.f32"

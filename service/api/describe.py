@@ -1,4 +1,4 @@
-"""Rows of the database, and what the engine knows on top of them, as the API gives them."""
+"""Rows of the database, with what the engine knows in addition, as the API returns them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lists of jobs: which of them, in what order. Ten thousand are ordinary, so what is not shown is not read either."""
+"""Lists of jobs: which ones, and in what order. Ten thousand are ordinary, so what is not shown is not read either."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""/api/jobs: ask for pictures, watch, change and delete what was asked for."""
+"""/api/jobs: request pictures, and watch, change and delete those jobs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""/api/scenes: upload, look at and delete scenes."""
+"""/api/scenes: upload, inspect and delete scenes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the API takes and gives, as the OpenAPI page shows it."""
+"""What the API accepts and returns, as the OpenAPI page shows it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from service.errors import Invalid
 from service.intake.names import plain_note, plain_title
 
 __all__ = [
-    "CameraOut",
     "EnvironmentIn",
     "FrameOut",
     "FrameState",
@@ -237,13 +236,6 @@ class JobPatch(QueuePatch):
         if value is not None and value not in ORDERS:
             raise ValueError(f"there is no order {value[:60]!r}; known are {', '.join(ORDERS)}")
         return value
-
-
-class CameraOut(BaseModel):
-    """A camera of a scene."""
-
-    name: str
-    view: ViewModel
 
 
 class MeasuredOut(BaseModel):
