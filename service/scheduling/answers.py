@@ -243,7 +243,7 @@ class Answers:
             self._lifecycle.record(job)
 
     def _spoiled(self, job: ActiveJob, whole: Range, each: Arrived) -> None:
-        """What came is none of its sums: as good as a batch that failed, by whoever sent it. Of those that came added up it is one
+        """What came is none of its sums: as good as a batch that failed, by who sent it. Of those that came added up it is one
         failure, and of several workers nobody's."""
         for number, piece in enumerate(each.message.pieces):
             self.counts["failed"] += 1
