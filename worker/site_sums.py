@@ -24,7 +24,7 @@ from worker.adding import joined, parts_of
 from worker.contract import Result
 from worker.joint import Run
 from worker.result_bytes import result_bytes, result_of
-from worker.sums import check_sums
+from worker.sums import check_sums, check_weight
 
 __all__ = ["Full", "SiteSums"]
 
@@ -190,6 +190,7 @@ def _checked(result: Result) -> tuple[Run, Result]:
         if end != first + count:
             raise ValueError("its batches are not all of its samples")
         check_sums(result.sums or b"", tile)
+        check_weight(result.sums or b"", tile, count)  # added to others', nobody could say whose fault it is
         event |= {"type": "batches", "parts": parts, "bad_count": int(event["bad_count"])}
         event.pop("batch", None), event.pop("seconds", None)
     except (KeyError, TypeError, AttributeError, OverflowError) as error:

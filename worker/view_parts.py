@@ -41,6 +41,7 @@ VIEW_ANSWERS = "rayfarm:view-answers"
 VIEW_QUEUES = "rayfarm.view."
 ANSWERS_TTL_S = 20
 MAX_ANSWERS = 1000  # in the list: the oldest go, and are asked for again
+LONGEST_S = 3600.0
 _LENGTH = struct.Struct("<I")
 
 
@@ -131,6 +132,14 @@ class ViewAnswer:
     worker: str
     more: dict[str, Any] = field(default_factory=dict)
     sums: bytes = b""
+
+    @property
+    def seconds(self) -> float:
+        """That a part took. Raises ValueError, KeyError or TypeError where that is no time."""
+        seconds = float(self.more["seconds"])
+        if not 0.0 <= seconds <= LONGEST_S:
+            raise ValueError(f"a part took {seconds} s")
+        return seconds
 
     def to_bytes(self) -> bytes:
         """An element of the list: the length of a JSON object, it, and the sums."""

@@ -15,6 +15,8 @@ from service.store.models import Job, Scene
 
 __all__ = ["default_tile_size", "frame_settings", "resolve"]
 
+MOST_TILES = 1 << 17  # each is in the engine's memory while the job is rendered: hundreds of bytes
+
 
 def default_tile_size(width: int, height: int, of_shot: bool = False) -> int:
     """Tiles small enough that all slots have work and a watcher sees it grow, large enough that batches are few.
@@ -42,6 +44,11 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     settings = _settings(request, width, height, _view(request, info.get("cameras") or []), defaults)
     job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
     job.tile_size = job.tile_size or default_tile_size(width, height, job.shot is not None and job.noise is None)
+    tiles = -(-width // job.tile_size) * -(-height // job.tile_size)
+    if tiles > MOST_TILES:
+        raise SettingsError(
+            f"tile_size is {job.tile_size}, which makes {tiles} tiles of a frame; at most {MOST_TILES} are kept in mind"
+        )
     if settings.shutter and job.shot is None:
         job.shot = Shot().to_json()  # of one frame: what moves meanwhile has keys, and is compiled with them
     job.settings = settings.to_json()

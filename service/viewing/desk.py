@@ -289,7 +289,7 @@ class Desk:
             if data:
                 try:
                     self._hear(ViewAnswer.from_bytes(data))
-                except (ValueError, KeyError, TypeError, RecursionError) as error:
+                except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
                     log.warning("an answer about a view is left out: %.300s", error)
             if self._ordered.is_set():
                 return
@@ -326,12 +326,13 @@ class Desk:
         if out.pick is not None:
             answered(out, out.pick, answer)
             return
+        seconds = answer.seconds
         piece = out.pieces.pop(int(answer.more["number"]), None)
         if piece is None or watch.passes is None or watch.look is None:
             return
         tile = watch.passes.levels[piece.level].tiles[piece.tile]
         watch.add(piece, unpack_sums(answer.sums, tile, planes=[0, 1, 2, SAMPLES]))
-        self._costs.learn(watch.look, float(answer.more["seconds"]) / (tile.w * tile.h * piece.count))
+        self._costs.learn(watch.look, seconds / (tile.w * tile.h * piece.count))
         if watch.message is not None:
             self._tell(watch, None, self._hands.slots(out.kind))
         if watch.is_due():

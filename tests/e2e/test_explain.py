@@ -95,6 +95,7 @@ def test_lines_end_at_the_edge_and_behind_the_eye(page: Page) -> None:
     assert line([-10, -10, 1], [-20, 50, 1]) is None
 
 
+@pytest.mark.long
 def test_the_log_is_read_copied_and_taken_along(farm: Farm, finished: str, watched: Watched) -> None:
     page = watched.page
     page.context.grant_permissions(["clipboard-read", "clipboard-write"], origin=farm.url)

@@ -69,6 +69,7 @@ def test_shares_are_seen_and_changed(many: Service, watched: Watched) -> None:
     many.http.delete("/api/shares/user:anna").raise_for_status()
 
 
+@pytest.mark.long
 def test_a_machine_is_told_when_it_works(many: Service, watched: Watched) -> None:
     page = watched.page
     peers = (many.worker(name="attic", tags=("gpu", "kind:test-kind"), slots=4), many.worker(name="cellar"))

@@ -40,7 +40,7 @@ from worker.contract import (
     render_queue,
 )
 
-__all__ = ["Bench", "FakeService", "a_worker", "busiest"]
+__all__ = ["Bench", "FakeService", "a_worker", "busiest", "slots_of", "used"]
 
 
 class FakeService(BaseHTTPRequestHandler):

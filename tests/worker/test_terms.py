@@ -29,6 +29,7 @@ def ask(bench: Bench, terms: Terms) -> Offer:  # noqa: F811
     return offer(bench)
 
 
+@pytest.mark.long
 def test_a_worker_obeys_within_seconds_and_loses_nothing(bench: Bench, info: SceneInfo) -> None:  # noqa: F811
     first = offer(bench)
     report = bench.report()

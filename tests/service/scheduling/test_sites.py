@@ -86,6 +86,7 @@ def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Servi
     assert reducing.stop() == 0
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)
 def test_what_waits_for_a_site_that_is_gone_is_rendered_elsewhere(service: Service, store: redis.Redis, tmp_path: Path) -> None:
     reducing = Reducing(store, service.url, TOKEN, tmp_path)
