@@ -19,7 +19,7 @@ _OURS, _LIMIT = "#3b6ea5", "#c0392b"
 
 
 def plot(rows: Sequence[tuple[Load, Taken]], path: Path) -> None:
-    """Three curves over whatever the loads differ in: share of the slots in use, the service's processor, its time for a batch."""
+    """Three curves over what the loads differ in: share of the slots in use, the service's processor, its time for a batch."""
     name, labels = _differing([load for load, _ in rows])
     curves = {
         "share of what the slots could render": ([taken.sample_rate / _possible(load) for load, taken in rows], 1.0),
