@@ -151,6 +151,7 @@ def test_a_film_that_is_lost_ends_its_own_job_and_is_rendered_anew_when_asked_to
     assert service.digest(lost) == expected_digest(spp=30)
 
 
+@pytest.mark.long
 def test_a_film_that_cannot_be_written_waits_and_keeps_what_it_has(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     job = under_way(service, worker)
