@@ -125,8 +125,8 @@ def received(towards, radius, n):
 
 
 def plain_importance(light, p, n):
-    """Of one light, by the angles themselves in double precision; NaN at the edge of a spot's cone, where the tree allows for what
-    float32 cannot tell."""
+    """Of one light, by the angles themselves in double precision; NaN at the edge of a spot's cone, where the tree leaves room
+    for float32's rounding."""
     if light.kind == "directional":
         towards = -np.array(light.direction) / np.linalg.norm(light.direction)
         return light.intensity[0] * received(towards, np.sin(np.radians(light.angle / 2)), n)
