@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from importlib import import_module
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy.typing as npt
 from renderer.scene.description import Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import face_normals, smoothed
+from renderer.scene.readers import ply
 from renderer.scene.readers.pbrt.growth import Growth
 from renderer.scene.readers.pbrt.loop import subdivided
 from renderer.scene.readers.pbrt.notes import Notes
@@ -68,7 +68,7 @@ def _read(files: SceneFiles, name: str) -> SceneDescription:
     if name.lower().endswith(".gz"):
         data = unpacked(data, name)
     part = SceneDescription(name=name)
-    import_module("renderer.scene.readers.other").read_data(data, ".ply", files, name, part)  # heavy, and seldom needed
+    ply.read_data(data, files, name, part)
     if re.search(_NORMALS, data) is None:
         part.meshes = [replace(mesh, normals=None) for mesh in part.meshes]
     return part
