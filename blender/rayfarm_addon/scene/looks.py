@@ -6,6 +6,7 @@ on what lies beneath. What a mix cannot say so (two colours of which one is a me
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -15,6 +16,7 @@ __all__ = ["Look", "look_of", "told_by_ray"]
 
 BLACK = Plain([0.0, 0.0, 0.0])
 SHARE = 0.5
+MOST_POLISHED = 0.95  # of a mix, beyond which it is a metal
 # Of a principled BSDF, what a shader without the input would have there.
 DEFAULTS: dict[str, Plain] = {
     "Base Color": Plain([0.8] * 3),
@@ -142,7 +144,19 @@ def _mixed(source: Source, warn: Callable[[str], None]) -> Look | None:
     if by is not None and by.node.type in ("FRESNEL", "LAYER_WEIGHT", "CAMERA", "NEW_GEOMETRY"):
         warn(f"its shaders are mixed half and half, not by {by.node.bl_label or by.node.type}")
         share = Plain(SHARE)
-    return _Mix(share, first, second, warn)
+    polished = _polished(plain, first, second)
+    return polished if polished is not None else _Mix(share, first, second, warn)
+
+
+def _polished(share: Any, first: Look, second: Look) -> Look | None:
+    """Of something matt and a metal by a number: the former, under a reflection of as much at normal incidence."""
+    matt, metal, part = (first, second, share) if first.is_matt else (second, first, None if share is None else 1 - share)
+    is_metal = constant(metal.input("Metallic")) == 1.0 and not metal.is_matt
+    if not (isinstance(part, float) and 0 < part < MOST_POLISHED and matt.is_matt and is_metal) or _is_black(matt):
+        return None
+    root = math.sqrt(part)
+    said = {"Roughness": metal.input("Roughness"), "IOR": Plain((1 + root) / (1 - root)), "Specular IOR Level": Plain(0.5)}
+    return matt.over(said | {"Specular Tint": metal.input("Base Color")})
 
 
 def _reflecting(by: Source, beneath: Look, gloss: Look, warn: Callable[[str], None]) -> Look:
