@@ -115,5 +115,5 @@ def _run(blender: Blender, folder: Path, room: Path, job: Path, memory: int, sec
         said.seek(max(log.stat().st_size - LAST_WORDS, 0))
         words = said.read().decode("utf-8", "replace").strip().splitlines()
     print("\n".join(words), file=sys.stderr)
-    how = signal.Signals(-code).name if code < 0 else f"code {code}"
+    how = next((each.name for each in signal.Signals if each == -code), f"code {code}")
     return f"Blender {blender.version} ended while it opened it ({how})."

@@ -1,6 +1,5 @@
-"""Clusters of primitives: the cells of a grid that hold any. The top of a tree is built over them, of which there are a hundredth
-as many, as in Garanzha, Pantaleoni & McAllister, "Simpler and Faster HLBVH with Work Queues" (2011).
-"""
+"""Clusters of primitives: the non-empty cells of a grid. The top of a tree is built over these, a hundredth as many as the
+primitives, as in Garanzha, Pantaleoni & McAllister, "Simpler and Faster HLBVH with Work Queues" (2011)."""
 
 from __future__ import annotations
 
@@ -96,8 +95,8 @@ def _grid(spread: F32) -> tuple[F32, tuple[int, int], int]:
 
 
 def split_clusters(clusters: Clusters, node: Integers, spread: F32, least: int, tree_box: F32, tree: Integers) -> Integers:
-    """Splits a node over clusters, the first time at any rate, until its parts hold at most `least` primitives or are of too few
-    clusters: the parts, (J, JOB) i64.
+    """Splits a node over clusters, at least once if a plane divides it, until its parts have at most `least` primitives or too
+    few clusters: the parts, (J, JOB) i64.
 
     node: (JOB,) i64; spread: (8,), the box of the clusters' doubled centroids. Reorders the clusters' boxes, by whose numbers
     a part's clusters are known, and writes the rows of the tree above the parts and of their boxes, but for the numbers in these.

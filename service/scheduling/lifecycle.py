@@ -6,7 +6,6 @@ All of it runs in the engine's thread. The database decides: what a person chang
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
@@ -19,6 +18,7 @@ from service.errors import FarmError
 from service.intake.resolve import frame_settings
 from service.scheduling.active_frame import ActiveFrame
 from service.scheduling.active_job import ActiveJob
+from service.scheduling.aside import LetGo
 from service.scheduling.bulkhead import Bulkheads, Step, Verdict
 from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
@@ -43,8 +43,6 @@ from service.store.models import ACTIVE, Job, Scene, blobs_of
 from worker.contract import SceneInfo
 
 __all__ = ["LetGo", "Lifecycle"]
-
-LetGo = Callable[[Counter[str]], None]  # of blobs, and how often each is no longer referred to here
 
 
 class Lifecycle:

@@ -39,6 +39,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
     scene = bpy.context.scene
     notes: list[str] = []
     _note_missing(bpy, notes)
+    _note_unknown_nodes(bpy, notes)
     scene.render.fps_base = 1.0  # the exporter's times are frames of whole numbers a second
     fps = float(scene.render.fps)
     frames = frames_of(bpy, scene)
@@ -127,6 +128,13 @@ def _note_left_out(shown: list[Any], notes: list[str]) -> None:
         names = [thing.name for thing in shown if thing.type == kind]
         if names:
             notes.append(f"{words} are not taken over: {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}")
+
+
+def _note_unknown_nodes(bpy: Any, notes: list[str]) -> None:
+    """What nodes import would be files of this machine: untrusted.py makes these nodes unknown."""
+    trees = [tree.name for tree in bpy.data.node_groups if any(node.bl_idname == "NodeUndefined" for node in tree.nodes)]
+    if trees:
+        notes.append(f"Node groups {', '.join(trees[:5])}: nodes that import files, or that are not Blender's own, are left out")
 
 
 def _note_hair(shown: list[Any], notes: list[str]) -> None:

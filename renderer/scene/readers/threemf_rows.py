@@ -1,4 +1,8 @@
-"""The long lists of 3MF's meshes, taken at once: rows that all look alike, as programs write them, need no parser for each."""
+"""The long lists of 3MF's meshes, read in one go: rows that are all written alike, as programs do, need no XML parser.
+
+Such a list is taken out of the XML, and a processing instruction with its number stands in its place. So the parser itself says
+where it belongs, whatever else there is: empty lists, lists with attributes, comments with lists in them.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Rows", "cut_out"]
+__all__ = ["MARK", "Rows", "cut_out"]
+
+MARK = "rayfarm-rows"  # of the processing instruction
 
 PIECE = 1 << 22
 _LISTS = re.compile(rb"<(?:\w+:)?(vertices|triangles)\s*>(.*?)</(?:\w+:)?\1\s*>", re.DOTALL)
@@ -33,20 +39,20 @@ class Rows(NamedTuple):
         return np.stack([self.columns[name] for name in names], axis=1)
 
 
-def cut_out(data: bytes) -> tuple[bytes, list[Rows | None]]:
-    """A part's XML with its lists of vertices and triangles empty, and these in their order.
+def cut_out(data: bytes) -> tuple[bytes, list[Rows]]:
+    """A part's XML without its lists of vertices and triangles, and these by their numbers.
 
-    None stands for one that is left as it is, as its rows differ: that is for the parser.
+    A list whose rows differ is left as it is, for the parser.
     """
-    found: list[Rows | None] = []
+    found: list[Rows] = []
     kept: list[bytes] = []
     at = 0
     for match in _LISTS.finditer(data):
         rows = _rows(data, match.start(2), match.end(2), *_ROW[match[1]])
-        found.append(rows)
         if rows is not None:
-            kept.append(data[at : match.start(2)])
+            kept.append(data[at : match.start(2)] + b"<?%s %d?>" % (MARK.encode(), len(found)))
             at = match.end(2)
+            found.append(rows)
     return b"".join([*kept, data[at:]]), found
 
 

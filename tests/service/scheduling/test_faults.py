@@ -76,6 +76,7 @@ def test_a_locked_film_waits_and_the_others_go_on(service: Service, worker: Peer
     assert (counts.get("dropped", 0), counts["lost"]) == (0, 0)
 
 
+@pytest.mark.long
 def test_a_film_without_room_waits_until_there_is_some(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     full = under_way(service, worker)
@@ -91,6 +92,7 @@ def test_a_film_without_room_waits_until_there_is_some(service: Service, worker:
     assert service.farm.engine.snapshot.counts.get("dropped", 0) == 0
 
 
+@pytest.mark.long
 def test_a_film_that_cannot_be_opened_at_the_start_waits(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     job = under_way(service, worker)
@@ -121,7 +123,7 @@ def no_table(service: Service, job: str) -> None:
     other.close()
 
 
-@pytest.mark.parametrize("spoil", [garbage, no_table])
+@pytest.mark.parametrize("spoil", [garbage, pytest.param(no_table, marks=pytest.mark.long)])
 def test_a_film_that_is_lost_is_rendered_anew_by_itself(
     service: Service, worker: PeerWorker, spoil: Callable[[Service, str], None]
 ) -> None:
@@ -149,6 +151,7 @@ def test_a_film_that_is_lost_ends_its_own_job_and_is_rendered_anew_when_asked_to
     assert service.digest(lost) == expected_digest(spp=30)
 
 
+@pytest.mark.long
 def test_a_film_that_cannot_be_written_waits_and_keeps_what_it_has(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     job = under_way(service, worker)
@@ -164,7 +167,7 @@ def test_a_film_that_cannot_be_written_waits_and_keeps_what_it_has(service: Serv
     assert rendered_once(worker, job)
 
 
-@pytest.mark.parametrize("spoil", ["missing", "empty", "damaged"])
+@pytest.mark.parametrize("spoil", [*(pytest.param(spoil, marks=pytest.mark.long) for spoil in ("missing", "empty")), "damaged"])
 def test_a_finished_picture_that_is_lost_is_rendered_again_when_asked_to(
     service: Service, worker: PeerWorker, spoil: str
 ) -> None:

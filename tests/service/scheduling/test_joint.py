@@ -57,6 +57,7 @@ def finish(service: Service) -> None:
     assert service.digest(job) == digest(np.tile(SUMS * SPP, (1, HEIGHT // TILE, WIDTH // TILE)))
 
 
+@pytest.mark.long
 @pytest.mark.timeout(200)
 def test_sums_of_a_machine_come_as_one_and_none_is_rendered_twice(service: Service, machines: Machines) -> None:
     finish(service)

@@ -53,6 +53,7 @@ def test_nothing_is_rendered_twice_while_results_pile_up(service: Service, monke
     assert slots.samples == tiles * SPP, "each once"
 
 
+@pytest.mark.long
 def test_slots_that_are_starved_of_a_processor_lose_nothing(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     """They stand still for longer than their reports live: Redis knows that they live, and what they have is theirs."""
     monkeypatch.setattr(slots_module, "HEARTBEAT_TTL_S", 1)
@@ -88,6 +89,7 @@ def test_slots_that_are_starved_of_a_processor_lose_nothing(service: Service, mo
     assert slots.samples == tiles * samples, "each once"
 
 
+@pytest.mark.long
 def test_no_straggler_is_tried_by_another_while_there_is_other_work(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Scheduler, "_has_idle_slots", lambda self, kind: True)
     monkeypatch.setattr(Missing, "_fate", lambda self, lease, *_: None if lease.doubled else Fate.LATE)

@@ -59,6 +59,7 @@ def counted(service: Service, name: str) -> int:
     return service.farm.engine.snapshot.counts.get(name, 0)
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)
 def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Service, store: redis.Redis, tmp_path: Path) -> None:
     reducing = Reducing(store, service.url, TOKEN, tmp_path)
@@ -86,6 +87,7 @@ def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Servi
     assert reducing.stop() == 0
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)
 def test_what_waits_for_a_site_that_is_gone_is_rendered_elsewhere(service: Service, store: redis.Redis, tmp_path: Path) -> None:
     reducing = Reducing(store, service.url, TOKEN, tmp_path)

@@ -53,7 +53,7 @@ export function sceneCard(scene) {
 }
 
 /** @param {Scene} scene */
-export function shortFacts(scene) {
+function shortFacts(scene) {
   const { counts } = scene;
   const parts = [variantOf(scene), lightOf(scene)].filter(Boolean);
   if (counts.triangles) parts.push(counts.triangles === 1 ? t("1 triangle") : t("{n} triangles", { n: compact(counts.triangles) }));

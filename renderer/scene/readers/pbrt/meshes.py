@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from importlib import import_module
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -67,8 +66,10 @@ def _read(files: SceneFiles, name: str) -> SceneDescription:
     data = files.read(name)
     if name.lower().endswith(".gz"):
         data = unpacked(data, name)
+    from renderer.scene.readers.other import read_data  # heavy, and seldom needed
+
     part = SceneDescription(name=name)
-    import_module("renderer.scene.readers.other").read_data(data, ".ply", files, name, part)  # heavy, and seldom needed
+    read_data(data, ".ply", files, name, part)
     if re.search(_NORMALS, data) is None:
         part.meshes = [replace(mesh, normals=None) for mesh in part.meshes]
     return part
