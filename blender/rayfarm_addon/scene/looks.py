@@ -12,10 +12,12 @@ from typing import Any
 
 from .nodes import At, Blend, Plain, Source, constant, followed
 
-__all__ = ["Look", "look_of", "told_by_ray"]
+__all__ = ["Look", "brushed", "look_of", "told_by_ray", "under_coat"]
 
 BLACK = Plain([0.0, 0.0, 0.0])
 SHARE = 0.5
+CLEAR = 0.999
+WAY = 1.15  # through a coat, of its thickness: on average over what leaves a matt surface, where the coat refracts as 1.5
 MOST_POLISHED = 0.95  # of a mix, beyond which it is a metal
 # Of a principled BSDF, what a shader without the input would have there.
 DEFAULTS: dict[str, Plain] = {
@@ -69,6 +71,23 @@ class _Clear(Look):
 
     def __init__(self) -> None:
         super().__init__({"Alpha": Plain(0.0)})
+
+
+def brushed(strength: float, roughness: float, turns: float) -> tuple[float, dict[str, float]]:
+    """glTF's roughness, and its anisotropy: Cycles stretches both ways about the roughness, glTF along the tangent alone."""
+    aspect = math.sqrt(1 - 0.9 * min(strength, 1.0))
+    along, across = min(roughness**2 / aspect, 1.0), roughness**2 * aspect
+    stretch = math.sqrt(max(along - across, 0.0) / max(1 - across, 1e-6))
+    return math.sqrt(across), {"anisotropyStrength": min(stretch, 1.0), "anisotropyRotation": turns * 2 * math.pi}
+
+
+def under_coat(look: Look) -> list[float] | None:
+    """What a tinted coat leaves of the light that comes from beneath it, about; None where it takes nothing."""
+    weight, tint = constant(look.input("Coat Weight")), constant(look.input("Coat Tint"))
+    if not isinstance(weight, float) or not isinstance(tint, list) or weight <= 0 or min(tint) > CLEAR:
+        return None
+    share = min(weight, 1.0)
+    return [1 + share * (min(max(c, 0.0), 1.0) ** WAY - 1) for c in tint]
 
 
 def told_by_ray(at: At) -> int | None:
