@@ -1,15 +1,32 @@
 """The command line, the one-command local farm, and Rayfarm in a Python program.
 
-cli.py          the program `rayfarm`: one file a command under commands/
-options.py      the options that commands share
-scene_files.py  which files belong to a scene that a person names
-output_files.py pictures on their way to a disk
-client.py       the Python client of a farm's service
-library/        render() of files, dicts and arrays, here or on a farm; the notebook's widget
-movie.py        frames as a film
-shot.py         frames that a farm renders
-answers.py      what it answers, as dataclasses
-local/          a whole farm on this machine: Redis, service and worker as supervised processes
+commands/            one file per command of the program `rayfarm`, which cli.py puts together
+library/             render() of files, dicts and arrays, here or on a farm; the notebook's widget
+local/               a whole farm on this machine: Redis, service and worker as supervised processes
+watch/               a job watched in the terminal
+doctor/              what is wrong with an installation
+Talking to a farm
+    client.py            the Python client; answers.py is what it returns, as dataclasses
+    login.py             which farm a command talks to, and its token
+    joining.py           what `rayfarm worker` and `rayfarm site` need to join one
+    shot.py              frames that a farm renders
+Rendering without a farm
+    rendering.py         a scene read, compiled and rendered; stage.py keeps one open for several frames
+    frame.py             one frame to its files
+    sequence.py          frames one after the other; movie.py makes a movie of them, steady.py denoises them
+    replay.py            one path of one pixel, followed again
+Options and files
+    options.py           the options that commands share
+    declared_options.py  options made from the declared settings
+    picture.py           the options that describe a picture
+    log_format.py        the option of commands that start processes
+    scene_files.py       which files belong to a scene that a person names
+    output_files.py      pictures on their way to disk
+The machine
+    console.py           standard output and error
+    machine.py           cores, signals, the screen
+    blender.py           Blender for a worker on this machine
+    errors.py            faults and exit codes
 """
 
 from typing import TYPE_CHECKING, Any

@@ -1,4 +1,4 @@
-"""The program `rayfarm`, and `python -m rayfarm`: Ctrl-C ends it without a word also while it is being loaded."""
+"""The program `rayfarm`, and `python -m rayfarm`. Ctrl-C ends it silently even while it is still loading."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What a farm's service answers, as the Python client gives it. /docs of the service describes every field.
+"""The answers of a farm's service, as the Python client returns them. The service's /docs page describes every field.
 
-Written for services of other releases too: what a newer one says besides is left out, and what an answer must have and lacks
-is a ValueError that names it.
+Written to work with services of other releases: fields added by a newer one are ignored, and a missing required field is a
+ValueError that names it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Blender for a worker of this machine: found, or fetched into an environment of its own."""
+"""Blender for a worker on this machine: found, or installed into an environment of its own."""
 
 from __future__ import annotations
 

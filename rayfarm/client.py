@@ -39,7 +39,7 @@ TOKEN_VARIABLE = "RAYFARM_API_TOKEN"
 
 POLL_S = 0.3
 AWAY_S = 60.0
-AT_LENGTH = httpx.Timeout(3600.0, connect=5.0)  # of what is long on its way, or is sent when it is made
+LONG = httpx.Timeout(3600.0, connect=5.0)  # for large uploads, and for answers that are sent once they are made
 ANSWER_S = 300.0  # for a whole answer in JSON, however slowly its bytes come
 MAX_PICTURE = 8 << 30
 MAX_MESSAGE = 64 << 20  # of a live picture: its largest tile, and all frames of a long shot
@@ -139,7 +139,7 @@ class Client:
             except OSError as error:
                 raise ClientError(f"{error.filename} cannot be read: {error.strerror}.") from error
             return self._read(
-                Scene, self._send("POST", "/api/scenes", params=_into(project), data=fields, files=parts, timeout=AT_LENGTH)
+                Scene, self._send("POST", "/api/scenes", params=_into(project), data=fields, files=parts, timeout=LONG)
             )
 
     def upload_environment(self, image: Path, project: str = "") -> Environment:
@@ -225,7 +225,7 @@ class Client:
 
         Path("shot.mp4").write_bytes(farm.movie(job.id))
         """
-        answer = self._send("GET", f"/api/jobs/{_id(job)}/movie.{format}", limit=MAX_PICTURE, params=query, timeout=AT_LENGTH)
+        answer = self._send("GET", f"/api/jobs/{_id(job)}/movie.{format}", limit=MAX_PICTURE, params=query, timeout=LONG)
         if FRAMES_HEADER not in answer.headers:
             raise NotAFarm(not_a_farm(self.url, "what it sends is no film of a farm"))
         return answer.body
@@ -258,7 +258,7 @@ class Client:
 
         farm.let_go(films_days=30)["bytes"]  # only told; dry_run=False does it
         """
-        answer = self._send("POST", "/api/retention", json={"dry_run": dry_run, **rules}, timeout=AT_LENGTH)
+        answer = self._send("POST", "/api/retention", json={"dry_run": dry_run, **rules}, timeout=LONG)
         data = self._data(answer)
         if not isinstance(data, dict) or not isinstance(data.get("items"), list):
             raise self._other(answer)
@@ -356,7 +356,7 @@ class Client:
             raise ClientError(f"{self.url} does not answer ({error or type(error).__name__}). Try again.") from error
         except OSError as error:
             raise ClientError(f"A file of the scene cannot be read any more ({error.strerror or error}).") from error
-        except ValueError as error:  # a number that JSON has no way to write
+        except ValueError as error:  # a number that JSON cannot express
             raise ClientError(f"This cannot be sent to a farm ({error}).") from error
         if response.is_success:
             return _Answer(response.headers, body)

@@ -1,4 +1,4 @@
-"""Options of the command, made of what renderer/settings.py declares: name, type, range, help."""
+"""Command line options made from the declarations of renderer/settings.py: name, type, range, help."""
 
 from __future__ import annotations
 

@@ -8,11 +8,9 @@ from __future__ import annotations
 
 from renderer.errors import RayfarmError
 
-__all__ = ["EXIT_FAILED", "EXIT_INTERRUPTED", "EXIT_OK", "EXIT_USAGE", "CommandError"]
+__all__ = ["EXIT_FAILED", "EXIT_INTERRUPTED", "CommandError"]
 
-EXIT_OK = 0
 EXIT_FAILED = 1
-EXIT_USAGE = 2  # a wrong option or argument
 EXIT_INTERRUPTED = 130  # Ctrl-C, as shells count it
 
 

@@ -1,5 +1,5 @@
-"""What a command needs that joins a farm with a process of its own: the farm's address, the token, and somebody to look after
-that process until Ctrl-C."""
+"""What commands need that join a farm with a process of their own: the farm's address, the token, and a supervisor for that
+process until Ctrl-C."""
 
 from __future__ import annotations
 

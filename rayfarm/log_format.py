@@ -1,4 +1,4 @@
-"""The option of those commands that start processes with logs. By itself: they need none of what options.py describes."""
+"""The option of commands that start processes with logs. A separate module, because they need nothing else from options.py."""
 
 from __future__ import annotations
 

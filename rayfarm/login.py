@@ -1,4 +1,4 @@
-"""Which farm a command talks to, and what it shows there to be let in."""
+"""Which farm a command talks to, and the token it sends there."""
 
 from __future__ import annotations
 

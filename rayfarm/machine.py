@@ -1,4 +1,4 @@
-"""What the commands that keep processes running need of this machine."""
+"""What the commands that keep processes running need to know of this machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rayfarm render --frames -o out.mp4`: frames as pictures in a folder beside, and the film of them."""
+"""`rayfarm render --frames -o out.mp4`: renders frames to pictures in a folder beside it, and makes the film of them."""
 
 from __future__ import annotations
 

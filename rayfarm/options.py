@@ -1,4 +1,4 @@
-"""Options that several commands have, and how those are read that are more than a number."""
+"""Options that several commands share, and how those that are more than a number are parsed."""
 
 from __future__ import annotations
 

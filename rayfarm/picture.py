@@ -1,4 +1,4 @@
-"""The options that say what a picture is, the same for `render` and `submit`: made of the renderer's own declarations."""
+"""The options that describe a picture, the same for `render` and `submit`: made from the renderer's own declarations."""
 
 from __future__ import annotations
 

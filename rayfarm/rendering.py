@@ -1,4 +1,4 @@
-"""Rendering in this process: a scene read and compiled, its frame or a part of it, and what each step took."""
+"""Rendering in this process: reads and compiles a scene, renders a frame or part of one, and times each step."""
 
 from __future__ import annotations
 

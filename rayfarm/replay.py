@@ -1,4 +1,4 @@
-"""One path of one pixel, followed again: its vertices for a person who looks for what went wrong, or for a program."""
+"""One path of one pixel, followed again: its vertices, for a person who is looking for what went wrong, or for a program."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames one after the other, each into a file of its own: what is there already is kept, what fails is named."""
+"""Frames one after the other, each into its own file: existing files are kept, failures are named."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A shot that is rendered by a farm: which of its frames are asked for, and how they come to files."""
+"""A shot rendered by a farm: which of its frames are wanted, and how they become files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scene that is open in this process: what it is at each frame, compiled anew only where more than a camera moved."""
+"""A scene that is open in this process: what it is at each frame, compiled again only if more than a camera moved."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The denoised frames of a sequence: each is written when its neighbours are rendered, which make it steady."""
+"""The denoised frames of a sequence: each is written once its neighbours are rendered, which are used to make it steady."""
 
 from __future__ import annotations
 

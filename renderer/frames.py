@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from functools import lru_cache
 
 from renderer.errors import SettingsError
 
@@ -20,6 +21,7 @@ __all__ = [
 ]
 
 MAX_FRAMES = 100_000
+MOST_NAMED = 2 * MAX_FRAMES  # those that are named again included
 MAX_FRAME = 10_000_000
 _NUMBER = r"(\d{1,8}(?:\.[05])?)"
 _PART = re.compile(rf"{_NUMBER}(?:-{_NUMBER}(?:[x:]{_NUMBER})?)?")
@@ -30,7 +32,13 @@ def parse_frames(text: str) -> list[float]:
 
     Raises SettingsError.
     """
+    return list(_parsed(text))
+
+
+@lru_cache(4)  # a request is asked for its frames by some, one after the other
+def _parsed(text: str) -> tuple[float, ...]:
     found: dict[float, None] = {}
+    named = 0
     for part in text.replace(" ", "").split(","):
         match = _PART.fullmatch(part)
         if match is None:
@@ -44,10 +52,11 @@ def parse_frames(text: str) -> list[float]:
         if step == 0 or last > MAX_FRAME:
             raise SettingsError(f"frames is {text[:80]!r}; a range goes to {MAX_FRAME} at most, in steps from 0.5")
         count = int((last - first) / step) + 1
-        if len(found) + count > MAX_FRAMES:
+        named += count
+        if len(found) + count > MAX_FRAMES or named > MOST_NAMED:
             raise SettingsError(f"frames is {text[:80]!r}; that is more than {MAX_FRAMES} frames, ask for them in parts")
         found |= dict.fromkeys(first + step * i for i in range(count))
-    return list(found)
+    return tuple(found)
 
 
 def frame_key(frame: float) -> int:

@@ -1,4 +1,4 @@
-"""Packed files from strangers: what Python's zipfile raises where one is damaged, and what is more than one may unpack to."""
+"""Archives from strangers: the errors that Python's zipfile raises for damaged ones, and the limit on what they may unpack to."""
 
 from __future__ import annotations
 

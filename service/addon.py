@@ -1,4 +1,4 @@
-"""Blender's add-on as the archive that Blender installs: the sources in `blender`, with this release's version in them."""
+"""Blender's add-on as the archive that Blender installs: the sources in `blender`, with this release's version filled in."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Times as people write them."""
+"""Deadlines as people write them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All that the HTTP side works with, made once and handed to the routes."""
+"""Everything that the HTTP side works with, made once and handed to the routes."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""/healthz at a port of its own, answered by a thread that waits for nobody: a service that is busy is not taken for dead.
+"""/healthz on a port of its own, answered by a thread that waits for nothing, so that a busy service is not taken for dead.
 
-At the farm's own port the event loop answers, in its turn. Here the loop is judged by how long it has not had one: a restart
-helps a loop that hangs, and none that has much to do.
+On the farm's own port the event loop answers, when it gets to it. Here the loop is judged by how long it has not had a turn: a
+restart helps if it hangs, but not if it is busy.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The life of a service's process: it owns the farm, or stands by until it may; whoever loses the farm stands by again."""
+"""The life of a service process: it owns the farm, or stands by until it may; if it loses the farm it stands by again."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The page's files. What index.html names has the hash of all files in its address, and so never needs to be asked about again.
+"""The page's files. Addresses in index.html contain a hash of all files, so these never need to be revalidated.
 
-A page of an older release that is still loading asks by an older hash, and is given what there is now; index.html itself is
-asked about each time, so the next load is of one piece.
+A page of an older release that is still loading asks with an older hash, and is given the current files; index.html itself is
+revalidated each time, so the next load is consistent.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Where things lie: the page, the examples, Blender's add-on, the data.
 
 In a clone the page, the examples and the add-on are folders at its top, and the data lies in the clone as well, so that
-removing the clone removes all of it. Where Rayfarm is installed, they are inside this package, and the data lies in the user's
+removing the clone removes everything. If Rayfarm is installed, they are inside this package, and the data lies in the user's
 data folder.
 """
 

@@ -1,4 +1,4 @@
-"""What can be set from outside, by environment variables RAYFARM_*."""
+"""What can be configured by environment variables RAYFARM_*."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict, SettingsError
 from service.errors import CannotStart
 from service.hooks.signing import key_of, new_secret
 from service.places import default_data_folder, shipped, sqlite_url
-from service.store.whole import PRIVATE_FOLDER, write_whole
+from service.store.whole import PRIVATE_FOLDER, write_once, write_whole
 from worker.redis_tls import as_told, trusting
 
 __all__ = ["OWNER_TOKEN", "Settings"]
@@ -194,7 +194,7 @@ class Settings(BaseSettings):
         if self.webhooks and not self.webhook_secret:
             path = self.data / "webhook-secret"
             if not path.exists():
-                write_whole(path, f"{new_secret()}\n".encode())
+                write_once(path, f"{new_secret()}\n".encode())
             self.webhook_secret = path.read_text().strip()
 
     def instance(self) -> str:
@@ -211,7 +211,10 @@ def _own_address() -> str:
 
 
 def _kept(path: Path) -> str:
-    """A random id, made once and kept in a file that only its owner reads."""
-    if not path.exists() or not path.read_text().strip():
-        write_whole(path, f"{secrets.token_hex(16)}\n".encode())
+    """A random id, made once and kept in a file that only its owner reads; also of services that begin at once."""
+    made = f"{secrets.token_hex(16)}\n".encode()
+    if not path.exists():
+        write_once(path, made)
+    elif not path.read_text().strip():
+        write_whole(path, made)
     return path.read_text().strip()

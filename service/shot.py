@@ -1,4 +1,4 @@
-"""What a job of several frames is asked for beside its settings, as its row keeps it."""
+"""What a request for a job of several frames says besides its settings, as its row stores it."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""`python -m service.standby UVICORN'S OPTIONS`: the service, loaded and ready to begin when a line comes on standard input.
+"""`python -m service.standby UVICORN'S OPTIONS`: the service, loaded and waiting for a line on standard input to begin.
 
-To load it takes most of a second of a processor, several on a machine whose slots all render. Whoever watches over the service
-keeps one that has that behind it (rayfarm/local/supervisor.py), so that a killed service is back at once.
+Loading takes most of a second of processor time, and several seconds on a machine whose slots are all rendering. The supervisor
+keeps one spare that has done this already (rayfarm/local/supervisor.py), so that a killed service is back at once.
 """
 
 from __future__ import annotations

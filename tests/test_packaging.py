@@ -104,6 +104,7 @@ def everything_works(farm: Farm) -> None:
         assert client.image(job.id).startswith(b"\x89PNG")
 
 
+@pytest.mark.long
 def test_up_from_the_wheel_alone(wheel: Path, tmp_path: Path) -> None:
     """Unpacked beside the packages of this environment; tests/test_packaging.py's long test installs it truly."""
     site, elsewhere, home = tmp_path / "site", tmp_path / "elsewhere", tmp_path / "home"

@@ -1,6 +1,6 @@
 """`python -m worker --service URL --token T --slots N`: one worker, with a process for every slot.
 
-The kernels are compiled or loaded here, before Celery forks, so that all slots taken them.
+The kernels are compiled or loaded here, before Celery forks, so that all slots have them.
 """
 
 # ruff: noqa: E402 - the environment must be set before numpy is imported

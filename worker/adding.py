@@ -1,5 +1,5 @@
-"""Results of batches that follow each other, added up to one: integers add exactly, and a result costs the service about the same
-whatever is in it."""
+"""Adds results of consecutive batches up to one: integers add exactly, and a result costs the service about the same whatever
+is in it."""
 
 from __future__ import annotations
 

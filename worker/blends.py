@@ -1,6 +1,6 @@
-"""Scenes that Blender has to open first: workers that have it take them from a queue of their own, and hand in what it wrote.
+"""Scenes that Blender has to open first: workers that have it take them from a queue of their own, and upload what it wrote.
 
-From then on the scene is what was written: any worker prepares it, its frames too, as it does every other scene.
+From then on the scene is what was written: any worker can prepare it and its frames, like any other scene.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Run a piece of work in a forked child with bounds on memory and time, so that no input can end the worker.
+"""Runs work in a forked child with limits on memory and time, so that no input can end the worker.
 
-Forked and not started anew: the child has the parent's compiled kernels and readers, and begins within milliseconds. The
-parent must have one thread, as the children of Celery's prefork pool have. The child may start as many as it likes.
+The child is forked rather than started afresh: it has the parent's compiled kernels and readers, and starts within
+milliseconds. The parent must be single-threaded, as the children of Celery's prefork pool are. The child may start as many
+threads as it likes.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from worker.errors import MachineError, WorkError, is_of_machine
-from worker.process import die_with_parent, share_one_heap
+from worker.process import die_with_parent, share_one_heap, signal_name
 
 __all__ = ["Bounds", "Send", "answer_of", "begin", "end", "how_it_ended", "messages", "run_bounded"]
 
@@ -224,7 +225,7 @@ def how_it_ended(status: int, bounds: Bounds) -> str:
     subject, memory_bytes = bounds.subject, bounds.memory_bytes
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
-        name = signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
+        name = signal_name(number)
         if number in (signal.SIGABRT, signal.SIGKILL, signal.SIGSEGV, signal.SIGBUS):
             return (
                 f"{subject} made its reader crash ({name}): it is damaged, "

@@ -1,4 +1,4 @@
-"""The Celery settings of both ends of the queue."""
+"""Celery's settings, for both ends of the queue."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Blobs by hash on this machine: mapped from the service's own folder where it is here, else fetched once and kept.
+"""Blobs by hash on this machine: mapped from the service's own folder if that is here, otherwise fetched once and kept.
 
-Fetched blobs are written beside their final name, checked, synced and renamed, so a file in the cache is whole also after a
-power cut. The cache forgets what was not used longest; a file that is still mapped somewhere stays readable until it is
-unmapped (POSIX).
+Fetched blobs are written beside their final name, checked, synced and renamed, so a file in the cache is complete even after a
+power cut. The cache evicts the least recently used; a file that is still mapped somewhere stays readable until it is unmapped
+(POSIX).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How often a piece of work has ended the process that did it."""
+"""How often a piece of work has killed the process that did it."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Denoise a frame: the film's means from the service, Open Image Denoise in a bounded child, the result as a blob.
+"""Denoises a frame: the film's means from the service, Open Image Denoise in a bounded child, the result as a blob.
 
-A child of its own: the library keeps threads and memory, which must not stay in a slot that forks.
+In a child of its own, because the library keeps threads and memory, which must not stay in a slot that forks.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ from renderer.errors import RayfarmError
 from worker.bounded import run_bounded
 from worker.context import WorkerContext
 from worker.contract import DenoiseFrame
-from worker.errors import WorkerError, WorkError
 from worker.patience import patiently
 
-__all__ = ["denoise_failure", "denoise_frame"]
+__all__ = ["denoise_frame"]
 
 SECONDS = 300.0
 PATIENCE_S = 10.0  # somebody waits for the picture
@@ -28,41 +27,25 @@ BYTES_A_PIXEL = 400
 
 
 def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
-    """The event `denoised` or `denoise-failed`."""
-    try:
-        with tempfile.TemporaryDirectory(prefix="rayfarm-denoise-") as folder:
-            means, result = Path(folder) / "means.f32", Path(folder) / "denoised.f32"
-            version, samples = patiently(lambda: _fetch(worker, work, means), PATIENCE_S)
-            run_bounded(
-                lambda send: _work(means, result, work),
-                lambda message: None,
-                memory_bytes=MEMORY_BYTES + BYTES_A_PIXEL * work.width * work.height,
-                seconds=SECONDS,
-                faults=(RayfarmError,),
-                subject="The picture",
-            )
-            blob = patiently(lambda: worker.link.store(result), PATIENCE_S)
-    except WorkError as error:
-        return denoise_failure(worker, work, str(error))
-    except WorkerError as error:
-        return denoise_failure(worker, work, f"{worker.name} could not denoise the picture: {error}")
-    except OSError as error:
-        return denoise_failure(worker, work, f"{worker.name} has no room for the picture: {error}")
-    return {**_about("denoised", worker, work), "sha256": blob.sha256, "version": version, "samples": samples}
-
-
-def denoise_failure(worker: WorkerContext, work: DenoiseFrame, error: str) -> dict[str, Any]:
-    """The event of a frame that could not be denoised."""
-    return {**_about("denoise-failed", worker, work), "error": error}
+    """The blob of the result, and the film's version and samples that it is of. Raises WorkerError and OSError."""
+    with tempfile.TemporaryDirectory(prefix="rayfarm-denoise-") as folder:
+        means, result = Path(folder) / "means.f32", Path(folder) / "denoised.f32"
+        version, samples = patiently(lambda: _fetch(worker, work, means), PATIENCE_S)
+        run_bounded(
+            lambda send: _work(means, result, work),
+            lambda message: None,
+            memory_bytes=MEMORY_BYTES + BYTES_A_PIXEL * work.width * work.height,
+            seconds=SECONDS,
+            faults=(RayfarmError,),
+            subject="The picture",
+        )
+        blob = patiently(lambda: worker.link.store(result), PATIENCE_S)
+    return {"sha256": blob.sha256, "version": version, "samples": samples}
 
 
 def _fetch(worker: WorkerContext, work: DenoiseFrame, means: Path) -> tuple[str, int]:
     with means.open("wb") as file:
         return worker.link.means(work.job, work.frame, file)
-
-
-def _about(kind: str, worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
-    return {"type": kind, "work": work.work, "worker": worker.name}
 
 
 def _work(means: Path, result: Path, work: DenoiseFrame) -> dict[str, Any]:

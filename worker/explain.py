@@ -1,4 +1,4 @@
-"""Explain a pixel: its samples once more, with the settings of its job, and the paths of a few of them."""
+"""Explains a pixel: renders its samples again, with the settings of its job, and follows the paths of a few of them."""
 
 from __future__ import annotations
 

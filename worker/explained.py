@@ -1,9 +1,9 @@
-"""What the service and a worker say to each other of a pixel that somebody wants explained.
+"""What the service and a worker say to each other about a pixel that somebody wants explained.
 
     service --- Celery task EXPLAIN -------------> worker     ExplainPixel, in the queue of views (worker.view_parts)
     worker ---- list explained_key(message) -----> service    JSON objects, see below; the list expires by itself
 
-Who asks waits for answers on a list that is the question's own: nothing else has to know of it, and nothing stays.
+The request waits for answers on a list of the question's own: nothing else has to know of it, and nothing stays.
 
     begun      it is in a slot's hands: worker
     compiling  the kernel for it is got ready there, which may take minutes: worker

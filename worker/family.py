@@ -1,4 +1,4 @@
-"""The processes of this worker: itself and all that descend from it, as Linux tells them."""
+"""The processes of this worker: itself and all its descendants (Linux only)."""
 
 from __future__ import annotations
 

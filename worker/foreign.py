@@ -1,6 +1,6 @@
-"""What answers where a farm should: a sentence about an answer that is none of a Rayfarm service's.
+"""What answers in place of a farm: a sentence about an answer that no Rayfarm service gave.
 
-Imports nothing heavy: the command line says the same sentence.
+Imports nothing heavy, as the command line says the same sentence.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What a worker reports of itself, under a key that expires.
+"""A worker's report about itself, under a key that expires.
 
-The ready worker's report is written by the event loop that also fetches its tasks: a worker whose loop hangs stops
-reporting, and the service sees it. The same beat winds a watchdog, and notices the worker that idles while its queue is
-full (Celery issues 8030, 9054, 10205): both end the process, and whoever supervises it starts a fresh one.
+The event loop that fetches the worker's tasks also writes its report, so a worker whose loop hangs stops reporting, and the
+service notices. The same beat winds a watchdog, and notices a worker that idles although its queue is full (Celery issues 8030,
+9054, 10205): both end the process, and its supervisor starts a fresh one.
 """
 
 from __future__ import annotations

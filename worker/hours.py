@@ -1,4 +1,4 @@
-"""When a worker works, as people write it: "Mon-Fri 19:00-07:00, Sat-Sun". By the clock of its own machine."""
+"""When a worker works, as people write it: "Mon-Fri 19:00-07:00, Sat-Sun". In the local time of its machine."""
 
 from __future__ import annotations
 

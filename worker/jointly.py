@@ -1,8 +1,9 @@
-"""The slots of a worker render pieces of one tile, and send their sums added up: integers add exactly, and each result that is
-sent costs the service about the same.
+"""The slots of a worker render pieces of one tile and send their sums added up, because integers add exactly, and every result
+that is sent costs the service about the same.
 
-Whoever takes a joint batch from the queue lays out its pieces for all slots, asks them to help by messages that come before other
-batches, and renders one itself. Whoever ends the last piece, or finds sums that have waited too long, sends what is there.
+The slot that takes a joint batch from the queue lays out its pieces for all slots, asks these for help by messages that come
+before other batches, and renders one piece itself. The slot that finishes the last piece, or finds sums that have waited too
+long, sends what is there.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How a worker keeps what is asked of it at run time (worker/terms.py). In the parent's event loop, once a beat."""
+"""How a worker keeps to the terms it was asked for (worker/terms.py). In the parent's event loop, at each heartbeat."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Nobody compiles twice in a farm: a worker fetches a kernel of its kind before it compiles it, and hands in what it compiled.
+"""Nothing is compiled twice in a farm: a worker downloads a kernel of its kind before compiling it, and uploads what it
+compiled.
 
-Handing in is a process of its own, so that the first tile does not wait for it:
-`python -m worker.kernels --service URL --folder FOLDER --kernel NAME`, with the farm's token in RAYFARM_TOKEN.
+Handing in is a process of its own, so that the first tile does not wait for it: `python -m worker.kernels --service URL
+--folder FOLDER --kernel NAME`, with the farm's token in RAYFARM_TOKEN.
 """
 
 from __future__ import annotations

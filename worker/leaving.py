@@ -1,5 +1,5 @@
-"""A worker that is told to end goes on saying what its slots have in hand. Its event loop, which says so otherwise, has ended by
-then; a report that expires would have that handed out again, though it is nearly done."""
+"""A worker that was told to end keeps reporting what its slots have in hand. The event loop that otherwise reports it has ended
+by then; if the report expired, that work would be handed out again, though it is nearly done."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""How the service tells a worker that is dead from one that is only slow: its heartbeat's connection to Redis has a name, and
-ends with its process.
+"""How the service tells a dead worker from a slow one: the connection of its heartbeat to Redis has a name, and ends with its
+process.
 
-A worker on a machine that has too much to do may not report for longer than its report lives. What it has in hand is not lost.
+A worker on an overloaded machine may go without reporting for longer than a report lives. What it has in hand is not lost.
 """
 
 from __future__ import annotations

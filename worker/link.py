@@ -1,4 +1,5 @@
-"""A worker's way to the service: join the farm, fetch manifests and blobs, store blobs. Plain HTTP with the farm's token."""
+"""A worker's connection to the service: joins the farm, fetches manifests and blobs, stores blobs. Plain HTTP with the farm's
+token."""
 
 from __future__ import annotations
 

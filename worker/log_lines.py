@@ -1,6 +1,6 @@
-"""Log lines for programs: each line of standard error one JSON object, with the ids of what was being done when it was said.
+"""Log lines for programs: each line of standard error is one JSON object, with the ids of what was being done.
 
-Both the service and the workers write them where RAYFARM_LOG_FORMAT is json, and libraries' lines with theirs.
+Both the service and the workers write them if RAYFARM_LOG_FORMAT is json, and so do their libraries.
 """
 
 from __future__ import annotations

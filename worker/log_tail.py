@@ -1,4 +1,4 @@
-"""The end of a worker's log, of the parent and all its slots: a nameless file that they append to and the parent reads."""
+"""The end of a worker's log, from the parent and all its slots: they append to an unlinked file that the parent reads."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""A worker's log: lines on standard error, or objects (worker/log_lines.py).
+"""A worker's log: lines on standard error, or JSON objects (worker/log_lines.py).
 
-What Redis or the network do is a line too, and no page of the libraries' insides.
+A failure of Redis or the network is one line too, not a page of the libraries' internals.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What is told of a batch beside its sums: what this slot warned of while it rendered it, and how long its steps took.
+"""What is reported about a batch besides its sums: warnings of this slot while it rendered, and how long each step took.
 
-It goes back with the batch's answer, into its job's log: nobody should have to look for it on the machine.
+It goes back with the batch's answer into its job's log, so nobody has to look for it on the machine.
 """
 
 from __future__ import annotations

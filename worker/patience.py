@@ -1,4 +1,4 @@
-"""Trying again: what is a worker's own trouble may pass."""
+"""Trying again: a worker's own trouble may pass."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """What the slots of a worker share of joint batches: which pieces nobody has begun, and the sums of those that are rendered.
 
-A folder, so that it needs no process of its own and outlives any slot: each piece is one file, and renaming it is how one slot
-takes it, and no other. What a killed slot had in hand stays behind under its process id, and is let go of: its sums were never
-there, so the service hands that piece out again. What it was about to send is sent by another: where both did, the film takes it
-once.
+It is a folder, so that it needs no process of its own and outlives any slot. Each piece is one file, and a slot claims it by
+renaming it, which only one slot can do. What a killed slot was rendering stays behind under its process id and is abandoned:
+its sums never existed, so the service hands that piece out again. What it was about to send is sent by another slot; if both
+did, the film takes it once.
 
     SINCE.HOLD.MESSAGE/about        the message, as JSON
                        todo-I       a piece that nobody has begun

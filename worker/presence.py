@@ -1,8 +1,8 @@
-"""Whether somebody works at this machine: by what its other programs take of the processors, by what was typed in its terminals,
-by the desktop's own word to logind, under Wayland as under X11, and by the screen where `xprintidle` is installed and the worker
-runs in that session (X11 alone).
+"""Whether somebody is using this machine: judged by the processor time of its other programs, by typing in its terminals, by
+what the desktop tells logind (under Wayland as under X11), and by the screen if `xprintidle` is installed and the worker runs
+in that session (X11 only).
 
-What is not seen: somebody who reads, where no desktop says a word; and a program that waits.
+Not noticed are somebody who is only reading, if no desktop reports it, and a program that waits.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""No process is left behind: a child that dies with its parent, however the parent dies.
+"""Processes and their children: no child outlives its parent, however the parent dies.
 
-Linux only (prctl PR_SET_PDEATHSIG); elsewhere the parent's orderly stop is what ends its children.
+On Linux only (prctl PR_SET_PDEATHSIG); elsewhere children end when their parent stops in order.
 """
 
 from __future__ import annotations
@@ -10,21 +10,21 @@ import os
 import signal
 import sys
 
-__all__ = ["die_with_parent", "share_one_heap", "spawn_guard"]
+__all__ = ["die_with_parent", "share_one_heap", "signal_name", "spawn_guard"]
 
 PR_SET_PDEATHSIG = 1
 M_ARENA_MAX = -8
 _prctl = ctypes.CDLL(None, use_errno=True).prctl if sys.platform == "linux" else None
 
 
-def die_with_parent(parent: int | None = None, sig: int = signal.SIGKILL) -> None:
-    """Ask the kernel to send `sig` to this process when its parent ends. `parent`: the parent's pid, where known.
+def die_with_parent(parent: int | None = None) -> None:
+    """Ask the kernel to kill this process when its parent ends. `parent`: the parent's pid, where known.
 
     The kernel watches the thread that forked, so fork from a thread that lives as long as its process.
     """
     if _prctl is None:
         return
-    _prctl(PR_SET_PDEATHSIG, sig, 0, 0, 0)
+    _prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     # A parent that ended between the fork and the prctl is never reported.
     if parent is not None and os.getppid() != parent:
         os._exit(1)
@@ -48,3 +48,8 @@ class spawn_guard:  # noqa: N801 - used like a function
     def __call__(self) -> None:
         """Run in the child, between fork and exec."""
         die_with_parent(self.parent)
+
+
+def signal_name(number: int) -> str:
+    """A signal's name, or its number where it has none: real-time signals."""
+    return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"

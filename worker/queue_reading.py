@@ -1,6 +1,6 @@
-"""How a worker reads its queue: what lies there and is no message is left out.
+"""How a worker reads its queue: whatever lies there and is not a message is skipped.
 
-Kombu raises whatever decoding raises, which ends the worker, and the next one that reads the queue: one after the other.
+Kombu raises whatever decoding raises, which ends the worker, and then the next one that reads the queue, one after the other.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A kernel got ready: fetched from the farm where it has it, else compiled, and given to the farm."""
+"""Makes a kernel ready: downloaded if the farm has it, otherwise compiled and uploaded to the farm."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Redis over TLS: rediss:// addresses, and whom to believe where the machine does not trust Redis's certificate by itself.
+"""Redis over TLS: rediss:// addresses, and which authority to trust if the machine does not already trust Redis's certificate.
 
-The authority's file lies elsewhere on every machine, so it is no part of the address that a farm tells its workers: each of them,
-and the service, has it in RAYFARM_REDIS_CA.
+The authority's file has a different place on every machine, so it is not part of the address that a farm tells its workers:
+each of them, and the service, has it in RAYFARM_REDIS_CA.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""`python -m worker.reducer --service URL --name SITE`: adds up what the machines of a site have rendered of a tile, and sends it
-on as one result. `rayfarm site` starts one.
+"""`python -m worker.reducer --service URL --name SITE`: adds up what the machines of a site have rendered of a tile, and sends
+it on as one result. `rayfarm site` starts one.
 
-It is no record: what it has is handed out again where it is lost. Workers that do not reach it send to the service themselves.
+It is not a record: whatever it loses is handed out again. Workers that cannot reach it send to the service themselves.
 """
 
 from __future__ import annotations

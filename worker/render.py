@@ -1,4 +1,4 @@
-"""Render a batch: map the compiled scene, let the kernel sum the samples, send the sums back."""
+"""Renders a batch: maps the compiled scene, lets the kernel sum the samples, and returns the sums."""
 
 from __future__ import annotations
 

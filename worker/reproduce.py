@@ -1,4 +1,4 @@
-"""The command that renders the same samples without a farm. Imports no kernel: the service says it too."""
+"""The command that renders the same samples without a farm. Imports no kernel, as the service uses it too."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The way back: events and sums appended to the RESULTS stream, through restarts of Redis and of the service."""
+"""The way back: appends events and sums to the RESULTS stream, through restarts of Redis and of the service."""
 
 from __future__ import annotations
 

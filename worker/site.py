@@ -42,6 +42,7 @@ SUMS_PATH = "/sums"
 SIGNATURE_HEADER = "X-Rayfarm-Signature"
 ANNOUNCED_HEADER = "X-Rayfarm-Announced"
 SECRET_S = 600.0
+LARGEST = 1 << 60  # of its counts
 
 
 def site_key(name: str) -> str:
@@ -95,11 +96,12 @@ class SiteReport:
         except (TypeError, RecursionError) as error:
             raise ValueError(f"no report of a site: {error}") from None
         texts: list[Any] = [report.name, report.host, report.address]
-        numbers: list[Any] = [report.pid, report.port, report.started]
-        numbers += [report.results, report.sent, report.bytes_in, report.bytes_out]
+        numbers: list[Any] = [report.pid, report.port, report.results, report.sent, report.bytes_in, report.bytes_out]
         if not (
             all(isinstance(text, str) for text in texts)
-            and all(isinstance(number, int | float) and math.isfinite(number) for number in numbers)
+            and all(isinstance(number, int) and 0 <= number <= LARGEST for number in numbers)
+            and isinstance(report.started, int | float)
+            and math.isfinite(report.started)
             and isinstance(report.in_hand, list)
             and all(isinstance(batch, str) for batch in report.in_hand)
             and 0 < report.port < 1 << 16

@@ -1,4 +1,5 @@
-"""A worker's way to its site's reducer. Where that is away, slow or says no, sums go to the service as they do without it."""
+"""A worker's connection to its site's reducer. If that is away, slow or refuses, sums go to the service as they would without
+it."""
 
 from __future__ import annotations
 

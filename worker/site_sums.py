@@ -1,5 +1,5 @@
-"""The sums that a site's reducer has and has not sent, in a folder: what a reducer that was killed had acknowledged, the next one
-sends.
+"""The sums that a site's reducer holds and has not sent, in a folder, so that the successor of a killed reducer can send what
+that one had acknowledged.
 
     SINCE-NUMBER/FIRST      a result, as worker/result_bytes.py packs it; all of a folder are of one run (worker.joint.Run)
     sending-SINCE-NUMBER/   the same, about to be sent or sent: as it is, so that what goes twice is twice the same
@@ -24,7 +24,7 @@ from worker.adding import joined, parts_of
 from worker.contract import Result
 from worker.joint import Run
 from worker.result_bytes import result_bytes, result_of
-from worker.sums import check_sums
+from worker.sums import check_sums, check_weight
 
 __all__ = ["Full", "SiteSums"]
 
@@ -109,9 +109,12 @@ class SiteSums:
                 written.write_bytes(data)
                 written.rename(group.folder / f"{event['first']:012}")
             except OSError:  # a full disk: what was written of it is in the way
-                written.unlink(missing_ok=True)
+                with contextlib.suppress(OSError):
+                    written.unlink(missing_ok=True)
+                    if not group.spans:
+                        group.folder.rmdir()
                 if not group.spans:
-                    group.folder.rmdir()
+                    self._left[key] = group.missing
                 raise
             group.spans[event["first"]] = event["count"]
             group.missing -= event["count"]
@@ -134,7 +137,7 @@ class SiteSums:
                     group.folder.rename(folder)
                     self._sending[folder] = replace(group, folder=folder)
         for folder in list(self._sending):
-            if results := [found for path in sorted(folder.iterdir()) if (found := _read(path)) is not None]:
+            if results := _results_in(folder):
                 yield list(joined(results))
             shutil.rmtree(folder, ignore_errors=True)
             with self._lock:
@@ -152,7 +155,7 @@ class SiteSums:
             is_stale = time.time() - int(name.partition("-")[0]) / 1e9 > STALE_S
         except ValueError:
             is_stale = True
-        found = [] if is_stale else [result for path in sorted(left.iterdir()) if (result := _read(path)) is not None]
+        found = [] if is_stale else _results_in(left)
         if not found:
             shutil.rmtree(left, ignore_errors=True)
             return
@@ -187,11 +190,21 @@ def _checked(result: Result) -> tuple[Run, Result]:
         if end != first + count:
             raise ValueError("its batches are not all of its samples")
         check_sums(result.sums or b"", tile)
+        check_weight(result.sums or b"", tile, count)  # added to others', nobody could say whose fault it is
         event |= {"type": "batches", "parts": parts, "bad_count": int(event["bad_count"])}
         event.pop("batch", None), event.pop("seconds", None)
     except (KeyError, TypeError, AttributeError, OverflowError) as error:
         raise ValueError(f"no sums: {error!r}") from None
     return run._replace(hold_s=min(run.hold_s, LONGEST_HOLD_S)), Result(event, result.sums)
+
+
+def _results_in(folder: Path) -> list[Result]:
+    """Those of one run; none where somebody has cleared the folder: they are rendered again."""
+    try:
+        return [found for path in sorted(folder.iterdir()) if (found := _read(path)) is not None]
+    except OSError as error:
+        log.warning("sums are lost, and will be rendered again: %s", error)
+        return []
 
 
 def _read(path: Path) -> Result | None:

@@ -1,4 +1,4 @@
-"""A bounded child that stays for more of the same work: what it has read and made once serves again."""
+"""A bounded child that stays for more work of the same kind: what it has read and compiled once can be used again."""
 
 from __future__ import annotations
 

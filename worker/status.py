@@ -1,7 +1,7 @@
-"""What each slot does right now: a few hundred bytes of shared memory that the slots write and the parent reads.
+"""What each slot is doing: a few hundred bytes of shared memory that the slots write and the parent reads.
 
-Every slot has one record and is its only writer, so no lock is needed: a record read half-written fails to parse and
-counts as empty for one heartbeat.
+Every slot has one record and is its only writer, so no lock is needed: a record read half-written fails to parse and counts as
+empty for one heartbeat.
 """
 
 from __future__ import annotations

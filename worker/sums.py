@@ -16,10 +16,10 @@ import lz4.block
 import numpy as np
 import numpy.typing as npt
 
-from renderer.film import CHANNELS, Sums
+from renderer.film import CHANNELS, SAMPLES, Sums
 from renderer.settings import Tile
 
-__all__ = ["PACKED", "add_sums", "check_sums", "pack_sums", "unpack_sums"]
+__all__ = ["PACKED", "add_sums", "check_sums", "check_weight", "pack_sums", "unpack_sums"]
 
 Array = npt.NDArray[Any]
 
@@ -108,6 +108,17 @@ def check_sums(data: bytes, tile: Tile) -> None:
     for code, _, body in dict(_planes(data, tile, False)).values():
         if code in WIDTHS:
             _raw(body, code, tile)
+
+
+def check_weight(data: bytes, tile: Tile, count: int) -> None:
+    """Raises ValueError where a pixel is said to have more than `count` samples, or fewer than none."""
+    code, least, _ = dict(_planes(data, tile, False))[SAMPLES]
+    most = least
+    if code != ALIKE:
+        sums = unpack_sums(data, tile, planes=[SAMPLES])[SAMPLES]
+        least, most = int(sums.min()), int(sums.max())
+    if least < 0 or most > count:
+        raise ValueError(f"damaged sums: {most if most > count else least} samples of a pixel, of {count}")
 
 
 def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:

@@ -12,6 +12,7 @@ from celery import Celery
 
 from renderer.errors import RayfarmError
 from worker import context
+from worker.asides import DENOISING, ENVIRONMENTS, MOTION_VECTORS
 from worker.contract import (
     DENOISE,
     ENVIRONMENT,
@@ -20,16 +21,11 @@ from worker.contract import (
     RENDER_BATCH,
     RENDER_BATCHES,
     VECTORS,
-    DenoiseFrame,
-    FrameVectors,
     PrepareFrames,
     RenderBatch,
     Result,
-    ShowEnvironment,
 )
 from worker.deaths import DEATHS_ALLOWED, deaths_of, is_redelivered, survived
-from worker.denoise import denoise_failure, denoise_frame
-from worker.environments import show_environment, show_failure
 from worker.errors import RefusedError, Trouble, WorkError
 from worker.explain import explain_pixel, say
 from worker.explained import EXPLAIN, ExplainPixel
@@ -41,9 +37,8 @@ from worker.patience import patiently
 from worker.prepare import prepare_scene
 from worker.render import failure, not_understood
 from worker.scenes import discard_damaged
-from worker.slot import at_work, slot
+from worker.slot import InHand, at_work
 from worker.told import Steps, named, told_about
-from worker.vectors import frame_vectors, vectors_failure
 from worker.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
 from worker.viewport import Answering, prepare_view_frame, render_view
 
@@ -63,11 +58,11 @@ def register(app: Celery) -> None:
         RENDER_BATCHES: (_render_batches, ""),
         RENDER_JOINTLY: (_render_jointly, ""),
         HELP: (_help, ""),
-        DENOISE: (_denoise, "denoise"),
-        VECTORS: (_vectors, "vectors"),
+        DENOISE: (DENOISING, "denoise"),
+        VECTORS: (MOTION_VECTORS, "vectors"),
         RENDER_VIEW: (_render_view, "view"),
         VIEW_FRAME: (_view_frame, "view frame"),
-        ENVIRONMENT: (_environment, "environment"),
+        ENVIRONMENT: (ENVIRONMENTS, "environment"),
         EXPLAIN: (_explain, "explain"),
     }
     for name, (task, span) in tasks.items():
@@ -132,37 +127,34 @@ def _prepare(task: Any, scene: str) -> None:
     """Prepare an uploaded scene, and say how it goes."""
     worker = context.current()
     about = {"scene": scene, "kind": worker.kind, "worker": worker.name}
-    worker.board.write(slot(), {"scene": scene})
+    steps = Steps()
 
     def send(kind: str, **more: Any) -> None:
         worker.results.send(Result({"type": kind, **about, **more}))
-
-    steps = Steps()
 
     def progress(step: str, fraction: float) -> None:
         steps.now(step)
         worker.results.send(Result({"type": "prepare-progress", **about, "step": step, "fraction": fraction}), 0.0)
 
-    try:
-        if deaths_of(task, worker, scene) >= DEATHS_ALLOWED:
-            send("prepare-failed", error=f"The worker process died {DEATHS_ALLOWED} times while it prepared this scene.")
-            return
-        send("prepare-started")
-        manifest = patiently(lambda: worker.link.manifest(scene), LINK_PATIENCE_S)
-        info = patiently(lambda: prepare_scene(worker, manifest, progress), LINK_PATIENCE_S)
-        steps.now(None)
-        send("prepared", info=asdict(info))
-    except WorkError as error:
-        send("prepare-failed", error=str(error))
-    except Trouble as error:
-        send("prepare-returned", error=f"{worker.name} hands the scene back: {error}")
-    except RefusedError as error:
-        send("prepare-failed", error=f"{worker.name} could not exchange the scene's files with the service: {error}")
-    except Exception as error:
-        log.exception("preparing %s failed", scene)
-        send("prepare-failed", error=f"{worker.name} could not prepare the scene ({type(error).__name__}: {error}).")
-    finally:
-        worker.board.write(slot(), {})
+    with InHand(worker, {"scene": scene}):
+        try:
+            if deaths_of(task, worker, scene) >= DEATHS_ALLOWED:
+                send("prepare-failed", error=f"The worker process died {DEATHS_ALLOWED} times while it prepared this scene.")
+                return
+            send("prepare-started")
+            manifest = patiently(lambda: worker.link.manifest(scene), LINK_PATIENCE_S)
+            info = patiently(lambda: prepare_scene(worker, manifest, progress), LINK_PATIENCE_S)
+            steps.now(None)
+            send("prepared", info=asdict(info))
+        except WorkError as error:
+            send("prepare-failed", error=str(error))
+        except Trouble as error:
+            send("prepare-returned", error=f"{worker.name} hands the scene back: {error}")
+        except RefusedError as error:
+            send("prepare-failed", error=f"{worker.name} could not exchange the scene's files with the service: {error}")
+        except Exception as error:
+            log.exception("preparing %s failed", scene)
+            send("prepare-failed", error=f"{worker.name} could not prepare the scene ({type(error).__name__}: {error}).")
 
 
 def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
@@ -178,72 +170,22 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
     except ValueError as error:
         send("frames-returned", error=f"{worker.name} does not understand which frames to prepare ({error}).")
         return
-    worker.board.write(slot(), {"scene": work.scene, "work": work.work})
-    try:
-        if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
-            sentence = f"The worker process died {DEATHS_ALLOWED} times while it prepared this frame."
-            send("frame-failed", frame=work.frames[0], error=sentence)
-            send("frames-returned", error=sentence)
-            return
-        manifest = patiently(lambda: worker.link.manifest(work.scene), LINK_PATIENCE_S)
-        prepare_frames(worker, manifest, work, send)
-    except Trouble as error:
-        send("frames-returned", error=f"{worker.name} hands frames back: {error}")
-    except Exception as error:
-        log.exception("preparing frames of %s failed", work.scene)
-        for frame in work.frames:
-            send("frame-failed", frame=frame, error=f"{worker.name} could not prepare it ({type(error).__name__}: {error}).")
-    finally:
-        worker.board.write(slot(), {})
-
-
-def _denoise(task: Any, frame: dict[str, Any]) -> None:
-    """Denoise a frame (DenoiseFrame as a dict), and say where the result is."""
-    worker = context.current()
-    try:
-        work = DenoiseFrame.from_json(frame)
-    except ValueError as error:
-        worker.results.send(
-            Result({"type": "denoise-failed", "work": frame.get("work"), "worker": worker.name, "error": str(error)})
-        )
-        return
-    worker.board.write(slot(), {"denoise": work.job, "frame": work.frame})
-    try:
-        if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
-            event = denoise_failure(worker, work, f"the worker process died {DEATHS_ALLOWED} times while it denoised this frame")
-        else:
-            event = denoise_frame(worker, work)
-        worker.results.send(Result(event))
-    finally:
-        worker.board.write(slot(), {})
-
-
-def _vectors(task: Any, vectors: dict[str, Any]) -> None:
-    """Make a frame's motion vectors (FrameVectors as a dict), and say where they are."""
-    worker = context.current()
-    try:
-        work = FrameVectors.from_json(vectors)
-    except ValueError as error:
-        worker.results.send(Result(vectors_failure(worker, str(vectors.get("work")), str(error))))
-        return
-    worker.board.write(slot(), {"vectors": work.job, "frame": work.frame})
-    try:
-        if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
-            sentence = f"the worker process died {DEATHS_ALLOWED} times while it made them"
-            event = vectors_failure(worker, work.work, sentence)
-        else:
+    with InHand(worker, {"scene": work.scene, "work": work.work}):
+        try:
+            if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
+                sentence = f"The worker process died {DEATHS_ALLOWED} times while it prepared this frame."
+                send("frame-failed", frame=work.frames[0], error=sentence)
+                send("frames-returned", error=sentence)
+                return
             manifest = patiently(lambda: worker.link.manifest(work.scene), LINK_PATIENCE_S)
-            event = frame_vectors(worker, manifest, work)
-    except (Trouble, RefusedError) as error:
-        event = vectors_failure(
-            worker, work.work, f"{worker.name} could not exchange the scene's files with the service: {error}"
-        )
-    except Exception as error:
-        log.exception("motion vectors of %s failed", work.scene)
-        event = vectors_failure(worker, work.work, f"{worker.name} could not make them ({type(error).__name__}: {error})")
-    finally:
-        worker.board.write(slot(), {})
-    worker.results.send(Result(event))
+            prepare_frames(worker, manifest, work, send)
+        except Trouble as error:
+            send("frames-returned", error=f"{worker.name} hands frames back: {error}")
+        except Exception as error:
+            log.exception("preparing frames of %s failed", work.scene)
+            for frame in work.frames:
+                why = f"{worker.name} could not prepare it ({type(error).__name__}: {error})."
+                send("frame-failed", frame=frame, error=why)
 
 
 def _render_view(task: Any, parts: dict[str, Any]) -> None:
@@ -254,17 +196,12 @@ def _render_view(task: Any, parts: dict[str, Any]) -> None:
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
         log.warning("a view is left out, in words of another release: %s", error)
         return
-    doing = {"view": work.watch, "message": work.message}
-    worker.board.write(slot(), doing)
-    speed = 0.0
-    try:
+    with InHand(worker, {"view": work.watch, "message": work.message}) as hand:
         if deaths_of(task, worker, work.message) >= DEATHS_ALLOWED:
             sentence = f"The worker process died {DEATHS_ALLOWED} times while it rendered this view."
             Answering(worker, work).send("failed", error=sentence)
         else:
-            speed = render_view(worker, work, lambda is_so: worker.board.write(slot(), doing | {"compiling": is_so}))
-    finally:
-        worker.board.write(slot(), {}, speed)
+            hand.speed = render_view(worker, work, hand.compiling)
 
 
 def _view_frame(task: Any, frame: dict[str, Any]) -> None:
@@ -275,15 +212,12 @@ def _view_frame(task: Any, frame: dict[str, Any]) -> None:
     except (KeyError, TypeError, ValueError) as error:
         log.warning("a frame of a view is left out, in words of another release: %s", error)
         return
-    worker.board.write(slot(), {"view": work.watch, "message": work.message})
-    try:
+    with InHand(worker, {"view": work.watch, "message": work.message}):
         if deaths_of(task, worker, work.message) >= DEATHS_ALLOWED:
             sentence = f"The worker process died {DEATHS_ALLOWED} times while it prepared this frame."
             Answering(worker, work).send("failed", error=sentence)
         else:
             prepare_view_frame(worker, work)
-    finally:
-        worker.board.write(slot(), {})
 
 
 def _explain(task: Any, pixel: dict[str, Any]) -> None:
@@ -295,33 +229,6 @@ def _explain(task: Any, pixel: dict[str, Any]) -> None:
         sentence = f"{worker.name} does not understand the question ({error}). Run the same release of Rayfarm on all machines."
         say(worker, str(pixel.get("message")), "failed", error=sentence)
         return
-    doing = {"explain": work.job, "message": work.message}
-    worker.board.write(slot(), doing)
-    try:
-        if deaths_of(task, worker, work.message):  # whoever asked has long been told
-            return
-        explain_pixel(worker, work, lambda is_so: worker.board.write(slot(), doing | {"compiling": is_so}))
-    finally:
-        worker.board.write(slot(), {})
-
-
-def _environment(task: Any, environment: dict[str, Any]) -> None:
-    """Look at an image that lights scenes (ShowEnvironment as a dict), and say where a small picture of it is."""
-    worker = context.current()
-    try:
-        work = ShowEnvironment.from_json(environment)
-    except ValueError as error:
-        worker.results.send(Result(show_failure(worker, str(environment.get("work")), str(error))))
-        return
-    worker.board.write(slot(), {"environment": work.job, "frame": work.frame})
-    try:
-        if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
-            event = show_failure(worker, work.work, f"the worker process died {DEATHS_ALLOWED} times while it read the image")
-        else:
-            event = show_environment(worker, work)
-    except Exception as error:
-        log.exception("showing the environment %s failed", work.job)
-        event = show_failure(worker, work.work, f"{worker.name} could not read it ({type(error).__name__}: {error})")
-    finally:
-        worker.board.write(slot(), {})
-    worker.results.send(Result(event))
+    with InHand(worker, {"explain": work.job, "message": work.message}) as hand:
+        if not deaths_of(task, worker, work.message):  # else whoever asked has long been told
+            explain_pixel(worker, work, hand.compiling)

@@ -1,4 +1,4 @@
-"""What is asked of a worker at run time, and what it offers: told beside its report, which older workers do without.
+"""What a worker is asked for at run time, and what it offers, in keys beside its report that older workers do without.
 
 service --- key terms_key(name) --> worker     Terms: what an administrator asks for, and the queues of needs that it serves
 worker ---- key offer_key(name) --> service    Offer: what it can, which terms it keeps, and why it rests; expires
@@ -22,6 +22,8 @@ __all__ = ["NEEDS", "OFFER_TTL_S", "TAG", "Offer", "Terms", "needs_queue", "offe
 OFFER_TTL_S = 30
 MOST_NICE = 19
 MOST_MEMORY = 10**15  # bytes
+MOST_OF_AN_OFFER = 1 << 60  # any number in it
+LONGEST_TEXT, MOST_TEXTS = 4000, 1000
 NEEDS = ".needs."  # in a queue's name: after its kind
 TAG = re.compile(r"[a-z0-9][a-z0-9._:-]{0,62}")
 
@@ -113,9 +115,16 @@ class Offer:
             offer = cls(**known)
         except (TypeError, KeyError, AttributeError, RecursionError) as error:
             raise ValueError(f"no offer: {error}") from None
-        numbers: list[Any] = [offer.memory, offer.slots_most, offer.idle_minutes, offer.nice, offer.memory_limit]
-        texts: list[Any] = [offer.keeps, offer.hours, offer.why or "", offer.trouble or ""]
-        if not all(isinstance(number, int | float) for number in numbers) or not all(isinstance(text, str) for text in texts):
+        whole: list[Any] = [offer.memory, offer.slots_most, offer.nice, offer.memory_limit]
+        lists: list[Any] = [*offer.tags, *offer.idle_by, *offer.queues]
+        texts: list[Any] = [offer.keeps, offer.hours, offer.why or "", offer.trouble or "", *lists]
+        if not (
+            all(isinstance(number, int) for number in whole)
+            and isinstance(offer.idle_minutes, int | float)
+            and all(0 <= number <= MOST_OF_AN_OFFER for number in (*whole, offer.idle_minutes))
+            and all(isinstance(text, str) and len(text) <= LONGEST_TEXT for text in texts)
+            and len(lists) <= MOST_TEXTS
+        ):
             raise ValueError("no offer: its fields are of other types")
         return offer
 

@@ -1,4 +1,5 @@
-"""Reading from a socket until a time: whoever sends a byte now and then is not waited for longer than whoever sends none."""
+"""Reads from a socket with a deadline for the whole, so that a sender of one byte now and then is waited for no longer than a
+silent one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a task is about: the ids of its message, for the lines that are logged while it is done and for its span."""
+"""What a task is about: the ids in its message, for the lines logged during the task and for its span."""
 
 from __future__ import annotations
 

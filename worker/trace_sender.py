@@ -1,7 +1,7 @@
-"""`python -m worker.trace_sender SERVICE INSTANCE VERSION`: spans from standard input, a line each, to a collector.
+"""`python -m worker.trace_sender SERVICE INSTANCE VERSION`: sends spans from standard input, one per line, to a collector.
 
-OpenTelemetry's own exporter (OTLP over HTTP), batches and samplers, and so all of their environment variables. It ends with its
-input.
+It uses OpenTelemetry's own exporter (OTLP over HTTP), batching and samplers, and so supports all of their environment
+variables. It ends with its input.
 """
 
 from __future__ import annotations

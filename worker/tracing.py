@@ -1,11 +1,11 @@
-"""Traces, where OTEL_EXPORTER_OTLP_ENDPOINT asks for them: spans of what service and workers do, carried on by W3C's traceparent.
+"""Traces, if OTEL_EXPORTER_OTLP_ENDPOINT asks for them: spans of what service and workers do, propagated by W3C's traceparent.
 
-Nothing is imported and nothing is done where they are not asked for. Where they are, a span is one line into a pipe, and a
-process beside (worker/trace_sender.py) has OpenTelemetry's own exporter: it may wait for its collector, whose slowness no batch
-must feel, and it has a thread, which a slot must not have (it forks, worker/bounded.py). A full pipe loses spans and holds up
+Without it nothing is imported and nothing is done. With it a span is one line written into a pipe, and a separate process
+(worker/trace_sender.py) runs OpenTelemetry's own exporter: it may have to wait for its collector, which must not slow down a
+batch, and it uses a thread, which a slot must not have because it forks (worker/bounded.py). A full pipe loses spans and blocks
 nobody.
 
-A job and a scene have traces that follow from their ids, so that nobody needs to remember them, also across a restart.
+The trace ids of a job and a scene follow from their own ids, so nothing has to remember them across a restart.
 """
 
 from __future__ import annotations

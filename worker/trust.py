@@ -1,4 +1,5 @@
-"""Whom a worker or a command believes to be the farm over HTTPS: who has a certificate that the machine trusts, or one told."""
+"""Which certificate a worker or a command accepts as the farm's over HTTPS: one that the machine trusts, or the one it was
+given."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""From which queue a worker takes next: views that somebody looks at come first, then pieces of a batch that this machine has
-begun, then batches that need something that not every worker has, and the others have their turn.
+"""From which queue a worker takes next: first views that somebody is looking at, then pieces of a batch that this machine has
+begun, then batches with requirements that not every worker fulfils; the other queues take turns.
 
-Preparing has a turn after each view: what is looked at may wait for it, as a scene under another light does.
+Preparing gets a turn after each view, since a view may be waiting for it, as for a scene under another light.
 """
 
 from __future__ import annotations

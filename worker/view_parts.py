@@ -1,12 +1,13 @@
-"""What the service and a worker say to each other of views that somebody looks at now: no jobs, no films, nothing that stays.
+"""What the service and a worker say to each other about views that somebody is looking at: no jobs, no films, nothing that
+stays.
 
     service --- Celery task RENDER_VIEW --> worker     ViewParts, in a queue that a slot takes from before all others
     service --- Celery task VIEW_FRAME ---> worker     ViewFrame, in the same
     service --- key view_key(watch) ------> worker     the number of the view that is looked at; no key: nobody looks
     worker ---- list VIEW_ANSWERS --------> service    ViewAnswer; the list expires where no service takes from it
 
-A slot compares the number before each part, so that what a newer view has made stale is dropped at once. Answers have a list of
-their own: they are worth nothing to a service that starts anew, and wait for nobody's films.
+A slot compares the number before each part, so whatever a newer view has made stale is dropped at once. Answers have a list of
+their own: they are worthless to a restarted service, and need not wait for anybody's film.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ VIEW_ANSWERS = "rayfarm:view-answers"
 VIEW_QUEUES = "rayfarm.view."
 ANSWERS_TTL_S = 20
 MAX_ANSWERS = 1000  # in the list: the oldest go, and are asked for again
+LONGEST_S = 3600.0
 _LENGTH = struct.Struct("<I")
 
 
@@ -130,6 +132,14 @@ class ViewAnswer:
     worker: str
     more: dict[str, Any] = field(default_factory=dict)
     sums: bytes = b""
+
+    @property
+    def seconds(self) -> float:
+        """That a part took. Raises ValueError, KeyError or TypeError where that is no time."""
+        seconds = float(self.more["seconds"])
+        if not 0.0 <= seconds <= LONGEST_S:
+            raise ValueError(f"a part took {seconds} s")
+        return seconds
 
     def to_bytes(self) -> bytes:
         """An element of the list: the length of a JSON object, it, and the sums."""

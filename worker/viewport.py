@@ -1,4 +1,4 @@
-"""Render parts of views that somebody looks at now, and prepare the frames that they show."""
+"""Renders parts of views that somebody is looking at, and prepares the frames that they show."""
 
 from __future__ import annotations
 

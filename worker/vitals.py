@@ -1,4 +1,4 @@
-"""How a worker's machine is, and the end of its log: told beside its report, which older workers do without.
+"""How a worker's machine is doing, and the end of its log, in keys beside its report that older workers do without.
 
 worker ---- key vitals_key(name) -----> service    Vitals, expires
 service --- key log_wanted_key(name) -> worker     somebody reads its log; expires

@@ -1,1 +1,1 @@
-"""One file a command; each has `register(app)`. What is heavy is imported when a command runs, so that --help is quick."""
+"""One file per command; each has `register(app)`. Heavy modules are imported when a command runs, so that --help is quick."""

@@ -1,4 +1,4 @@
-"""`rayfarm bench`: what makes it fast, as tables for this machine."""
+"""`rayfarm bench`: measures what makes rendering fast, as tables for this machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rayfarm blender-addon`: what makes Blender render on a farm."""
+"""`rayfarm blender-addon`: writes the add-on that lets Blender render on a farm."""
 
 from __future__ import annotations
 

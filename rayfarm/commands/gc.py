@@ -1,4 +1,4 @@
-"""`rayfarm gc`: what a farm may let go, and letting it go."""
+"""`rayfarm gc`: what a farm could delete, and deleting it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rayfarm jobs`: what a farm works on."""
+"""`rayfarm jobs`: the jobs of a farm."""
 
 from __future__ import annotations
 

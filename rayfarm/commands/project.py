@@ -1,4 +1,4 @@
-"""`rayfarm project`: scenes and jobs that their members alone see."""
+"""`rayfarm project`: scenes and jobs that only their members see."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rayfarm render`: a picture without a farm, in this process."""
+"""`rayfarm render`: renders a picture in this process, without a farm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rayfarm shares`: what each user's jobs get of a farm's slots."""
+"""`rayfarm shares`: what share of a farm's slots each user's jobs get."""
 
 from __future__ import annotations
 

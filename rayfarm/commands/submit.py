@@ -1,4 +1,4 @@
-"""`rayfarm submit`: a scene for a farm."""
+"""`rayfarm submit`: sends a scene to a farm to be rendered."""
 
 from __future__ import annotations
 
@@ -108,10 +108,7 @@ def submit(
       rayfarm submit room.obj --size 1920x1080 --spp 512 --server http://studio:8000
     """
     moving = {"fps": fps, "clip": clip, "turntable": turntable, "order": order, "every": every}
-    if output is not None and output.suffix.lower().lstrip(".").replace("jpeg", "jpg") not in FORMATS:
-        given = FORMATS if frames is None else (*FORMATS, *MOVIES)
-        if output.suffix.lower().lstrip(".") not in given:
-            raise CommandError(f"{output.name}: a farm gives .{', .'.join(given)}; end the name with one of these")
+    _check_name(output, is_shot=frames is not None)
     shot = FarmShot.of(frames, frame, moving, output, aov, denoise, overwrite)
     if shot is not None and picture.is_partly_a_view():
         raise CommandError(
@@ -122,54 +119,67 @@ def submit(
     if shot is not None and not shot.frames:
         err.print(f"All {len(shot.all_frames)} frames are there; --overwrite renders them again", markup=False)
         return
-    if output is not None:
-        if shot is None:
-            check_writable(output)
-            if denoise:
-                check_writable(options.denoised_name(output))
-        if aov and output.suffix.lower() != ".exr":
-            raise CommandError(f"--aov needs an .exr: {output.suffix} has no room for further channels")
-        wait = True
-    elif aov or denoise:
-        raise CommandError("--aov and --denoise say what to write; name the picture with -o")
+    _check_output(output, shot, aov, denoise)
     if shot is not None and len(shot.frames) < len(shot.all_frames):
         kept = len(shot.all_frames) - len(shot.frames)
         err.print(f"{kept} of {len(shot.all_frames)} frames are there and kept; --overwrite renders them again", markup=False)
     if is_numbered(scene) and frames is None:
         raise CommandError(f"{scene.name} is a file for each frame: say which, by --frames, or name one of them")
     picture.check()
-    wanted = _deadline(deadline)
-    environment = picture.environment().image
+    place = {"after": after, "max_slots": max_slots, "deadline": _deadline(deadline), "needs": need, "verify": verify}
     with farm_client(server) as farm:
-        uploaded = farm.upload(
-            belonging(scene), main=scene.name if is_numbered(scene) else None, name=scene.name, project=project
-        )
-        ready = _prepared(farm, uploaded)
+        main = scene.name if is_numbered(scene) else None
+        ready = _prepared(farm, farm.upload(belonging(scene), main=main, name=scene.name, project=project))
         for warning in options.told(ready.warnings, picture.environment()):
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
         asked = picture.request([asdict(camera) for camera in ready.cameras])
-        if environment is not None:
-            asked["environment"]["image"] = farm.upload_environment(environment, project).id
-        if variant is not None:
-            asked["variant"] = variant
+        if (image := picture.environment().image) is not None:
+            asked["environment"]["image"] = farm.upload_environment(image, project).id
         if shot is not None:
             asked |= {**shot.request, "frames": frames_text(shot.frames)}
-        queue = {"after": after, "max_slots": max_slots, "deadline": wanted, "needs": need}
-        asked |= {name: value for name, value in queue.items() if value}
-        if fresh:
-            asked["fresh"] = True
-        if verify is not None:
-            asked["verify"] = verify
+        chosen = {**place, "variant": variant, "fresh": fresh or None}
+        asked |= {name: value for name, value in chosen.items() if value is not None and value != []}
         job = farm.submit(ready.id, priority=priority, **asked)
         out.print(job.id, markup=False)
-        if job.taken is not None:
-            of = f" of {job.spp}" if job.spp and job.noise is None else ""
-            sentence = f"Taken from job {job.taken['job']}: {job.taken['spp']:g}{of} samples. --fresh renders it anew"
-            err.print(sentence, markup=False, soft_wrap=True)
-        if wait:
+        _tell_taken(job)
+        if wait or output is not None:
             _wait(farm, job.id, output, aov, denoise, shot)
         else:
             err.print(f"Watch it at {farm.url}/#/jobs/{job.id}", markup=False, soft_wrap=True)
+
+
+def _check_name(output: Path | None, is_shot: bool) -> None:
+    """Raises CommandError where a farm does not give such files."""
+    if output is None or _format(output) in FORMATS:
+        return
+    given = (*FORMATS, *MOVIES) if is_shot else FORMATS
+    if _format(output) not in given:
+        raise CommandError(f"{output.name}: a farm gives .{', .'.join(given)}; end the name with one of these")
+
+
+def _check_output(output: Path | None, shot: FarmShot | None, aov: str | None, denoise: bool) -> None:
+    """Raises CommandError where the picture could not be written."""
+    if output is None:
+        if aov or denoise:
+            raise CommandError("--aov and --denoise say what to write; name the picture with -o")
+        return
+    if shot is None:
+        check_writable(output)
+        if denoise:
+            check_writable(options.denoised_name(output))
+    if aov and output.suffix.lower() != ".exr":
+        raise CommandError(f"--aov needs an .exr: {output.suffix} has no room for further channels")
+
+
+def _format(output: Path) -> str:
+    return output.suffix.lower().lstrip(".").replace("jpeg", "jpg")
+
+
+def _tell_taken(job: Job) -> None:
+    if job.taken is not None:
+        of = f" of {job.spp}" if job.spp and job.noise is None else ""
+        sentence = f"Taken from job {job.taken['job']}: {job.taken['spp']:g}{of} samples. --fresh renders it anew"
+        err.print(sentence, markup=False, soft_wrap=True)
 
 
 def _deadline(text: str | None) -> str | None:
@@ -216,13 +226,12 @@ def _wait(farm: Client, job: str, output: Path | None, aov: str | None, denoise:
         raise CommandError(f"The job {job} {_outcome(final)}")
     if output is None:
         return
-    format = output.suffix.lower().lstrip(".").replace("jpeg", "jpg")
     try:
-        write(output, farm.image(job, format, aov=f"color,{aov}" if aov else "color"))
+        write(output, farm.image(job, _format(output), aov=f"color,{aov}" if aov else "color"))
         err.print(f"{output} written", markup=False, soft_wrap=True)
         if denoise:
             clean = options.denoised_name(output)
-            write(clean, farm.image(job, format, denoise=True))
+            write(clean, farm.image(job, _format(output), denoise=True))
             err.print(f"{clean} written", markup=False, soft_wrap=True)
     except (ClientError, CommandError) as error:
         raise CommandError(f"{error} The farm keeps the picture: {farm.url}/#/jobs/{job}") from error

@@ -1,4 +1,4 @@
-"""`rayfarm token`: what programs and workers show to a farm."""
+"""`rayfarm token`: tokens by which programs and workers are let in."""
 
 from __future__ import annotations
 

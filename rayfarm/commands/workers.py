@@ -1,4 +1,4 @@
-"""`rayfarm workers`: who renders, and what is asked of them while they run."""
+"""`rayfarm workers`: who renders, and the terms asked of them while they run."""
 
 from __future__ import annotations
 

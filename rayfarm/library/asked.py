@@ -1,4 +1,4 @@
-"""What a program asks for by keywords, checked as the command line's options are."""
+"""A program's keyword arguments, checked like the command line's options."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A mesh of arrays as the bytes of a .glb file (glTF 2.0, one primitive): what arrays are rendered from, here and on a farm."""
+"""A mesh of arrays as the bytes of a .glb file (glTF 2.0, one primitive): how arrays are passed to the renderer, here and on a
+farm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rendering in this process, from pass to pass."""
+"""Rendering in this process, pass by pass."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""render() and progressive(): a picture of a scene that a program has, in this process or on a farm."""
+"""render() and progressive(): render a scene from a program, in this process or on a farm."""
 
 from __future__ import annotations
 

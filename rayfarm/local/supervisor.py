@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from worker.process import spawn_guard
+from worker.process import signal_name, spawn_guard
 
 __all__ = ["WORKER_STEADY_S", "Part", "Supervisor"]
 
@@ -198,5 +198,5 @@ class Supervisor:
 
 def _ending(code: int | None) -> str:
     if code is not None and code < 0:
-        return f"by {signal.Signals(-code).name}"
+        return f"by {signal_name(-code)}"
     return f"exit code {code}"

@@ -1,1 +1,1 @@
-"""A job watched where no browser is: in the terminal, in tev, in lines."""
+"""Watching a job without a browser: in the terminal, in tev, as lines of text."""

@@ -1,4 +1,4 @@
-"""A job told in lines, where no screen is: a pipe, a file, a log."""
+"""A job reported line by line, where there is no screen: to a pipe, a file, a log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A job as its farm tells of it: state, frames, and the film of one frame tile by tile, kept up to date by a thread."""
+"""A job as its farm reports it: state, frames, and the film of one frame tile by tile, kept up to date by a thread."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is said of a job beneath its picture, and in lines."""
+"""The text beneath a job's picture, also used for its lines."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
-"""Clusters of primitives: the cells of a grid that hold any. The top of a tree is built over them, of which there are a hundredth
-as many, as in Garanzha, Pantaleoni & McAllister, "Simpler and Faster HLBVH with Work Queues" (2011).
-"""
+"""Clusters of primitives: the non-empty cells of a grid. The top of a tree is built over these, a hundredth as many as the
+primitives, as in Garanzha, Pantaleoni & McAllister, "Simpler and Faster HLBVH with Work Queues" (2011)."""
 
 from __future__ import annotations
 
@@ -33,6 +32,7 @@ JOB = 7
 CELL_BITS = 15  # of a cell's number: the surface of a mesh goes through some five thousand of so many
 FEWEST = 32  # clusters of a node: planes between fewer of them are too few to choose from
 TREELET = 4096  # primitives: 128 kB of boxes, which stay in a core's cache
+_ALL_BINS = np.int64(BINS)  # of the type that split.py's numbers of bins have: nothing is compiled twice
 _BELOW_ONE = np.float32(1.0 - 1e-6)
 _ZERO = np.float32(0.0)
 
@@ -96,8 +96,8 @@ def _grid(spread: F32) -> tuple[F32, tuple[int, int], int]:
 
 
 def split_clusters(clusters: Clusters, node: Integers, spread: F32, least: int, tree_box: F32, tree: Integers) -> Integers:
-    """Splits a node over clusters, the first time at any rate, until its parts hold at most `least` primitives or are of too few
-    clusters: the parts, (J, JOB) i64.
+    """Splits a node over clusters, at least once if a plane divides it, until its parts have at most `least` primitives or too
+    few clusters: the parts, (J, JOB) i64.
 
     node: (JOB,) i64; spread: (8,), the box of the clusters' doubled centroids. Reorders the clusters' boxes, by whose numbers
     a part's clusters are known, and writes the rows of the tree above the parts and of their boxes, but for the numbers in these.
@@ -151,9 +151,9 @@ def _split(clusters, bins, spread, stack, least, tree_box, tree, parts):
         begin, end = stack[top, 5], stack[top, 6]
         axis, bin = -1, 0
         if depth < SAH_DEPTH and (is_first or (count > least and end - begin >= FEWEST)):
-            lay_grid(bins.grid, spread, top, BINS)
-            fill_bins(bins, box, begin, end, BINS, 0, clusters.weight)
-            plane = cheapest_plane(bins, BINS)
+            lay_grid(bins.grid, spread, top, _ALL_BINS)
+            fill_bins(bins, box, begin, end, _ALL_BINS, 0, clusters.weight)
+            plane = cheapest_plane(bins, _ALL_BINS)
             axis, bin = plane.axis, plane.bin
         is_first = False
         if axis < 0:
@@ -161,7 +161,7 @@ def _split(clusters, bins, spread, stack, least, tree_box, tree, parts):
                 parts[found, k] = stack[top, k]
             found += 1
             continue
-        bound_sides(bins, axis, bin, BINS, tree_box, rows)
+        bound_sides(bins, axis, bin, _ALL_BINS, tree_box, rows)
         right, left = top, top + 1  # on the stack: the left one is next
         middle = partition(box, begin, end, bins.grid, axis, bin, spread, left, right)
         below = 0

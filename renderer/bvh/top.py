@@ -1,6 +1,8 @@
-"""The binary tree by all threads at once: its top over clusters of primitives (clusters.py), what is below them part by part.
+"""Builds the binary tree with all threads: its top over clusters of primitives (clusters.py), and what is below them part by
+part.
 
-How a tree is cut into parts follows from its primitives, not from who builds it: every number of threads builds the same tree.
+How a tree is cut into parts follows from its primitives, not from who builds them, so every number of threads builds the same
+tree.
 """
 
 from __future__ import annotations

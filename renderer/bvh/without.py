@@ -1,7 +1,7 @@
-"""A tree that some rays do not see all of: what the camera passes by, and what casts no shadow.
+"""Trees for rays that do not meet everything: the camera's, and shadow rays.
 
-Nodes on the way to what is left out are there once more, without it; all others are shared. So such rays begin at another node,
-and nothing is asked on their way.
+Nodes on the way to what such rays do not meet are copied without it; all others are shared. So these rays only start at another
+node, and nothing has to be tested on their way.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ _CAMERA, _SHADOW = 0, 1  # whose rays begin there: places of Bvh.begin
 
 
 def leave_out(laid: Laid, unseen: npt.NDArray[np.bool_], shadeless: npt.NDArray[np.bool_]) -> Laid:
-    """The tree, with nodes at which the camera's rays begin, and shadow rays.
+    """The tree, with nodes at which the camera's rays and shadow rays begin.
 
-    unseen, shadeless: of each primitive, whether they leave it out. All of these are in the world's own tree, in no instance's.
+    unseen, shadeless: of each primitive, whether the camera's rays, or shadow rays, do not meet it. All of these are in the
+    world's own tree, none in an instance's.
     """
     if not (unseen.any() or shadeless.any()):
         return laid

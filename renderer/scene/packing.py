@@ -121,6 +121,8 @@ def _flags(m: Material, used: list[int], texels: Texels, absorbs: bool) -> int:
         rows.TRANSMITS: _kind(m) == rows.LAYERED and (transmits or (principled and m.diffuse_transmission > 0)),
         rows.LAMP: m.lamp,
         rows.UNSEEN: m.unseen,
+        rows.SHADELESS: m.shadeless,
+        rows.FACING: m.facing and m.emission_texture is None,
         rows.ABSORBING: transmits and not m.thin and absorbs,
     }
     return sum(bit for bit, is_set in flags.items() if is_set)

@@ -1,4 +1,4 @@
-"""All of it together, as the service holds it."""
+"""All parts of access control together, as the service holds them."""
 
 from __future__ import annotations
 

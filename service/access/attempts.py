@@ -1,7 +1,8 @@
 """How often somebody may fail to log in.
 
-By address and name, so that who guesses does not lock out whom they guess at; by address, for who tries many names; by name,
-for who has many addresses. A try is counted before it is looked at: tries at the same moment count too.
+Counted by address and name, so that guessing does not lock out the user whose name is guessed; by address, against trying many
+names; and by name, against trying from many addresses. An attempt is counted before it is checked, so simultaneous attempts
+count too.
 """
 
 from __future__ import annotations

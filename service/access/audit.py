@@ -1,9 +1,9 @@
-"""What was done by whom: a line of JSON each, only ever added to, in the data folder's audit.jsonl.
+"""Who did what: one line of JSON each, only ever appended, in the data folder's audit.jsonl.
 
     {"at": 1767225600.0, "who": "anna", "kind": "session", "from": "192.168.1.7",
      "what": "DELETE /api/jobs/{id}", "about": "/api/jobs/7f3a", "status": 204}
 
-No secret is ever in it. A file that has become large is set aside as audit.1.jsonl, and so on; the oldest goes.
+It never contains a secret. A file that has become large is renamed to audit.1.jsonl, and so on; the oldest is deleted.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Keys: what a browser, a program or a worker shows to be let in. Made once, known by their hash, withdrawn at any time."""
+"""Keys: what a browser, a program or a worker sends to be let in. Created once, stored as a hash, withdrawn at any time."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""Logging in by an OpenID provider: the authorization code flow with PKCE, state and nonce (OpenID Connect Core 1.0, RFC 7636).
+"""Logging in through an OpenID provider: the authorization code flow with PKCE, state and nonce (OpenID Connect Core 1.0, RFC
+7636).
 
-Who a user is, is said by issuer and subject alone: a name that somebody else has is given to nobody, whoever tells it.
+A user is identified by issuer and subject alone: a name that somebody else has is never given away, whatever the provider says.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""How much a user, and a token by itself, may have and do: bytes of uploads and films, jobs at a time, samples a day.
+"""How much a user, and a single token, may have and do: bytes of uploads and films, concurrent jobs, samples a day.
 
-Limits are the farm's, unless an administrator says others of somebody; administrators themselves have none unless told. Where
-nobody is asked for a login there are none. Who deletes jobs has their bytes back at once, their samples when the day is over.
+The farm's limits apply unless an administrator sets others for somebody; administrators themselves have none by default. Where
+nobody is asked for a login there are none. Deleting jobs gives back their bytes at once, and their samples when the day is
+over.
 """
 
 from __future__ import annotations
@@ -34,11 +35,6 @@ class Limits:
     bytes: int | None = None
     jobs: int | None = None
     samples_day: int | None = None
-
-    @property
-    def is_any(self) -> bool:
-        """Whether there is one."""
-        return any(getattr(self, each.name) is not None for each in fields(self))
 
 
 NO_LIMITS = Limits()

@@ -1,8 +1,8 @@
-"""A user of Redis for every worker's token: what a worker is told of Redis ends with its token.
+"""A Redis user for every worker's token, so that a worker's access to Redis ends with its token.
 
-Each is known to Redis's memory alone, may touch the queue's and the farm's own keys and nothing else, and has a password that
-follows from the farm's token and the key's id: after a restart of Redis it is made anew as it was, and the worker goes on.
-Redis itself closes a deleted user's connections.
+These users exist only in Redis's memory, may touch the keys of the queue and of the farm and nothing else, and have a password
+that follows from the farm's token and the key's id: after a restart of Redis they are made again as they were, and the workers
+continue. Redis itself closes a deleted user's connections.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Secrets that programs and browsers keep: made of 256 random bits, and known to the service by their hash alone.
+"""Secrets kept by programs and browsers: made of 256 random bits, and known to the service by their hash alone.
 
-A plain hash is enough for these, as nobody can go through all of them; passwords are another matter (service.access.passwords).
+A plain hash is enough for these, as nobody can try them all; passwords are another matter (service.access.passwords).
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""The REST and WebSocket surface, one router a resource; routes.py puts them together."""
+"""The REST and WebSocket surface, one router per resource; routes.py puts them together."""

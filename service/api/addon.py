@@ -1,4 +1,4 @@
-"""GET /api/blender-addon.zip: what makes Blender render on this farm."""
+"""GET /api/blender-addon.zip: the add-on that lets Blender render on this farm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is told of a worker's slots to those who do not see what these work on: that they are busy, and nothing else."""
+"""What callers are told about a worker's slots if they may not see what these work on: that they are busy, and nothing else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fields of the API's models, made of what renderer/settings.py declares: type, range, names, default, description."""
+"""Fields of the API's models, made from the declarations of renderer/settings.py: type, range, names, default, description."""
 
 from __future__ import annotations
 

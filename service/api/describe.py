@@ -1,4 +1,4 @@
-"""Rows of the database, and what the engine knows on top of them, as the API gives them."""
+"""Rows of the database, with what the engine knows in addition, as the API returns them."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def _job_out(job: Job, recorded: Recorded, view: Snapshot, waits: list[WaitOut])
             name: getattr(job, name)
             for name in (
                 *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
-                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings"),
+                *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "note"),
                 *("user", "max_slots", "deadline", "late"),
             )
         },

@@ -1,4 +1,4 @@
-"""/api/environments: light from all around, to choose from: presets, and images that were uploaded."""
+"""/api/environments: the environments to choose from: presets and uploaded images."""
 
 from __future__ import annotations
 

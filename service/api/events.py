@@ -1,4 +1,4 @@
-"""GET /api/events: server-sent events for what changes in jobs, scenes and workers."""
+"""GET /api/events: server-sent events about changes in jobs, scenes and workers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""/api/examples: the scenes that Rayfarm ships, so that a newcomer has a picture in two clicks."""
+"""/api/examples: the scenes that Rayfarm ships, so that newcomers have a picture after two clicks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""/api/jobs/{id}/explain: how a pixel came by its colour, by a worker that follows its paths once more."""
+"""/api/jobs/{id}/explain: how a pixel came by its colour, found by a worker that follows its paths again."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from service.farm import Farm, FarmDependency
 from service.shot import Shot
 from service.store.films import Film
 from service.store.models import Frame, Job, Scene
+from service.viewing.explaining import no_sense
 from worker.contract import PrepareFrames
 from worker.explained import ExplainPixel
 
@@ -110,7 +111,7 @@ def explain(
     y: int = Query(ge=0),
     frame: float = Query(0.0, ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False),
     sample: int | None = Query(None, ge=0, lt=MAX_SPP, description="one more that is to be shown"),
-) -> dict[str, Any]:
+) -> ExplainedOut:
     """The paths of a few of a pixel's samples: the first, that of median luminance, the brightest.
 
     A worker renders the pixel's samples once more, with the job's own settings and numbers, which takes a moment. 409 where there
@@ -125,18 +126,28 @@ def explain(
     sums, count = _in_film(film, frame_key(frame), x, y)
     work = _question(job, scene, row, kind, x, y, count, sample)
     found = farm.explaining.explain(work, kind)
+    try:
+        return _told(found, scene, film.film_exponent, (x, y, frame), sums if kind == job.kind else None, count)
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):  # whatever a worker says
+        raise no_sense() from None
+
+
+def _told(
+    found: dict[str, Any], scene: Scene, film_exponent: int, at: tuple[int, int, float], sums: list[int] | None, count: int
+) -> ExplainedOut:
+    """sums: the film's, of all samples of the pixel, where these are of the worker's kind; there are `count` of them."""
     names = (scene.info or {}).get("names") or {}
     for path in found["paths"]:
         for vertex in path["vertices"]:
             for of in ("object", "material"):
                 known, number = names.get(f"{of}s", []), vertex[of]
-                vertex[f"{of}_name"] = known[number] if number is not None and number < len(known) else None
-    quantum = 2.0**-film.film_exponent
+                vertex[f"{of}_name"] = known[number] if number is not None and 0 <= number < len(known) else None
+    quantum = 2.0**-film_exponent
     mean = [value * quantum / found["finite"] for value in found["sums"]] if found["finite"] else None
-    is_all = sums is not None and kind == job.kind and count == found["samples"]
+    is_all = sums is not None and count == found["samples"]
     equals = [*found["sums"], found["finite"]] == sums if is_all else None
-    about = {"x": x, "y": y, "frame": frame, "samples": found["samples"], "mean": mean, "equals_film": equals}
-    return {**about, "worker": found["worker"], "paths": found["paths"]}
+    about = {**dict(zip(("x", "y", "frame"), at, strict=True)), "samples": found["samples"], "mean": mean}
+    return ExplainedOut.model_validate({**about, "equals_film": equals, "worker": found["worker"], "paths": found["paths"]})
 
 
 def _rows(job: Job, key: int, farm: Farm) -> tuple[Scene, Frame | None]:

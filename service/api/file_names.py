@@ -1,4 +1,4 @@
-"""What a picture's file is called when it is saved: by what people call the scene, `CesiumMilkTruck-128spp.exr`."""
+"""The name of a downloaded picture's file, made from the scene's name: `CesiumMilkTruck-128spp.exr`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What is asked of a service that stands by is passed on to the one that works as the farm, and so is its answer, as they come.
+"""Requests to a service that stands by are forwarded to the one that runs the farm, and its answers are streamed back.
 
-Who asks is judged there, as if they had asked there: whoever comes from another machine is said to (X-Forwarded-For), behind what
-a proxy in front has said.
+The owner judges them as if they had been sent to it: for clients on other machines the address is appended to X-Forwarded-For,
+after whatever a proxy in front has put there.
 """
 
 from __future__ import annotations

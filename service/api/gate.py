@@ -1,8 +1,8 @@
 """The gate, behind the door: who may do what. Every request and every WebSocket passes it before any route sees it.
 
-Who reaches the service on loopback and directly is let in as it is. Anybody else shows a session's cookie, or a token:
-Authorization: Bearer TOKEN. What has been let in and stays open is looked at again every few seconds: a log-out, a withdrawn
-token, another role end it.
+A direct connection on loopback is let in as it is. Anybody else sends a session's cookie or a token (Authorization: Bearer
+TOKEN). Connections that stay open are checked again every few seconds: logging out, withdrawing a token or changing a role ends
+them.
 """
 
 from __future__ import annotations

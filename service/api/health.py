@@ -1,4 +1,4 @@
-"""/healthz, /readyz, /metrics: for whoever watches the service."""
+"""/healthz, /readyz, /metrics: for monitoring the service."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""/api/hooks: who is told when a job ends, and whether it arrives."""
+"""/api/hooks: who is told when a job ends, and whether it has arrived."""
 
 from __future__ import annotations
 

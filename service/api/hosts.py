@@ -1,8 +1,8 @@
 """The names that a service answers to.
 
-A page elsewhere may point a name of its own at this machine and then read the service's answers as its own (DNS rebinding).
-Such an attack needs a name; so a service that other machines reach answers to any literal address, to this machine's own
-names and to those it is told of, and to no other name. On loopback it answers to loopback's names alone.
+A page elsewhere may point its own name at this machine and then read the service's answers as its own (DNS rebinding). Such an
+attack needs a name; so a service that other machines can reach answers to any literal address, to this machine's own names and
+to those it was given, and to no other name. On loopback it answers to loopback's names only.
 """
 
 from __future__ import annotations

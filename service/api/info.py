@@ -1,4 +1,4 @@
-"""GET /api/info: what this service is and what it takes."""
+"""GET /api/info: what this service is and what it accepts."""
 
 from __future__ import annotations
 

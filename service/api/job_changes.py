@@ -1,4 +1,4 @@
-"""Changes of many jobs at once."""
+"""Changing many jobs at once."""
 
 from __future__ import annotations
 

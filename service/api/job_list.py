@@ -1,4 +1,4 @@
-"""Lists of jobs: which of them, in what order. Ten thousand are ordinary, so what is not shown is not read either."""
+"""Lists of jobs: which ones, and in what order. Ten thousand are ordinary, so what is not shown is not read either."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Annotated, Any, Literal
 
 from fastapi import Depends, Query
 from sqlalchemy import ColumnElement, Select, case, false, func, or_, select
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import InstrumentedAttribute, Session, aliased
 
 from service.access.projects import NOTHING, Sight
 from service.api.schemas import JobState
 from service.api.visit import InProject, VisitDependency
 from service.store.models import Job, Scene
 
-__all__ = ["MOST_JOBS", "Choice", "Chosen", "Order"]
+__all__ = ["MOST_JOBS", "Choice", "Chosen", "Order", "says", "words_of"]
 
 MOST_JOBS = 1000  # in one answer, or in one change of many
 MOST_WORDS = 8
@@ -25,7 +25,7 @@ _STATES = ("running", "queued", "paused", "failed", "cancelled", "finished")  # 
 
 @dataclass(frozen=True)
 class Chosen:
-    """Which jobs, of those that the caller sees. words: each is in the name of the job or of its scene, or begins the id."""
+    """Which jobs, of those that the caller sees. words: each is in a name or note of the job or its scene, or begins an id."""
 
     states: tuple[str, ...] = ()
     scene: str | None = None
@@ -74,15 +74,25 @@ class Chosen:
         return query
 
 
-def _says(word: str) -> ColumnElement[bool]:
+def words_of(search: str) -> tuple[str, ...]:
+    """What is looked for, each word of it."""
+    return tuple(search.lower().split()[:MOST_WORDS])
+
+
+def says(
+    word: str, name: InstrumentedAttribute[str] | InstrumentedAttribute[str | None], id: InstrumentedAttribute[str]
+) -> ColumnElement[bool]:
+    """Whether a word is in a name, or begins an id."""
     if "\0" in word:  # where a pattern ends for SQLite, and what PostgreSQL takes in none; no name has it
         return false()
-    scenes = select(Scene.id).where(func.lower(Scene.name).contains(word, autoescape=True))
-    return or_(
-        func.lower(Job.name).contains(word, autoescape=True),
-        Job.scene.in_(scenes),
-        Job.id.startswith(word, autoescape=True),
-    )
+    return or_(func.lower(name).contains(word, autoescape=True), id.startswith(word, autoescape=True))
+
+
+def _says(word: str) -> ColumnElement[bool]:
+    other = aliased(Job)  # few have notes, and an index has those alone
+    noted = select(other.id).where(other.note.is_not(None), says(word, other.note, other.id))
+    scenes = select(Scene.id).where(says(word, Scene.name, Scene.id))
+    return or_(says(word, Job.name, Job.id), Job.scene.in_(scenes), Job.id.in_(noted))
 
 
 def _ordered(order: Order) -> tuple[Any, ...]:
@@ -106,13 +116,14 @@ def _chosen(
     state: Annotated[list[JobState] | None, Query(description="one of these, where any is given")] = None,
     scene: Annotated[str | None, Query(max_length=100)] = None,
     search: Annotated[
-        str, Query(max_length=200, description="words that its name or its scene's has, or the begin of its id")
+        str, Query(max_length=200, description="words that its name, its note or its scene's name has, or the begin of its id")
     ] = "",
     shot: Annotated[bool | None, Query(description="true: shots alone; false: stills alone")] = None,
     ids: Annotated[str, Query(max_length=4000, description="these alone, with commas between them")] = "",
 ) -> Chosen:
-    words = tuple(search.lower().split()[:MOST_WORDS])
-    return Chosen(tuple(state or ()), scene, words, shot, tuple(id for id in ids.split(",") if id), visit.sight, project)
+    return Chosen(
+        tuple(state or ()), scene, words_of(search), shot, tuple(id for id in ids.split(",") if id), visit.sight, project
+    )
 
 
 Choice = Annotated[Chosen, Depends(_chosen)]

@@ -1,4 +1,4 @@
-"""/api/jobs: ask for pictures, watch, change and delete what was asked for."""
+"""/api/jobs: request pictures, and watch, change and delete those jobs."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from fastapi.responses import PlainTextResponse
 from pydantic import BaseModel, Field, TypeAdapter
 from sqlalchemy import select
 from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
 
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
@@ -229,6 +230,7 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency, visit: VisitDepe
     A job that is over and set to running renders what its picture lacks, frames that failed among it; a film that is damaged is
     set aside first. Of a shot: more frames, some of them anew or with more samples, one before all others. focus: a rectangle is
     rendered first, which changes no bit of how the picture ends. pinned: what a farm lets go by its rules, it keeps of this job.
+    name and note are for people: what it is called, and what there is to say about it.
     """
     is_anew = change.state == "running" and may_begin_anew(id, farm)
     farm.lit_again(id)
@@ -241,6 +243,10 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency, visit: VisitDepe
             job.priority = change.priority
         if change.pinned is not None:
             job.pinned = change.pinned
+        if change.name is not None:
+            job.name = change.name or _name_of_scene(job, session)
+        if change.note is not None:
+            job.note = change.note or None
         shot = Shot.of(job.shot)
         if shot is not None:
             frames = {frame.number: frame for frame in session.scalars(select(Frame).where(Frame.job == id))}
@@ -328,6 +334,11 @@ def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:
     if asked["environment"] is None and request.variant is None:
         return request.scene
     return farm.lighting.row(request.scene, asked["environment"], request.variant).id
+
+
+def _name_of_scene(job: Job, session: Session) -> str:
+    scene = session.get(Scene, job.scene)
+    return job.name if scene is None else scene.name
 
 
 def _no_scene(id: str) -> NotFound:

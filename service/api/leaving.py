@@ -1,4 +1,5 @@
-"""Leaving an OpenID provider with the farm: the browser keeps the ID token of its login, by which the provider knows it."""
+"""Logging out of the OpenID provider together with the farm: the browser keeps its login's ID token, by which the provider
+recognises it."""
 
 from __future__ import annotations
 

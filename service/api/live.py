@@ -44,9 +44,9 @@ SPEAK_EVERY_S = 5.0
 FRAMES_REST = 20  # times as long as it takes to look at them, a watcher waits for the frames of a shot
 NOT_FOUND = 4404
 GONE = 4410
-MOST_TEXT = 1 << 16  # of a message, beside what it says of tiles: what is read here, all others wait for
-TILE_TEXT = 16  # of a tile's samples
-MOST_TILES = 1 << 16  # where it is not known how many there are
+MOST_TEXT = 1 << 16  # characters of a message, apart from its list of tiles: it is parsed on the event loop
+TILE_TEXT = 16  # characters for a tile's samples
+MOST_TILES = 1 << 16  # while the number of tiles is not known
 
 
 @router.websocket("/api/jobs/{id}/live")

@@ -1,7 +1,7 @@
-"""/api/login, /api/logout, /api/session: a browser's way in and out, by a name and its password or by a link that works once.
+"""/api/login, /api/logout, /api/session: a browser's way in and out, with a name and password or with a link that works once.
 
-A session is a secret in a cookie that scripts cannot read and that no other site's page makes a browser send. Each login makes
-a new one; what the browser showed before is no session any more.
+A session is a secret in a cookie that scripts cannot read and that no other site's page can make a browser send. Each login
+creates a new one, and invalidates the one the browser sent before.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Rows by the ids that are in paths."""
+"""Rows by the ids in paths."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which methods a path knows: for Allow, in answers to OPTIONS and to a method that is not possible (RFC 9110, 10.2.1)."""
+"""Which methods a path supports: for Allow, in answers to OPTIONS and to an unsupported method (RFC 9110, 10.2.1)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The numbers that Prometheus reads, gathered when it asks."""
+"""The metrics that Prometheus reads, gathered when it asks."""
 
 from __future__ import annotations
 

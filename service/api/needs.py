@@ -1,6 +1,6 @@
-"""What every route asks of whoever calls it: one table, which a test holds against all routes that there are.
+"""What every route requires of its caller: one table, which a test compares with all existing routes.
 
-Nothing below /api/ is answered to who is not let in, whether it is in the table or not.
+Nothing below /api/ is answered to a caller who is not let in, whether it is in the table or not.
 """
 
 from __future__ import annotations
@@ -125,8 +125,8 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/jobs/{id}/frames.zip"): VIEW,
     ("GET", "/api/jobs/{id}/movie.{extension}"): VIEW,
     ("GET", "/api/workers"): Need(Role.VIEW, workers=True),
-    ("PATCH", "/api/workers/{name}"): ADMIN,
-    ("GET", "/api/workers/{name}/log"): ADMIN,
+    ("PATCH", "/api/workers/{name:path}"): ADMIN,
+    ("GET", "/api/workers/{name:path}/log"): ADMIN,
     ("GET", "/api/sites"): VIEW,
     ("GET", "/api/shares"): VIEW,
     ("PUT", "/api/shares/{share}"): ADMIN,

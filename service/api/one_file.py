@@ -1,4 +1,4 @@
-"""An upload of one file: how long it may be, before and while it comes."""
+"""Uploads of a single file: the limit on its size, before and while it arrives."""
 
 from __future__ import annotations
 

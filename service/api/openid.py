@@ -1,4 +1,5 @@
-"""/api/login/openid: in by an OpenID provider. A browser is sent there, and comes back with a code that is good for once."""
+"""/api/login/openid: logging in through an OpenID provider. The browser is sent there, and comes back with a code that is valid
+once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors as application/problem+json (RFC 9457): a title, and a detail that says what is wrong and what to do."""
+"""Errors as application/problem+json (RFC 9457): a title, and a detail that says what is wrong and what to do about it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""/api/projects: what their members alone see. Administrators make them, and say who the members are."""
+"""/api/projects: what only their members see. Administrators create them and choose the members."""
 
 from __future__ import annotations
 

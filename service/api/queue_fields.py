@@ -1,4 +1,4 @@
-"""What a job says of its place among others: what it comes after, and what became of that."""
+"""A job's place among the others: what it depends on, and what became of that."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""/api/quota, /api/quotas: how much you may have and do, and for administrators what others may."""
+"""/api/quota, /api/quotas: how much you may have and do, and for administrators how much others may."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""/api/references: pictures that were uploaded to compare with, as another renderer's or an earlier one."""
+"""/api/references: pictures uploaded for comparison, such as another renderer's or an earlier one."""
 
 from __future__ import annotations
 

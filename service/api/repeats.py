@@ -1,6 +1,6 @@
-"""Requests that are sent twice by the same Idempotency-Key: the second is answered with what the first has made.
+"""Requests sent twice with the same Idempotency-Key: the second gets the answer with what the first one created.
 
-Keys are their users': the same key of two users is of two requests.
+Keys belong to users: the same key from two users means two requests.
 """
 
 from __future__ import annotations

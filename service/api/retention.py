@@ -1,4 +1,4 @@
-"""/api/retention: what a farm would let go, and letting it go."""
+"""/api/retention: what a farm would delete by its rules or by others, and deleting it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The REST API: one router a resource."""
+"""The REST API: one router per resource."""
 
 from fastapi import APIRouter
 

@@ -1,4 +1,4 @@
-"""/api/scenes: upload, look at and delete scenes."""
+"""/api/scenes: upload, inspect and delete scenes."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.access.projects import only_looks
 from service.api.describe import scene_out
+from service.api.job_list import says, words_of
 from service.api.lookup import find_scene, no_scene
 from service.api.one_file import check_length, check_room
 from service.api.schemas import SceneOut
@@ -118,9 +119,11 @@ def list_scenes(
     project: InProject = None,
     limit: int = Query(100, ge=1, le=1000),
     offset: int = Query(0, ge=0, le=1 << 31),
+    search: str = Query("", max_length=200, description="words that its name has, or the begin of its id"),
 ) -> list[SceneOut]:
-    """All scenes, the newest first. The header X-Total-Count has their number."""
+    """All scenes, or those that are sought, the newest first. The header X-Total-Count has their number."""
     wanted = [Scene.of.is_(None), visit.sight.clause(Scene.project)]
+    wanted += [says(word, Scene.name, Scene.id) for word in words_of(search)]
     wanted += [] if project is None else [Scene.project == project]
     with farm.sessions() as session:
         response.headers["X-Total-Count"] = str(session.scalar(select(func.count()).select_from(Scene).where(*wanted)))

@@ -1,10 +1,10 @@
-"""What the API takes and gives, as the OpenAPI page shows it."""
+"""What the API accepts and returns, as the OpenAPI page shows it."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, field_validator, model_validator
+from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
 
 from renderer.cameras import MOST_CAMERAS
 from renderer.errors import SettingsError
@@ -16,10 +16,9 @@ from service.api.declared_fields import with_fields
 from service.api.queue_fields import QueueIn, QueueOut, QueuePatch
 from service.api.strict import Strict
 from service.errors import Invalid
-from service.intake.names import plain_title
+from service.intake.names import plain_note, plain_title
 
 __all__ = [
-    "CameraOut",
     "EnvironmentIn",
     "FrameOut",
     "FrameState",
@@ -41,6 +40,13 @@ JobState = Literal["queued", "running", "paused", "finished", "failed", "cancell
 
 
 _WHOLE_FRAMES = ("in-turn", "every-nth", "centre-out")  # orders that finish a frame before they go on
+
+
+def _plain_text(value: str, field: str) -> str:
+    try:
+        return plain_title(value) if field == "name" else plain_note(value)
+    except Invalid as error:
+        raise ValueError(str(error).removeprefix(f"{field}: ")) from None
 
 
 def _frames_text(value: str | int | float) -> str:
@@ -147,10 +153,7 @@ class JobIn(QueueIn):
     @field_validator("name")
     @classmethod
     def _plain(cls, value: str | None) -> str | None:
-        try:
-            return None if value is None else plain_title(value)
-        except Invalid as error:
-            raise ValueError(str(error).removeprefix("name: ")) from None
+        return None if value is None else _plain_text(value, "name")
 
     @field_validator("frames")
     @classmethod
@@ -192,6 +195,10 @@ class JobPatch(QueuePatch):
     """What can change in a job. Of frames, as in a request: 10-20 or 7,9."""
 
     state: Literal["running", "paused", "cancelled"] | None = None
+    name: str | None = Field(None, max_length=200, description="what it is called; empty: as its scene")
+    note: str | None = Field(
+        None, max_length=2000, description="what there is to say about it, in lines of plain text; empty: none"
+    )
     priority: int | None = Field(None, ge=-100, le=100)
     spp: int | None = Field(
         None,
@@ -213,6 +220,11 @@ class JobPatch(QueuePatch):
         """Whether it says anything that only a shot has."""
         return any(getattr(self, name) is not None for name in ("frames", "extend", "again", "first", "order"))
 
+    @field_validator("name", "note")
+    @classmethod
+    def _plain(cls, value: str | None, field: ValidationInfo) -> str | None:
+        return None if value is None else _plain_text(value, str(field.field_name))
+
     @field_validator("frames", "extend", "again")
     @classmethod
     def _frames(cls, value: str | None) -> str | None:
@@ -224,13 +236,6 @@ class JobPatch(QueuePatch):
         if value is not None and value not in ORDERS:
             raise ValueError(f"there is no order {value[:60]!r}; known are {', '.join(ORDERS)}")
         return value
-
-
-class CameraOut(BaseModel):
-    """A camera of a scene."""
-
-    name: str
-    view: ViewModel
 
 
 class MeasuredOut(BaseModel):
@@ -353,6 +358,7 @@ class JobOut(QueueOut):
     environment: dict[str, Any] | None = Field(description="as it was asked for, and `name`: what the image is called")
     variant: str | None = Field(description="as it was asked for")
     pinned: bool = Field(description="kept, whatever its age")
+    note: str | None = Field(description="what somebody wrote about it")
     taken: TakenOut | None = Field(description="null: all of its samples were rendered for it")
     doubted: list[str] = Field(
         description="workers that were found out since to render something else than others, and whose samples it holds: "

@@ -1,8 +1,8 @@
-"""The door: security headers on every answer, and refusal of what a foreign page makes a browser send.
+"""The door: security headers on every answer, and refusal of requests that a foreign page makes a browser send.
 
-A page elsewhere may post to a service on the reader's own machine (CSRF), or point its own name at it and read the answers
-too (DNS rebinding). So a service answers only to its own names (service.api.hosts), and requests that carry another Origin
-than the Host they go to change nothing and open no WebSocket.
+A page elsewhere may post to a service on the reader's own machine (CSRF), or point its own name at it and read the answers too
+(DNS rebinding). So a service answers only to its own names (service.api.hosts), and requests whose Origin differs from the Host
+they go to can change nothing and open no WebSocket.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""/api/shares: what each user's jobs get of the slots, and each project's that has terms of its own."""
+"""/api/shares: what share of the slots each user's jobs get, and each project's that has its own terms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a service does with requests while another one is the farm: it passes them on, and says of itself that it stands by."""
+"""What a service does with requests while another one runs the farm: it forwards them, and says that it stands by."""
 
 from __future__ import annotations
 

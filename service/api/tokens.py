@@ -1,4 +1,4 @@
-"""/api/tokens: what programs show, and workers. Its secret is told once, when it is made."""
+"""/api/tokens: what programs and workers send to be let in. A token's secret is told once, when it is created."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ router = APIRouter(prefix="/api/tokens", tags=["access"])
 DAY_S = 86400.0
 MOST_DAYS = 3650
 
-TokenKind = Literal["token", "worker"]
 Scope = Literal["view", "submit", "admin", "worker"]
 
 

@@ -1,4 +1,4 @@
-"""Who sent the request that is answered, for routes that ask."""
+"""Who sent the current request, for routes that need to know."""
 
 from __future__ import annotations
 

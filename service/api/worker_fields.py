@@ -1,4 +1,4 @@
-"""A worker, as the API gives it and as it can be changed."""
+"""A worker as the API returns it, and what can be changed about it."""
 
 from __future__ import annotations
 

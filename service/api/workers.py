@@ -1,4 +1,4 @@
-"""/api/workers: who renders, and who is to pause."""
+"""/api/workers: who renders, and pausing them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def list_workers(farm: FarmDependency, visit: VisitDependency) -> list[WorkerOut
     return found
 
 
-@router.patch("/{name}", response_model=WorkerOut)
+@router.patch("/{name:path}", response_model=WorkerOut)  # a worker may be called rack/3
 def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> WorkerOut:
     """Pause a worker: it finishes what it has in hand and takes no more. Or let it go on, also one that was set aside.
 
@@ -67,7 +67,7 @@ def _ask(name: str, terms: dict[str, Any], farm: Farm) -> None:
     farm.engine.changed("terms", "")
 
 
-@router.get("/{name}/log")
+@router.get("/{name:path}/log")
 def get_worker_log(name: str, farm: FarmDependency) -> list[str]:
     """The last lines of a worker's log, the newest last. The worker is asked for them, which takes a second or two."""
     if name not in farm.engine.snapshot.roster.reports:

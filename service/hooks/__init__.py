@@ -1,1 +1,1 @@
-"""What others are told when a job ends: by webhook, or by a program of the farm's owner."""
+"""Telling others when a job ends: by webhook, or by running a program of the farm's owner."""

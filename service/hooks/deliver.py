@@ -1,4 +1,4 @@
-"""One attempt to tell one hook one message."""
+"""One attempt to deliver one message to one hook."""
 
 from __future__ import annotations
 

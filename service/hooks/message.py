@@ -1,4 +1,4 @@
-"""What is told of a job that has ended, or is late."""
+"""The message about a job that has ended, or is late."""
 
 from __future__ import annotations
 

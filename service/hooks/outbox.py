@@ -1,7 +1,8 @@
-"""Tells hooks of every job that ends or is late, at least once, also across restarts: each message is a row until it has arrived.
+"""Tells hooks about every job that ends or is late, at least once, also across restarts: each message is a row until it was
+delivered.
 
-What was told already is known by the row's (hook, job, when it ended or became late): a job that goes on and ends again is told
-again.
+What was already told is known from the row's (hook, job, time when it ended or became late): a job that continues and ends
+again is reported again.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Signatures after the Standard Webhooks specification, version 1.0: whoever receives a message can tell that it is the farm's.
+"""Signatures after the Standard Webhooks specification, version 1.0, by which a receiver can tell that a message is the farm's.
 
-https://github.com/standard-webhooks/standard-webhooks: libraries that check them exist for most languages.
+https://github.com/standard-webhooks/standard-webhooks: most languages have libraries that verify them.
 """
 
 from __future__ import annotations

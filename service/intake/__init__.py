@@ -1,1 +1,1 @@
-"""How requests and uploads come in: checked, stored whole, and resolved to what a job needs."""
+"""How requests and uploads come in: checked, stored completely, and resolved to what a job needs."""

@@ -1,4 +1,4 @@
-"""Zip archives from strangers: expanded as a stream, with every bound checked on the bytes that really come out."""
+"""Zip archives from strangers: unpacked as a stream, with every limit checked against the bytes that actually come out."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""Which compiled scene a request asks for: the upload's own, or one under another light or with other materials of its files.
+"""Which compiled scene a request needs: the upload's own, or one under another light or with another variant of its materials.
 
-Those are rows beside the upload's, made when somebody asks for them and let go when nobody needs them: they can be made again.
+The latter are rows beside the upload's, created when somebody asks for them and deleted when nobody needs them: they can be
+made again.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""multipart/form-data as a stream: files go to disk chunk by chunk, and every limit holds while they do."""
+"""multipart/form-data as a stream: files are written to disk chunk by chunk, and every limit is enforced meanwhile."""
 
 from __future__ import annotations
 

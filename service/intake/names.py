@@ -7,7 +7,7 @@ import unicodedata
 
 from service.errors import Invalid
 
-__all__ = ["plain_title", "safe_name"]
+__all__ = ["plain_note", "plain_title", "safe_name"]
 
 MAX_NAME = 1024
 MAX_PART = 255
@@ -42,6 +42,14 @@ def plain_title(text: str) -> str:
     text = text.strip()
     if _has_control(text):
         raise Invalid(f"name: {text[:60]!a} has control characters or line breaks. Give it one line of plain text.")
+    return text
+
+
+def plain_note(text: str) -> str:
+    """What a person writes about a job: lines of text. Raises Invalid where it is not."""
+    text = text.replace("\r\n", "\n").strip()
+    if _has_control(text.replace("\n", " ").replace("\t", " ")):
+        raise Invalid(f"note: {text[:60]!a} has control characters. Give it lines of plain text.")
     return text
 
 

@@ -10,25 +10,25 @@ from service.store.models import Job
 
 __all__ = ["picture_of"]
 
-# What is asked for and says nothing of any sample of a frame, or says it in the job's settings, its tiles or its shot. Whatever
-# is not named here makes two shots different.
+# Fields of a request that do not affect the samples of a frame, or that the job's settings, tiles or shot already contain. Any
+# other field makes two shots different.
 _OF_SAMPLES = {"scene", "name", "spp", "noise", "seconds", "width", "height", "tile_size"}
 _OF_FRAMES = {"frames", "frame", "fps", "clip", "turntable", "order", "every"}
 _OF_THE_QUEUE = {"priority", "after", "max_slots", "deadline", "needs", "verify", "fresh"}
-NO_MATTER = _OF_SAMPLES | _OF_FRAMES | _OF_THE_QUEUE
+IRRELEVANT = _OF_SAMPLES | _OF_FRAMES | _OF_THE_QUEUE
 
 
 def picture_of(job: Job) -> str | None:
-    """A hash of all that a sample depends on but the kernels that render it, and of the tiles that a film is made of.
+    """A hash of everything that a sample depends on, except the kernels that render it, and of the film's tiles.
 
-    The scene's id is a hash of its files, so that the same files uploaded again are the same picture. None for a job whose
-    settings are not fixed yet. Of a shot it is that of all its frames: which of them are asked for makes no difference. What a
-    frame's settings are follows from the request at the frame's own moment, so the request counts as it was asked.
+    The scene's id is a hash of its files, so the same files uploaded again make the same picture. None for a job whose settings
+    are not fixed yet. All shots that differ only in their choice of frames have the same hash. A frame's settings follow from the
+    request and the frame's time, so a shot's request is hashed as it was sent.
     """
     if job.settings is None or job.tile_size is None:
         return None
     of = [job.stage, job.settings, job.tile_size]
     if (shot := Shot.of(job.shot)) is not None:
-        asked = {name: value for name, value in job.request.items() if name not in NO_MATTER}
+        asked = {name: value for name, value in job.request.items() if name not in IRRELEVANT}
         of += [shot.fps, shot.clip, shot.turntable, asked]
     return hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Whose an upload is, and the ids of what is in a project."""
+"""Which project an upload belongs to, and the ids of what is in a project."""
 
 from __future__ import annotations
 

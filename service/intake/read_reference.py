@@ -1,6 +1,7 @@
-"""`python -m service.intake.read_reference IMAGE NAME FILM`: an image that somebody uploaded, as a film the page reads.
+"""`python -m service.intake.read_reference IMAGE NAME FILM`: converts an uploaded image to a film that the page can read.
 
-In a process of its own, with bounds: no image can end the service. It prints one line of JSON: what it found, or an `error`.
+It runs in a process of its own, with limits, so no image can end the service. It prints one line of JSON: the result, or an
+`error`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A stored upload becomes a scene's row, and is prepared."""
+"""Writes a stored upload to the database as a scene, and has it prepared."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures that somebody uploaded to compare with: read once, in a child with bounds, and kept as films."""
+"""Pictures uploaded for comparison: read once, in a child process with limits, and kept as films."""
 
 from __future__ import annotations
 

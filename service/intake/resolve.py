@@ -1,4 +1,4 @@
-"""From what was asked and what the scene has to the settings that fix every sample."""
+"""From a request and a scene to the settings that fix every sample."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from service.shot import Shot
 from service.store.models import Job, Scene
 
 __all__ = ["default_tile_size", "frame_settings", "resolve"]
+
+MOST_TILES = 1 << 17  # each is in the engine's memory while the job is rendered: hundreds of bytes
 
 
 def default_tile_size(width: int, height: int, of_shot: bool = False) -> int:
@@ -42,6 +44,11 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     settings = _settings(request, width, height, _view(request, info.get("cameras") or []), defaults)
     job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
     job.tile_size = job.tile_size or default_tile_size(width, height, job.shot is not None and job.noise is None)
+    tiles = -(-width // job.tile_size) * -(-height // job.tile_size)
+    if tiles > MOST_TILES:
+        raise SettingsError(
+            f"tile_size is {job.tile_size}, which makes {tiles} tiles of a frame; at most {MOST_TILES} are kept in mind"
+        )
     if settings.shutter and job.shot is None:
         job.shot = Shot().to_json()  # of one frame: what moves meanwhile has keys, and is compiled with them
     job.settings = settings.to_json()

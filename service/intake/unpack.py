@@ -1,7 +1,7 @@
-"""The bytes of a zip's entry, never more than a megabyte of them in memory.
+"""The bytes of a zip entry, never more than a megabyte of them in memory.
 
-zipfile does so for deflate alone: what bzip2 or LZMA make of the few kilobytes that it reads, gigabytes of a bomb, it takes
-whole.
+zipfile guarantees that for deflate alone: with bzip2 or LZMA it returns whatever the few kilobytes it reads expand to, which in
+a bomb may be gigabytes.
 """
 
 from __future__ import annotations

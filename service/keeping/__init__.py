@@ -1,1 +1,1 @@
-"""What keeps a farm's work over the years: films are looked after (patrol), copied (backup) and brought back (restore)."""
+"""Looks after a farm's work over the years: films are checked (patrol), copied (backup) and restored."""

@@ -1,16 +1,16 @@
-"""A copy of all that a farm must not lose, taken while the farm runs, from which another folder is made.
+"""Copies everything that a farm must not lose while the farm runs; restore.py makes a data folder of the copy.
 
-The order makes it consistent. First the database, by SQLite's online backup. Then what it refers to: blobs never change and have
-their hash for a name; films only ever gain samples, so each, copied in one read transaction, has at least what the database says
-of it. What was deleted meanwhile is missing then, and the database is taken once more. What a film lacks all the same is rendered
-again by whoever starts the copy (service/keeping/patrol.py).
+The order makes the copy consistent. First comes the database, by SQLite's online backup. Then what it refers to: blobs never
+change and are named by their hash; films only gain samples, so each, copied in one read transaction, has at least what the
+database says. If something was deleted meanwhile, it is missing, and the database is copied once more. Whatever a film still
+lacks is rendered again when the copy is started as a farm (service/keeping/patrol.py).
 
-manifest.json   what is in it, with sizes and hashes; written last: a copy without it is not complete
+manifest.json   what is in it, with sizes and hashes; written last, so a copy without it is incomplete
 rayfarm.sqlite  scenes, jobs, frames
 films/  blobs/  as in the data folder
-snapshots/  logs-of-jobs/  likewise: what can be done without, and is as it was when it was copied
-token, owner-token, secrets.json   so that workers and programs are let in as before
-webhook-secret                      and those who are told of jobs still know who speaks
+snapshots/  logs-of-jobs/  likewise; nothing depends on these, and they are as they were when they were copied
+token, owner-token, secrets.json   so that workers and programs are admitted as before
+webhook-secret                     so that receivers of webhooks still recognise the farm
 """
 
 from __future__ import annotations

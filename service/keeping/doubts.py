@@ -1,8 +1,8 @@
-"""Finds the pictures that hold samples of a worker which was found out to render something else than others, and marks them.
+"""Finds and marks the pictures with samples of a worker that was found to render something other than the rest.
 
-Of jobs that are not over such samples are taken out at once (service/scheduling/trust.py). What is finished stays as it was
-delivered: its job says whose samples are doubted, and a person sets it to running to have those rendered again. A thread of its
-own looks through the films that rest, in a fifth of a core; when the service starts, for all that are set aside still.
+In unfinished jobs such samples are removed at once (service/scheduling/trust.py). A finished picture stays as it was delivered:
+its job names the workers in doubt, and somebody can set it to running to render those samples again. A thread searches the
+films at rest, using a fifth of a core; when the service starts, it does so for all workers that are still set aside.
 """
 
 from __future__ import annotations

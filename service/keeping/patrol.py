@@ -1,10 +1,9 @@
-"""Looks after films that rest: each is read as a whole now and then, and what is missing of it is rendered again.
+"""Checks films at rest: each is read completely now and then, and what is missing from it is rendered again.
 
-A disk gives back other bytes than were written, a folder is restored in part, a file is deleted by hand. While a job is rendered
-the engine finds that out; once it is finished nobody reads its film for months. So a thread of its own looks: when the service
-starts, whether each film is there; then at one after the other, those first that nobody has looked at for longest, in a twentieth
-of a core; and at once where a reader met damage. A job whose film lacks something is queued again as it is, and ends with the
-same bits.
+A disk returns other bytes than were written, a folder is restored in part, a file is deleted by hand. While a job is being
+rendered the engine notices, but nobody may read a finished job's film for months. So a thread looks: when the service starts,
+whether each film exists; then at one after the other, starting with those not checked for longest, using a twentieth of a core;
+and at once where a reader met damage. A job whose film lacks something is queued again as it is, and ends with the same bits.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A data folder made of a backup. Every byte is held against the manifest's hashes before the folder gets its name."""
+"""Makes a data folder from a backup. Every byte is checked against the manifest's hashes before the folder gets its name."""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
-"""How long films, compiled scenes and uploads stay: by age and by size, and never what somebody pinned.
+"""How long films, compiled scenes and uploads are kept: by age and by size, and never deleting what somebody pinned.
 
-Without rules, which is how a farm begins, everything stays. What may go, and what it takes to have it again:
+Without rules, which is the default, everything stays. What can be deleted, and how to get it back:
 
-film      of a job that is over: the job and what it was asked for stay, and set to running it is rendered again, to the same bits
-compiled  of a scene that nobody used for long: made again by the next who uses it
-upload    a scene that no job needs any more and nobody used for long: gone; whoever wants it uploads it again
+film      of a finished job: the job and its request stay, and setting it to running renders the same bits again
+compiled  of a scene that nobody has used for long: made again at its next use
+upload    a scene that no job needs and nobody has used for long: gone; it has to be uploaded again
 
-A pinned job keeps its film, and the upload that it was rendered of.
+A pinned job keeps its film, and the upload that it was rendered from.
 """
 
 from __future__ import annotations

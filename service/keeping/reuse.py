@@ -1,12 +1,12 @@
-"""What was rendered once is not rendered again: a job begins with what the films of earlier ones of the same picture have.
+"""What was rendered once is not rendered again: a job starts from the samples in the films of earlier jobs of the same picture.
 
-A film is exact sums of numbered samples, so a job of 256 samples that begins with another's 64 ends with the bits of one that
-rendered all of them. The film is copied: what becomes of the earlier job makes no difference to the later one. A shot takes frame
-by frame, each from the job that has most of it; a frame that is whole is not even prepared.
+A film is exact sums of numbered samples, so a job of 256 samples that starts from another's 64 ends with the same bits as one
+that rendered them all. The film is copied, so nothing that happens to the earlier job affects the later one. A shot is copied
+frame by frame, each from the job that has the most samples of it; a frame that is complete is not even prepared.
 
-Not taken is what would show in the bits: samples of another kind of workers than those that are connected (other kernels, another
-processor), more samples than are asked for, and of a picture that ends by noise tiles that would have ended sooner. A job that
-asks for a time asks for work, and takes nothing; nor does a shot whose frames share their samples by how noisy they are.
+Whatever would change the bits is not taken: samples by another kind of workers than those connected now (other kernels, another
+processor), more samples than were asked for, and, for a job that ends by noise, tiles that would have ended sooner. A job that
+asks for a rendering time asks for work, and takes nothing; nor does a shot that shares out its samples by its frames' noise.
 """
 
 from __future__ import annotations
@@ -48,15 +48,10 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _Source:
-    """A job that another may take from, and its frames that have samples, by key."""
+    """A job that another may take from. samples: of its frames that have any, by key, all pixels together."""
 
     job: Job
-    frames: Mapping[int, Frame]
-
-    @property
-    def samples(self) -> int:
-        """Of all pixels of these frames."""
-        return sum(frame.samples for frame in self.frames.values())
+    samples: Mapping[int, int]
 
     @property
     def end(self) -> tuple[str, int | None, float | None, float | None, str, str]:
@@ -112,14 +107,14 @@ class Reuse:
         fitting: set[str] = set()  # for whose films there is room
         until = time.monotonic() + PATIENCE_S
         with self._films.copy(job.id, RenderSettings.from_json(job.settings), job.tile_size) as take:
-            for key in sorted({key for source in sources.values() for key in source.frames}):
+            for key in sorted({key for source in sources.values() for key in source.samples}):
                 if found and time.monotonic() > until:
                     log.info(
                         "job %s renders from frame %g on what others have: copying takes too long", job.id, frame_number(key)
                     )
                     break
-                having = [id for id in sources if key in sources[id].frames and id not in refused]
-                for id in sorted(having, key=lambda id: -sources[id].frames[key].samples):
+                having = [id for id in sources if key in sources[id].samples and id not in refused]
+                for id in sorted(having, key=lambda id: -sources[id].samples[key]):
                     try:
                         if id not in fitting:
                             need_room(self._data, self._min_free_bytes + self._films.size(id))
@@ -146,12 +141,14 @@ class Reuse:
                 for each in jobs
                 if each.kind and not each.doubted and (not kinds or each.kind in kinds) and _is_part(each, job)
             ]
-            frames: dict[str, dict[int, Frame]] = {each.id: {} for each in able}
-            query = select(Frame).where(Frame.job.in_(list(frames)), Frame.samples > 0)
-            for frame in session.scalars(query.where(Frame.number.between(min(keys), max(keys)))):
-                if frame.number in keys:
-                    frames[frame.job][frame.number] = frame
-        found = sorted((_Source(each, frames[each.id]) for each in able if frames[each.id]), key=lambda each: -each.samples)
+            samples: dict[str, dict[int, int]] = {each.id: {} for each in able}
+            # These columns alone: of a long shot the rest of the rows is megabytes.
+            query = select(Frame.job, Frame.number, Frame.samples).where(Frame.job.in_(list(samples)), Frame.samples > 0)
+            for id, number, count in session.execute(query.where(Frame.number.between(min(keys), max(keys)))):
+                if number in keys:
+                    samples[id][number] = count
+        found = [_Source(each, samples[each.id]) for each in able if samples[each.id]]
+        found.sort(key=lambda each: -sum(each.samples.values()))
         return {each.job.id: each for each in found if each.job.kind == found[0].job.kind}
 
     def _is_as_it_was(self, source: _Source) -> bool:
@@ -183,9 +180,18 @@ class Reuse:
         log.info("job %s begins with %g samples a pixel of %d frame(s) of job %s", job.id, spp, len(taken), main.id)
         if job.shot is None:
             return {key: {"samples": samples} for key, (_, samples) in taken.items()}
-        return {
-            key: _frame(job, sources[id].job, sources[id].frames[key], samples, pixels) for key, (id, samples) in taken.items()
-        }
+        rows = self._rows(taken)
+        return {key: _frame(job, sources[id].job, rows.get(key), samples, pixels) for key, (id, samples) in taken.items()}
+
+    def _rows(self, taken: Mapping[int, tuple[str, int]]) -> dict[int, Frame]:
+        """The rows of the frames that were taken, by key."""
+        found: dict[int, Frame] = {}
+        with self._sessions() as session:
+            for id in {id for id, _ in taken.values()}:
+                keys = [key for key, (source, _) in taken.items() if source == id]
+                query = select(Frame).where(Frame.job == id, Frame.number.between(min(keys), max(keys)), Frame.samples > 0)
+                found |= {row.number: row for row in session.scalars(query) if taken.get(row.number, ("",))[0] == id}
+        return found
 
 
 def _is_part(source: Job, job: Job) -> bool:
@@ -198,14 +204,14 @@ def _is_part(source: Job, job: Job) -> bool:
     return source.seconds is None and source.noise is not None and source.noise >= job.noise
 
 
-def _frame(job: Job, source: Job, frame: Frame, samples: int, pixels: int) -> dict[str, Any]:
-    """What the row of a shot's frame says that begins with so many samples of another's. One that has all is finished."""
+def _frame(job: Job, source: Job, frame: Frame | None, samples: int, pixels: int) -> dict[str, Any]:
+    """The columns of a shot's frame that starts with so many samples of another's. One that has all of them is finished."""
     if job.noise is None:
         is_whole = samples == (job.spp or 0) * pixels
     else:
-        alike = (source.noise, source.spp, source.seconds, frame.spp) == (job.noise, job.spp, None, None)
-        is_whole = alike and frame.state == "finished" and samples == frame.samples
-    if is_whole and frame.settings is not None:
+        alike = (source.noise, source.spp, source.seconds, frame and frame.spp) == (job.noise, job.spp, None, None)
+        is_whole = alike and frame is not None and frame.state == "finished" and samples == frame.samples
+    if is_whole and frame is not None and frame.settings is not None:
         had = {"bad_samples": frame.bad_samples, "noise": frame.noise, "settings": frame.settings}
         return {"samples": samples, "target": samples, "progress": 1.0, "state": "finished", **had}
     target = max((job.spp or 0) * pixels, samples)

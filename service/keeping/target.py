@@ -1,4 +1,4 @@
-"""Where a backup goes: a folder, in which the next one writes only what is new, or one tar file."""
+"""Where a backup goes: a folder, in which the next backup writes only what is new, or one tar file."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Who owns the farm where several services are started for it: docs/reliability.md, "Two services"."""
+"""Which of several services owns the farm: docs/reliability.md, "Two services"."""

@@ -1,8 +1,8 @@
-"""A service that would own the farm: it does at once where nobody else does, and else stands by.
+"""A service that wants to own the farm: it does so at once if nobody else does, and otherwise stands by.
 
-Three things tell that an owner is dead: it has given the farm up; the folder's lock, which it held, can be had; its process is
-gone from this machine. One that hangs shows none of these. It is asked, in the database, and where it does not answer for
-`lease_s` the farm is taken over from it; what it still tries to write is refused (ownership.py).
+Three things show that an owner is dead: it has given the farm up; the lock it held on the folder is free; its process is gone
+from this machine. An owner that hangs shows none of these. It is asked through the database, and if it does not answer for
+`lease_s`, the farm is taken over; what it still tries to write is refused (ownership.py).
 """
 
 from __future__ import annotations
@@ -66,11 +66,13 @@ class Candidate:
             # On a full disk a service that starts anew would else let nobody delete anything. Where the lock is here, the reserve
             # is nobody else's.
             epoch = self._reserve.spend_on(lambda: self._asked_for_epoch(True)) if has_lock else self._asked_for_epoch(False)
-        except DatabaseError as error:
+        except BaseException as error:
             self._lock.release()
-            raise _damaged(error, self._settings) from error
-        except BaseException:
-            self._lock.release()
+            if isinstance(error, DatabaseError) and _is_damage(error):
+                raise CannotStart(
+                    f"The database is damaged ({error.orig}). `rayfarm doctor --data {self._settings.data}` says more; "
+                    "`rayfarm restore` makes a new folder of a backup."
+                ) from error
             raise
         if epoch is None:
             self._lock.release()
@@ -140,14 +142,9 @@ class Candidate:
             log.warning("ended %s, which stands still and holds the database", row.place)
 
 
-def _damaged(error: DatabaseError, settings: Settings) -> Exception:
-    """What is said of a database that cannot be read at all; any other error is a fault of ours."""
-    if getattr(error.orig, "sqlite_errorcode", 0) & 0xFF not in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT):
-        return error
-    return CannotStart(
-        f"The database is damaged ({error.orig}). `rayfarm doctor --data {settings.data}` says more; "
-        "`rayfarm restore` makes a new folder of a backup."
-    )
+def _is_damage(error: DatabaseError) -> bool:
+    """Whether a database cannot be read at all; any other error is a fault of ours."""
+    return getattr(error.orig, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 
 def own(settings: Settings, patience_s: float) -> Ownership:

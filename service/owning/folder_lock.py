@@ -1,4 +1,4 @@
-"""The lock of a data folder: whoever gets it knows that whoever had it has ended, however that was."""
+"""The lock of a data folder: getting it proves that whoever held it has ended, however that happened."""
 
 from __future__ import annotations
 

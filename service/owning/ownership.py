@@ -1,8 +1,8 @@
-"""This service owns the farm: its epoch is the latest, and what it writes is held against that.
+"""Owning the farm: this service has the latest epoch, and everything it writes is checked against that.
 
-Time decides when another may take over, and never whether something may be written. That is decided where it is written, in the
+Time decides when another service may take over, but never whether something may be written. That is decided in the writing
 transaction itself: the database's row has the latest epoch (`fence`), and every film a copy of it (service/store/film_file.py).
-So a service that stood still for an hour and goes on in the middle of a merge writes nothing any more.
+So a service that was suspended for an hour, and continues in the middle of a merge, can no longer write anything.
 """
 
 from __future__ import annotations
@@ -95,11 +95,6 @@ class Ownership:
     def is_doubtful(self) -> bool:
         """Whether another may have taken over since this was last looked at."""
         return self.is_lost or self._clock() - self._confirmed > self._doubt_s
-
-    @property
-    def has_standby(self) -> bool:
-        """Whether another service has asked since this one began."""
-        return self._heard
 
     def fence(self, session: Session) -> None:
         """Let a transaction go on only as the owner's. Raises NotOwner."""

@@ -1,6 +1,6 @@
-"""A process as others on its machine know it: whether it has ended, whether it stands still, and to end it.
+"""What can be told about another process of this machine: whether it has ended or is suspended; and killing it.
 
-Linux tells; elsewhere, and of another machine's or another container's processes, nothing is known.
+This works on Linux only; elsewhere, and for processes of other machines or containers, nothing is known.
 """
 
 from __future__ import annotations

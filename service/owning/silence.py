@@ -1,4 +1,4 @@
-"""When an owner that is asked and does not answer is taken for dead."""
+"""When an owner that is asked and does not answer is considered dead."""
 
 from __future__ import annotations
 

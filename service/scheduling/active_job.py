@@ -29,6 +29,7 @@ LOSSES_ALLOWED = 5
 SMALLEST_BATCH_S = 0.04
 SMOOTHING = 0.3
 WORTH_A_SLOT_S = 30.0  # of work, for another slot to pay
+LEAST_COST = 32.0  # times less than elsewhere a sample is believed to take in a tile: by a wrong time a batch grows at most so
 
 
 @dataclass
@@ -351,7 +352,7 @@ class ActiveJob:
 
     def _learn(self, batch: Range, seconds: float) -> None:
         rect = self.film.tiles[batch.tile]
-        cost = seconds / (rect.w * rect.h * batch.count)
+        cost = max(seconds / (rect.w * rect.h * batch.count), self._pixel_cost / LEAST_COST)
         if cost > 0.0:
             self.rendered += rect.w * rect.h * batch.count
             self.rendered_s += seconds

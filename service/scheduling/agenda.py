@@ -1,10 +1,10 @@
-"""Which frame of a job is rendered next, and up to how many samples. What it decides, it decides by the films at fixed sample
-counts: so a frame's end does not depend on who was faster.
+"""Which frame of a job is rendered next, and up to how many samples. Decisions depend only on films at fixed sample counts, so
+where a frame ends does not depend on which worker was faster.
 
-Noisiest first: every frame gets the pilot's samples. Then, in rounds, what is left of the budget is laid out so that the
-greatest noise becomes as small as it can be (as heat fills what is lowest first: the standard error falls with the square root
-of the samples, so a frame of noise n with L samples needs L (n/v)^2 for v), at most to half of the greatest noise in a round, as
-the estimates are rough. A round begins when all frames have what the one before gave them.
+Noisiest first: every frame gets the pilot's samples. Then, in rounds, what is left of the budget is distributed so that the
+greatest noise becomes as small as possible (like water filling: the standard error falls with the square root of the samples,
+so a frame of noise n with L samples needs L (n/v)^2 for v), but no round goes below half of the greatest noise, as the
+estimates are rough. A round begins when all frames have what the one before gave them.
 """
 
 from __future__ import annotations

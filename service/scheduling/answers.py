@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from service.scheduling import traces
-from service.scheduling.active_job import ActiveJob
+from service.scheduling.active_job import ActiveJob, Trouble
 from service.scheduling.aside import MadeAside
 from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.denoising import Denoising
@@ -46,6 +46,7 @@ from service.scheduling.messages import (
 )
 from service.scheduling.moments import Moments
 from service.scheduling.pace import Pace
+from service.scheduling.plan import Range
 from service.scheduling.preparing import Preparing, Progress
 from service.scheduling.results import Entry, Results
 from service.scheduling.scheduler import Scheduler, named
@@ -215,19 +216,25 @@ class Answers:
         self._stored += [answer.entry for answer in answers if isinstance(answer.message, BatchDone)]
         answers[:] = [answer for answer in answers if not isinstance(answer.message, BatchDone)]
         tiles: dict[int, set[int]] = {}
+        with_bad: set[int] = set()  # frames of which new samples were left out
         for each, (_, sums) in zip(arrived, rendered, strict=True):
             if each.taken and each.batch is not None:
                 self._trust.taken(job, each.message, each.batch, sums)
             pieces = each.message.pieces
+            if each.fault is not None and each.batch is not None:
+                self._spoiled(job, each.batch, each)
+                continue
             self.counts["merged" if each.taken else "dropped"] += len(pieces)
             for piece in pieces:
                 batch = each.batch and each.batch._replace(first=piece.first, count=piece.count)
                 self._scheduler.came_back(job, piece.batch, batch, piece.seconds, piece.worker or each.message.worker)
             self._note(job, each)
             if each.taken and each.batch is not None:
-                if each.message.bad_count:
-                    job.frames[each.batch.frame].bad_samples = job.film.bad_count(each.batch.frame)
                 tiles.setdefault(each.batch.frame, set()).add(each.batch.tile)
+                if each.message.bad_count:
+                    with_bad.add(each.batch.frame)
+        for frame in with_bad:
+            job.frames[frame].bad_samples = job.film.bad_count(frame)
         if arrived:
             job.tick(job.state == "running")
             for frame, changed in tiles.items():
@@ -237,6 +244,22 @@ class Answers:
         self._settled(job)
         if job.agenda.new_goals:
             self._lifecycle.record(job)
+
+    def _spoiled(self, job: ActiveJob, whole: Range, each: Arrived) -> None:
+        """What came cannot be the sums asked for: counted as a failed batch of whoever sent it. A joint result is one failure,
+        and where several workers are in it, nobody's."""
+        for number, piece in enumerate(each.message.pieces):
+            self.counts["failed"] += 1
+            batch = whole._replace(first=piece.first, count=piece.count)
+            sender, is_suspect = piece.worker or each.message.worker, number == 0 and len(each.message.senders) == 1
+            why = f"What {sender} sent of it cannot be used ({each.fault})."
+            trouble = self._scheduler.failed(job, piece.batch, batch, sender, why, None, is_suspect=is_suspect)
+            if trouble is not None:
+                self._give_up(job, batch, trouble)
+
+    def _give_up(self, job: ActiveJob, batch: Range, trouble: Trouble) -> None:
+        sentence = f"A batch failed {len(trouble.workers)} times: {trouble.error}"
+        self._scheduler.give_up(job, batch, sentence, trouble.reproduce)
 
     def _note(self, job: ActiveJob, each: Arrived) -> None:
         """What is told of a batch: of its tile always, in the job's log where its slot warned of something."""
@@ -303,5 +326,4 @@ class Answers:
             job, message.batch, batch, message.worker, message.error, message.reproduce, message.trace
         )
         if trouble is not None:
-            sentence = f"A batch failed {len(trouble.workers)} times: {trouble.error}"
-            self._scheduler.give_up(job, batch, sentence, trouble.reproduce)
+            self._give_up(job, batch, trouble)

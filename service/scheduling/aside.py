@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -21,12 +22,13 @@ from service.scheduling.workers import Workers
 from service.store.blobs import BlobStore, is_sha256
 from worker.contract import DenoiseFrame, FrameVectors, ShowEnvironment
 
-__all__ = ["Aside", "MadeAside"]
+__all__ = ["Aside", "LetGo", "MadeAside"]
 
 PATIENCE_S_PER_PIXEL = 1e-5
 UNSEEN_ALLOWED = 10  # looks in a row at which nobody has in hand what a worker had: a slot that died is asked again by itself
 SENT_AT_MOST = 3
 Key = tuple[str, int]  # job, frame
+LetGo = Callable[[Counter[str]], None]  # of blobs, and how often each is no longer referred to here
 
 
 Wish = TypeVar("Wish", DenoiseFrame, FrameVectors, ShowEnvironment)
@@ -57,9 +59,11 @@ class Aside(ABC, Generic[Wish]):
     _patience_s = 60.0
     _doing: str  # what reports of workers call the job whose frame they have in hand
 
-    def __init__(self, workers: Workers, blobs: BlobStore) -> None:
+    def __init__(self, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
+        """let_go: of blobs that are wanted no more. Which blob that is a worker has said: something else may refer to it."""
         self._workers = workers
         self._blobs = blobs
+        self._let_go = let_go
         self._aside = ThreadPoolExecutor(1, thread_name_prefix="aside")
         self._lock = threading.Lock()
         self._wanted: dict[Key, _Wanted[Wish]] = {}
@@ -72,6 +76,10 @@ class Aside(ABC, Generic[Wish]):
     @abstractmethod
     def _send(self, wish: Wish, kind: str) -> None:
         """Hand out a wish with an id of its own. Raises QueueError."""
+
+    @abstractmethod
+    def _is_size(self, size: int, wish: Wish) -> bool:
+        """Whether what is wished for may have so many bytes."""
 
     @abstractmethod
     def _nobody(self) -> Unavailable:
@@ -133,10 +141,11 @@ class Aside(ABC, Generic[Wish]):
             self._later(self._keep, key, work, made)
 
     def _keep(self, key: Key, work: str, made: MadeAside) -> None:
-        is_there = is_sha256(made.sha256) and self._is_there(made.sha256)
         with self._lock:
             wanted = self._wanted.get(key)
-            if wanted is None or wanted.lease is None or wanted.lease.id != work:
+        is_there = wanted is not None and is_sha256(made.sha256) and self._is_there(made.sha256, wanted.wish)
+        with self._lock:
+            if wanted is None or self._wanted.get(key) is not wanted or wanted.lease is None or wanted.lease.id != work:
                 return  # given up meanwhile, or its job is deleted
             del self._wanted[key]
             old = self._made.get(key)
@@ -192,17 +201,17 @@ class Aside(ABC, Generic[Wish]):
             self._aside.submit(function, *arguments)
 
     def _failed(self, why: str) -> FarmError:
-        return Failed(f"The {self._name} could not be made: {(why or 'the file is missing').rstrip('.')}.")
+        return Failed(f"The {self._name} could not be made: {(why or 'its file is missing, or of another size').rstrip('.')}.")
 
-    def _is_there(self, sha256: str) -> bool:
+    def _is_there(self, sha256: str, wish: Wish) -> bool:
         try:
-            return self._blobs.exists(sha256)
+            size = self._blobs.size(sha256)
         except FarmError:
             return False  # the store is away: as good as missing
+        return size is not None and self._is_size(size, wish)
 
     def _delete(self, sha256: str) -> None:
-        with contextlib.suppress(FarmError):  # the next start sweeps what no scene refers to
-            self._blobs.delete(sha256)
+        self._let_go(Counter([sha256]))
 
     def _waiting(self) -> list[tuple[Key, _Wanted[Wish]]]:
         with self._lock:

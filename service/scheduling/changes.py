@@ -1,4 +1,4 @@
-"""What was changed in the database, and has to be taken over by the engine."""
+"""What was changed in the database and the engine has not taken over yet."""
 
 from __future__ import annotations
 

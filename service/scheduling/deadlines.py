@@ -1,9 +1,9 @@
-"""Whether jobs are expected to be ready when they are wanted.
+"""Whether jobs are expected to be ready by their deadlines.
 
-The forecast (forecast.py) is of what is missing of it, at what a sample costs, and of the jobs that are served before it.
+A job's forecast (forecast.py) covers what it still lacks, what a sample costs, and the jobs that are served before it.
 
-A job is late once the forecast has said so for some seconds, or its deadline has passed; and it is not any more once the forecast
-has said so for as long. One that is late goes before the others of its priority and share (shares.py).
+A job is late once the forecast has said so for some seconds, or its deadline has passed; it is no longer late once the forecast
+has said so for as long. A late job goes before the others of its priority and share (shares.py).
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from service.errors import Unavailable
-from service.scheduling.aside import Aside
+from service.scheduling.aside import Aside, LetGo
 from service.scheduling.dispatch import Dispatcher
 from service.scheduling.workers import Workers
 from service.store.blobs import BlobStore
@@ -18,8 +18,8 @@ class Denoising(Aside[DenoiseFrame]):
     _name = "denoised picture"
     _doing = "denoise"
 
-    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore) -> None:
-        super().__init__(workers, blobs)
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
+        super().__init__(workers, blobs, let_go)
         self._dispatcher = dispatcher
 
     def _kind(self) -> str | None:
@@ -27,6 +27,9 @@ class Denoising(Aside[DenoiseFrame]):
 
     def _send(self, wish: DenoiseFrame, kind: str) -> None:
         self._dispatcher.send_denoise(wish, kind)
+
+    def _is_size(self, size: int, wish: DenoiseFrame) -> bool:
+        return size == 3 * 4 * wish.width * wish.height
 
     def _nobody(self) -> Unavailable:
         if not self._workers.roster.ready():

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from service.errors import FarmError, Invalid, Unavailable
-from service.scheduling.aside import Aside
+from service.scheduling.aside import Aside, LetGo
 from service.scheduling.dispatch import Dispatcher
 from service.scheduling.workers import Workers
 from service.store.blobs import BlobStore
 from worker.contract import ShowEnvironment
 
 __all__ = ["Environments"]
+
+MOST_BYTES = 1 << 20  # of a small picture
 
 
 class Environments(Aside[ShowEnvironment]):
@@ -19,8 +21,8 @@ class Environments(Aside[ShowEnvironment]):
     _doing = "environment"
     _patience_s = 150.0
 
-    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore) -> None:
-        super().__init__(workers, blobs)
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
+        super().__init__(workers, blobs, let_go)
         self._dispatcher = dispatcher
 
     def _kind(self) -> str | None:
@@ -28,6 +30,9 @@ class Environments(Aside[ShowEnvironment]):
 
     def _send(self, wish: ShowEnvironment, kind: str) -> None:
         self._dispatcher.send_environment(wish, kind)
+
+    def _is_size(self, size: int, wish: ShowEnvironment) -> bool:
+        return 0 < size <= MOST_BYTES
 
     def _nobody(self) -> Unavailable:
         if self._workers.roster.best_kind() is not None:

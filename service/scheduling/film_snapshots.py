@@ -1,8 +1,8 @@
-"""Keeps what a still looks like at 1, 2, 4, 8 ... samples a pixel, beside the way of its samples.
+"""Keeps what a still looked like at 1, 2, 4, 8 ... samples a pixel.
 
-A snapshot is due when every tile has so many samples or is complete. Then the engine's thread begins a moment of the film
-(store/film_moment.py), which is all that it does; a thread of its own reads and packs it. Where that falls behind, moments are
-left out: those that are kept are whole.
+A snapshot is due when every tile has that many samples or is complete. Then the engine's thread only begins a moment of the
+film (store/film_moment.py); another thread reads and packs it. If that falls behind, snapshots are skipped, but those that are
+kept are complete.
 """
 
 from __future__ import annotations

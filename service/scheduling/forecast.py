@@ -1,14 +1,14 @@
-"""When a job is expected to be ready: by what is missing of it, by the jobs that come before it, and by the slots there are.
+"""When a job is expected to be ready, from what it lacks, the jobs that come before it, and the available slots.
 
-Others count as they will be served (shares.py): all work of higher priorities comes first; jobs of one priority share the slots
-by the weights of their shares, jobs of one share share equally, but that those which are late already go first. As slots never
-stand idle while there is work, the moment follows in closed form, as of generalized processor sharing (Parekh and Gallager
-1993): when a share has had `d` seconds of slots, its virtual time is d / weight, and every other share has had all of its work or
-as much as its own weight gives it by then. A job has had its `w` when each other job of its share has had min(w, its own work).
+Other jobs count as they will be served (shares.py): all work of higher priorities comes first; jobs of one priority share the
+slots by the weights of their shares, and jobs within a share equally, except that late ones go first. As slots never stand idle
+while there is work, the time follows in closed form, as for generalized processor sharing (Parekh and Gallager 1993): when a
+share has had `d` seconds of slots, its virtual time is d / weight, and every other share has had all of its work or as much as
+its own weight gives it by then. A job has had its `w` when each other job of its share has had min(w, its own work).
 
-It is a forecast on the safe side: limits of others leave slots to the job that are not counted. It knows nothing of machines that
-come and go, of jobs that are still to come or wait for others, nor of those of which nobody knows what a sample takes: with one
-of these about, it is at least what the speed of now says.
+The forecast is pessimistic: slots left over by the limits of others are not counted. It does not know about machines that come
+and go, about future jobs or those waiting for others, nor about jobs whose cost per sample is unknown: while there is one of
+these, the forecast is at least what the current speed says.
 """
 
 from __future__ import annotations

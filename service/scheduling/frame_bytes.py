@@ -1,4 +1,4 @@
-"""How many bytes are kept for frames: a blob that several share counts once, and one that the scene has anyway not at all."""
+"""How many bytes are kept for frames: a shared blob counts once, and one that the scene has anyway not at all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which batches the workers say that they have in hand."""
+"""Which batches the workers say they have in hand."""
 
 from __future__ import annotations
 

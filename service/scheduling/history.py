@@ -1,4 +1,4 @@
-"""How a job came to its picture: its noise against time, and what happened on the way. A few kilobytes, however long it takes."""
+"""How a job came to its picture: its noise over time, and what happened on the way. A few kilobytes, however long it takes."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What is told of a job line by line: a text file each beside the films, of bounded size, which outlasts the service.
+"""A job's log: one text file each beside the films, of bounded size, which outlives the service.
 
-Batches that were handed out and came back are counted where they pass, which costs a few additions, and told once a second.
+Batches that were handed out and came back are only counted as they pass, and written down once a second.
 """
 
 from __future__ import annotations

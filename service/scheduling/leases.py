@@ -1,4 +1,4 @@
-"""What is handed out and not back yet. A lease ends with its result, its deadline, or when it is plainly lost."""
+"""What was handed out and is not back yet. A lease ends with its result, at its deadline, or when it is evidently lost."""
 
 from __future__ import annotations
 

@@ -6,7 +6,6 @@ All of it runs in the engine's thread. The database decides: what a person chang
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
@@ -19,6 +18,7 @@ from service.errors import FarmError
 from service.intake.resolve import frame_settings
 from service.scheduling.active_frame import ActiveFrame
 from service.scheduling.active_job import ActiveJob
+from service.scheduling.aside import LetGo
 from service.scheduling.bulkhead import Bulkheads, Step, Verdict
 from service.scheduling.changes import Changes
 from service.scheduling.denoising import Denoising
@@ -43,8 +43,6 @@ from service.store.models import ACTIVE, Job, Scene, blobs_of
 from worker.contract import SceneInfo
 
 __all__ = ["LetGo", "Lifecycle"]
-
-LetGo = Callable[[Counter[str]], None]  # of blobs, and how often each is no longer referred to here
 
 
 class Lifecycle:
@@ -156,6 +154,9 @@ class Lifecycle:
         resolved = self._records.resolve(row.id, scene)
         if resolved is None or resolved.state == "failed" or resolved.settings is None or resolved.tile_size is None:
             return
+        frames = self._records.frames(row.id)
+        if not frames:
+            return  # it was deleted a moment ago, which is applied next
         film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
         shot = Shot.of(row.shot)
         if shot is not None and shot.anew:
@@ -168,7 +169,6 @@ class Lifecycle:
             film.take_back(worker)
         if row.doubted:
             self._records.believed(row.id)
-        frames = self._records.frames(row.id)
         compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
         job = ActiveJob(resolved, frames, film, compiled, scene.blobs)
         job.verify = self._scheduler.verify if verify is None else verify

@@ -1,7 +1,8 @@
-"""How much of the engine's time goes into looking at noise that nothing but the eye waits for.
+"""How much of the engine's time goes into noise estimates that are only for display.
 
-A tile's noise is told from all of its sums, which takes milliseconds, and a farm of thousands of slots gives a hundred tiles four
-times their samples within a moment. So such looks wait for their share; meanwhile a tile's noise is told by its samples.
+A tile's noise is computed from all of its sums, which takes milliseconds, and on a farm of thousands of slots a hundred tiles
+may quadruple their samples within a moment. So such estimates have to wait for their share of time; until then a tile's noise
+is extrapolated from its number of samples.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a job has measured of its scene, so that the page can say what the next picture of it takes and how much noise it has."""
+"""What a job has measured of its scene, so that the page can predict the next picture's time and noise."""
 
 from __future__ import annotations
 

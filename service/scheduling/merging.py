@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ from service.scheduling.messages import BatchDone, BatchFailed, BatchReturned
 from service.scheduling.plan import Range
 from service.store.parts import Part
 from worker import tracing
+from worker.sums import check_sums, check_weight
 
 __all__ = ["Arrived", "batch_of", "merge"]
 
@@ -23,11 +25,13 @@ class Arrived:
     message: BatchDone
     batch: Range | None  # None where the job does not want it, or not any more
     taken: bool
+    fault: str | None = None  # why its sums are none
 
 
 def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrived]:
     """Add the batches that are wanted to the job's film. Raises FilmWaits or FilmLost; then none was added."""
     wanted = [_wanted(message, job) for message, _ in answers]
+    faults = [_weight(sums, batch, job) for (_, sums), batch in zip(answers, wanted, strict=True)]
     parts = [
         Part(
             batch.frame,
@@ -39,14 +43,18 @@ def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrive
             message.bad_count,
             message.senders,
         )
-        for (message, sums), batch in zip(answers, wanted, strict=True)
-        if batch is not None
+        for (message, sums), batch, fault in zip(answers, wanted, faults, strict=True)
+        if batch is not None and fault is None
     ]
     with tracing.span("film", tracing.root_of("job", job.id), batches=len(parts)) if parts else nullcontext():
         taken = iter(job.film.merge(parts) if parts else [])
-    return [
-        Arrived(message, batch, batch is not None and next(taken)) for (message, _), batch in zip(answers, wanted, strict=True)
-    ]
+    arrived = []
+    for (message, sums), batch, fault in zip(answers, wanted, faults, strict=True):
+        is_taken = batch is not None and fault is None and next(taken)
+        if batch is not None and fault is None and not is_taken:
+            fault = _damage(sums, batch, job)
+        arrived.append(Arrived(message, batch, is_taken, fault))
+    return arrived
 
 
 def batch_of(message: BatchDone | BatchFailed | BatchReturned, job: ActiveJob) -> Range | None:
@@ -58,3 +66,21 @@ def batch_of(message: BatchDone | BatchFailed | BatchReturned, job: ActiveJob) -
 def _wanted(message: BatchDone, job: ActiveJob) -> Range | None:
     batch = batch_of(message, job)
     return batch if batch is not None and job.wants(batch) else None
+
+
+def _weight(sums: bytes, batch: Range | None, job: ActiveJob) -> str | None:
+    """Why a batch's sums would give its samples another weight than theirs; None where they do not, or are not wanted."""
+    return None if batch is None else _fault(lambda: check_weight(sums, job.film.tiles[batch.tile], batch.count))
+
+
+def _damage(sums: bytes, batch: Range, job: ActiveJob) -> str | None:
+    """Why a batch's sums cannot be read; None where they can."""
+    return _fault(lambda: check_sums(sums, job.film.tiles[batch.tile]))
+
+
+def _fault(check: Callable[[], None]) -> str | None:
+    try:
+        check()
+    except ValueError as error:
+        return str(error)
+    return None

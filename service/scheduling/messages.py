@@ -6,7 +6,7 @@ import logging
 import math
 from typing import Annotated, Literal, NamedTuple
 
-from pydantic import BaseModel, Field, TypeAdapter, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, Field, TypeAdapter, ValidationError, field_validator, model_validator
 
 from service.scheduling.results import Entry
 from service.store.blobs import is_sha256
@@ -38,11 +38,12 @@ __all__ = [
 
 DAY_S = 86400.0
 LARGE = 1 << 31  # bounds what a faulty worker may make us store
-Id = Annotated[str, Field(max_length=200)]
-Sentence = Annotated[str, Field(max_length=20000)]
+MOST_PIECES = 4096
+LARGEST_BLOB = 1 << 50  # bytes
+Id = Annotated[str, Field(max_length=200, pattern=r"^[^\x00]*$")]
+Sentence = Annotated[str, Field(max_length=20000), AfterValidator(lambda text: text.replace("\0", "\ufffd"))]
 Number = Annotated[int, Field(ge=0, le=LARGE)]
 Seconds = Annotated[float, Field(ge=0.0, le=DAY_S)]
-MOST_PIECES = 4096
 
 log = logging.getLogger(__name__)
 
@@ -84,7 +85,7 @@ class BatchDone(_Batch):
     batch: Id = ""
     seconds: Seconds = 0.0
     parts: Annotated[list[Piece], Field(max_length=MOST_PIECES)] = []
-    bad: list[tuple[Number, Number, Number]] = []
+    bad: Annotated[list[tuple[Number, Number, Number]], Field(max_length=MOST_PIECES)] = []
     bad_count: Number = 0
     traceparents: Annotated[
         list[Id], Field(max_length=MOST_PIECES)
@@ -144,7 +145,7 @@ class DenoiseDone(_Denoise):
     type: Literal["denoised"]
     sha256: Id
     version: Id
-    samples: int
+    samples: Annotated[int, Field(ge=0, lt=1 << 63)]
 
 
 class DenoiseFailed(_Denoise):
@@ -222,16 +223,30 @@ class PrepareDone(_Prepare):
     def _usable(cls, info: SceneInfo) -> SceneInfo:
         written = written_of({"blend": info.blend})
         for blob in (info.compiled, info.thumbnail, *(written[1] if written is not None else ())):
-            _check_hashes(blob)
+            _check(blob)
         if not all(math.isfinite(value) for corner in info.bounds for value in corner):
             raise ValueError("bounds are no numbers")
+        _check_seconds(info.seconds)
         return info
 
+    @model_validator(mode="after")
+    def _of_one_kind(self) -> PrepareDone:
+        if self.info.kind != self.kind:
+            raise ValueError(f"it is of workers of the kind {self.info.kind[:80]!r}")
+        return self
 
-def _check_hashes(blob: BlobRef | None) -> None:
-    for sha256 in () if blob is None else (blob.sha256, *(part for part, _ in blob.parts)):
+
+def _check(blob: BlobRef | None) -> None:
+    for sha256, size in () if blob is None else ((blob.sha256, blob.size), *blob.parts):
         if not is_sha256(sha256):
             raise ValueError(f"{sha256[:80]!r} is no hash")
+        if not 0 <= size <= LARGEST_BLOB:
+            raise ValueError(f"{size} bytes is no size")
+
+
+def _check_seconds(seconds: float) -> None:
+    if not 0.0 <= seconds <= DAY_S:
+        raise ValueError(f"{seconds} s is no time")
 
 
 class PrepareFailed(_Prepare):
@@ -270,7 +285,8 @@ class FramePrepared(_Frames):
     @field_validator("info")
     @classmethod
     def _usable(cls, info: FrameInfo) -> FrameInfo:
-        _check_hashes(info.compiled)
+        _check(info.compiled)
+        _check_seconds(info.seconds)
         return info
 
 

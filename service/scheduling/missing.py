@@ -1,10 +1,10 @@
-"""Which of the batches that are out are lost, and which are late.
+"""Which outstanding batches are lost, and which are only late.
 
-A batch is lost when its worker has died, when nobody has said for some looks that he has it and all answers were read, or when it
-takes far too long. A machine that has too much to do is none of these: its reports come late or not at all for a while, and what
-waits in a queue or in the stream waits for long. Whoever takes that for loss renders all of it again, which makes it worse. So a
-worker that does not report itself, but whose connection stands (worker/lifeline.py), is away: others are given work in its place,
-and its batches are tried by others as those of stragglers are, once slots have nothing else to do.
+A batch is lost when its worker has died, when several looks in a row found it with nobody although all answers were read, or
+when it takes far too long. An overloaded machine is none of these: its reports come late or not at all for a while, and what
+waits in a queue or in the stream waits for long. Treating that as loss would render everything again, which makes the overload
+worse. So a worker that has stopped reporting but is still connected (worker/lifeline.py) counts as away: others get work in its
+place, and try its batches like those of stragglers, once their slots have nothing else to do.
 """
 
 from __future__ import annotations

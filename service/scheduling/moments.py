@@ -1,7 +1,7 @@
 """Frames of shots on their way to compiled scenes: a few ahead of need, and no more than there is room for.
 
-What moves has a compiled scene of its own for each frame, which can be made again and is let go when the frame is finished. Where
-the room is short, that of the frame which is needed last goes first: a shot that is rendered breadth first comes back to it.
+Every frame of an animation has a compiled scene of its own, which can be made again and is deleted when the frame is finished.
+When room is short, the frame that is needed last loses its own first: a shot rendered breadth first comes back to it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""What a job needs of the workers that render it: tags that they have, and memory that they offer.
+"""What a job requires of its workers: tags that they have, and memory that they offer.
 
-Batches of a job with needs wait in a queue of their own, and the service tells each worker that has all of them to take from it
-(worker/terms.py). A worker that does not say that it does gets none.
+Batches of such a job wait in a queue of their own, and the service tells each worker that fulfils all requirements to take from
+it (worker/terms.py). A worker gets none until it has confirmed that it does.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""How fast the engine takes in what slots send, and what follows for what they are given: batches that are longer the more slots
-there are, a few of one tile after the other, and none while results pile up unread.
+"""How fast the engine takes in results, and what follows for handing out work: the more slots there are, the longer the
+batches; several batches of one tile in a row; and no new ones while unread results pile up.
 
-A result costs about the same whatever its batch took, so a farm of many slots needs longer batches, and not a faster service.
+A result costs about the same however large its batch was, so a farm of many slots needs longer batches, not a faster service.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """What a frame still needs: which tile is rendered next, and how many samples of it. No clock, no queue, no film.
 
-The first wave is one sample of every tile, from the middle outwards, so that the whole picture is there at once. After it
-the tile with the fewest samples comes next, and what it gets grows with what it has; tiles that somebody looks at come before all
-others then. Where a noise level is asked for, a
-tile stops at fixed sample counts only and by its own film alone, so that the picture does not depend on who was faster.
+The first wave is one sample of every tile, from the middle outwards, so that the whole picture is there at once. After that the
+tile with the fewest samples comes next, and the more it has the more it gets; tiles in a rectangle that somebody focused on
+come before all others. If a noise level was asked for, a tile ends at fixed sample counts only and depends on its own film
+alone, so the picture does not depend on which worker was faster.
 """
 
 from __future__ import annotations

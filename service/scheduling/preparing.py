@@ -1,4 +1,4 @@
-"""Scenes on their way from files to what a kernel reads: asked for, watched, and asked for again."""
+"""Scenes on their way from files to what a kernel reads: requested, monitored, and requested again if lost."""
 
 from __future__ import annotations
 

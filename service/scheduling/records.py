@@ -1,5 +1,5 @@
-"""What the engine reads from and writes to the database. Every write is one transaction, and keeps what a person decided
-in the meantime: a job that was cancelled stays so."""
+"""What the engine reads from and writes to the database. Every write is one transaction, and respects what a person decided in
+the meantime: a job that was cancelled stays cancelled."""
 
 from __future__ import annotations
 

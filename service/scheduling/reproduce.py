@@ -1,4 +1,4 @@
-"""The command that shows an error again, whole: a worker says what is in a batch's settings, the rest is what was asked for."""
+"""The complete command that shows an error again: the worker supplies the batch's settings, the rest comes from the request."""
 
 from __future__ import annotations
 

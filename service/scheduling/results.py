@@ -1,4 +1,4 @@
-"""The one reader of the stream on which workers answer. An entry is deleted only after its content is stored."""
+"""The only reader of the stream on which workers answer. An entry is deleted only after its content is stored."""
 
 from __future__ import annotations
 

@@ -207,7 +207,9 @@ class Scheduler:
 
     def came_back(self, job: ActiveJob, lease: str, batch: Range | None, seconds: float, worker: str) -> None:
         """A batch's sums were taken by the film, or dropped by it as known; or (None) the job does not want them."""
-        ended = self.leases.end(lease)
+        ended = self._end(job, lease)
+        if ended is not None:  # whatever it says: it was not longer at it than it had it
+            seconds = min(seconds, time.monotonic() - ended.issued)
         if ended is not None and ended.batch is not None and ended.batch != batch:
             job.lose(ended.batch)
         if ended is not None and batch is not None:
@@ -225,11 +227,23 @@ class Scheduler:
             self._set_aside_if_alone(other)
 
     def failed(
-        self, job: ActiveJob, lease: str, batch: Range, worker: str, error: str, reproduce: str | None, trace: str = ""
+        self,
+        job: ActiveJob,
+        lease: str,
+        batch: Range,
+        worker: str,
+        error: str,
+        reproduce: str | None,
+        trace: str = "",
+        is_suspect: bool = True,
     ) -> Trouble | None:
-        """A worker could not render a batch. It is handed out again, or what stops the job is returned."""
-        if self.leases.end(lease) is None:
+        """A worker could not render a batch. It is handed out again, or what stops the job is returned.
+
+        is_suspect: whether it counts against the worker."""
+        ended = self._end(job, lease)
+        if ended is None:
             return None  # handed out again meanwhile, or of an earlier life of the service
+        batch = ended.batch or batch  # which was handed out, whatever is said
         trouble = job.trouble.setdefault(batch, Trouble())
         trouble.workers.append(worker)
         trouble.error, trouble.reproduce = error, reproduce
@@ -242,14 +256,17 @@ class Scheduler:
             return trouble
         job.history.happened("failed", f"{worker}: {error.splitlines()[0][:200] if error else 'a batch'}")
         job.lose(batch)
-        self.suspicion.failed(worker, (job.id, batch))
-        self._set_aside_if_alone(worker)
+        if is_suspect:
+            self.suspicion.failed(worker, (job.id, batch))
+            self._set_aside_if_alone(worker)
         return None
 
     def returned(self, job: ActiveJob, lease: str, batch: Range, worker: str, why: str) -> None:
         """A worker could not render a batch by its own trouble: it is handed out again, and the job is not to blame."""
-        if self.leases.end(lease) is None:
+        ended = self._end(job, lease)
+        if ended is None:
             return
+        batch = ended.batch or batch
         if job.handed_back != why:
             log.info("job %s: %s", job.id, why, extra=ids(job=job.id, batch=lease, worker=worker))
             job.history.log.say(f"{named(batch)} is handed out again: {why}")
@@ -259,6 +276,11 @@ class Scheduler:
         self._set_aside_if_alone(worker)
         if not self._others(worker):
             job.rests_until = time.monotonic() + REST_S
+
+    def _end(self, job: ActiveJob, lease: str) -> Lease | None:
+        """End a lease of a job; None where it has ended before, or is another's."""
+        known = self.leases.get(lease)
+        return self.leases.end(lease) if known is not None and known.owner == job.id else None
 
     def withdraw(self, job: ActiveJob, frame: int | None = None) -> None:
         """Take back what waits of a job, or of one of its frames; what a worker has in hand comes back by itself, and is lost

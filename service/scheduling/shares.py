@@ -1,15 +1,16 @@
 """Whose batch is next among jobs of one priority: fair shares of the slots' time, by weights. No clock, no queue, no database.
 
-A share is a user's, or a project's that has been given terms of its own: then all jobs in it are of that one, whose they are.
+A share is a user's, or a project's if it has been given its own terms: then all its jobs belong to that share, whoever's they
+are.
 
-Between shares: start-time fair queueing (Goyal, Vin and Cheng 1996). A share's next batch starts, in virtual time,
-when its last one ended, or now where it comes back after a rest; the earliest start is served, and now is the latest that was.
-A batch of t seconds takes t / weight of virtual time: shares that always have work get slot seconds in proportion to their
-weights, one that rests saves nothing up, and what one does not use the others have. What a batch is expected to take is charged
-when it is handed out, and put right when it is back.
+Between shares: start-time fair queueing (Goyal, Vin and Cheng 1996). A share's next batch starts, in virtual time, when its
+last one ended, or now if it was idle before; the earliest start is served, and "now" is the latest start so far. A batch of t
+seconds takes t / weight of virtual time: shares that always have work get slot seconds in proportion to their weights; an idle
+share saves nothing up, and the others use what it does not. The estimated time of a batch is charged when it is handed out, and
+corrected when it is back.
 
-Within a share: jobs that are expected to miss their deadline first, the earliest deadline first; then the job that has the fewest
-batches in hand, and of these the one that has waited longest.
+Within a share: first the jobs that are expected to miss their deadline, earliest deadline first; then the job with the fewest
+batches in hand, and among those the one that has waited longest.
 """
 
 from __future__ import annotations

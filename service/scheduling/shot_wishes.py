@@ -1,4 +1,4 @@
-"""What a person may change in a job of several frames, and what then becomes of its rows."""
+"""What a person may change in a job of several frames, and what that does to its rows."""
 
 from __future__ import annotations
 

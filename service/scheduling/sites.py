@@ -1,9 +1,9 @@
-"""Sites whose machines add up their sums before they travel (worker/site.py): which batches go to one, and what becomes of those
-that wait where nobody is left.
+"""Sites whose machines add up their sums before they travel (worker/site.py): which batches go to one, and what becomes of
+waiting ones when nobody is left there.
 
-That pays where batches of a tile that follow each other go to the same site. So a site has a queue of its own, that of jobs which
-need its tag (needs.py): its workers take from it and from all others. A run of batches is handed out there in as many messages
-as it takes machines. Nothing goes there while its reducer is away.
+A site pays off where consecutive batches of a tile go to it. So it has a queue of its own, that of jobs which need its tag
+(needs.py): its workers take from it as well as from all others. A run of batches is handed out there in as many messages as
+there are machines to take them. Nothing goes there while its reducer is away.
 """
 
 from __future__ import annotations

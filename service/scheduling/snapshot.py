@@ -1,4 +1,4 @@
-"""What the other threads see of the engine: one immutable look at it, made anew by the engine's thread."""
+"""What the other threads see of the engine: an immutable view that the engine's thread replaces."""
 
 from __future__ import annotations
 

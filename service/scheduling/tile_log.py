@@ -1,6 +1,6 @@
-"""What came of each tile lately: which worker rendered which samples, how long that took, and what it warned of meanwhile.
+"""What happened to each tile lately: which worker rendered which samples, how long that took, and its warnings.
 
-In memory, of the latest jobs. The engine's thread writes, any may read: what is written is never changed.
+Kept in memory, for the latest jobs. The engine's thread writes, any thread may read: nothing written is ever changed.
 """
 
 from __future__ import annotations

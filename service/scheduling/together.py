@@ -1,6 +1,5 @@
-"""Batches that go to workers in one message: short ones that one slot renders in turn, as at a few samples a frame of a shot
-takes less time than its message; and batches of a tile that the slots of one machine render at a time, and add up.
-"""
+"""Batches that travel in one message: short ones that one slot renders in turn, because at a few samples a frame a batch of a
+shot takes less time than its message; and batches of a tile that the slots of one machine render together and add up."""
 
 from __future__ import annotations
 

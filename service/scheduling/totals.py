@@ -1,4 +1,4 @@
-"""What all frames of a job come to together, kept up to date by those that change: a shot of thousands is asked often."""
+"""Sums over all frames of a job, updated as frames change: they are asked for often, and a shot may have thousands of frames."""
 
 from __future__ import annotations
 

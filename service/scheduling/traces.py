@@ -1,4 +1,4 @@
-"""The spans of jobs and scenes, where traces are asked for (worker/tracing.py)."""
+"""The spans of jobs and scenes, if tracing is on (worker/tracing.py)."""
 
 from __future__ import annotations
 

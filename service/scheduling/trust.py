@@ -79,11 +79,13 @@ class Trust:
 
     def sort_out(self, job: ActiveJob, answers: list[Answer]) -> list[Answer]:
         """Of what came back for a job, what is to go into its film: neither what was only to be compared, nor what comes from a
-        worker that is not believed."""
+        worker that is not believed; nor, where batches are looked at, what is nobody's or of several, which nobody could take
+        back."""
         kept = []
         for message, sums in answers:
             check = next((each for each in self._open if message.batch in each.asked), None)
-            if not self._scheduler.distrusted.isdisjoint(message.senders):
+            nobody_s = bool(job.verify) and (len(message.senders) != 1 or not all(message.senders))
+            if nobody_s or not self._scheduler.distrusted.isdisjoint(message.senders):
                 for piece in message.pieces:
                     self._scheduler.came_back(job, piece.batch, None, 0.0, piece.worker or message.worker)
             elif check is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from service.errors import Unavailable
-from service.scheduling.aside import Aside
+from service.scheduling.aside import Aside, LetGo
 from service.scheduling.dispatch import Dispatcher
 from service.scheduling.workers import Workers
 from service.store.blobs import BlobStore
@@ -19,8 +19,8 @@ class Vectors(Aside[FrameVectors]):
     _doing = "vectors"
     _patience_s = 600.0  # the scene is read and compiled for them
 
-    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore) -> None:
-        super().__init__(workers, blobs)
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
+        super().__init__(workers, blobs, let_go)
         self._dispatcher = dispatcher
 
     def _kind(self) -> str | None:
@@ -28,6 +28,9 @@ class Vectors(Aside[FrameVectors]):
 
     def _send(self, wish: FrameVectors, kind: str) -> None:
         self._dispatcher.send_vectors(wish, kind)
+
+    def _is_size(self, size: int, wish: FrameVectors) -> bool:
+        return size == 4 * 4 * wish.width * wish.height
 
     def _nobody(self) -> Unavailable:
         if not self._workers.roster.ready():

@@ -1,4 +1,4 @@
-"""What workers rendered of one batch, and who of them is right: a value on which two workers agree. No clock, no queue."""
+"""What workers rendered of one batch, and who is right: the value on which two workers agree. No clock, no queue."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""Jobs that come after others. What they wait for stands in the database alone (store/models.py: Wait), and is looked at about
-each second: so it does not matter how the others end, or in whose life.
+"""Jobs that depend on others. The dependencies are kept in the database alone (store/models.py: Wait) and checked about once a
+second, so it does not matter how the others end, or whether the service was restarted meanwhile.
 
-A job whose forerunner is finished waits for it no longer, whatever becomes of that later. One whose forerunner fails, is
-cancelled or is deleted before it was finished fails too, with a sentence that names it; and so do those that wait for this one.
+Once a job's predecessor is finished, the job no longer waits for it, whatever becomes of it later. If a predecessor fails, is
+cancelled or is deleted before it was finished, the job fails too, with a sentence that names it; and so do those waiting for
+this job.
 """
 
 from __future__ import annotations

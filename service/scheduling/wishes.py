@@ -1,4 +1,4 @@
-"""What a person may change in a job, and what then becomes of its row."""
+"""What a person may change in a job, and what that does to its row."""
 
 from __future__ import annotations
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import redis
-from pydantic import TypeAdapter
 
 from service.scheduling.needs import Needs
+from service.scheduling.reports import report_of
 from service.scheduling.speeds import Speeds
 from worker.blends import TAG
 from worker.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, WorkerReport, order_key, worker_key
@@ -31,11 +31,8 @@ LATE_S = 2.5 * HEARTBEAT_EVERY_S
 AWAY_S = 30.0  # that a worker is waited for, if it lives: a host without power leaves its connection behind
 ORDER_TTL_S = 7 * 86400  # a worker of that name may come back; some day nobody remembers why it was paused
 LOOK_WHILE_IDLE_S = 0.2  # while nobody is ready: the first work should not wait for the next look
-MAX_SLOTS = 4096
 LOG_PATIENCE_S = 3.0
 MAX_LINES, MAX_LINE = 500, 2000
-
-_REPORT = TypeAdapter(WorkerReport)
 
 log = logging.getLogger(__name__)
 
@@ -235,11 +232,7 @@ class Workers:
     def _understand(self, key: bytes, value: bytes) -> WorkerReport | None:
         """A report; None where it makes no sense here: it may be of a worker of another release."""
         try:
-            if b"NaN" in value or b"Infinity" in value:
-                json.loads(value, parse_constant=_no_number)
-            report = _REPORT.validate_json(value)
-            if not 0 < report.slots <= MAX_SLOTS or not all(map(math.isfinite, (report.started, report.samples_per_s))):
-                raise ValueError(f"{report.slots} slots, {report.samples_per_s} samples a second")
+            report = report_of(key, value)
         except (ValueError, RecursionError) as error:
             if key not in self._strange:
                 self._strange.add(key)
@@ -268,7 +261,3 @@ def _site(value: bytes | None) -> SiteReport | None:
         return SiteReport.from_bytes(value) if value is not None else None
     except ValueError:
         return None
-
-
-def _no_number(constant: str) -> float:
-    raise ValueError(f"{constant} is no number")

@@ -1,6 +1,6 @@
-"""What Blender wrote of a scene's files: kept with the scene, and taken for others of the same files.
+"""What Blender made of a scene's files: kept with the scene, and reused for the same files.
 
-So what is rendered follows from what was uploaded, whichever Blender a worker has by then.
+So what is rendered follows from the upload, whichever version of Blender a worker has by then.
 """
 
 from __future__ import annotations

@@ -55,6 +55,9 @@ class BlobStore(Protocol):
     def exists(self, sha256: str) -> bool:
         """Whether the blob is there."""
 
+    def size(self, sha256: str) -> int | None:
+        """How many bytes a blob has; None where it is not there."""
+
     def delete(self, sha256: str) -> None:
         """Remove a blob where it is there."""
 
@@ -107,6 +110,13 @@ class BlobFolder:
     def exists(self, sha256: str) -> bool:
         """See BlobStore."""
         return self._path(sha256).is_file()
+
+    def size(self, sha256: str) -> int | None:
+        """See BlobStore."""
+        try:
+            return self._path(sha256).stat().st_size
+        except FileNotFoundError:
+            return None
 
     def delete(self, sha256: str) -> None:
         """See BlobStore."""

@@ -1,8 +1,8 @@
-"""Which of the parts that come together a film takes: each sample once.
+"""Which of the parts that arrive together a film takes: each sample once.
 
-A part that overlaps what is there is dropped: it came twice, or a part of it did. But sums that were added up on their way are
-many batches', and one of them may have come alone before, as that of a straggler that a second worker tried too. Where what is
-there lies within the new part, row by row, the part takes its place: it is the same samples and more.
+A part that overlaps what is there is dropped: it, or a part of it, came twice. But sums that were added up on their way cover
+several batches, and one of these may have arrived alone before, because a second worker tried a straggler too. If the rows that
+overlap lie completely within the new part, the part replaces them: it has the same samples and more.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A film's file read from its beginning to its end, beside whoever uses it: whether it is what was written, or what is left."""
+"""Reads a film's file from beginning to end while others use it: is it what was written, or what can be saved of it?"""
 
 from __future__ import annotations
 

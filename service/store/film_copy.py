@@ -1,4 +1,5 @@
-"""A film made of what others have. Their rows are copied, not shared: each may grow, be healed or deleted without the others."""
+"""A film made from the rows of others. They are copied, not shared, so that each film can grow, be repaired or be deleted by
+itself."""
 
 from __future__ import annotations
 
@@ -17,7 +18,9 @@ from service.store.film_file import ROWS, FilmFile
 from service.store.film_version import FilmShape, is_whole, spans
 from service.store.whole import move_whole
 
-__all__ = ["FilmCopy"]
+__all__ = ["COPYING", "FilmCopy"]
+
+COPYING = ".new"  # behind the film's name, until the copy is whole
 
 AT_ONCE = 64  # rows that are written together,
 BYTES_AT_ONCE = 32 << 20  # unless they are large: of a shot's frame each may take ten megabytes
@@ -28,9 +31,8 @@ class FilmCopy:
 
     def __init__(self, target: Path, shape: FilmShape) -> None:
         self._target = target
-        self._made = target.with_name(f"{target.name}.new")
+        self._made = target.with_name(target.name + COPYING)
         self._tiles = tiles_of(shape.width, shape.height, shape.tile_size)
-        self._remove()  # what a service that was killed has left of it
         self._file = FilmFile(self._made, shape)
         self._has_any = False
 

@@ -1,5 +1,5 @@
-"""What can go wrong with a film's file, told apart in one place: what passes (FilmWaits), what stays (FilmLost),
-and of that what rendering heals (FilmDamaged)."""
+"""What can go wrong with a film's file, classified in one place: passing faults (FilmWaits), lasting ones (FilmLost), and among
+these the ones that rendering repairs (FilmDamaged)."""
 
 from __future__ import annotations
 

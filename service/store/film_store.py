@@ -1,10 +1,11 @@
-"""The films of all jobs: one `Film` a job, opened when asked for, closed when many others were used since."""
+"""The films of all jobs: one `Film` per job, opened on demand, and closed when many others have been used since."""
 
 from __future__ import annotations
 
 import contextlib
 import logging
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager
@@ -15,7 +16,7 @@ from weakref import WeakValueDictionary
 from renderer.settings import RenderSettings
 from service.errors import FarmError, FilmLost
 from service.store.film_check import film_samples, rows_left
-from service.store.film_copy import FilmCopy
+from service.store.film_copy import COPYING, FilmCopy
 from service.store.film_faults import film_faults
 from service.store.film_snapshots import FilmSnapshots
 from service.store.film_version import FilmShape
@@ -74,7 +75,7 @@ class FilmStore(Protocol):
         """Close a film and remove it, and what was set aside of it. Raises FilmWaits or FilmLost."""
 
     def sweep(self, keep: set[str]) -> None:
-        """Remove the films of jobs that no longer exist."""
+        """Remove the films of jobs that no longer exist, and copies that a service which was killed had begun."""
 
     def close(self) -> None:
         """Close all films."""
@@ -104,6 +105,7 @@ class FilmFolder:
         self._latest: OrderedDict[str, Film] = OrderedDict()
         self._pinned: dict[str, Film] = {}
         self._lock = threading.Lock()
+        self._made = time.time()
         folder.mkdir(parents=True, exist_ok=True)
 
     def open(
@@ -193,8 +195,12 @@ class FilmFolder:
 
     def sweep(self, keep: set[str]) -> None:
         """See FilmStore."""
-        found = {path.name.partition(".")[0] for path in self._folder.glob("*.sqlite*")}
-        for job in found - keep:
+        # What is younger than this process' store may be a copy for a job that is about to be recorded.
+        found = [path for path in self._folder.glob("*.sqlite*") if self._is_of_before(path)]
+        for path in found:
+            if path.name.partition(".sqlite")[2].startswith(COPYING):
+                path.unlink(missing_ok=True)
+        for job in {path.name.partition(".")[0] for path in found} - keep:
             try:
                 self.delete(job)
             except FarmError as error:
@@ -207,6 +213,12 @@ class FilmFolder:
         with self._lock:
             for job in list(self._films):
                 self._close(job)
+
+    def _is_of_before(self, path: Path) -> bool:
+        """Whether a file was last written before this store was made."""
+        with contextlib.suppress(FileNotFoundError):
+            return path.stat().st_mtime < self._made
+        return False
 
     def _drop_snapshots(self, job: str) -> None:
         if self._snapshots is not None:

@@ -1,9 +1,9 @@
 """Films: the exact sums of every batch, each taken once.
 
-A job's film is one file. A merged batch is one row: its tile, its range of sample numbers, and its packed sums as they
-came. The row is the sums and the record that they are in, in one write, so nothing can be half merged; and the order of
-rows does not matter, since integers add exactly. Tiles with many rows are folded into one. A row names the workers whose sums
-are in it, so that what one of them sent can be taken back; where that is likely, rows of several workers stay apart.
+A job's film is one file. A merged batch is one row: its tile, its range of sample numbers, and its packed sums as they arrived.
+The row holds the sums and records that they are in, in one write, so nothing can be half merged; and the order of rows does not
+matter, since integers add exactly. Tiles with many rows are folded into one. A row names the workers whose sums are in it, so
+that one worker's samples can be removed; where that is likely, rows of different workers stay apart.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Which blobs may go: those that no scene and no frame refers to, and that nobody is about to refer to.
+"""Which blobs can be deleted: those that no scene and no frame refers to, and that nobody is about to refer to.
 
-An upload pins its blobs until its scene is written down; what a worker stores is pinned until the news of it must have
-come. Blobs are deleted under the lock by which they are pinned, together with the row that let go of them. So whoever pins a
-blob and then finds or puts it, has it.
+An upload pins its blobs until its scene is recorded; what a worker stores is pinned until its answer must have arrived. Blobs
+are deleted under the lock by which they are pinned, together with the row that referred to them. So code that pins a blob and
+then finds or stores it can rely on it.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import Select, Text, cast, or_, select
 from sqlalchemy.orm import Session
 
 from service.errors import FarmError
@@ -24,6 +25,14 @@ from service.store.database import Sessions
 from service.store.models import Environment, Frame, Reference, Scene
 
 __all__ = ["Garbage"]
+
+FEW = 2
+REFERRING: dict[Any, tuple[Any, ...]] = {  # tables, and their columns that refer to blobs
+    Scene: (Scene.files, Scene.compiled, Scene.info),
+    Environment: (Environment.file, Environment.thumbnail),
+    Reference: (Reference.file, Reference.film),
+    Frame: (Frame.compiled,),
+}
 
 log = logging.getLogger(__name__)
 
@@ -88,14 +97,9 @@ class Garbage:
             with self._sessions.begin() as session:
                 gone = let_go(session) | self._left
                 session.flush()
-                for scene in session.scalars(select(Scene)) if gone else ():
-                    gone -= scene.blobs
-                for environment in session.scalars(select(Environment)) if gone else ():
-                    gone -= environment.blobs
-                for reference in session.scalars(select(Reference)) if gone else ():
-                    gone -= reference.blobs
-                for frame in session.scalars(select(Frame).where(Frame.compiled.is_not(None))) if gone else ():
-                    gone -= frame.blobs
+                for query in _that_may_refer_to(gone) if gone else ():
+                    for row in session.scalars(query):
+                        gone -= row.blobs
             self._forget_promises()
             self._left = {sha256 for sha256 in gone if sha256 in self._pins or sha256 in self._promised}
             for sha256 in gone - self._left:
@@ -110,3 +114,16 @@ class Garbage:
         now = time.monotonic()
         left = {sha256: [until for until in untils if until > now] for sha256, untils in self._promised.items()}
         self._promised = {sha256: untils for sha256, untils in left.items() if untils}
+
+
+def _that_may_refer_to(hashes: set[str]) -> list[Select[Any]]:
+    """The rows of which some may refer to one of these blobs. Of few blobs the database finds them, and they alone are read."""
+    found: list[Select[Any]] = []
+    for table, columns in REFERRING.items():
+        query = select(table)
+        if len(hashes) <= FEW:
+            query = query.where(or_(*(cast(column, Text).contains(sha256) for column in columns for sha256 in hashes)))
+        elif table is Frame:
+            query = query.where(Frame.compiled.is_not(None))
+        found.append(query)
+    return found

@@ -1,6 +1,6 @@
-"""The machine code of this farm's kinds of workers: compiled by one of them, signed, kept for the next that joins.
+"""The machine code for this farm's kinds of workers: compiled by one of them, signed, and kept for the next that joins.
 
-Nothing here is unpacked by the service, and nothing is lost with it: who finds none compiles.
+The service never unpacks it, and nothing is lost with it: a worker that finds none compiles.
 """
 
 from __future__ import annotations

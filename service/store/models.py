@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint, false
+from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint, false, text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 __all__ = [
@@ -33,6 +33,7 @@ __all__ = [
 
 ACTIVE = ("queued", "running", "paused")
 FINAL = ("finished", "failed", "cancelled")
+NOTED = text("note IS NOT NULL")
 
 
 class Base(DeclarativeBase):
@@ -103,6 +104,7 @@ class Job(Base):
         Index("jobs_ended", "finished", "id"),
         Index("jobs_by_picture", "picture", "created"),
         Index("jobs_of_user", "user", "state", "created"),
+        Index("jobs_noted", "id", sqlite_where=NOTED, postgresql_where=NOTED),
     )
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
@@ -145,6 +147,7 @@ class Job(Base):
     project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # its scene's
     key: Mapped[str | None] = mapped_column(String(20))  # by which token it was asked for
     doubted: Mapped[list[str] | None] = mapped_column(JSON(none_as_null=True))  # whose samples in its film: keeping/doubts.py
+    note: Mapped[str | None] = mapped_column(Text)  # what somebody wrote about it
 
     @property
     def stage(self) -> str:

@@ -1,4 +1,4 @@
-"""What batches bring a film: sums of a tile's samples, and who sent them."""
+"""What batches bring to a film: sums of a tile's samples, and who sent them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Room that is kept back, so that on a full disk a deletion can be written down: what is deleted gives room only after that."""
+"""Disk space kept in reserve, so that a deletion can be recorded on a full disk: deleting frees space only after that."""
 
 from __future__ import annotations
 

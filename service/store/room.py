@@ -1,4 +1,4 @@
-"""Whether there is room on the disk, and what is said where there is none."""
+"""Whether there is room on the disk, and the sentence to say if there is not."""
 
 from __future__ import annotations
 

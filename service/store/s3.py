@@ -82,12 +82,15 @@ class S3Blobs:
 
     def exists(self, sha256: str) -> bool:
         """See BlobStore."""
+        return self.size(sha256) is not None
+
+    def size(self, sha256: str) -> int | None:
+        """See BlobStore."""
         try:
             with self._faults():
-                obstore.head(self._store, _key(sha256))
+                return obstore.head(self._store, _key(sha256))["size"]
         except NotFound:
-            return False
-        return True
+            return None
 
     def delete(self, sha256: str) -> None:
         """See BlobStore."""

@@ -1,4 +1,4 @@
-"""Bytes on their way in: a temporary file on this machine, hashed while it is written."""
+"""Uploaded bytes on their way in: a temporary file on this machine, hashed as it is written."""
 
 from __future__ import annotations
 

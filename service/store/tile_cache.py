@@ -1,6 +1,6 @@
-"""Sums of the tiles used latest, of all films together.
+"""Sums of the most recently used tiles, across all films.
 
-What is added to a tile after somebody looked at it is added up when somebody looks again; where nobody does, its sums are
+What is added to a tile after somebody looked at it is added up when somebody looks again; if nobody does, the tile is
 forgotten. So a film that grows unwatched costs no adding.
 """
 

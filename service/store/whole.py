@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["PRIVATE", "PRIVATE_FOLDER", "make_private", "move_whole", "write_whole"]
+__all__ = ["PRIVATE", "PRIVATE_FOLDER", "make_private", "move_whole", "write_once", "write_whole"]
 
 PRIVATE = 0o600  # what the service keeps is its user's alone
 PRIVATE_FOLDER = 0o700
@@ -21,11 +23,30 @@ def make_private(folder: Path) -> None:
 
 def write_whole(path: Path, data: bytes) -> None:
     """Write a small file; another process sees the old content or the new one."""
+    with _beside(path, data) as temporary:
+        move_whole(temporary, path)
+
+
+def write_once(path: Path, data: bytes) -> None:
+    """Write a small file where there is none: of several processes that do so at once one does, and all read the same."""
+    with _beside(path, data) as temporary:
+        _sync(temporary)
+        try:
+            path.hardlink_to(temporary)
+        except FileExistsError:
+            return
+        except OSError:  # a file system without links
+            temporary.replace(path)
+        _sync(path.parent)
+
+
+@contextmanager
+def _beside(path: Path, data: bytes) -> Iterator[Path]:
     temporary = path.with_name(f".{path.name}-{secrets.token_hex(4)}")
     try:
         with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, PRIVATE), "wb") as file:
             file.write(data)
-        move_whole(temporary, path)
+        yield temporary
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -1,1 +1,1 @@
-"""Views that somebody looks at now: pictures without jobs, which leave nothing behind."""
+"""Views that somebody is looking at: pictures without jobs, which leave nothing behind."""

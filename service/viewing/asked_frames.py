@@ -1,4 +1,4 @@
-"""Frames that workers were asked to prepare for views: what an answer is about, also when the view has moved on meanwhile."""
+"""Frames that workers were asked to prepare for views, so that an answer can be matched even after the view has moved on."""
 
 from __future__ import annotations
 

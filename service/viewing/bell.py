@@ -1,4 +1,5 @@
-"""Wakes the desk, which waits for answers in Redis, from any thread: who rings does not wait for Redis, which may hang."""
+"""Wakes the desk, which waits for answers in Redis, from any thread, without the caller having to wait for a Redis that may
+hang."""
 
 from __future__ import annotations
 

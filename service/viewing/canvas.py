@@ -1,4 +1,4 @@
-"""A view's picture as it comes to be: exact sums of colour in memory, its noise, and which tiles are to be shown anew."""
+"""A view's picture in the making: exact sums of colour in memory, its noise, and which tiles have to be shown again."""
 
 from __future__ import annotations
 

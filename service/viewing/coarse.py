@@ -1,12 +1,12 @@
-"""A picture in fewer bytes than it has, for what is seen while it clears up: brightness in 5 bits, hue of 2 x 2 pixels together.
+"""A picture in reduced precision, shown while it clears up: brightness in 5 bits, one hue for 2 x 2 pixels.
 
 Brightness b = r + g + b of every pixel becomes the code q = 1 + 32 (e + 24) + m of the nearest 2**e (1 + m / 32), 0 where it is
 below 2**-24: off by 1.6 % at most. Hue is r / b and g / b of four pixels together, in 255ths: of their sums, so that a pixel's
 hue counts by its brightness, and one that is black tells none. Noise hides both; a whole picture takes an eighth to a fifth of
 the bytes of its RGB9E5 words.
 
-JPEG and WebP make a third of that, but a page could read their pixels only from a canvas, which browsers that guard against
-fingerprints falsify, and bounds the error of no pixel.
+JPEG and WebP need a third of that, but a page can read their pixels only through a canvas, which browsers that guard against
+fingerprinting falsify, and they do not bound the error of any pixel.
 """
 
 from __future__ import annotations

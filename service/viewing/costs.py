@@ -1,4 +1,4 @@
-"""What a sample of a pixel costs in each scene, as the pieces of its views have told."""
+"""What a sample of a pixel costs in each scene, as measured on the pieces of its views."""
 
 from __future__ import annotations
 

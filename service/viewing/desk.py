@@ -1,8 +1,8 @@
-"""The desk that serves all who look at scenes: one thread that hands out pieces of views, and takes in what comes back.
+"""The desk that serves everybody who looks at scenes: one thread that hands out pieces of views, and takes in what comes back.
 
-Views go past jobs, films and the database: their pieces wait in a queue of their own, from which a slot takes before all others;
-their sums are added in memory; whoever leaves takes everything along. What is lost on the way is asked for again. A view that is
-whole shares the slots with what waits beside it, of which may be the next light to look at.
+Views bypass jobs, films and the database: their pieces wait in a queue of their own that slots check first; their sums are
+added in memory; when somebody leaves, everything goes. What is lost on the way is asked for again. A view that is already whole
+shares the slots with other waiting work, which may include preparing the next light to look at.
 """
 
 from __future__ import annotations
@@ -289,7 +289,7 @@ class Desk:
             if data:
                 try:
                     self._hear(ViewAnswer.from_bytes(data))
-                except (ValueError, KeyError, TypeError, RecursionError) as error:
+                except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
                     log.warning("an answer about a view is left out: %.300s", error)
             if self._ordered.is_set():
                 return
@@ -326,12 +326,13 @@ class Desk:
         if out.pick is not None:
             answered(out, out.pick, answer)
             return
+        seconds = answer.seconds
         piece = out.pieces.pop(int(answer.more["number"]), None)
         if piece is None or watch.passes is None or watch.look is None:
             return
         tile = watch.passes.levels[piece.level].tiles[piece.tile]
         watch.add(piece, unpack_sums(answer.sums, tile, planes=[0, 1, 2, SAMPLES]))
-        self._costs.learn(watch.look, float(answer.more["seconds"]) / (tile.w * tile.h * piece.count))
+        self._costs.learn(watch.look, seconds / (tile.w * tile.h * piece.count))
         if watch.message is not None:
             self._tell(watch, None, self._hands.slots(out.kind))
         if watch.is_due():

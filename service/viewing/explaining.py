@@ -1,4 +1,4 @@
-"""Pixels explained: a worker is asked to render a pixel's samples once more, and answered for while who asks waits."""
+"""Explained pixels: asks a worker to render a pixel's samples again, while the request waits for its answer."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from service.settings import Settings
 from worker.explained import ExplainPixel, explained_key
 from worker.view_parts import view_queue
 
-__all__ = ["Explaining"]
+__all__ = ["Explaining", "no_sense"]
 
 AT_ONCE = 4  # each takes a thread of the service while it waits
 BEGIN_S = 20.0  # that a slot may take to get to it: it comes before all that nobody waits for
@@ -120,7 +120,12 @@ def _understood(data: bytes) -> dict[str, Any]:
             return answer
     except (ValueError, RecursionError):
         pass
-    raise Failed("The worker's answer makes no sense here. Run the same release of Rayfarm on all machines.")
+    raise no_sense()
+
+
+def no_sense() -> Failed:
+    """A worker has said something else than an explanation."""
+    return Failed("The worker's answer makes no sense here. Run the same release of Rayfarm on all machines.")
 
 
 def _why(answer: dict[str, Any]) -> str:

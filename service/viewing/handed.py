@@ -1,4 +1,4 @@
-"""A message that is handed out and not over yet."""
+"""A message that was handed out and is not finished yet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From what a page asks to see to what is rendered: which compiled scene and which settings a view means."""
+"""From what a page asks to see to what is rendered: the compiled scene and the settings of a view."""
 
 from __future__ import annotations
 

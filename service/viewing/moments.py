@@ -1,4 +1,4 @@
-"""Frames that were prepared for views, for as long as somebody looks at their scene; then what was compiled for them goes."""
+"""Frames that were prepared for views, kept as long as somebody looks at their scene; then their compiled scenes are deleted."""
 
 from __future__ import annotations
 

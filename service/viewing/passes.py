@@ -1,9 +1,10 @@
-"""In which pieces a view is rendered: small at first, then whole, then ever more samples.
+"""The pieces in which a view is rendered: small at first, then whole, then with more and more samples.
 
-The first picture is as large as the farm renders in FIRST_S, by what a sample of this scene costs; where the whole view takes
-much longer than that, one of a size between follows. Of the whole view come 1, 2, 4, 8 ... samples a pixel, of which each piece
-lies in one half (renderer.film.in_half), so that its sum of colours tells the noise too. Pieces take about
-PIECE_S, so that a new view does not wait long for those of the last one; what is handed out together is worth the way there.
+The first picture is as large as the farm can render in FIRST_S, judging by what a sample of this scene costs; if the whole view
+takes much longer than that, a picture of medium size follows. The whole view is then rendered with 1, 2, 4, 8 ... samples a
+pixel. Each piece lies in one half of the samples (renderer.film.in_half), so that its sum of colours gives the noise too.
+Pieces take about PIECE_S, so that a new view does not wait long for those of the last one; as many are handed out together as
+makes the round trip worthwhile.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What lies under a pixel of a view: one sample of it, of which all planes are asked for."""
+"""What lies under a pixel of a view: one sample of it, with all planes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many views lie in memory at a time: 52 bytes a pixel each, for as long as somebody looks."""
+"""How many views fit into memory at a time: 52 bytes a pixel each, for as long as somebody looks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Which way a pixel of a view looks. The kernel's camera (renderer/kernel/camera.py) has the same in compiled code."""
+"""The direction in which a pixel of a view looks. The kernel's camera (renderer/kernel/camera.py) has the same in compiled
+code."""
 
 from __future__ import annotations
 

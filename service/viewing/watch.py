@@ -1,7 +1,7 @@
-"""One who looks at a scene: what is to be seen, the pictures so far, and what the page is told of them.
+"""Somebody who looks at a scene: what is to be seen, the pictures so far, and what the page is told about them.
 
-The desk's thread fills it; the event loop's threads take pictures out. A lock lies between them, held while
-sums are read or added.
+The desk's thread fills it, and the event loop's threads take pictures out. A lock between them is held while sums are read or
+added.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What is shown: pictures of a film at any moment, and who is told that it grew."""
+"""What people see: pictures of a film at any moment, and the news that it has grown."""

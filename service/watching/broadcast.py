@@ -1,7 +1,7 @@
-"""Who wants to hear what: the engine's thread tells, watchers on the event loop listen.
+"""News for watchers: the engine's thread tells, listeners on the event loop hear.
 
-A listener holds sets of what changed, never a list of messages: one that is slow gets fewer and newer messages, and costs
-no memory.
+A listener holds sets of what has changed, never a list of messages: a slow one gets fewer and newer messages, and costs no
+memory.
 """
 
 from __future__ import annotations

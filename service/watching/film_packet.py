@@ -1,9 +1,9 @@
-"""A frame as one answer, for whoever opens it: what every tile has, and all of its light. Little-endian:
+"""A frame as one response, for a page that opens it: what every tile has, and all of its light. Little-endian:
 
 u8 version = 1, u8 kind = 2, u16 frame (its whole part, modulo 65536), u16 w, h, u32 side of a tile; then u32 samples a pixel of
 every tile, in reading order; then w * h words RGB9E5 in four planes of bytes, the lowest first, rows from the top.
 
-In planes, since the exponents of neighbours are alike and their mantissas are noise: gzip finds the former where they lie
+In planes, because neighbouring exponents are similar and mantissas are noise: gzip compresses the former where they lie
 together.
 """
 

@@ -1,4 +1,4 @@
-"""A film as the page reads it (film_packet.py), as a picture file: what was kept of it has no other form."""
+"""A kept film (film_packet.py) as a picture file, when nothing else is left of it."""
 
 from __future__ import annotations
 

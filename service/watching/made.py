@@ -1,4 +1,4 @@
-"""A picture file on its way to its readers: on the disk where it is large, since a slow reader would keep memory for long."""
+"""A picture file on its way to its readers: on disk if it is large, since a slow reader would occupy memory for long."""
 
 from __future__ import annotations
 

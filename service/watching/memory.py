@@ -1,4 +1,4 @@
-"""Memory that is needed for a moment: where it comes from, and that it goes back to the system. Of glibc alone."""
+"""Memory needed for a moment: where it comes from, and how it is returned to the system. glibc only."""
 
 from __future__ import annotations
 

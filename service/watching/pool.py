@@ -1,8 +1,8 @@
-"""A few threads, and so many bytes, for what takes much memory and time: whole pictures and digests. More than wait in line are
-turned away.
+"""A few threads and a memory budget for what takes much memory and time: whole pictures and digests. Requests beyond the length
+of the queue are turned away.
 
-Without bounds, each of many readers of a large picture has its own copies of it in memory at the same time, and they take
-the threads of all other requests.
+Without limits, each of many readers of a large picture would hold copies of it in memory at the same time, and together they
+would take the threads of all other requests.
 """
 
 from __future__ import annotations

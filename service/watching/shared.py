@@ -1,7 +1,7 @@
-"""What many watchers of a job are told is made once for all of them: its tiles packed, its state in words.
+"""What many watchers of a job are told is made once for all of them: its packed tiles, and its state as JSON.
 
-Used on the event loop alone, which never waits for a film: how often a tile was told to have changed says whether what was
-packed of it is still true.
+Used on the event loop only, which never waits for a film: a counter of each tile's changes says whether its packet is still
+valid.
 """
 
 from __future__ import annotations

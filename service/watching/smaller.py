@@ -1,4 +1,4 @@
-"""Smaller copies of pictures that come in bands: averages over squares of whole pixels."""
+"""Smaller copies of pictures that arrive in bands: averages over squares of whole pixels."""
 
 from __future__ import annotations
 

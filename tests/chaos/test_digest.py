@@ -74,7 +74,7 @@ def half_way(farm: Farm, job: str) -> None:
         assert client.job(job).progress < 0.9, "the job was too quick to be disturbed"
 
 
-@pytest.mark.parametrize("tile_size", [16, 64])
+@pytest.mark.parametrize("tile_size", [16, pytest.param(64, marks=pytest.mark.long)])
 def test_the_size_of_tiles_does_not_matter(chaos_farm: Farm, soon: str, tile_size: int) -> None:
     assert finish(chaos_farm, submit(chaos_farm, SPP // 5, tile_size=tile_size)) == soon
 
@@ -105,7 +105,7 @@ def kill_part(name: str) -> Callable[[Farm], None]:
 @pytest.mark.parametrize(
     "kill",
     [
-        pytest.param(kill_a_slot, id="a slot"),
+        pytest.param(kill_a_slot, id="a slot", marks=pytest.mark.long),
         pytest.param(kill_part("worker"), id="the worker"),
         pytest.param(kill_part("service"), id="the service"),
         pytest.param(kill_part("redis"), id="Redis"),
@@ -169,7 +169,9 @@ def finished_frames(farm: Farm, *jobs: str) -> dict[float, str]:
         return found
 
 
-@pytest.mark.parametrize("order", ["in-turn", "breadth-first", "centre-out"])
+@pytest.mark.parametrize(
+    "order", ["breadth-first", *(pytest.param(order, marks=pytest.mark.long) for order in ("in-turn", "centre-out"))]
+)
 def test_the_order_of_frames_does_not_matter(chaos_farm: Farm, shot: Path, few: dict[float, str], order: str) -> None:
     assert finished_frames(chaos_farm, shoot(chaos_farm, shot, order=order, spp=FEW)) == few
 
@@ -179,6 +181,7 @@ def test_a_shot_in_two_jobs_at_a_time_is_the_shot_in_one(chaos_farm: Farm, shot:
     assert finished_frames(chaos_farm, *jobs) == few
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kill", [pytest.param(kill_a_slot, id="a slot"), pytest.param(kill_part("service"), id="the service")])
 def test_what_is_killed_in_a_shot_does_not_matter(
     chaos_farm: Farm, shot: Path, stills: dict[float, str], kill: Callable[[Farm], None]
@@ -189,6 +192,7 @@ def test_what_is_killed_in_a_shot_does_not_matter(
     assert finished_frames(chaos_farm, job) == stills
 
 
+@pytest.mark.long
 def test_where_noise_is_evened_out_the_digests_depend_on_the_request_alone(chaos_farm: Farm, shot: Path) -> None:
     request = {"order": "noisiest-first", "frames": "0-9x3"}
     quiet = finished_frames(chaos_farm, shoot(chaos_farm, shot, **request))

@@ -16,8 +16,9 @@ pytestmark = pytest.mark.farm
 @pytest.mark.parametrize(
     ("signals", "seconds", "slots"),
     [
-        ([signal.SIGINT, signal.SIGINT], 8, 2),
-        ([signal.SIGTERM], 10, 0),  # for what is below, these two are as one Ctrl-C: a farm without a worker starts sooner
+        # For what is below, SIGTERM and SIGHUP are as one Ctrl-C: a farm without a worker starts sooner.
+        pytest.param([signal.SIGINT, signal.SIGINT], 8, 2, marks=pytest.mark.long),
+        pytest.param([signal.SIGTERM], 10, 0, marks=pytest.mark.long),
         pytest.param([signal.SIGHUP], 10, 0, marks=pytest.mark.long),
         ([signal.SIGKILL], 8, 2),
     ],

@@ -32,6 +32,7 @@ FLAGS = [
     "--disable-gpu-compositing",
     "--disable-gpu-rasterization",
     "--no-first-run",
+    "--process-per-site",  # a process of its own for each page, and its modules compiled again, takes longer than most tests
 ]
 # A live view is done sooner than by itself: it has every slot of the farm until then.
 SOON_CLEAR = "try { localStorage['rayfarm-view-noise'] ??= '0.05'; } catch { /* a page without an origin */ }"
@@ -60,13 +61,23 @@ class Watched:
 
 
 @pytest.fixture(scope="session")
-def profile(browser: Browser, shared: ExitStack) -> BrowserContext:
+def site() -> Iterator[Site]:
+    """The page's files, without a farm."""
+    site = Site()
+    yield site
+    site.server.should_exit = True
+    site.thread.join(5)
+
+
+@pytest.fixture(scope="session")
+def profile(browser: Browser, site: Site, shared: ExitStack) -> BrowserContext:
     """What a browser keeps of the pages that it has seen: their modules, so that not every test fetches and compiles them all."""
     # Small and without animations: every frame is drawn by the CPU.
     context = browser.new_context(viewport={"width": 1024, "height": 640}, accept_downloads=True, reduced_motion="reduce")
     shared.callback(context.close)
     context.set_default_timeout(20_000)
     context.add_init_script(SOON_CLEAR)
+    context.new_page().goto(f"{site.url}/blank")  # stays, and with it the process that all pages share
     return context
 
 
@@ -88,20 +99,10 @@ def watched(profile: BrowserContext) -> Iterator[Watched]:
     yield result
     page.close()
     profile.clear_permissions()
-    blank = profile.new_page()
-    session = profile.new_cdp_session(blank)
+    session = profile.new_cdp_session(profile.pages[0])
     for place in result.origins:
         session.send("Storage.clearDataForOrigin", {"origin": f"http://{place}", "storageTypes": KEPT})
-    blank.close()
-
-
-@pytest.fixture(scope="session")
-def site() -> Iterator[Site]:
-    """The page's files, without a farm."""
-    site = Site()
-    yield site
-    site.server.should_exit = True
-    site.thread.join(5)
+    session.detach()
 
 
 @pytest.fixture

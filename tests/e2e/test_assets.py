@@ -57,6 +57,7 @@ def first_paint(page: Page) -> float:
     return float(page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime"))
 
 
+@pytest.mark.long
 def test_a_second_visit_asks_for_the_index_alone_and_paints_at_once(served: Served, watched: Watched) -> None:
     page = watched.page
     page.goto(served.url)

@@ -82,6 +82,7 @@ def test_each_side_of_the_wipe_shows_its_own_picture(farm: Farm, watched: Watche
     assert watched.errors == []
 
 
+@pytest.mark.long
 @pytest.mark.browser
 @pytest.mark.farm
 def test_a_shot_is_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_path: Path) -> None:
@@ -118,6 +119,7 @@ def test_a_shot_is_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_pat
     assert watched.errors == []
 
 
+@pytest.mark.long
 @pytest.mark.browser
 @pytest.mark.farm
 def test_an_examples_comparison_is_one_click_and_the_next_click_finds_it(farm: Farm, watched: Watched) -> None:

@@ -26,6 +26,7 @@ DROP = """([name, bytes]) => {
 }"""
 
 
+@pytest.mark.long
 def test_a_moment_is_shown_in_the_pictures_place_and_compared_with_now(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     job = rendered(farm, scene, **SIZE, spp=256)
@@ -76,6 +77,7 @@ def test_a_moment_is_shown_in_the_pictures_place_and_compared_with_now(farm: Far
     assert watched.errors == []
 
 
+@pytest.mark.long
 def test_a_dropped_picture_becomes_a_and_is_measured_against(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     job = rendered(farm, scene, **SIZE, spp=4)

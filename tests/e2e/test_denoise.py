@@ -21,6 +21,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.farm]
 SIZE = {"width": 96, "height": 64}
 
 
+@pytest.mark.long
 def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:
         pytest.skip("no worker that can denoise: Open Image Denoise is not installed")

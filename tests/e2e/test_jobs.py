@@ -90,6 +90,7 @@ def test_many_are_selected_changed_and_taken_back(many: Service, watched: Watche
     assert watched.errors == []
 
 
+@pytest.mark.long
 def test_news_of_jobs_that_are_not_shown_change_tallies_and_never_the_order(many: Service, watched: Watched) -> None:
     page = watched.page
     page.goto(many.url)
@@ -107,6 +108,7 @@ def test_news_of_jobs_that_are_not_shown_change_tallies_and_never_the_order(many
     assert watched.errors == []
 
 
+@pytest.mark.long
 def test_a_job_that_is_deleted_elsewhere_leaves_quietly(many: Service, watched: Watched) -> None:
     page = watched.page
     paused = f"{1001:020x}"
@@ -139,6 +141,7 @@ STUB = """
 """
 
 
+@pytest.mark.long
 def test_the_end_of_a_job_is_told_where_one_wants_it(many: Service, watched: Watched) -> None:
     page = watched.page
     page.add_init_script(STUB)

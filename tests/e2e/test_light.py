@@ -95,6 +95,7 @@ def test_a_scene_is_lit_by_what_is_chosen_and_dropped(
     assert not watched.errors
 
 
+@pytest.mark.long
 def test_an_image_alone_is_no_scene_but_may_be_kept(watched: Watched, farm: Farm, tmp_path: Path) -> None:
     page = watched.page
     page.goto(farm.url)

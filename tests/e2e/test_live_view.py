@@ -222,6 +222,7 @@ def farm_views(farm: Farm) -> str:
     return "views" if any("view" in doing for w in httpx.get(f"{farm.url}/api/workers").json() for doing in w["current"]) else ""
 
 
+@pytest.mark.long
 @pytest.mark.farm
 def test_on_a_phone_the_page_scrolls_under_one_finger(farm: Farm, browser: Browser) -> None:
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]

@@ -67,12 +67,14 @@ def test_in_by_a_link_out_and_in_by_a_password(service: Service, watched: Watche
         expect(page.get_by_role("heading", name="Log in to Rayfarm")).to_be_visible()
 
 
+@pytest.mark.long
 def test_a_link_that_was_used_says_so(service: Service, watched: Watched) -> None:
     watched.page.goto(f"{service.url}/#/login?code=used")
     expect(watched.page.get_by_role("alert")).to_contain_text("used already")
     assert "used" not in watched.page.url.partition("#")[2]
 
 
+@pytest.mark.long
 def test_an_administrator_lets_others_in_and_out_again(service: Service, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     token = (tmp_path / "data" / "owner-token").read_text().strip()

@@ -148,6 +148,7 @@ def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watche
     assert [error for error in watched.errors if "422" not in error] == []
 
 
+@pytest.mark.long
 def test_an_example_is_a_picture_in_two_clicks_and_cancelling_keeps_it(farm: Farm, watched: Watched) -> None:
     page = watched.page
     page.goto(farm.url)
@@ -166,6 +167,7 @@ def test_an_example_is_a_picture_in_two_clicks_and_cancelling_keeps_it(farm: Far
     assert watched.errors == []
 
 
+@pytest.mark.long
 def test_what_is_missing_is_added_and_of_several_models_one_is_chosen(farm: Farm, watched: Watched) -> None:
     page = watched.page
     page.goto(farm.url)

@@ -92,6 +92,7 @@ def at(page: Page, x: float, y: float) -> tuple[float, float]:
     return box["x"] + left + x * scale, box["y"] + top + y * scale
 
 
+@pytest.mark.long
 def test_a_rectangle_on_the_picture_is_rendered_first(farm: Farm, watched: Watched) -> None:
     job = httpx.post(f"{farm.url}/api/jobs", json={"scene": spheres(farm), **SIZE, "spp": 60_000}).raise_for_status().json()["id"]
     url = f"{farm.url}/api/jobs/{job}"

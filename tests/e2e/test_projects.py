@@ -16,6 +16,7 @@ from tests.service.conftest import OBJ, Service, until
 pytestmark = pytest.mark.browser
 
 
+@pytest.mark.long
 def test_the_switch_is_there_for_members_and_chooses_what_is_shown(
     service: Service,  # noqa: F811
     watched: Watched,

@@ -49,6 +49,31 @@ def test_a_job_says_what_it_waits_for_and_by_when_it_is_wanted(many: Service, wa
     assert watched.errors == []
 
 
+def test_a_job_is_renamed_and_a_note_stands_in_the_list(many: Service, watched: Watched) -> None:
+    page = watched.page
+    job = many.submit("scene1", name="Take 1")
+    page.goto(f"{many.url}/#/jobs/{job}")
+    expect(page.get_by_role("heading", name="Take 1")).to_be_visible()
+    page.keyboard.press("F2")
+    page.get_by_label("Name of the picture").fill("thrown away")
+    page.keyboard.press("Escape")
+    page.get_by_role("button", name="Rename").click()
+    page.get_by_label("Name of the picture").fill("The cover")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("heading", name="The cover")).to_be_visible()
+    page.get_by_role("button", name="Add a note").click()
+    page.get_by_label("Note", exact=True).fill("warmer lamp\nsays <b>Anna</b>")
+    page.keyboard.press("Control+Enter")
+    expect(page.locator(".note-text")).to_have_text("warmer lamp\nsays <b>Anna</b>")
+    until(lambda: many.job(job)["note"] == "warmer lamp\nsays <b>Anna</b>", "the note is kept")
+    page.goto(f"{many.url}/#/jobs?search=warmer")
+    expect(page.locator(".job-row")).to_have_count(1)
+    expect(page.locator(".job-row")).to_contain_text("The cover")
+    expect(page.locator(".job-row")).to_contain_text("warmer lamp")
+    assert watched.errors == []
+    many.patch(job, state="cancelled")
+
+
 def test_shares_are_seen_and_changed(many: Service, watched: Watched) -> None:
     page = watched.page
     many.http.put("/api/shares/user:anna", json={"weight": 2, "max_slots": 8}).raise_for_status()
@@ -69,6 +94,7 @@ def test_shares_are_seen_and_changed(many: Service, watched: Watched) -> None:
     many.http.delete("/api/shares/user:anna").raise_for_status()
 
 
+@pytest.mark.long
 def test_a_machine_is_told_when_it_works(many: Service, watched: Watched) -> None:
     page = watched.page
     peers = (many.worker(name="attic", tags=("gpu", "kind:test-kind"), slots=4), many.worker(name="cellar"))

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import ast
+import json
+import shlex
+
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -80,3 +84,18 @@ def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
     fold.get_by_label("Needs").blur()
     expect(fold.locator(".lacking")).to_be_hidden()
     assert submitted(form)["needs"] == ["gpu", "memory_gb=16"]
+
+
+def test_the_request_is_shown_as_a_program_asks_for_it(form: Page) -> None:
+    fold = form.locator(".by-program")
+    form.locator(".queue-fold").get_by_label("Priority").fill("5")
+    curl, python = (fold.get_by_label(name, exact=True) for name in ("curl", "Python"))
+    expect(curl).to_contain_text('"priority":5')
+    expect(python).to_contain_text("priority=5")
+    asked = submitted(form)
+    _, _, body = shlex.split(curl.text_content() or "")[-3:]
+    assert json.loads(body) == asked
+    tree = ast.parse(python.text_content() or "")
+    call = next(node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) == "farm.submit")
+    said = {each.arg: ast.literal_eval(each.value) for each in call.keywords}
+    assert {"scene": ast.literal_eval(call.args[0]), **said} == asked

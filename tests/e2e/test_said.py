@@ -33,6 +33,20 @@ SAID = {
     ),
     "x: width x height is 9 pixels; at most 8 are rendered": "x: Breite x Höhe sind 9 Pixel; höchstens 8 werden gerendert",
     "spp: needs is no such field.": "spp: needs is no such field.",
+    # what readers say of many things of a file, how often, and how much of each
+    "a.usd: Curves that are damaged are left out (2): /a, /b.": "a.usd: Beschädigte Kurven sind weggelassen (2): /a, /b.",
+    "Lights of the kind Portal are left out (4): /a, /b, /c and others.": (
+        "Lichter der Art Portal sind weggelassen (4): /a, /b, /c und andere."
+    ),
+    "a.pbrt, line 3: glass is as rough in both directions here (2 times)": (
+        "a.pbrt, line 3: glass ist hier in beiden Richtungen gleich rau (2-mal)"
+    ),
+    "Not taken over as it is in the FBX file: 2 volume lights, 1 further skins of a mesh.": (
+        "Nicht so übernommen, wie es in der FBX-Datei ist: 2 Volumenlichter, 1 weitere Skins eines Netzes."
+    ),
+    "Material oak: its texture oak.png is not among the files; add it. Rendered in the base colour meanwhile.": (
+        "Material oak: die Textur oak.png ist nicht unter den Dateien; hinzufügen. Bis dahin in der Grundfarbe gerendert."
+    ),
     # what nobody knows stays
     "Traceback (most recent call last): boom": "Traceback (most recent call last): boom",
     "<b>x</b> {n}": "<b>x</b> {n}",

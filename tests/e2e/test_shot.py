@@ -145,6 +145,7 @@ def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, 
     assert watched.errors == []
 
 
+@pytest.mark.long
 @pytest.mark.farm
 def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Watched) -> None:
     page = watched.page
@@ -177,7 +178,7 @@ def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Wa
 
 
 @pytest.mark.farm
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.long)])
 def test_a_phone_has_all_of_it_below_the_picture(farm: Farm, browser: Browser, scheme: Any) -> None:
     job = asked(farm, uploaded(farm, ("shot.glb", turning().glb())), frames="0-7", fps=16, spp=4)
     wait_until(finished(farm, job), 120, "the shot is finished")
@@ -271,15 +272,15 @@ def test_a_small_picture_that_does_not_come_is_asked_for_again(page: Page) -> No
     assert asked == [503, 200]
 
 
-@pytest.mark.parametrize(("size", "count"), [((480, 270), 96), ((1280, 720), 250), ((3840, 2160), 2000), ((97, 31), 100_000)])
-def test_what_is_held_stays_within_its_bound(page: Page, size: tuple[int, int], count: int) -> None:
-    body = "return m.planOf({ width: a.size[0], height: a.size[1] }, a.count, 2 ** 29);"
-    plan = call(page, "shot/frame-memory", body, {"size": size, "count": count})
-    side = max(1, min(size[0] // plan["wanted"], size[1]))
-    assert (plan["width"], plan["height"]) == (size[0] // side, size[1] // side), "as the service makes it"
-    assert plan["fits"] * 4 * plan["width"] * plan["height"] <= 2**29
-    assert plan["width"] >= min(size[0], 80)
-    if count <= 250:
-        assert plan["fits"] >= count, "all of a usual shot"
-    if count == 96:
-        assert plan["width"] == size[0], "in full where there is room"
+def test_what_is_held_stays_within_its_bound(page: Page) -> None:
+    for size, count in (((480, 270), 96), ((1280, 720), 250), ((3840, 2160), 2000), ((97, 31), 100_000)):
+        body = "return m.planOf({ width: a.size[0], height: a.size[1] }, a.count, 2 ** 29);"
+        plan = call(page, "shot/frame-memory", body, {"size": size, "count": count})
+        side = max(1, min(size[0] // plan["wanted"], size[1]))
+        assert (plan["width"], plan["height"]) == (size[0] // side, size[1] // side), "as the service makes it"
+        assert plan["fits"] * 4 * plan["width"] * plan["height"] <= 2**29
+        assert plan["width"] >= min(size[0], 80)
+        if count <= 250:
+            assert plan["fits"] >= count, "all of a usual shot"
+        if count == 96:
+            assert plan["width"] == size[0], "in full where there is room"

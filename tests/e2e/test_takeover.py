@@ -16,6 +16,7 @@ from tests.service.peer_worker import PeerWorker
 pytestmark = pytest.mark.browser
 
 
+@pytest.mark.long
 def test_the_picture_goes_on_by_itself(tmp_path: Path, watched: Watched) -> None:
     page = watched.page
     tiles: list[WebSocket] = []  # by which connection each came

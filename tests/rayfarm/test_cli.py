@@ -136,6 +136,7 @@ def test_without_a_bvh_it_is_the_same_picture(tmp_path: Path) -> None:
     assert np.array_equal(read(tmp_path / "tree.exr")[0], read(tmp_path / "brute.exr")[0])
 
 
+@pytest.mark.long
 def test_the_bench_of_the_bvh_times_four_ways_to_one_picture() -> None:
     done = rayfarm("bench", "bvh", "--json", "--size=16x9", "--scene", ROOT / "scenes" / "still-life.yaml")
     assert done.returncode == 0, done.stderr

@@ -65,6 +65,7 @@ def lines(farm: Farm, name: str) -> list[dict[str, Any]]:
     return found
 
 
+@pytest.mark.long
 def test_every_line_is_an_object_and_says_what_it_is_about(observed: tuple[Farm, Receiver, str, str]) -> None:
     farm, _, job, _ = observed
     service, worker = lines(farm, "service"), lines(farm, "worker")
@@ -84,6 +85,7 @@ def test_every_line_is_an_object_and_says_what_it_is_about(observed: tuple[Farm,
     assert any(line["message"] == "Warm shutdown" for line in worker)
 
 
+@pytest.mark.long
 def test_spans_lead_from_the_upload_to_the_tiles(observed: tuple[Farm, Receiver, str, str]) -> None:
     _, receiver, job, scene = observed
     (upload,) = receiver.of("upload")

@@ -99,6 +99,7 @@ SHOTS = {
     "all.yaml": YAML,
     "numbered.yaml": NUMBERED,
 }
+NAMES = [name if name in ("all.glb", "numbered.yaml") else pytest.param(name, marks=pytest.mark.long) for name in SHOTS]
 
 
 @pytest.fixture
@@ -110,7 +111,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("name", SHOTS)
+@pytest.mark.parametrize("name", NAMES)
 def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
     stage = Stage(Shot(folder, name), threads=1)
     seen = set()
@@ -124,7 +125,7 @@ def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
     assert len(seen) == (5 if name == "numbered.yaml" else 6)  # half a frame is the file before it
 
 
-@pytest.mark.parametrize("name", SHOTS)
+@pytest.mark.parametrize("name", NAMES)
 def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
     asked = {"shutter": 0.5}
     stage = Stage(Shot(folder, name), threads=1, shutter=asked)
@@ -140,7 +141,7 @@ def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
         assert [("views" in camera) for camera in summary["cameras"]] == [bool(c.keys) for c in description.cameras] + [False]
 
 
-@pytest.mark.parametrize("name", SHOTS)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_look_at_the_frames_beside_leaves_no_trace(folder, name):
     stage = Stage(Shot(folder, name), threads=1)
     for frame in (5, 6):

@@ -37,18 +37,24 @@ def supervisor(said: list[str]):
     made.stop(lambda: True)
 
 
-def test_a_part_that_dies_is_started_again_and_it_is_said(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:
+NAMELESS = pytest.param(40, "signal 40", marks=pytest.mark.skipif(sys.platform != "linux", reason="a number of Linux"))
+
+
+@pytest.mark.parametrize(("number", "name"), [(signal.SIGKILL, "SIGKILL"), NAMELESS])
+def test_a_part_that_dies_is_started_again_and_it_is_said(
+    supervisor: Supervisor, said: list[str], tmp_path: Path, number: int, name: str
+) -> None:
     part = Part("sleeper", SLEEPER, tmp_path / "log")
     supervisor.start(part)
     first = part.process
     assert first is not None
-    first.kill()
+    first.send_signal(number)
     first.wait()
     wait_until(lambda: supervisor.tend() is None and part.running, 5, "the part runs again")
     assert part.process is not None
     assert part.process.pid != first.pid
     assert len(said) == 1
-    assert "sleeper ended (by SIGKILL)" in said[0]
+    assert f"sleeper ended (by {name})" in said[0]
 
 
 def test_a_part_that_cannot_live_is_tried_ever_more_rarely(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:

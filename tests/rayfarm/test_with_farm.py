@@ -74,6 +74,7 @@ def test_submit_gives_the_picture_that_render_gives(farm: Farm, tmp_path: Path) 
     assert (shown["id"], shown["state"], shown["width"], shown["height"]) == (job, "finished", 48, 32)
 
 
+@pytest.mark.long
 def test_an_environment_image_goes_along(farm: Farm, tmp_path: Path) -> None:
     sky = np.full((16, 32, 3), 0.25, np.float32)
     file = oiio.ImageOutput.create(str(tmp_path / "sky.exr"))
@@ -90,6 +91,7 @@ def test_an_environment_image_goes_along(farm: Farm, tmp_path: Path) -> None:
     assert pixels(tmp_path / "ball.exr").mean() == pytest.approx(0.25, rel=0.02)
 
 
+@pytest.mark.long
 def test_a_sky_is_the_same_here_and_there_and_a_denoised_picture_comes_along(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "ball.yaml").write_text(
         "shapes: [{type: sphere, center: [0, 0, 0], radius: 1, material: white}]\nmaterials: {white: {kind: diffuse, color: 1}}\n"
@@ -111,6 +113,7 @@ def test_a_sky_is_the_same_here_and_there_and_a_denoised_picture_comes_along(far
     assert np.array_equal(pixels(tmp_path / "farm.exr"), pixels(tmp_path / "alone.exr"))
 
 
+@pytest.mark.long
 def test_a_variant_is_the_same_here_and_there(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "shoe.glb").write_bytes(shoe().glb())
     shown = ["--size=16x16", "--spp=4", "--eye=0.3,0.3,2", "--target=0.3,0.3,0", "--aov=albedo"]
@@ -163,6 +166,7 @@ def digest_here(scene: Path, frame: float, picture: Picture, turntable: float | 
     return film.digest(render_frame(compiled, settings, 4))
 
 
+@pytest.mark.long
 def test_a_blurred_frame_is_what_render_gives(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "shot.glb").write_bytes(both().glb())
     cube = "{type: cube, transform: [{rotate: {axis: y, degrees: {keys: [[0, 0], [1, 900]]}}}]}"
@@ -214,6 +218,7 @@ def test_a_frame_that_fails_ends_the_command_with_1_and_the_others_are_written(f
     assert sorted(path.name for path in tmp_path.glob("*.png")) == ["out.0.png", "out.1.png", "out.3.png"]
 
 
+@pytest.mark.long
 def test_files_under_numbers_are_a_shot(farm: Farm, tmp_path: Path) -> None:
     for number in (1, 2):
         (tmp_path / f"drop.{number:04d}.obj").write_text(f"v -9 -9 0\nv 9 -9 0\nv 0 {3 * number} 0\nf 1 2 3\n")
@@ -264,6 +269,7 @@ def test_a_machine_joins_and_leaves(farm: Farm) -> None:
         wait_until(lambda: "second" not in states(), 10, "the second worker has left")
 
 
+@pytest.mark.long
 def test_a_wrong_token_is_a_sentence(farm: Farm) -> None:
     code, _, err = run("worker", "--join", farm.url, "--token", "wrong", "--slots", "1")
     assert code == 1
@@ -300,6 +306,7 @@ def test_a_second_farm_on_the_same_folder_or_port_is_told_why_not(farm: Farm, tm
         assert "Traceback" not in err
 
 
+@pytest.mark.long
 def test_a_data_folder_of_a_newer_release_is_refused_with_a_sentence(tmp_path: Path) -> None:
     data = tmp_path / "data"
     data.mkdir()

@@ -70,6 +70,7 @@ def test_what_cannot_be_started_is_a_sentence(tmp_path: Path) -> None:
         assert "Traceback" not in done.stderr
 
 
+@pytest.mark.long
 def test_a_token_comes_from_a_file_and_one_among_the_arguments_is_warned_of(tmp_path: Path) -> None:
     shown: list[str | None] = []
 

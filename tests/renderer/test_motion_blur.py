@@ -250,10 +250,11 @@ def fly_by(t: float) -> SceneDescription:
     return scene
 
 
-SCENES = [spinning_child, growing, bending, rolling, lamps, turning_lamps, one_lamp, punctual, fly_by, sliding]
+SCENES = [spinning_child, bending, rolling, lamps, sliding]
+OTHERS = [pytest.param(each, marks=pytest.mark.long) for each in (growing, turning_lamps, one_lamp, punctual, fly_by)]
 
 
-@pytest.mark.parametrize("at", SCENES, ids=lambda at: at.__name__)
+@pytest.mark.parametrize("at", [*SCENES, *OTHERS], ids=lambda at: at.__name__)
 def test_a_blurred_picture_is_the_mean_of_its_moments(at: At) -> None:
     moving = over(at)
     views = moving.cameras[0].keys if moving.cameras else ()

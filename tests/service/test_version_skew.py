@@ -102,6 +102,7 @@ def test_what_an_older_service_left_in_redis_is_left_aside(service: Service, sto
     until(lambda: store.xlen(RESULTS) == 0, "the stream is empty")
 
 
+@pytest.mark.long
 def test_what_a_worker_hands_back_is_rendered_again_and_nobody_is_blamed(service: Service, worker: PeerWorker) -> None:
     """A lost connection is no fault of the scene: as often as it happens, the job goes on."""
     returns: dict[tuple[Any, ...], int] = {}

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -40,7 +40,7 @@ from worker.contract import (
     render_queue,
 )
 
-__all__ = ["Bench", "FakeService", "a_worker", "busiest"]
+__all__ = ["Bench", "FakeService", "a_worker", "busiest", "slots_of", "used"]
 
 
 class FakeService(BaseHTTPRequestHandler):
@@ -179,7 +179,7 @@ def a_worker(redis_url: str, folder: Path, slots: int) -> Iterator[Bench]:
             wait_until(ready, 240, "the worker is ready")  # compiles its kernels, where nobody did before
             yield made
             process.terminate()
-            assert process.wait(20) == 0, (folder / "log").read_text()
+            assert process.wait(60) == 0, (folder / "log").read_text()
             assert made.report() is None
             assert not [*folder.glob("rayfarm-sums-*")]
         finally:
@@ -188,6 +188,16 @@ def a_worker(redis_url: str, folder: Path, slots: int) -> Iterator[Bench]:
     celery.close()
     server.shutdown()
     server.server_close()
+
+
+def slots_of(parent: int) -> list[psutil.Process]:
+    """A worker's slots; not the process by which it hands in what it compiled."""
+    found = []
+    for child in psutil.Process(parent).children():
+        with suppress(psutil.NoSuchProcess):
+            if any(argument.startswith("--slots=") for argument in child.cmdline()):
+                found.append(child)
+    return found
 
 
 def used(slot: psutil.Process) -> float:
@@ -200,6 +210,6 @@ def used(slot: psutil.Process) -> float:
 
 def busiest(parent: int) -> psutil.Process:
     """The slot that works. One that is being started needs a moment of its core too, and has nothing in hand yet."""
-    before = {slot: used(slot) for slot in psutil.Process(parent).children()}
+    before = {slot: used(slot) for slot in slots_of(parent)}
     wait_until(lambda: any(used(slot) - then > 0.4 for slot, then in before.items()), 30, "a slot uses its core")
     return max(before, key=lambda slot: used(slot) - before[slot])

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import errno
 import math
+import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from renderer.film import CHANNELS
+from renderer.film import CHANNELS, SAMPLES
 from renderer.settings import Tile
 from worker.contract import Result
 from worker.joint import Run
@@ -19,6 +20,7 @@ from worker.sums import pack_sums, unpack_sums
 
 TILE = Tile(8, 0, 4, 4)
 SUMS = np.arange(CHANNELS * 16, dtype="<i8").reshape(CHANNELS, 4, 4)
+SUMS[SAMPLES] = 1
 HOLD_S = 3.0
 
 
@@ -127,6 +129,25 @@ def test_what_makes_no_sense_is_left_to_the_service(kept: SiteSums, wrong: dict[
     with pytest.raises(ValueError, match=r"."):
         kept.take(sums(0, 4, **wrong))
     assert not kept.in_hand()
+
+
+def test_a_folder_that_somebody_cleared_holds_up_no_other(kept: SiteSums, tmp_path: Path) -> None:
+    kept.take(sums(0, 12))
+    kept.take(sums(12, 12, of=(12, 12)))
+    sending = kept.ripe()
+    next(sending)
+    for folder in tmp_path.iterdir():
+        shutil.rmtree(folder)
+    assert not [*sending]
+    assert not kept.in_hand()
+    kept.take(sums(24, 12, of=(24, 12)))
+    assert len(sent(kept)) == 1
+
+
+def test_sums_of_more_samples_than_they_say_are_not_added_to_others(kept: SiteSums) -> None:
+    result = sums(0, 6)
+    with pytest.raises(ValueError, match="damaged sums: 6 samples of a pixel, of 4"):
+        kept.take(Result(sums(0, 4).event, result.sums))
 
 
 def test_no_more_is_taken_than_there_is_room_for(tmp_path: Path) -> None:

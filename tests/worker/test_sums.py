@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from renderer.film import ALBEDO, CHANNELS, COLOR, COLOR_HALF, MATERIAL, SAMPLES, Sums
 from renderer.settings import Tile
-from worker.sums import add_sums, check_sums, pack_sums, unpack_sums
+from worker.sums import add_sums, check_sums, check_weight, pack_sums, unpack_sums
 
 TILE = Tile(0, 0, 7, 5)
 
@@ -82,3 +82,19 @@ def test_damaged_sums_are_found_out() -> None:
     for read in (check_sums, unpack_sums):
         with pytest.raises(ValueError):
             read(good, Tile(0, 0, 7, 6))
+
+
+@pytest.mark.parametrize("packing", [1, 2])
+def test_no_pixel_has_more_samples_than_there_are_or_fewer_than_none(packing: int) -> None:
+    sums = sums_of(9, [20] * CHANNELS)
+    for least, most, is_right in ((3, 3, True), (0, 3, True), (0, 4, False), (4, 4, False), (-1, 3, False), (-1, -1, False)):
+        sums[SAMPLES] = least
+        sums[SAMPLES, 4, 6] = most
+        for same in (sums[SAMPLES], sums[SAMPLES] + 1):
+            sums[COLOR][0] = same  # once the plane is said to be like another
+            data = pack_sums(sums, packing)
+            if is_right:
+                check_weight(data, TILE, 3)
+            else:
+                with pytest.raises(ValueError, match="samples of a pixel, of 3"):
+                    check_weight(data, TILE, 3)

@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 from tests.helpers import wait_until
-from tests.worker.bench import Bench
+from tests.worker.bench import Bench, slots_of
 from tests.worker.test_worker import batch_of, bench, info  # noqa: F401 - fixtures
 from worker.contract import RENDER_BATCH, SceneInfo, render_queue
 from worker.terms import Offer, Terms, needs_queue, offer_key, terms_key
@@ -29,6 +29,7 @@ def ask(bench: Bench, terms: Terms) -> Offer:  # noqa: F811
     return offer(bench)
 
 
+@pytest.mark.long
 def test_a_worker_obeys_within_seconds_and_loses_nothing(bench: Bench, info: SceneInfo) -> None:  # noqa: F811
     first = offer(bench)
     report = bench.report()
@@ -40,7 +41,7 @@ def test_a_worker_obeys_within_seconds_and_loses_nothing(bench: Bench, info: Sce
     level = first.nice
     now = ask(bench, Terms(slots=1, nice=min(level + 2, 19), queues=(queue,)))
     assert (now.nice, now.queues, now.trouble) == (min(level + 2, 19), (queue,), None)
-    slots = psutil.Process(report.pid).children()
+    slots = slots_of(report.pid)
     assert {process.nice() for process in slots} == {now.nice}
     wait_until(lambda: bench.report().slots == 1, 20, "it reports one slot")  # type: ignore
 

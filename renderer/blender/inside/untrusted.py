@@ -2,7 +2,9 @@
 
 Blender opens linked libraries, caches and fonts while it reads a file, by paths that whoever made the file chose. A .blend is a
 dump of Blender's memory with a table that describes it (its "DNA"): so paths are found as what they are, long arrays of
-characters, whatever holds them. Sources: Blender's doc/blender_file_format, BLO_readfile, DNA_genfile.
+characters, whatever holds them. Those that lie elsewhere, where a pointer leads, are forgotten. And nodes that import files, by
+paths that other nodes may put together, become nodes that Blender does not know. Sources: Blender's doc/blender_file_format,
+BLO_readfile, DNA_genfile.
 """
 
 from __future__ import annotations
@@ -20,6 +22,9 @@ PATH = 700  # characters from which an array holds a path: 768 and 1024 in Blend
 SHORT_PATH = 160  # and before 2.6, of what is known to have one
 WITH_PATHS = ("Library", "Image", "VFont", "bSound", "MovieClip")
 NO_PATHS = ("bNodeSocketValueString", "ID")
+TO_PATHS = ("*filepath", "*directory", "*bake_directory", "*simulation_bake_directory")  # pointers to characters
+IMPORTING = b"GeometryNodeImport"  # how the types of such nodes begin
+LEFT_OUT = b"RayfarmLeftOut"
 MOST_BLOCKS = 20_000_000
 DEEPEST = 16
 
@@ -37,6 +42,15 @@ class _Form(NamedTuple):
     is_large: bool
 
 
+class _Places(NamedTuple):
+    """Of a struct of so many bytes, where something is to be mended, and how long that is."""
+
+    size: int
+    paths: list[tuple[int, int]]
+    pointers: list[tuple[int, int]]  # that lead to paths
+    types: list[tuple[int, int]]  # of nodes
+
+
 class _Block(NamedTuple):
     at: int
     size: int
@@ -51,10 +65,10 @@ def safe_copy(source: Path, target: Path, resolve: Callable[[str], str], most_by
     """
     with _unpacked(source) as file, target.open("w+b") as out:
         blocks, dna, form = _copied(file, out, most_bytes)
-        paths = _Dna(dna, form).paths()
+        places = _Dna(dna, form).places()
         for block in blocks:
-            if block.kind in paths:
-                _mend(out, block, *paths[block.kind], resolve)
+            if block.kind in places:
+                _mend(out, block, places[block.kind], resolve)
 
 
 def _unpacked(source: Path) -> Any:
@@ -155,23 +169,23 @@ class _Dna:
         except (struct.error, IndexError, ValueError) as error:
             raise DamagedError(f"has a damaged description of what is in it ({error}); save it anew") from None
 
-    def paths(self) -> dict[int, tuple[int, list[tuple[int, int]]]]:
-        """By the numbers of structs that hold paths: their size, and where these are and how long. Raises DamagedError."""
+    def places(self) -> dict[int, _Places]:
+        """By the numbers of structs in which something is to be mended: what. Raises DamagedError."""
         found = {}
         for number, (kind, _) in enumerate(self._structs):
             try:
-                places = self._paths_of(kind, 0)
+                places = self._places_in(kind, 0)
             except IndexError:
                 raise DamagedError("has a damaged description of what is in it; save it anew") from None
-            if places:
-                found[number] = (self._sizes[kind], places)
+            if any(places[1:]):
+                found[number] = places
         return found
 
-    def _paths_of(self, kind: int, depth: int) -> list[tuple[int, int]]:
+    def _places_in(self, kind: int, depth: int) -> _Places:
         owner = self._types[kind]
+        found, at = _Places(self._sizes[kind], [], [], []), 0
         if owner in NO_PATHS or depth > DEEPEST:
-            return []
-        found, at = [], 0
+            return found
         least = SHORT_PATH if owner in WITH_PATHS else PATH
         for type_, name in self._by_type.get(kind, ()):
             text = self._names[name]
@@ -179,15 +193,20 @@ class _Dna:
             for part in text.split("[")[1:]:
                 count *= int(part.rstrip("]")) if part.rstrip("]").isdigit() else 1
             if text.startswith(("*", "(")):
+                if self._types[type_] == "char" and text in TO_PATHS:
+                    found.pointers.append((at, self._form.pointer * count))
                 at += self._form.pointer * count
                 continue
             size = self._sizes[type_]
             if self._types[type_] == "char":
                 if count >= least:
-                    found.append((at, count))
-            elif type_ in self._by_type and type_ != kind and (within := self._paths_of(type_, depth + 1)):
+                    found.paths.append((at, count))
+                elif owner == "bNode" and text.startswith("idname["):
+                    found.types.append((at, count))
+            elif type_ in self._by_type and type_ != kind and any((within := self._places_in(type_, depth + 1))[1:]):
                 for each in range(min(count, 1000)):
-                    found += [(at + each * size + place, length) for place, length in within]
+                    for mine, theirs in zip(found[1:], within[1:], strict=True):
+                        mine += [(at + each * size + place, length) for place, length in theirs]
             at += size * count
         return found
 
@@ -217,16 +236,27 @@ class _Dna:
         return list(found)
 
 
-def _mend(out: IO[bytes], block: _Block, size: int, places: list[tuple[int, int]], resolve: Callable[[str], str]) -> None:
-    if size <= 0 or block.repeats * size > block.size or any(place + length > size for place, length in places):
+def _mend(out: IO[bytes], block: _Block, places: _Places, resolve: Callable[[str], str]) -> None:
+    size = places.size
+    everywhere = [*places.paths, *places.pointers, *places.types]
+    if size <= 0 or block.repeats * size > block.size or any(place + length > size for place, length in everywhere):
         raise DamagedError("is damaged: what is in it is smaller than it says; save it anew")
-    for each in range(block.size // size):
-        for place, length in places:
-            at = each * size + place
-            out.seek(block.at + at)
-            path = out.read(length).split(b"\0", 1)[0]
-            if not path or path.startswith(b"<"):  # <builtin>
-                continue
-            new = resolve(path.decode("utf-8", "replace")).encode()
-            out.seek(block.at + at)
-            out.write(new[: length - 1].ljust(length, b"\0"))
+
+    def replace(place: int, length: int, new: Callable[[bytes], bytes]) -> None:
+        out.seek(place)
+        old = out.read(length).split(b"\0", 1)[0]
+        if (made := new(old)) != old:
+            out.seek(place)
+            out.write(made[: length - 1].ljust(length, b"\0"))
+
+    def resolved(path: bytes) -> bytes:
+        return path if path in (b"", b"<builtin>") else resolve(path.decode("utf-8", "replace")).encode()
+
+    for start in range(block.at, block.at + block.size // size * size, size):
+        for place, length in places.paths:
+            replace(start + place, length, resolved)
+        for place, length in places.types:
+            replace(start + place, length, lambda name: LEFT_OUT if name.startswith(IMPORTING) else name)
+        for place, length in places.pointers:
+            out.seek(start + place)
+            out.write(bytes(length))

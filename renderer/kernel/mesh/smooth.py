@@ -1,4 +1,4 @@
-"""A mesh's points, and the normals that its corners have where it has none. All arrays are the caller's."""
+"""A mesh's distinct points, and normals for meshes that have none. All arrays are the caller's."""
 
 from __future__ import annotations
 

@@ -6,7 +6,6 @@ import math
 import re
 from copy import copy
 from dataclasses import fields, replace
-from importlib import import_module
 from typing import NamedTuple
 from xml.etree import ElementTree
 
@@ -41,7 +40,9 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         if moment.clip is not None:
             raise
         try:
-            import_module("renderer.scene.readers.other").read(files, main, description)  # heavy, and seldom needed
+            from renderer.scene.readers import other  # heavy, and seldom needed
+
+            other.read(files, main, description)
         except SceneError:
             raise refused from None
         description.warnings.append(f"{main}: is read without its cameras, lights and animation, as not all of it is Collada.")

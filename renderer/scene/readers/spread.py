@@ -1,4 +1,5 @@
-"""How much a file that refers to itself grows: a library follows its references until memory ends, so they are counted before."""
+"""How much a file expands that refers to itself. A library would follow its references until memory runs out, so they are
+counted first."""
 
 from __future__ import annotations
 
@@ -21,10 +22,10 @@ Key = TypeVar("Key", bound=Hashable)
 def judge_spread(
     root: Key, below: Callable[[Key], Iterable[Key]], file: str, most: int = MAX_NODES, is_circle_error: bool = True
 ) -> int:
-    """How many things a file shows that begins with `root`, each as often as it is referred to.
+    """The number of things that `root` expands to, each counted as often as it is referred to.
 
-    below: what is in a thing, and what it refers to. is_circle_error: else the library does not go round in circles by itself.
-    Raises SceneError where things contain each other, or are too many or too deep.
+    below: what a thing contains and refers to. is_circle_error: whether things that contain each other are refused; not where the
+    library breaks such circles itself. Raises SceneError for circles, and where things are too many or nested too deep.
     """
     sizes: dict[Key, int] = {}
     path: list[tuple[Key, Iterator[Key]]] = [(root, iter(below(root)))]

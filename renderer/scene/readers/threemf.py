@@ -25,7 +25,7 @@ from renderer.scene.matrices import product
 from renderer.scene.normals import smoothed_together
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.spread import judge_spread
-from renderer.scene.readers.threemf_rows import Rows, cut_out
+from renderer.scene.readers.threemf_rows import MARK, Rows, cut_out
 from renderer.scene.textures import TextureShelf
 from renderer.scene.unique import used_among
 from renderer.zips import DAMAGED, is_bomb
@@ -118,10 +118,11 @@ class _Model:
         self.left_out: set[str] = set()
         self._object: _Object | None = None
         self._group: _Group | None = None
-        data, self._lists = cut_out(data)
-        self._list = 0
+        data, lists = cut_out(data)
+        self._lists = dict(enumerate(lists))
         parser = expat.ParserCreate()
         parser.StartElementHandler = self._start
+        parser.ProcessingInstructionHandler = self._take
         parser.EntityDeclHandler = self._entity
         try:
             parser.Parse(data, True)
@@ -134,9 +135,7 @@ class _Model:
     def _start(self, tag: str, said: dict[str, str]) -> None:
         name = tag.rpartition(":")[2]
         made = self._object
-        if name in ("vertices", "triangles"):
-            self._take(made)
-        elif name == "vertex" and made is not None:
+        if name == "vertex" and made is not None:
             made.vertices += float(said["x"]), float(said["y"]), float(said["z"])
         elif name == "triangle" and made is not None:
             first = int(said.get("p1", -1))
@@ -166,11 +165,11 @@ class _Model:
         elif name in _NOT_READ:
             self.left_out.add(name)
 
-    def _take(self, made: _Object | None) -> None:
-        """The list that begins here, where it was taken at once."""
-        if self._list < len(self._lists) and (rows := self._lists[self._list]) is not None and made is not None:
-            made.rows.append(rows)
-        self._list += 1
+    def _take(self, target: str, number: str) -> None:
+        """A list that was cut out belongs here. Each is taken once: a file could name it again and again."""
+        rows = self._lists.pop(int(number), None) if target == MARK else None
+        if rows is not None and self._object is not None:
+            self._object.rows.append(rows)
 
     def _placed(self, said: dict[str, str]) -> tuple[str, str, F64]:
         path = next((value for key, value in said.items() if key.rpartition(":")[2] == "path"), self.path)

@@ -1,4 +1,8 @@
-"""The long lists of 3MF's meshes, taken at once: rows that all look alike, as programs write them, need no parser for each."""
+"""The long lists of 3MF's meshes, read in one go: rows that are all written alike, as programs do, need no XML parser.
+
+Such a list is taken out of the XML, and a processing instruction with its number stands in its place. So the parser itself says
+where it belongs, whatever else there is: empty lists, lists with attributes, comments with lists in them.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,9 @@ import numpy.typing as npt
 
 from renderer.kernel.text.rows import read_rows
 
-__all__ = ["Rows", "cut_out"]
+__all__ = ["MARK", "Rows", "cut_out"]
+
+MARK = "rayfarm-rows"  # of the processing instruction
 
 _LIST = re.compile(rb"<((?:\w+:)?(vertices|triangles))\s*>")
 _OPENING = re.compile(rb"<(?:\w+:)?(?P<tag>\w+)\s+(?P<name>[A-Za-z]\w*)\s*=\s*\"")
@@ -35,15 +41,13 @@ class Rows(NamedTuple):
         return np.stack([self.columns[name] for name in names], axis=1)
 
 
-def cut_out(data: bytes) -> tuple[bytes, list[Rows | None]]:
-    """A part's XML with its lists of vertices and triangles empty, and these in their order.
+def cut_out(data: bytes) -> tuple[bytes, list[Rows]]:
+    """A part's XML without its lists of vertices and triangles, and these by their numbers.
 
-    None stands for one that is left as it is, as its rows differ: that is for the parser.
+    A list whose rows differ is left as it is, for the parser.
     """
-    if _hides_lists(data):
-        return data, []
     text = np.frombuffer(data, np.uint8)
-    found: list[Rows | None] = []
+    found: list[Rows] = []
     kept: list[bytes] = []
     at = taken = 0
     while (opening := _LIST.search(data, at)) is not None:
@@ -51,25 +55,12 @@ def cut_out(data: bytes) -> tuple[bytes, list[Rows | None]]:
         if end < 0:
             break
         rows = _rows(data, text, opening.end(), end, _TAGS[opening[2]])
-        found.append(rows)
         if rows is not None:
-            kept.append(data[taken : opening.end()])
+            kept.append(data[taken : opening.end()] + b"<?%s %d?>" % (MARK.encode(), len(found)))
+            found.append(rows)
             taken = end
         at = end
     return b"".join([*kept, data[taken:]]), found
-
-
-def _hides_lists(data: bytes) -> bool:
-    """Whether a comment, or what else is no element, has such a list in it."""
-    for opens, closes in ((b"<!--", b"-->"), (b"<![CDATA[", b"]]>")):
-        at = data.find(opens)
-        while at >= 0:
-            end = data.find(closes, at)
-            end = len(data) if end < 0 else end
-            if _LIST.search(data, at, end):
-                return True
-            at = data.find(opens, end)
-    return False
 
 
 def _rows(data: bytes, text: npt.NDArray[np.uint8], begin: int, end: int, tag: bytes) -> Rows | None:

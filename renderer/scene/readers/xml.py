@@ -1,4 +1,4 @@
-"""What no XML of a scene needs, and what makes a few bytes of it gigabytes."""
+"""Refuses what no scene's XML needs, and what expands a few bytes of it to gigabytes."""
 
 from __future__ import annotations
 

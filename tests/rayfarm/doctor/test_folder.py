@@ -59,10 +59,15 @@ def test_a_folder_that_is_well_has_no_fault_also_while_its_farm_runs(stored: Pat
 @pytest.mark.parametrize(
     ("break_it", "deep", "sentence"),
     [
-        (lambda data: blob(data).unlink(), False, "Uploads: Of .* 1 are not there"),
+        pytest.param(lambda data: blob(data).unlink(), False, "Uploads: Of .* 1 are not there", marks=pytest.mark.long),
         (lambda data: flip(blob(data)), True, "Uploads: Of .* 1 are damaged"),
         (lambda data: film(data).unlink(), False, "Films: Of 1 finished jobs 1 have a damaged film or none"),
-        (lambda data: one_bit(film(data)), True, "Films: Of 1 finished jobs 1 have a damaged film or none"),
+        pytest.param(
+            lambda data: one_bit(film(data)),
+            True,
+            "Films: Of 1 finished jobs 1 have a damaged film or none",
+            marks=pytest.mark.long,
+        ),
         (
             lambda data: (data / "token").write_text("open") and (data / "token").chmod(0o644),
             False,

@@ -77,7 +77,10 @@ def test_it_grows_and_a_job_is_cancelled_only_when_that_is_confirmed(service: Se
     assert window.raw.count(b"\x1b[2J") <= 4, "it does not clear the screen to draw"
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0), (signal.SIGHUP, 0)])
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [(signal.SIGINT, 130), *(pytest.param(number, 0, marks=pytest.mark.long) for number in (signal.SIGTERM, signal.SIGHUP))],
+)
 def test_a_signal_leaves_the_terminal_as_it_was(service: Service, worker: PeerWorker, number: signal.Signals, code: int) -> None:
     worker.on_batch = lambda batch: False
     job = service.submit(service.ready_scene())
@@ -90,6 +93,7 @@ def test_a_signal_leaves_the_terminal_as_it_was(service: Service, worker: PeerWo
     assert service.job(job)["state"] in ("queued", "running")
 
 
+@pytest.mark.long
 def test_pixels_where_the_terminal_has_them(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
     expected = png(service, job).repeat(11, 0).repeat(11, 1)  # as often as there is room for

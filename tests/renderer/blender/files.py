@@ -7,12 +7,17 @@ import struct
 __all__ = ["blend"]
 
 TYPES = {"char": 1, "ID": 24, "Library": 24 + 1024 + 8, "Thing": 1024 + 24 + 1024 + 2 * 1024, "bNodeSocketValueString": 1024}
+TYPES |= {"bNode": 24 + 64, "Bake": 24 + 8, "Bakes": 2 * (24 + 8)}  # of pointers with 8 bytes
 NAMES = ["name[24]", "id", "name[1024]", "*more", "path[1024]", "library", "value[1024]", "two[2][1024]"]
+NAMES += ["idname[64]", "*bake_directory", "both[2]"]
 STRUCTS = [
     ("ID", [("char", "name[24]")]),
     ("Library", [("ID", "id"), ("char", "name[1024]"), ("char", "*more")]),
     ("Thing", [("char", "path[1024]"), ("ID", "id"), ("char", "name[1024]"), ("char", "two[2][1024]")]),
     ("bNodeSocketValueString", [("char", "value[1024]")]),
+    ("bNode", [("ID", "id"), ("char", "idname[64]")]),
+    ("Bake", [("ID", "id"), ("char", "*bake_directory")]),
+    ("Bakes", [("Bake", "both[2]")]),
 ]
 
 

@@ -43,7 +43,23 @@ def test_paths_of_any_struct_are_found_however_deep(tmp_path):
     words = text(b"/only/words/of/a/node")
     found = copied(tmp_path, blend(("Thing", 2 * thing), ("bNodeSocketValueString", words), count=2))
     assert found.count(text(b"[/etc/passwd]")) == found.count(text(b"[//a.png]")) == 2
-    assert found.count(b"[") == 4 + found.count(b"[1024]") + found.count(b"[24]") + found.count(b"[2]")
+    assert found.count(b"[") == 4 + found.count(b"[1024]") + sum(found.count(b"[%d]" % n) for n in (2, 24, 64))
+
+
+def test_a_path_that_looks_like_what_is_built_in_is_none(tmp_path):
+    assert text(b"[<x>/../../etc/passwd]") in copied(tmp_path, blend(("Library", library(b"<x>/../../etc/passwd"))))
+
+
+def test_nodes_that_import_files_are_left_out_and_paths_behind_pointers_are_forgotten(tmp_path):
+    node, other = (
+        text(b"NTimport", 24) + text(b"GeometryNodeImportText", 64),
+        text(b"NTmesh", 24) + text(b"GeometryNodeMeshLine", 64),
+    )
+    bake = text(b"BAone", 24) + 8 * b"\7"
+    source = blend(("bNode", node + other), ("Bakes", 2 * bake))
+    found = copied(tmp_path, source)
+    assert found == source.replace(text(b"GeometryNodeImportText", 64), text(b"RayfarmLeftOut", 64)).replace(8 * b"\7", bytes(8))
+    assert text(b"GeometryNodeMeshLine", 64) in found
 
 
 def test_a_path_that_is_too_long_is_cut(tmp_path):

@@ -174,6 +174,19 @@ def test_rows_that_look_alike_are_taken_at_once_and_are_the_same(scene):
     ],
 )
 def test_rows_that_differ_are_left_to_the_parser(text, names):
-    slim, (found,) = cut_out(b"<mesh><vertices>" + text + b"</vertices></mesh>")
-    assert (list(found.columns) if found is not None else None) == names
+    slim, found = cut_out(b"<mesh><vertices>" + text + b"</vertices></mesh>")
+    assert ([*found[0].columns] if found else None) == names
     assert (text in slim) == (names is None)
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        '<object id="9"><mesh><vertices/><triangles/></mesh></object>',
+        f"<!-- {MESH.format('')} -->",
+        MESH.format("").replace("<vertices>", '<vertices count="4">').join(('<object id="9">', "</object>")),
+    ],
+)
+def test_rows_belong_where_they_stand_whatever_lists_there_are_before(scene, before):
+    (mesh,) = scene("a.3mf", package(model(before + solid(), '<item objectid="1"/>'))).meshes
+    assert (len(mesh.positions), len(mesh.triangles)) == (3, 1)

@@ -171,7 +171,11 @@ LIGHTS = {
 }
 
 
-@pytest.mark.parametrize("name", LIGHTS)
+# For scenes of the full edition all of it is compiled once more.
+FULL = ("without a body", "a tree", "textures")
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] if name in FULL else []) for name in LIGHTS])
 def test_lights_are_sampled_for_eight_as_for_one(name):
     made = plain(LIGHTS[name]())
     rng = np.random.default_rng(2)

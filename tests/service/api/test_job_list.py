@@ -78,6 +78,31 @@ def test_jobs_are_chosen_by_words_state_scene_and_kind(service: Service) -> None
     assert get(service, "/ids", ids=f"nobody,{3:020x}") == [f"{3:020x}"]
 
 
+def test_names_and_notes_are_given_found_and_taken_back(service: Service) -> None:
+    job = f"{5:020x}"
+    was = service.job(job)["name"]
+    given = service.patch(job, name=" The cover ", note="Warmer LAMP,\r\nsays Anna ")
+    assert (given["name"], given["note"]) == ("The cover", "Warmer LAMP,\nsays Anna")
+    assert get(service, "/ids", search="cover anna") == get(service, "/ids", search="lamp") == [job]
+    assert service.patch(job, note="")["note"] is None and get(service, "/ids", search="anna") == []
+    scene = service.http.get(f"/api/scenes/{given['scene']}").json()["name"]
+    assert service.patch(job, name="")["name"] == scene
+    assert service.patch(job, name=was)["name"] == was
+    for wrong in ({"name": "two\nlines"}, {"note": "a\0b"}, {"note": "x" * 2001}):
+        assert service.http.patch(f"/api/jobs/{job}", json=wrong).status_code == 422
+
+
+def test_scenes_are_found_by_words_of_their_names(service: Service) -> None:
+    def found(search: str) -> list[str]:
+        return [scene["id"] for scene in service.http.get("/api/scenes", params={"search": search}).raise_for_status().json()]
+
+    all = service.http.get("/api/scenes").json()
+    name = all[0]["name"]
+    assert found("") == [scene["id"] for scene in all]
+    assert all[0]["id"] in found(name.upper()) and all[0]["id"] in found(all[0]["id"])
+    assert found(f"{name} nowhere") == found("\0") == []
+
+
 def test_tallies_count_what_is_sought_whichever_state_is_shown(service: Service) -> None:
     tallies = get(service, "/tallies", state="failed")
     assert sum(tallies.values()) == N and tallies["running"] == 0 and tallies["paused"] == 20

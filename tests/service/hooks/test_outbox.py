@@ -230,6 +230,7 @@ def test_a_fault_in_one_message_is_no_reason_to_send_it_for_ever(
     until(lambda: told.http.get("/api/hooks").json()[0]["given_up"] == 1, "the message is given up")
 
 
+@pytest.mark.long
 def test_a_job_that_is_expected_after_its_deadline_is_told_while_it_is_rendered(
     told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
 ) -> None:

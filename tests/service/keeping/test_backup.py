@@ -45,7 +45,7 @@ def sqlite_alone(databases: Databases) -> None:
         pytest.skip("a PostgreSQL is backed up by its own tools, and RAYFARM_TEST_DATABASE_URL names one")
 
 
-@pytest.mark.parametrize("name", ["copy", "copy.tar.gz"])
+@pytest.mark.parametrize("name", [pytest.param("copy", marks=pytest.mark.long), "copy.tar.gz"])
 def test_a_half_done_job_is_finished_from_its_backup(
     service: Service, redis_server: running_redis, tmp_path: Path, name: str
 ) -> None:

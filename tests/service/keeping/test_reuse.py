@@ -101,6 +101,7 @@ def test_samples_of_another_kind_of_workers_are_not_mixed_in(service: Service) -
     assert (found["taken"], found["kind"]) == (None, "new-kernels")
 
 
+@pytest.mark.long
 def test_a_finer_end_by_noise_takes_from_a_coarser_one_and_ends_as_alone(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     digests = {}
@@ -168,6 +169,7 @@ def test_a_shot_takes_its_frames_from_several_and_renders_the_others_alone(
     assert frame_digests(service, hurried, "1-3") == expected_frames("1-3")
 
 
+@pytest.mark.long
 def test_what_would_show_in_a_shot_is_not_taken(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     service.wait_for(service.submit(scene, **SHOT, frames="0-1", fps=24), "finished", LONG_S)

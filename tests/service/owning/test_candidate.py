@@ -93,7 +93,6 @@ def test_an_owner_that_answers_keeps_the_farm(candidates: Callable[..., Candidat
         first.confirm()
         clock.now += 0.5
     assert not first.is_lost
-    assert first.has_standby
 
 
 def test_an_owner_whose_folder_is_free_is_dead(candidates: Callable[..., Candidate]) -> None:

@@ -84,8 +84,13 @@ class Started:
 def pair(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[tuple[Started, Started]]:
     """The owner, and one that stands by. They are started at once: whichever is first is the owner."""
     both = [Started(tmp_path / "data", name, redis_url=redis_server.url, database_url=database) for name in ("one", "other")]
+
+    def are_there() -> bool:
+        assert all(each.process.poll() is None for each in both), told(both)
+        return sorted(each.says() for each in both) == ["ready", "stands by"]
+
     try:
-        until(lambda: sorted(each.says() for each in both) == ["ready", "stands by"], "both are there", 90, lambda: told(both))
+        until(are_there, "both are there", 90, lambda: told(both))
         first, second = sorted(both, key=Started.says)
         yield first, second
     finally:

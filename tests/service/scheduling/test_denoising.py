@@ -48,6 +48,7 @@ def test_a_denoised_picture_is_the_workers_and_the_raw_one_stays(service: Servic
     assert service.http.get(url, headers={"If-None-Match": tagged}).status_code == 304
 
 
+@pytest.mark.long
 def test_a_film_that_goes_on_is_denoised_anew(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
     first = raw(service, job, "?denoise=true")
@@ -61,6 +62,7 @@ def test_a_film_that_goes_on_is_denoised_anew(service: Service, worker: PeerWork
     assert len(blobs) == 1, "the old one is gone"
 
 
+@pytest.mark.long
 def test_many_readers_wait_for_one_and_block_nobody(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
     go = threading.Event()
@@ -94,12 +96,14 @@ def test_a_store_that_is_slow_holds_up_no_job(service: Service, worker: PeerWork
         assert reader.result().status_code == 200
 
 
+@pytest.mark.long
 def test_a_store_that_is_slow_when_the_picture_is_made_holds_up_no_job(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     job = finished(service)
     asked, go = threading.Event(), threading.Event()
-    monkeypatch.setattr(service.farm.blobs, "exists", lambda sha256: asked.set() or go.wait(20))
+    size = service.farm.blobs.size
+    monkeypatch.setattr(service.farm.blobs, "size", lambda sha256: asked.set() or (go.wait(20) and size(sha256)))
     with ThreadPoolExecutor(1) as pool:
         reader = pool.submit(raw, service, job, "?denoise=true")
         until(asked.is_set, "the worker has made it and the store is asked for it")
@@ -150,6 +154,7 @@ def test_a_fault_of_the_worker_is_told_and_the_next_try_is_a_new_one(service: Se
     assert raw(service, job, "?denoise=true").status_code == 200
 
 
+@pytest.mark.long
 def test_too_late_is_told(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Denoising, "_patience_s", 0.5)
     job = finished(service)

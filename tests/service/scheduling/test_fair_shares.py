@@ -26,6 +26,7 @@ def submit_as(service: Service, user: str, scene: str, **request: object) -> str
     return str(answer.json()["id"])
 
 
+@pytest.mark.long
 def test_users_get_slot_seconds_by_their_weights(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     refused = service.http.put("/api/shares/somebody", json={})

@@ -44,6 +44,7 @@ def test_more_samples_give_the_bits_of_asking_at_once(service: Service, worker: 
     assert service.digest(job) == expected_digest()
 
 
+@pytest.mark.long
 def test_more_can_be_asked_for_as_so_many_more(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene(), spp=3)
     service.wait_for(job, "finished")
@@ -67,6 +68,7 @@ def test_a_job_by_noise_that_has_converged_gets_more_samples_all_the_same(servic
     assert service.digest(job) == expected_digest(spp=48)
 
 
+@pytest.mark.long
 def test_a_job_by_noise_may_be_told_to_go_on_regardless_while_it_is_rendered(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=None, noise=0.0001)
@@ -89,6 +91,7 @@ def test_cancelling_never_takes_back_what_was_told_of_a_job(service: Service, wo
             assert min(now[number] for now in told) >= before[number], number
 
 
+@pytest.mark.long
 def test_a_job_by_time_gets_more_samples_when_its_time_is_over(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=None, seconds=0.5, tile_size=64)

@@ -10,6 +10,7 @@ from tests.service.conftest import Service
 from tests.service.peer_worker import PeerWorker
 
 
+@pytest.mark.long
 def test_a_scene_knows_what_its_latest_picture_took_and_how_noisy_it_was(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     assert service.scene(scene)["measured"] is None

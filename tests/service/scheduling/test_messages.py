@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from service.scheduling.messages import BatchDone, PrepareDone, understand
+from service.scheduling.messages import BatchDone, FramePrepared, PrepareDone, PrepareFailed, understand
 from service.scheduling.results import Entry
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
@@ -27,6 +27,15 @@ INFO: dict[str, Any] = {
     "defaults": {},
     "seconds": 0.1,
 }
+FRAME: dict[str, Any] = {
+    "type": "frame-prepared",
+    "work": "w",
+    "job": "j",
+    "kind": "k",
+    "worker": "x",
+    "frame": 2,
+    "info": {"compiled": None, "view": {}, "defaults": {}, "warnings": [], "seconds": 0.1},
+}
 NONSENSE: list[Any] = [
     None,
     [],
@@ -41,11 +50,19 @@ NONSENSE: list[Any] = [
     {**BATCH, "first": 10**30},
     {**BATCH, "seconds": float("nan")},
     {**BATCH, "bad": [[1, 2]]},
+    {**BATCH, "bad": [[1, 2, 3]] * 5000},
+    {**BATCH, "worker": "a\0b"},
     {**BATCH, "type": "batch-failed", "error": 5},
     {"type": "prepared", "scene": "s", "kind": "k", "info": 5},
     {"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "compiled": {"path": "", "sha256": "../x", "size": 1}}},
     {"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "bounds": [[float("inf")]]}},
+    {"type": "prepared", "scene": "s", "kind": "another", "info": INFO},
+    {"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "seconds": float("nan")}},
+    {"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "compiled": {"path": "", "sha256": "0" * 64, "size": -1}}},
+    {**FRAME, "info": {**FRAME["info"], "seconds": float("nan")}},
+    {**FRAME, "info": {**FRAME["info"], "compiled": {"path": "", "sha256": "0" * 64, "size": 1, "parts": [["0" * 64, -5]]}}},
     {"type": "prepare-progress", "scene": "s", "kind": "k", "step": "x", "fraction": "much"},
+    {"type": "prepare-progress", "scene": "s", "kind": "k", "step": "x", "fraction": float("nan")},
     {"type": "denoised", "work": {}, "sha256": 1, "version": 2, "samples": 3},
 ]
 REPORTS: list[Any] = [
@@ -63,7 +80,7 @@ REPORTS: list[Any] = [
 ]
 
 
-@pytest.mark.parametrize("event", NONSENSE, ids=str)
+@pytest.mark.parametrize("event", NONSENSE, ids=lambda event: str(event)[:150])
 def test_nonsense_is_left_out(event: Any) -> None:
     assert understand(Entry(b"1-0", Result(event))) is None
 
@@ -77,6 +94,13 @@ def test_sense_is_understood_also_with_more_than_is_known_here() -> None:
     prepared = understand(Entry(b"1-0", Result({"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "watts": 3}})))
     assert isinstance(prepared, PrepareDone)
     assert prepared.info.compiled.size == 1
+    assert isinstance(understand(Entry(b"1-0", Result(FRAME))), FramePrepared)
+
+
+def test_no_sentence_has_a_character_that_a_database_does_not_take() -> None:
+    failed = understand(Entry(b"1-0", Result({"type": "prepare-failed", "scene": "s", "kind": "k", "error": "a\0b"})))
+    assert isinstance(failed, PrepareFailed)
+    assert failed.error == "a\ufffdb"
 
 
 def test_nonsense_of_workers_stops_nothing(service: Service, worker: PeerWorker) -> None:

@@ -70,6 +70,7 @@ def test_writers_wait_for_each_other(records: Records) -> None:
     assert row.priority == 100
 
 
+@pytest.mark.long
 def test_a_database_that_another_program_holds_is_said_to_be_away(
     records: Records, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

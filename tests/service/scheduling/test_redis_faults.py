@@ -31,7 +31,7 @@ def damaged(store: redis.Redis, is_so: bool) -> None:
         store.set(RESULTS, "this is no stream")
 
 
-@pytest.mark.parametrize("spoil", [full, read_only, damaged])
+@pytest.mark.parametrize("spoil", [read_only, *(pytest.param(spoil, marks=pytest.mark.long) for spoil in (full, damaged))])
 def test_a_redis_that_refuses_costs_only_time(
     service: Service, worker: PeerWorker, spoil: Callable[[redis.Redis, bool], None]
 ) -> None:
@@ -51,7 +51,7 @@ def test_a_redis_that_refuses_costs_only_time(
     until(lambda: service.http.get("/readyz").status_code == 200, "it is ready again")
 
 
-@pytest.mark.parametrize("spoil", [full, read_only])
+@pytest.mark.parametrize("spoil", [pytest.param(full, marks=pytest.mark.long), read_only])
 def test_a_redis_that_refuses_is_noticed_while_there_is_nothing_to_do(
     service: Service, spoil: Callable[[redis.Redis, bool], None]
 ) -> None:

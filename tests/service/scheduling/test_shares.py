@@ -147,6 +147,7 @@ def test_what_is_late_goes_first_within_its_share_and_takes_nothing_of_others() 
     assert farm.had["b"] == pytest.approx(100, abs=2)
 
 
+@pytest.mark.long
 def test_it_costs_little_with_ten_thousand_jobs_and_a_thousand_slots() -> None:
     dice = random.Random(1)
     jobs = [Claim(f"{i:05}", f"user:{dice.randrange(100)}", begins=float(i)) for i in range(10_000)]

@@ -43,10 +43,11 @@ def begun(batches: list[RenderBatch]) -> list[float]:
     return list(dict.fromkeys(batch.frame / 2 for batch in batches))
 
 
-ORDERS = ("in-turn", "every-nth", "centre-out", "breadth-first", "noisiest-first")
+ORDERS = ("breadth-first", "noisiest-first")
+OTHER_ORDERS = [pytest.param(order, marks=pytest.mark.long) for order in ("in-turn", "every-nth", "centre-out")]
 
 
-@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("order", [*ORDERS, *OTHER_ORDERS])
 def test_every_frame_has_its_own_bits_in_whatever_order(service: Service, worker: PeerWorker, order: str) -> None:
     job = shoot(service, service.ready_scene(), "0-3,7.5", order=order)
     done = service.wait_for(job, "finished")
@@ -76,9 +77,9 @@ def test_a_shot_in_two_jobs_has_the_digests_of_one(service: Service, worker: Pee
 @pytest.mark.parametrize(
     ("order", "sequence"),
     [
-        ({"order": "in-turn"}, [0, 1, 2, 3, 4, 5, 6, 7, 8]),
+        pytest.param({"order": "in-turn"}, [0, 1, 2, 3, 4, 5, 6, 7, 8], marks=pytest.mark.long),
         ({"order": "every-nth", "every": 4}, [0, 4, 8, 2, 6, 1, 3, 5, 7]),
-        ({"order": "centre-out"}, [4, 3, 5, 2, 6, 1, 7, 0, 8]),
+        pytest.param({"order": "centre-out"}, [4, 3, 5, 2, 6, 1, 7, 0, 8], marks=pytest.mark.long),
     ],
 )
 def test_frames_are_begun_in_their_order(
@@ -89,6 +90,7 @@ def test_frames_are_begun_in_their_order(
     assert begun(worker.batches) == sequence
 
 
+@pytest.mark.long
 def test_breadth_first_all_frames_have_one_sample_before_any_has_more(service: Service, worker: PeerWorker) -> None:
     job = shoot(service, service.ready_scene(), "0-5", order="breadth-first", spp=8)
     service.wait_for(job, "finished")
@@ -193,6 +195,7 @@ def blobs(data: Path) -> dict[str, bytes]:
     return found
 
 
+@pytest.mark.long
 def test_only_a_few_frames_are_prepared_ahead_and_nothing_is_kept(service: Service, worker: PeerWorker) -> None:
     gate = threading.Event()
     worker.on_batch = lambda batch: gate.wait(20) and None
@@ -219,6 +222,7 @@ def test_a_service_that_starts_anew_goes_on_with_a_shot(service: Service, worker
     assert [digest(service, job, n) for n in range(20)] == [expected(n, 8) for n in range(20)]
 
 
+@pytest.mark.long
 def test_a_service_that_ends_between_two_rounds_begins_the_next_one(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -238,6 +242,7 @@ def test_a_service_that_ends_between_two_rounds_begins_the_next_one(
     assert [digest(service, job, n) for n in range(4)] == [digest(service, whole, n) for n in range(4)]
 
 
+@pytest.mark.long
 def test_a_worker_that_knows_nothing_of_frames_is_not_given_any(service: Service) -> None:
     with service.worker(name="old", kind="old-kind", knows_frames=False) as old:
         job = shoot(service, service.ready_scene(), "0-1")
@@ -291,6 +296,7 @@ def test_numbers_are_as_they_were_written(service: Service, worker: PeerWorker) 
     assert service.http.get(f"/api/jobs/{job}/frames/0.3/image.png").status_code == 422
 
 
+@pytest.mark.long
 def test_a_worker_that_answers_nothing_for_a_frame_is_not_asked_for_ever(service: Service, worker: PeerWorker) -> None:
     answer = worker.send
     worker.send = lambda event, sums=None: None if event.get("frame") == 2 and "info" in event else answer(event, sums)  # type: ignore[method-assign]
@@ -300,6 +306,7 @@ def test_a_worker_that_answers_nothing_for_a_frame_is_not_asked_for_ever(service
     assert "lost three times" in frames_of(service, job)[1]["error"]
 
 
+@pytest.mark.long
 def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_path: Path, redis_server: running_redis) -> None:
     service = Service(tmp_path / "data", redis_server, frame_scenes_bytes=4000)
     try:
@@ -327,6 +334,7 @@ def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_pa
         service.stop()
 
 
+@pytest.mark.long
 def test_a_part_that_frames_share_is_counted_once_and_stays_until_the_last(tmp_path: Path, redis_server: running_redis) -> None:
     service = Service(tmp_path / "data", redis_server, frame_scenes_bytes=6000)
     shared = b"what stands still" * 200
@@ -351,6 +359,7 @@ def test_a_part_that_frames_share_is_counted_once_and_stays_until_the_last(tmp_p
         service.stop()
 
 
+@pytest.mark.long
 def test_a_time_is_for_the_whole_shot(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = shoot(service, service.ready_scene(), "0-9", spp=None, seconds=1.5)
@@ -379,6 +388,7 @@ def test_a_budget_is_spent_where_the_noise_is_and_its_end_is_foretold(service: S
         assert digest(service, job, number) == expected(number, int(frame["spp"]))
 
 
+@pytest.mark.long
 def test_a_cancelled_shot_goes_on_with_the_kind_it_began_with(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = shoot(service, service.ready_scene(), "5-20", spp=8)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 
+import pytest
+
 from tests.service.conftest import Service, until
 from tests.service.scheduling.test_shots import digest, expected, shoot
 
@@ -24,6 +26,7 @@ def test_short_frames_go_several_in_a_message_where_all_workers_know_that(servic
     assert [digest(service, job, n) for n in range(40)] == [expected(n, 1) for n in range(40)]
 
 
+@pytest.mark.long
 def test_what_a_lost_worker_had_of_a_message_is_rendered_by_others(service: Service) -> None:
     with service.worker(name="first") as first:
         job = shoot(service, service.ready_scene(), "0-29", spp=1)

@@ -18,11 +18,14 @@ from worker.sums import pack_sums
 
 
 def test_a_restart_in_the_middle_goes_on_from_the_film(service: Service) -> None:
+    enough, over = threading.Event(), threading.Event()
     with service.worker() as worker:
-        worker.on_batch = lambda batch: time.sleep(0.03)
+        worker.on_batch = lambda batch: (time.sleep(0.03), enough.is_set() and over.wait(10), None)[2]
         job = service.submit(service.ready_scene(), spp=40)
         until(lambda: service.job(job)["progress"] > 0.2, "the job is under way")
+        enough.set()
         service.stop()
+        over.set()
     service.start()
     with service.worker() as worker:
         go = threading.Event()
@@ -125,6 +128,7 @@ def test_a_batch_that_never_comes_back_is_handed_out_again(service: Service, wor
     assert len({b.batch for b in worker.batches}) == len(worker.batches), "every handing out has an id of its own"
 
 
+@pytest.mark.long
 def test_an_answer_that_names_the_batch_of_another_job_keeps_nobody_waiting(service: Service, worker: PeerWorker) -> None:
     wrong: list[RenderBatch] = []
 
@@ -141,6 +145,7 @@ def test_an_answer_that_names_the_batch_of_another_job_keeps_nobody_waiting(serv
     assert service.digest(job) == expected_digest()
 
 
+@pytest.mark.long
 def test_results_that_wait_unread_are_not_lost(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     job = service.submit(service.ready_scene(), spp=20, tile_size=32)
     results = service.farm.engine._results
@@ -176,6 +181,7 @@ def test_a_result_that_could_not_be_deleted_is_dropped_when_it_is_read_again(
     assert service.digest(job) == expected_digest()
 
 
+@pytest.mark.long
 def test_a_redis_that_is_slow_makes_the_service_say_so(service: Service, worker: PeerWorker, redis_server: running_redis) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=30)
@@ -190,6 +196,7 @@ def test_a_redis_that_is_slow_makes_the_service_say_so(service: Service, worker:
     assert service.digest(job) == expected_digest(spp=30)
 
 
+@pytest.mark.long
 def test_a_worker_of_an_older_release_does_not_tell_its_leases(service: Service) -> None:
     go = threading.Event()
     with service.worker(slots=1) as worker:
@@ -258,6 +265,7 @@ def test_a_batch_that_fails_three_times_fails_the_job(service: Service, worker: 
     assert service.digest(job) == expected_digest()
 
 
+@pytest.mark.long
 def test_the_only_worker_hands_back_what_it_gets(service: Service, worker: PeerWorker) -> None:
     def hand_back(batch: RenderBatch) -> bool:
         worker.send({"type": "batch-returned", **worker._about(batch), "error": "peer hands a batch back: there is no room"})

@@ -88,6 +88,7 @@ def test_one_of_three_that_lies_at_times_is_set_aside_and_its_samples_are_render
         assert service.digest(again) == expected_digest(spp=16, seed=2)
 
 
+@pytest.mark.long
 def test_finished_pictures_that_hold_samples_of_one_who_is_found_out_are_marked_and_rendered_again(service: Service) -> None:
     ends, (good, bad, third) = workers_of(service, "good", "bad", "third")
     with ends:
@@ -114,6 +115,7 @@ def test_finished_pictures_that_hold_samples_of_one_who_is_found_out_are_marked_
         assert (service.job(old)["doubted"], service.digest(old)) == ([], expected_digest(spp=300, seed=1))
 
 
+@pytest.mark.long
 def test_two_that_differ_wait_for_a_third_to_decide(service: Service) -> None:
     ends, (_, bad) = workers_of(service, "good", "bad")
     with ends:
@@ -131,6 +133,7 @@ def test_two_that_differ_wait_for_a_third_to_decide(service: Service) -> None:
             assert service.digest(job) == expected_digest(spp=20)
 
 
+@pytest.mark.long
 def test_of_two_that_differ_a_person_decides_by_pausing_one(service: Service) -> None:
     ends, (_, bad) = workers_of(service, "good", "bad")
     with ends:
@@ -156,6 +159,7 @@ def test_one_worker_alone_is_not_looked_at_and_honest_ones_lose_nothing(service:
         assert count(service, "batches_differed") == count(service, "workers_distrusted") == 0
 
 
+@pytest.mark.long
 def test_what_a_worker_sent_stays_out_when_the_service_begins_anew(service: Service) -> None:
     ends, (good, bad, third) = workers_of(service, "good", "bad", "third")
     with ends:

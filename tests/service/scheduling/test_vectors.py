@@ -74,6 +74,7 @@ def test_workers_that_know_of_none_are_asked_for_none(service: Service, monkeypa
         assert "older release" in problem(service.http.get(url), 503)
 
 
+@pytest.mark.long
 def test_what_a_killed_worker_had_in_hand_is_handed_out_again(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -42,7 +42,7 @@ def test_a_job_begins_when_those_before_it_are_finished(service: Service, worker
     assert service.job(second)["state"] == "finished", "what was waited for may go"
 
 
-@pytest.mark.parametrize("end", ["failed", "cancelled", "deleted"])
+@pytest.mark.parametrize("end", ["cancelled", *(pytest.param(end, marks=pytest.mark.long) for end in ("failed", "deleted"))])
 def test_what_waits_in_vain_fails_with_what_waits_for_it(service: Service, worker: PeerWorker, end: str) -> None:
     scene = service.ready_scene()
     first = submit_paused(service, scene, seed=1, name="the first")
@@ -72,6 +72,7 @@ def test_what_waits_in_vain_fails_with_what_waits_for_it(service: Service, worke
     assert service.job(second)["finished"] <= service.job(third)["started"], "and still one after the other"
 
 
+@pytest.mark.long
 def test_a_long_chain_falls_at_once(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     first = last = submit_paused(service, scene, seed=1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from urllib.parse import quote
 
 from service.scheduling.suspicion import FORGIVENESS, Suspicion
 from tests.service.conftest import Service, until
@@ -29,6 +30,15 @@ def test_a_paused_worker_takes_no_more_until_it_goes_on(service: Service, worker
     assert service.http.patch("/api/workers/peer", json={"state": "running"}).json()["message"] is None
     service.wait_for(job, "finished")
     assert service.digest(job) == expected_digest(spp=40)
+
+
+def test_a_worker_of_any_name_can_be_paused(service: Service) -> None:
+    for name in ("rack/3", "kühl é 😀", "50%", "a?b#c"):
+        with service.worker(name=name):
+            until(lambda name=name: [w["name"] for w in service.http.get("/api/workers").json()] == [name], "it is there")
+            address = f"/api/workers/{quote(name, safe='')}"
+            assert service.http.patch(address, json={"state": "paused"}).json()["state"] == "paused"
+            assert service.http.get(f"{address}/log").status_code == 503, "it tells none"
 
 
 def test_what_makes_no_sense_is_refused(service: Service, worker: PeerWorker) -> None:

@@ -117,3 +117,18 @@ def test_the_films_of_deleted_jobs_are_swept(films: FilmFolder, tmp_path: Path) 
     films.close()
     FilmFolder(tmp_path / "films", 0, snapshots(tmp_path)).sweep({"kept"})
     assert {path.name.partition(".")[0] for path in (tmp_path / "films").iterdir()} == {"kept"}
+
+
+def test_a_copy_that_was_broken_off_is_swept_and_one_under_way_is_not(films: FilmFolder, tmp_path: Path) -> None:
+    pinned(films, "source").merge([part(pinned(films, "source"), 0, 0, 1)])
+    left = [tmp_path / "films" / f"killed.sqlite.new{suffix}" for suffix in ("", "-wal", "-shm")]
+    for path in left:
+        path.write_bytes(b"half of it")
+    begun = FilmFolder(tmp_path / "films", 0, snapshots(tmp_path))
+    with begun.copy("copy", SETTINGS, TILE) as take:
+        take("source", [0], 8)
+        begun.sweep({"source"})
+        assert not any(path.exists() for path in left)
+    assert begun.open("copy", SETTINGS, TILE).samples(0) > 0
+    begun.sweep({"source"})
+    assert begun.open("copy", SETTINGS, TILE).samples(0) > 0, "its job is about to be recorded"

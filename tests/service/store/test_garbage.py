@@ -41,7 +41,7 @@ def at_once(*actions: Callable[[], None]) -> None:
         thread.join()
 
 
-@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("shared", [pytest.param(False, marks=pytest.mark.long), True])
 def test_an_upload_beside_a_deletion_of_the_same_files(service: Service, shared: bool) -> None:
     """`shared`: another scene that has one of the files."""
     codes: list[tuple[str, int]] = []

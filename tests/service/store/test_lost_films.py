@@ -46,7 +46,7 @@ def half_of_it(path: Path) -> None:
     ("break_it", "sentence"),
     [
         (damaged, "is damaged"),
-        (lambda path: path.write_bytes(b""), "is missing or was emptied"),
+        pytest.param(lambda path: path.write_bytes(b""), "is missing or was emptied", marks=pytest.mark.long),
         (Path.unlink, "is missing or was emptied"),
         (half_of_it, "has only 12288 of its 24576 samples"),
     ],
@@ -92,7 +92,13 @@ def one_bit(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("break_it", "tiles"), [(damaged, 12), (lambda path: path.write_bytes(b""), 12), (half_of_it, 6), (one_bit, 1)]
+    ("break_it", "tiles"),
+    [
+        pytest.param(damaged, 12, marks=pytest.mark.long),
+        pytest.param(lambda path: path.write_bytes(b""), 12, marks=pytest.mark.long),
+        (half_of_it, 6),
+        (one_bit, 1),
+    ],
 )
 def test_what_is_missing_is_rendered_again_by_itself(
     service: Service, job: str, break_it: Callable[[Path], object], tiles: int

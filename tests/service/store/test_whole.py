@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import threading
 from pathlib import Path
 
 import pytest
 
-from service.store.whole import move_whole, write_whole
+from service.settings import Settings
+from service.store.whole import move_whole, write_once, write_whole
 
 
 def test_bytes_reach_the_disk_before_the_name_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -40,3 +42,34 @@ def test_a_write_that_fails_leaves_the_old_content(tmp_path: Path, monkeypatch: 
     assert path.read_bytes() == b"old"
     assert [each.name for each in tmp_path.iterdir()] == ["file"]
     assert path.stat().st_mode & 0o777 == 0o600
+
+
+def test_what_is_there_is_not_written_again(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    for content in (b"first", b"second"):
+        write_once(path, content)
+    assert path.read_bytes() == b"first"
+    assert [each.name for each in tmp_path.iterdir()] == ["file"]
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
+def test_services_that_begin_at_once_on_a_new_folder_know_it_by_one_id(tmp_path: Path) -> None:
+    """Else the one that stands by takes the folder for another's."""
+    for number in range(10):
+        settings = [
+            Settings(data=tmp_path / str(number), redis_url="redis://nowhere", token="t", owner_token="o") for _ in "12345678"
+        ]
+        settings[0].make_folders()
+        ready, ids = threading.Barrier(len(settings)), []
+
+        def begin(each: Settings, ready: threading.Barrier = ready, ids: list[str] = ids) -> None:
+            ready.wait()
+            ids.append(each.instance())
+
+        threads = [threading.Thread(target=begin, args=(each,)) for each in settings]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert len(ids) == len(settings)
+        assert len(set(ids)) == 1

@@ -2,7 +2,7 @@
 
 import { t } from "./words.js";
 
-export const MOST_FRAMES = 100_000;
+const MOST_FRAMES = 100_000;
 const PART = /^(\d{1,8}(?:\.[05])?)(?:-(\d{1,8}(?:\.[05])?)(?:[x:](\d{1,8}(?:\.[05])?))?)?$/;
 
 /**

@@ -13,7 +13,7 @@ const presetName = (id) => t((id[0]?.toUpperCase() ?? "") + id.slice(1).replaceA
 const degrees = (value) => `${Number(value.toFixed(1))}°`;
 
 /** @param {{elevation: number, azimuth?: number | null}} sky */
-export function skyWords({ elevation, azimuth }) {
+function skyWords({ elevation, azimuth }) {
   const height = elevation < 0 ? t("{elevation} below the horizon", { elevation: degrees(-elevation) }) : t("at {elevation} height", { elevation: degrees(elevation) });
   return t("Clear sky, sun {height}, {azimuth}", { height, azimuth: degrees((((azimuth ?? 0) % 360) + 360) % 360) });
 }

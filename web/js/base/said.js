@@ -41,7 +41,30 @@ export function said(english) {
 /** @param {string} text @param {number} depth @returns {string | null} null where nothing of it is known */
 function translated(text, depth) {
   if (depth > DEEPEST) return null;
-  return sayings[text] ?? oneByOne(text, depth) ?? whole(text, depth) ?? halves(text, depth) ?? afterName(text, depth);
+  return sayings[text] ?? oneByOne(text, depth) ?? whole(text, depth) ?? counted(text, depth) ?? repeated(text, depth) ?? halves(text, depth) ?? afterName(text, depth);
+}
+
+/** As readers say what many things of a file have in common: what (how many): the first of them. @param {string} text @param {number} depth */
+function counted(text, depth) {
+  const [, what, n, names, others] = /^([^:]+) \((\d+)\): (.+?)( and others)?\.$/s.exec(text) ?? [];
+  const found = what === undefined ? null : translated(what, depth + 1);
+  return found === null ? null : `${found} (${n}): ${names}${others ? (sayings[others] ?? others) : ""}${language === "zh" ? "。" : "."}`;
+}
+
+/** @param {string} text @param {number} depth */
+function repeated(text, depth) {
+  const [, what, n] = /^(.+) \((\d+) times\)$/s.exec(text) ?? [];
+  const found = what === undefined ? null : translated(what, depth + 1);
+  return found === null ? null : found + (sayings[" ({n} times)"] ?? " ({n} times)").replace("{n}", n ?? "");
+}
+
+/** Amounts with their names, of which some have a comma: 2 skins, 1 camera. @param {string} text */
+function amounts(text) {
+  if (!/^\d+ /.test(text)) return null;
+  return text
+    .split(/, (?=\d+ )/)
+    .map((each) => each.replace(/^(\d+ )(.+)$/s, (_, n, what) => n + (sayings[what] ?? what)))
+    .join(", ");
 }
 
 /** @param {string} text @param {number} depth */
@@ -88,7 +111,7 @@ function between(parts, text) {
 function quoted(value, depth) {
   const capital = value.charAt(0).toUpperCase() + value.slice(1);
   const sentence = () => (value.includes(" ") ? translated(`${capital}.`, depth + 1)?.replace(/[.。]$/, "") : undefined);
-  return sayings[value] ?? sayings[capital] ?? (value.includes(" ") ? translated(value, depth + 1) : null) ?? sentence() ?? value;
+  return sayings[value] ?? sayings[capital] ?? amounts(value) ?? (value.includes(" ") ? translated(value, depth + 1) : null) ?? sentence() ?? value;
 }
 
 /** @param {string} text @param {number} depth */

@@ -80,6 +80,7 @@
  * @property {EnvironmentRequest | null} [environment] as it was asked for
  * @property {string | null} [variant] as it was asked for
  * @property {boolean} [pinned] kept, whatever its age
+ * @property {string | null} [note] what somebody wrote about it
  * @property {string | null} [user] who asked for it
  * @property {number | null} [max_slots] that render it at a time, at most
  * @property {string[]} [needs] of the workers that render it

@@ -4,7 +4,7 @@
  */
 
 /** A screen of 3840 pixels across 0.7 m, seen from 0.7 m, as the paper takes it. */
-export const PIXELS_PER_DEGREE = 67.02;
+const PIXELS_PER_DEGREE = 67.02;
 
 const QC = 0.7;
 const PC = 0.4;

@@ -12,7 +12,7 @@ import { addressOf } from "./pictures.js";
 /** @typedef {import("../base/types.js").Reference} Reference */
 /** @typedef {import("../views/compare.js").Comparison} Comparison */
 
-export const REFERENCE_FILES = ".exr,.hdr,.pfm,.png,.jpg,.jpeg,.tif,.tiff,.webp";
+const REFERENCE_FILES = ".exr,.hdr,.pfm,.png,.jpg,.jpeg,.tif,.tiff,.webp";
 
 /**
  * Takes an image that is dropped on the page, as A: what is measured is measured against A.

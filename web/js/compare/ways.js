@@ -24,7 +24,7 @@ export const WAYS = /** @type {const} */ ([
 export const wayFrom = (text) => WAYS.find(({ name }) => name === text)?.name ?? "wipe";
 
 /** The kind of map that a way shows. @param {Way} way @returns {ErrorKind | null} */
-export const mapOf = (way) => (way === "difference" || way === "relative" || way === "flip" ? way : null);
+const mapOf = (way) => (way === "difference" || way === "relative" || way === "flip" ? way : null);
 
 const TURN_MS = 600;
 const RENEW_MS = 3000;

@@ -7,7 +7,7 @@ import { decode } from "./rgb9e5.js";
 /** Stops about 1, the brightest that a screen shows. */
 export const LOWEST = -12;
 export const HIGHEST = 6;
-export const BINS = (HIGHEST - LOWEST) * 4;
+const BINS = (HIGHEST - LOWEST) * 4;
 /** About so many pixels are looked at: enough for a curve, few enough to be done at once. */
 const MOST_PIXELS = 200_000;
 

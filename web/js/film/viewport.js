@@ -3,8 +3,8 @@
  * upper left corner, in device pixels. Pure arithmetic; the canvas and the mouse are elsewhere.
  */
 
-export const MIN_SCALE = 1 / 64;
-export const MAX_SCALE = 256;
+const MIN_SCALE = 1 / 64;
+const MAX_SCALE = 256;
 
 /** Powers of two and the steps between that zooming by keys stops at. */
 const STOPS = [

@@ -25,7 +25,7 @@ function svg(tag, attributes, ...children) {
  * @param {{elevation: number, azimuth: number}} sun degrees
  * @returns {[number, number]} of the dial, whose middle is 0, 0
  */
-export function placeOf({ elevation, azimuth }) {
+function placeOf({ elevation, azimuth }) {
   const away = (RADIUS * (90 - Math.max(0, Math.min(90, elevation)))) / 90;
   const around = (azimuth * Math.PI) / 180;
   return [away * Math.sin(around), -away * Math.cos(around)];
@@ -36,7 +36,7 @@ export function placeOf({ elevation, azimuth }) {
  * @param {number} y
  * @returns {{elevation: number, azimuth: number}} whole degrees
  */
-export function sunAt(x, y) {
+function sunAt(x, y) {
   const away = Math.min(Math.hypot(x, y) / RADIUS, 1);
   const around = Math.round((Math.atan2(x, -y) * 180) / Math.PI);
   return { elevation: Math.round(90 * (1 - away)), azimuth: (around + 360) % 360 };

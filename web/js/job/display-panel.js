@@ -5,6 +5,7 @@ import { PARTS } from "../film/film-shader.js";
 import { heatBar, partFields } from "./part-fields.js";
 import { pinsFrom, pinsText } from "./pins.js";
 import { DENOISE_MODES, denoiseFields } from "./denoise-fields.js";
+import { icon } from "../base/icons.js";
 import { fill, h, setText } from "../base/dom.js";
 import { field } from "../forms/fields.js";
 import { stops } from "../base/format.js";
@@ -195,12 +196,13 @@ export function lookFields(display, normalise) {
   const reset = h(
     "button",
     {
-      class: "text-button small",
+      class: "icon-button exposure-reset",
       type: "button",
+      "aria-label": t("Reset"),
       title: t("Back to 0 (R)"),
       onclick: () => display.update((d) => ({ ...d, exposure: 0 })),
     },
-    t("Reset"),
+    icon("undo"),
   );
   exposure.prepend(
     h(
@@ -221,7 +223,7 @@ export function lookFields(display, normalise) {
     setText(value, `${stops(d.exposure)} EV`);
     slider.valueAsNumber = d.exposure;
     slider.setAttribute("aria-valuetext", `${d.exposure.toFixed(1)} stops`);
-    reset.hidden = d.exposure === 0;
+    reset.style.visibility = d.exposure === 0 ? "hidden" : ""; // its room stays: nothing moves under the hand on the slider
     curve.value = d.curve;
   });
   return h("div", { class: "stack" }, exposure, field(t("Tone curve"), curve));

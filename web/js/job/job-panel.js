@@ -17,7 +17,8 @@ import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
-const MORE_SAMPLES = 256;
+/** To add fewer of a pixel shows nothing; more at a time nobody waits for. */
+const [FEWEST_MORE, MOST_MORE] = [16, 4096];
 /** Of the samples that were left out, so many are named. */
 const BAD_NAMED = 3;
 /** States from which a job goes on where it stopped: its film stays. */
@@ -190,8 +191,10 @@ export function actionsPanel() {
     "danger",
   );
   cancel.title = t("Stops rendering; the picture so far stays");
-  const more = button("plus", t("{n} samples", { n: MORE_SAMPLES }), moreSamples);
-  more.title = t("Goes on from here: the same picture as if they had been asked for at once");
+  const number = h("span", { class: "number" });
+  const more = button("plus", "", moreSamples);
+  more.append(number);
+  more.title = t("As many again: the same picture as if all had been asked for at once");
   const keep = button("keep", t("Keep"), (job) => change(job, { pinned: !job.pinned }, t("The job was not changed")));
   keep.title = t("Stays whatever its age: its picture, and its scene's files");
   const element = h("div", { class: "row actions for-submit" }, resume, pause, cancel, more, keep);
@@ -205,6 +208,7 @@ export function actionsPanel() {
       resume.hidden = !STOPPED.includes(job.state);
       cancel.hidden = !open;
       more.hidden = job.state === "failed";
+      setText(number, t("{n} samples", { n: count(asManyAgain(job)) }));
       if (keep.getAttribute("aria-pressed") !== String(Boolean(job.pinned))) fill(keep, icon(job.pinned ? "check" : "keep"), t("Keep"));
       keep.setAttribute("aria-pressed", String(Boolean(job.pinned)));
       // The button that was pressed may be the one that goes: the focus must not go with it.
@@ -220,12 +224,20 @@ export function pauseOrResume(job) {
     void change(job, { state: "paused" }, t("The job was not paused"));
 }
 
+/** What takes the noise down by three tenths: as many as were asked for, or as a pixel has. @param {Job} job */
+function asManyAgain({ spp, noise, seconds, samples, width, height, shot }) {
+  const pixels = Math.max((width ?? 1) * (height ?? 1) * (shot?.count ?? 1), 1);
+  const has = 2 ** Math.round(Math.log2(Math.max(samples / pixels, 1)));
+  const asked = spp && noise == null && seconds == null ? spp : has;
+  return Math.min(Math.max(asked, FEWEST_MORE), MOST_MORE);
+}
+
 /** @param {Job} job */
 export function moreSamples(job) {
   const stopped = job.state === "cancelled";
   void change(
     job,
-    { more: MORE_SAMPLES, ...(stopped && { state: /** @type {const} */ ("running") }) },
+    { more: asManyAgain(job), ...(stopped && { state: /** @type {const} */ ("running") }) },
     t("No samples were added"),
   );
 }

@@ -37,7 +37,7 @@ export function partFields(display) {
  * @param {string} colours CSS
  * @param {(string | undefined)[][]} ticks each a few lines
  */
-export function colourBar(label, colours, ticks) {
+function colourBar(label, colours, ticks) {
   const strip = h("div", { class: "strip", role: "img", "aria-label": `${label}: ${ticks.map((lines) => lines.join(", ")).join("; ")}` });
   strip.style.background = colours;
   return h(

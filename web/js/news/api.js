@@ -32,6 +32,8 @@ import { t } from "../base/words.js";
  * @property {string} [order]
  * @property {[number, number, number, number] | null} [focus] x, y, w, h that is rendered first
  * @property {boolean} [pinned] kept, whatever its age
+ * @property {string} [name] empty: as its scene
+ * @property {string} [note] empty: none
  */
 
 export class ApiError extends Error {
@@ -95,6 +97,9 @@ export const UPLOAD_URL = "api/scenes";
 
 /** @returns {Promise<Scene[]>} newest first */
 export const getScenes = () => call("GET", inProject("/scenes"));
+
+/** @param {string} text words of their names, or the begin of an id; empty: all @returns {Promise<Scene[]>} newest first, many more than `getScenes` tells */
+export const findScenes = (text) => call("GET", inProject(`/scenes?${new URLSearchParams({ limit: "1000", ...(text && { search: text }) })}`));
 
 /** @param {string} id @returns {Promise<Scene>} */
 export const getScene = (id) => call("GET", `/scenes/${id}`);

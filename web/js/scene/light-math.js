@@ -9,7 +9,7 @@ const SLACK = { across: 3, up: 16 };
 const LEAST_STRENGTH = 0.01;
 const MOST_STRENGTH = 1000;
 /** Degrees: the lowest that the sun is put, where it would have to stand below the horizon. */
-export const LOWEST_SUN = 2;
+const LOWEST_SUN = 2;
 
 /** @param {number} degrees @returns {number} -180 ... 180, as the slider has it */
 export const halfTurn = (degrees) => {

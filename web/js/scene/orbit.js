@@ -22,7 +22,7 @@ const length = (a) => Math.hypot(...a);
 const unit = (a) => scale(a, 1 / length(a));
 
 /** From the eye to the target. @param {View} view */
-export const distanceOf = ({ eye, target }) => length(subtract(target, eye));
+const distanceOf = ({ eye, target }) => length(subtract(target, eye));
 
 /** What the picture shows from its lower edge to its upper at the target's distance, in scene units. @param {View} view */
 function heightAtTarget(view) {

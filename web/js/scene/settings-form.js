@@ -1,5 +1,6 @@
 /** What a picture is asked to be: the form on a scene's page, and what it will cost. */
 
+import { byProgram } from "../forms/by-program.js";
 import { cameraFields } from "../forms/camera-fields.js";
 import { h, setText } from "../base/dom.js";
 import { scenes, workers } from "../news/farm.js";
@@ -43,6 +44,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const first = like ? { ...like.settings, spp: like.spp, noise: like.noise, seconds: like.seconds, light: like.environment } : {};
   const estimate = h("p", { class: "quiet small number" });
   let update = () => {};
+  const program = byProgram(() => request());
   const shot = shotFields(scene, like?.shot ?? null, () => update(), asShot && !like);
   /** The scene as it is known now: it learns from each picture. */
   const known = () => scenes.value?.find(({ id }) => id === scene.id) ?? scene;
@@ -109,10 +111,14 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     others.basic,
     others.folds,
     queue.element,
+    program.element,
     h("div", { class: "submit" }, estimate, why, render),
   );
+  for (const type of ["input", "change"]) element.addEventListener(type, program.update);
   update();
-  return { element, update, request, view: camera.view, turn: camera.turn, focus: camera.focus, light: others.lightHandle, dispose: () => (others.dispose(), queue.dispose()) };
+  /** @param {import("../base/types.js").View} view */
+  const turn = (view) => (camera.turn(view), program.update());
+  return { element, update, request, view: camera.view, turn, focus: camera.focus, light: others.lightHandle, dispose: () => (others.dispose(), queue.dispose()) };
 }
 
 /**

@@ -7,7 +7,7 @@ import { t } from "../base/words.js";
 /** Above this many, somebody dropped their home folder. */
 const MAX_FILES = 5000;
 
-export class TooManyFiles extends Error {
+class TooManyFiles extends Error {
   constructor() {
     super(t("That folder holds more than {most} files. Drop the scene's own folder, or a zip of it.", { most: MAX_FILES }));
   }

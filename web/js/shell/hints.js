@@ -31,10 +31,10 @@ export function command(text) {
 }
 
 /** Adds a worker to this farm; the token is told where the farm was started. */
-export const joinCommand = () => `RAYFARM_TOKEN=TOKEN python3 farm.py worker --join ${location.origin}`;
+const joinCommand = () => `RAYFARM_TOKEN=TOKEN python3 farm.py worker --join ${location.origin}`;
 
 /** Whether this page, and so the farm, was opened under a name that only its own machine knows. */
-export const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
+const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
 
 /** How another machine joins. */
 export function addMachineHint() {

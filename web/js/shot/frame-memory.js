@@ -20,7 +20,7 @@ const RENEW_MS = 2000;
 const RETRY_MS = 5000;
 
 /** What frames may take together, in bytes: an eighth of what the device says it has. */
-export function memoryBound() {
+function memoryBound() {
   const gigabytes = /** @type {{deviceMemory?: number}} */ (navigator).deviceMemory ?? 4;
   return Math.min(gigabytes, 4) * 2 ** 27;
 }

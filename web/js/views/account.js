@@ -60,7 +60,7 @@ function passwordSection() {
         }
       },
     },
-    h("div", { class: "field" }, h("label", { for: "password-old" }, t("Password until now")), old, h("span", { class: "hint" }, t("Empty where you have none yet."))),
+    h("div", { class: "field" }, h("label", { for: "password-old" }, t("Current password")), old, h("span", { class: "hint" }, t("Empty where you have none yet."))),
     h("div", { class: "field" }, h("label", { for: "password-new" }, t("New password")), next, h("span", { class: "hint" }, t("At least 10 characters; a few words are best."))),
     h("button", { class: "button", type: "submit" }, t("Change the password")),
   );

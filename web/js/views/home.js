@@ -14,12 +14,14 @@ import { Disposer } from "../base/store.js";
 import { showError } from "../shell/tray.js";
 import { choose } from "../shell/uploads.js";
 import { jobRow } from "./job-row.js";
-import { sceneCard } from "./scene-card.js";
+import { sceneGrid } from "./scene-grid.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Example} Example */
 
 const RECENT_JOBS = 4;
+/** Those that show most come first; the others, mostly for students, by their names. */
+const FIRST_EXAMPLES = ["still-life", "caterpillar", "christmas", "spheres", "cornell-box"];
 
 /** @returns {{element: HTMLElement, dispose: () => void}} */
 export function homeView() {
@@ -29,8 +31,8 @@ export function homeView() {
   const zone = dropZone();
   const nothing = emptyPage("image", t("There is nothing to look at yet"), t("What others upload and render, and you may see, is shown here."));
   nothing.hidden = true;
-  const sceneGrid = h("ul", { class: "cards" });
-  const sceneSection = section(t("Scenes"), sceneGrid);
+  const grid = sceneGrid();
+  const sceneSection = section(t("Scenes"), grid.element, grid.aside);
   const exampleGrid = h("ul", { class: "cards" });
   const exampleSection = section(
     t("Examples"),
@@ -42,7 +44,6 @@ export function homeView() {
   for (const part of [sceneSection, exampleSection, jobSection]) part.hidden = true;
   exampleSection.classList.add("for-submit"); // to open one is to upload it
 
-  const showScenes = keyedList(sceneGrid, (scene) => scene.id, sceneCard);
   const showJobs = keyedList(
     jobList,
     (job) => job.id,
@@ -54,7 +55,7 @@ export function homeView() {
     const seenJobs = (jobs.value ?? [])
       .filter((job) => !hidden.value.has(job.id))
       .slice(0, RECENT_JOBS);
-    showScenes(seenScenes);
+    grid.put(seenScenes);
     showJobs(seenJobs);
     zone.classList.toggle("compact", seenScenes.length > 0);
     nothing.hidden = mayChange(chosenProject()) || seenScenes.length + seenJobs.length > 0 || scenes.value === null;
@@ -69,7 +70,7 @@ export function homeView() {
     ([examples, comparisons]) => {
       fill(
         exampleGrid,
-        examples.map((example) => exampleCard(example, comparisons[example.name] ?? [])),
+        inOrder(examples).map((example) => exampleCard(example, comparisons[example.name] ?? [])),
       );
       exampleSection.hidden = examples.length === 0;
     },
@@ -88,6 +89,12 @@ export function homeView() {
     exampleSection,
   );
   return { element, dispose: () => life.dispose() };
+}
+
+/** @param {Example[]} examples by name */
+function inOrder(examples) {
+  const place = (/** @type {Example} */ { name }) => (FIRST_EXAMPLES.indexOf(name) + FIRST_EXAMPLES.length + 1) % (FIRST_EXAMPLES.length + 1);
+  return examples.toSorted((a, b) => place(a) - place(b));
 }
 
 function dropZone() {

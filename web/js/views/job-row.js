@@ -20,6 +20,9 @@ import { t } from "../base/words.js";
 /** A running job's picture in a list is renewed this often. */
 const PICTURE_EVERY_S = 5;
 
+/** States of those that have their turn still before them. */
+const OPEN = ["queued", "running", "paused"];
+
 /** Rows come and go as a list is scrolled, and one clock is enough for all of them. */
 setInterval(() => {
   for (const element of document.querySelectorAll("[data-since]"))
@@ -33,7 +36,9 @@ setInterval(() => {
  */
 export function jobRow(job, lead) {
   const name = h("a", { class: "name", href: linkTo("jobs", job.id) });
-  const size = h("div", { class: "quiet small number" });
+  const note = h("span", { class: "quiet small" });
+  const size = h("span");
+  const late = h("span", { class: "late", hidden: true }, icon("clock"), t("late"));
   const chip = stateChip(job.state);
   const bar = progressBar(t("Progress"));
   const far = h("div", { class: "quiet small number" });
@@ -55,7 +60,7 @@ export function jobRow(job, lead) {
     { class: "job-row" },
     lead,
     h("div", { class: "picture" }, icon("image"), image),
-    h("div", { class: "title" }, name, size),
+    h("div", { class: "title" }, h("div", { class: "called" }, name, note), h("div", { class: "quiet small number" }, late, size)),
     chip.element,
     h("div", { class: "bar" }, bar.element, far),
     when,
@@ -68,8 +73,11 @@ export function jobRow(job, lead) {
       latest = next;
       offer(element, next.project);
       setText(name, next.name);
+      setText(note, next.note ?? "");
+      note.title = next.note ?? "";
       remove.setAttribute("aria-label", t("Delete the picture of {name}", { name: next.name }));
       setText(size, next.width && next.height ? sizeLine(next) : "");
+      late.hidden = next.late == null || !OPEN.includes(next.state);
       chip.update(next.state);
       bar.update(next.state === "finished" ? 1 : next.progress, next.state);
       setText(far, progressLine(next));
@@ -89,8 +97,14 @@ export function jobRow(job, lead) {
 /** @param {Job} job */
 function sizeLine(job) {
   const scene = scenes.value?.find(({ id }) => id === job.scene);
-  const parts = [`${job.width}×${job.height}`, shotName(job, scene?.fps), endOf(job), lightWords(job.environment, scene)];
+  const parts = [`${job.width}×${job.height}`, shotName(job, scene?.fps), endOf(job), lightWords(job.environment, scene), ...placeWords(job)];
   return parts.filter(Boolean).join(" · ");
+}
+
+/** What of its place among the others is not as of every job: whose it is, how urgent, by when. @param {Job} job */
+function placeWords({ state, user, priority, deadline }) {
+  if (!OPEN.includes(state)) return [user];
+  return [user, priority ? t("priority {n}", { n: priority }) : "", deadline != null ? t("by {time}", { time: new Date(deadline * 1000).toLocaleString([], { weekday: "short", hour: "2-digit", minute: "2-digit" }) }) : ""];
 }
 
 /** @param {Job} job */

@@ -14,6 +14,7 @@ import { doubtNotice } from "../job/doubt-notice.js";
 import { queuePanel } from "../job/queue-panel.js";
 import { livePicture } from "../film/live-picture.js";
 import { focusTool } from "../job/focus-tool.js";
+import { jobTitle, notePanel } from "../job/name-and-note.js";
 import { momentsPanel } from "../job/moments-panel.js";
 import { historyPanel } from "../job/history-panel.js";
 import { logPanel } from "../job/log-panel.js";
@@ -110,13 +111,16 @@ function open(page, job, life) {
   const progress = progressPanel();
   const queue = queuePanel();
   const doubt = doubtNotice();
+  const title = jobTitle();
+  const note = notePanel();
+  progress.element.append(note.element);
   const explained = explainPanel(picture, life);
   const pins = pinsPanel(picture, display, life, (pin) => void explained.explain(pin), (pin) => log.ofTile(picture.live.frame, pin));
   const focus = focusTool(job, picture, life);
   const tools = pictureTools(picture.element, picture.view, () => asItLooks(picture.live, display.value), [focus.button, pins.button, explained.button]);
   const histogram = histogramPanel(picture.live, display, life);
   picture.tools.append(tools.element);
-  life.add(addShortcuts([...focus.keys, ...pins.keys, ...explained.keys, ...tools.keys]));
+  life.add(addShortcuts([...title.keys, ...focus.keys, ...pins.keys, ...explained.keys, ...tools.keys]));
   const chip = stateChip(job.state);
   const line = progressBar(t("Progress"));
   line.element.setAttribute("aria-hidden", "true"); // the panel's bar says the same
@@ -165,7 +169,7 @@ function open(page, job, life) {
       "header",
       { class: "job-head" },
       h("a", back, icon("back")),
-      h("h1", { title: job.name }, job.name),
+      title.element,
       chip.element,
       h("span", { class: "grow" }),
       actions.element,
@@ -177,17 +181,18 @@ function open(page, job, life) {
     shot?.bar,
     shot?.strip,
     picture.statusBar,
-    h("aside", { class: "side", "aria-label": t("Picture") }, progress.element, doubt.element, queue.element, shot?.panel, explained.element, pins.element, look.element, moments?.element, histogram, history.element, log.element, shot?.edit, save.element, details(job, life)),
+    h("aside", { class: "side", "aria-label": t("Picture") }, progress.element, doubt.element, queue.element, shot?.panel, explained.element, pins.element, save.element, look.element, moments?.element, histogram, history.element, log.element, shot?.edit, details(job, life)),
   );
 
   return (next) => {
+    save.element.hidden = next.samples === 0;
     if (next.state !== latest.state) announce(`${next.name}: ${stateWord(next.state)}`);
     latest = next;
     showWaiting();
     setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
     chip.update(next.state);
     line.update(next.progress, next.state);
-    for (const part of [picture, actions, progress, doubt, queue, focus, history, moments, shot]) part?.update(next);
+    for (const part of [title, note, picture, actions, progress, doubt, queue, focus, history, moments, shot]) part?.update(next);
   };
 }
 

@@ -48,7 +48,7 @@ export function jobsView() {
   const empty = h("div", null);
   const said = h("p", { class: "visually-hidden", role: "status" });
 
-  const search = h("input", { type: "search", placeholder: t("Search names and scenes"), "aria-label": t("Search jobs"), autocomplete: "off" });
+  const search = h("input", { type: "search", placeholder: t("Search names, notes and scenes"), "aria-label": t("Search jobs"), autocomplete: "off" });
   const sort = choice(t("Order"), SORTS);
   const kind = choice(t("Kind"), KINDS);
   const scene = choice(t("Scene"), [["", t("All scenes")]]);
@@ -99,8 +99,8 @@ export function jobsView() {
       const of = Object.entries(list.tallies).filter(([state]) => !states.length || states.includes(/** @type {JobState} */ (state)));
       setText(tally, list.ids ? count(of.reduce((sum, [, n]) => sum + n, 0)) : "");
     }
+    rows.element.hidden = ids.length === 0; // before they are placed: what is hidden has no height
     rows.show(ids);
-    rows.element.hidden = ids.length === 0;
     bar.update();
     if (list.ids) setText(said, tn(ids.length, "{n} job", "{n} jobs"));
     const any = Object.values(list.tallies).some((n) => n > 0);

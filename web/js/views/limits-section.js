@@ -23,12 +23,12 @@ const NOTHING = { bytes: null, jobs: null, samples_day: null };
 export function limitsSection() {
   /** What tokens are called, by their ids. @type {Map<string, string>} */
   let named = new Map();
-  const list = h("ul", { class: "rows limits" });
+  const list = h("ul", { class: "rows limits", hidden: true });
   const show = keyedList(list, (/** @type {Allowance} */ { whose }) => whose, () => limitRow((whose) => named.get(whose), renew));
   const token = h("select", { id: "limit-token" });
   const form = h(
     "form",
-    { class: "account-form", onsubmit: (/** @type {Event} */ event) => submitted(event, () => setQuota(`token:${token.value}`, NOTHING).then(renew)) },
+    { class: "account-form", hidden: true, onsubmit: (/** @type {Event} */ event) => submitted(event, () => setQuota(`token:${token.value}`, NOTHING).then(renew)) },
     h("div", { class: "field" }, h("label", { for: "limit-token" }, t("Token")), token),
     h("button", { class: "button", type: "submit" }, t("Limit a token too")),
   );

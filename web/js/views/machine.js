@@ -75,6 +75,7 @@ export function machineCard() {
     isPaused = worker.state === "paused" && !rests;
     terms.update(worker);
     setText(name, worker.name);
+    name.title = worker.name;
     setText(cpu, worker.cpu);
     cpu.title = worker.cpu;
     chip.update(state);

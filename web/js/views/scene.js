@@ -22,7 +22,7 @@ import { sidesFromUrl } from "../scene/sides.js";
 import { sideNames } from "../compare/job-differences.js";
 import { removeScene } from "./scene-card.js";
 import { said } from "../base/said.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").Job} Job */
@@ -268,18 +268,24 @@ function addButton(scene, sentences) {
   );
 }
 
+/** The first say most; a file of another program may have dozens. */
+const WARNINGS_SHOWN = 4;
+
 /** @param {Scene} scene */
 function warnings(scene) {
   const sentences = scene.warnings;
   if (!sentences.length) return null;
+  const list = (/** @type {string[]} */ some) => h("ul", { "aria-label": t("Warnings") }, some.map((sentence) => h("li", null, said(sentence))));
+  const rest = sentences.slice(WARNINGS_SHOWN);
   return h(
     "div",
     { class: "notice warning" },
     icon("warning"),
     h(
-      "ul",
-      { "aria-label": t("Warnings") },
-      sentences.map((sentence) => h("li", null, said(sentence))),
+      "div",
+      { class: "grow" },
+      list(sentences.slice(0, WARNINGS_SHOWN)),
+      rest.length > 0 && h("details", { class: "more-warnings" }, h("summary", null, tn(rest.length, "{n} more warning", "{n} more warnings")), list(rest)),
     ),
     addButton(scene, sentences.join(" ")),
   );

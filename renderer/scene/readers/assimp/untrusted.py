@@ -1,4 +1,4 @@
-"""What is looked at before assimp opens a file: what would have it follow references, or unpack, until memory ends."""
+"""What is checked before assimp opens a file: anything that would make it follow references, or unpack, until memory runs out."""
 
 from __future__ import annotations
 

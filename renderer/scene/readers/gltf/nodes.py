@@ -19,11 +19,12 @@ from renderer.scene.readers.gltf.moving import Moving
 from renderer.scene.readers.gltf.transforms import Matrix, local
 from renderer.scene.textures import TextureShelf
 
-__all__ = ["VISIBILITY", "Nodes"]
+__all__ = ["RAYS", "VISIBILITY", "Nodes"]
 
 MAX_NODES = 200_000
 MAX_INSTANCES = 500_000
 VISIBILITY = "KHR_node_visibility"
+RAYS = "RAYFARM_node_rays"  # ours: `camera` and `shadow`, false where such rays pass the node's own mesh by, as Blender has it
 
 
 class Nodes:
@@ -113,7 +114,7 @@ class Nodes:
                 meshes = (end - first) // len(places)
                 for i in range(first, end):
                     known = description.instances[i]
-                    description.instances[i] = Instance(known.mesh, places[(i - first) // meshes], None, known.name, known.moves)
+                    description.instances[i] = replace(known, transform=places[(i - first) // meshes])
         for index in self._bent:
             self._bend(index, description, *self._instances[index])
         return True
@@ -215,12 +216,12 @@ class Nodes:
                 left = MAX_INSTANCES - len(self._description.instances)
                 places = product(world, instancing.instance_transforms(copies, self._accessors, left))
                 for i, place in enumerate(places):
-                    self._show(self._meshes.of(mesh, node), place, f"{name} [{i}]", moves)
+                    self._show(node, self._meshes.of(mesh, node), place, f"{name} [{i}]", moves)
             elif skin is not None:
                 found = self._meshes.skinned(mesh, node, self._joints(skin), self._joints_of(skin)[1])
-                self._show(found, np.eye(4), name, self._moving.appears(node))
+                self._show(node, found, np.eye(4), name, self._moving.appears(node))
             else:
-                self._show(self._meshes.of(mesh, node), world, name, moves)
+                self._show(node, self._meshes.of(mesh, node), world, name, moves)
         light = node.extension(lights.EXTENSION)
         if light:
             source = self._light_of(light)
@@ -230,9 +231,19 @@ class Nodes:
     def _light_of(self, light: Json) -> Json:
         return self._lights[light.integer("light", high=len(self._lights))]
 
-    def _show(self, meshes: list[int], place: Matrix, name: str, moves: bool) -> None:
+    def _show(self, node: Json, meshes: list[int], place: Matrix, name: str, moves: bool) -> None:
         restless = self._meshes.restless
-        self._description.instances += [Instance(m, place, name=name, moves=moves or m in restless) for m in meshes]
+        self._description.instances += [
+            Instance(m, place, self._passed_by(node, m), name, moves or m in restless) for m in meshes
+        ]
+
+    def _passed_by(self, node: Json, mesh: int) -> int | None:
+        """The material in place of a mesh's own, where some rays pass the node by."""
+        rays = node.extension(RAYS)
+        if rays is None:
+            return None
+        flags = rays.value.get("camera") is False, rays.value.get("shadow") is False
+        return self._meshes.passed_by(mesh, *flags) if any(flags) else None
 
     def _joints_of(self, number: int) -> tuple[list[int], bool]:
         """The nodes that are a skin's joints, and whether one of them moves."""

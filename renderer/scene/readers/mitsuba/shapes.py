@@ -26,9 +26,8 @@ class Shapes:
 
     def __init__(self, document: Document, bsdfs: Bsdfs, description: SceneDescription) -> None:
         self._document, self._bsdfs, self._description = document, bsdfs, description
-        self._balls: dict[
-            tuple[int, bool], int
-        ] = {}  # spheres that are no more round, by material and whether they are inside out
+        # Meshes of spheres that are scaled unevenly, by material and whether they are inside out.
+        self._balls: dict[tuple[int, bool], int] = {}
         self._meshes: dict[int, list[tuple[int, Matrix]]] = {}  # of a shape: its meshes' numbers, and where they lie in it
 
     def judge(self) -> None:

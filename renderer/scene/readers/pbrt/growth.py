@@ -1,4 +1,4 @@
-"""How much may be made of few words: a level of subdivision is a digit in a file, and four times the triangles."""
+"""How much a few words may expand to: a level of subdivision is one digit in a file, and four times the triangles."""
 
 from __future__ import annotations
 

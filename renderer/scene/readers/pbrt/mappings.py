@@ -1,6 +1,6 @@
-"""Textures that lie on things by where these are and not by their UVs: on a plane, about a sphere, about a cylinder.
+"""Textures mapped by position rather than by UVs: onto a plane, a sphere or a cylinder.
 
-A mesh has what a mapping makes of its points as its second set of UVs, v counted from above as in the first.
+The mapping's coordinates become a mesh's second set of UVs, with v counted from above as in the first.
 """
 
 from __future__ import annotations

@@ -67,6 +67,7 @@ def _read(files: SceneFiles, name: str) -> SceneDescription:
     data = files.read(name)
     if name.lower().endswith(".gz"):
         data = unpacked(data, name)
+
     part = SceneDescription(name=name)
     ply.read_data(data, files, name, part)
     if re.search(_NORMALS, data) is None:

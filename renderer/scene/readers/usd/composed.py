@@ -1,4 +1,5 @@
-"""How many prims a stage composes to, counted before USD does it: references double with each level, and USD follows them all."""
+"""How many prims a stage composes to, counted before USD composes it: references can double with each level, and USD follows
+them all."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""A polygon that bends inwards, cut into triangles ear by ear.
+"""Triangulates a concave polygon by ear clipping.
 
-Source: Meisters 1975; only corners that bend inwards can lie in an ear (Eberly, "Triangulation by Ear Clipping").
+Source: Meisters 1975; only reflex corners can lie in an ear (Eberly, "Triangulation by Ear Clipping").
 """
 
 from __future__ import annotations

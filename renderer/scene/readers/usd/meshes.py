@@ -22,7 +22,6 @@ __all__ = ["Wanted", "deforms", "read_mesh"]
 MAX_VERTICES = 1 << 26
 MAX_LEVEL = 2
 MAX_REFINED = 4_000_000  # triangles of a mesh that it is refined to
-_NO_NORMALS = np.zeros((0, 3), np.float32)
 
 
 class Wanted(NamedTuple):

@@ -151,12 +151,10 @@ def _linear(image: Image) -> F32:
     return values
 
 
-def grey(shelf: TextureShelf, taken: Taken, invert: bool = False) -> int | None:
+def grey(shelf: TextureShelf, taken: Taken) -> int | None:
     """A texture of data whose red, green and blue are the channel that is taken."""
     channel = "r" if taken.channel == "rgb" else taken.channel
     scale, bias = taken.span(channel)
-    if invert:
-        scale, bias = -scale, 1 - bias
 
     def make(image: Image) -> Image:
         values = np.clip(_linear(image)[..., _CHANNELS[channel]] * scale + bias, 0, 1)

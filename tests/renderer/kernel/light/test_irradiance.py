@@ -115,6 +115,7 @@ SCENES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SCENES)
 def test_light_sampling_has_the_mean_of_brute_force(name):
     made = SCENES[name]()

@@ -1,0 +1,65 @@
+"""Workers' reports, checked: what makes no sense is none. Whatever a report says is shown to people and added up with others', so
+one that lies in its numbers must not take the engine, the list of workers or anybody's page along.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import unicodedata
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from worker.contract import WorkerReport, worker_key
+
+__all__ = ["report_of"]
+
+MAX_SLOTS = 4096
+MOST_BYTES = 4 << 20
+LONGEST_NAME = 200
+LONGEST_KIND = 128  # as a job's row has it
+LONGEST_TEXT = 4000
+FASTEST = 1e12  # samples a second of a slot
+LARGEST = 1e15  # a number that nothing overflows with
+DEEPEST = 4
+
+_REPORT = TypeAdapter(WorkerReport)
+
+
+def report_of(key: bytes, value: bytes) -> WorkerReport:
+    """The report that lies under a key. Raises ValueError, or RecursionError, where it makes no sense here."""
+    if len(value) > MOST_BYTES:
+        raise ValueError(f"it has {len(value)} bytes")
+    if b"NaN" in value or b"Infinity" in value:
+        json.loads(value, parse_constant=_no_number)
+    report = _REPORT.validate_json(value)
+    if worker_key(report.name).encode() != key:
+        raise ValueError(f"it is said to be of {report.name[:LONGEST_NAME]!r}")
+    if not 0 < len(report.name) <= LONGEST_NAME or any(unicodedata.category(c) == "Cc" for c in report.name):
+        raise ValueError("its name is none")
+    if not (0 < report.slots <= MAX_SLOTS and len(report.current) <= MAX_SLOTS):
+        raise ValueError(f"{report.slots} slots, of which {len(report.current)} do something")
+    if not (0 <= report.samples_per_s <= FASTEST and math.isfinite(report.started) and abs(report.pid) <= LARGEST):
+        raise ValueError(f"{report.samples_per_s} samples a second")
+    if len(report.kind) > LONGEST_KIND or not all(map(_is_plain, (report.kind, report.host, report.cpu))):
+        raise ValueError("its host, processor or kind has no name")
+    if not all(_is_plain(doing) for doing in report.current):
+        raise ValueError("what its slots do cannot be told")
+    return report
+
+
+def _is_plain(value: Any, depth: int = 0) -> bool:
+    """Whether it can be shown, and computed with."""
+    if isinstance(value, str):
+        return len(value) <= LONGEST_TEXT and "\0" not in value
+    if isinstance(value, int | float):
+        return abs(value) <= LARGEST  # not of what is no number
+    if isinstance(value, list | dict) and depth < DEEPEST:
+        inside = [*value, *value.values()] if isinstance(value, dict) else value
+        return all(_is_plain(each, depth + 1) for each in inside)
+    return value is None
+
+
+def _no_number(constant: str) -> float:
+    raise ValueError(f"{constant} is no number")

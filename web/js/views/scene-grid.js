@@ -1,0 +1,76 @@
+/** The scenes of the front page: the latest ones, and those that a search finds among all. */
+
+import { findScenes } from "../news/api.js";
+import { h, keyedList, setText } from "../base/dom.js";
+import { hidden } from "../news/farm.js";
+import { announce } from "../shell/tray.js";
+import { t, tn } from "../base/words.js";
+import { sceneCard } from "./scene-card.js";
+
+/** @typedef {import("../base/types.js").Scene} Scene */
+
+/** So many at first: a farm of a year has hundreds, and what stands below them is to be found. */
+const FIRST = 24;
+/** With fewer one sees at a glance what there is. */
+const SEARCHED = 9;
+const TYPING_MS = 200;
+
+/** @returns {{element: HTMLElement, aside: HTMLElement, put: (scenes: Scene[]) => void}} aside: what stands beside its title */
+export function sceneGrid() {
+  /** The latest, as the page knows them. @type {Scene[]} */
+  let latest = [];
+  /** What the service has besides. @type {Map<string, Scene>} */
+  const others = new Map();
+  let isWhole = false;
+  const grid = h("ul", { class: "cards" });
+  const show = keyedList(grid, (/** @type {Scene} */ scene) => scene.id, sceneCard);
+  const search = h("input", { type: "search", placeholder: t("Search scenes"), "aria-label": t("Search scenes"), autocomplete: "off", hidden: true });
+  const more = h("button", { class: "button", type: "button" }, t("Show all scenes"));
+  const none = h("p", { class: "quiet", hidden: true });
+  const rest = h("div", { class: "row more-scenes", hidden: true }, more);
+  const words = () => search.value.toLowerCase().split(/\s+/).filter(Boolean);
+  const refresh = () => {
+    const known = new Set(latest.map(({ id }) => id));
+    const all = [...latest, ...[...others.values()].filter(({ id }) => !known.has(id) && !hidden.value.has(id))];
+    const sought = words();
+    const found = all.filter(({ name, id }) => sought.every((word) => name.toLowerCase().includes(word) || id.startsWith(word)));
+    const shown = isWhole || sought.length ? found : found.slice(0, FIRST);
+    show(shown);
+    search.hidden = all.length < SEARCHED && !search.value;
+    rest.hidden = shown.length === found.length;
+    none.hidden = found.length > 0 || all.length === 0;
+    setText(none, t("No scene is called that."));
+    return found.length;
+  };
+  /** @param {string} text empty: all of them */
+  const ask = async (text) => {
+    try {
+      for (const scene of await findScenes(text)) others.set(scene.id, scene);
+    } catch {
+      return; // those that are known are shown; the banner says that the service does not answer
+    }
+    if (text === search.value.trim()) announce(tn(refresh(), "{n} scene", "{n} scenes"));
+  };
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let typing;
+  search.addEventListener("input", () => {
+    clearTimeout(typing);
+    refresh();
+    typing = setTimeout(() => words().length && void ask(search.value.trim()), TYPING_MS);
+  });
+  more.addEventListener("click", async () => {
+    isWhole = true;
+    const next = grid.children.length;
+    await ask("");
+    refresh();
+    grid.children[next]?.querySelector("a")?.focus(); // the button is gone
+  });
+  return {
+    element: h("div", null, grid, none, rest),
+    aside: search,
+    put(scenes) {
+      latest = scenes;
+      refresh();
+    },
+  };
+}
