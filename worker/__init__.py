@@ -31,7 +31,7 @@ A worker's process
     status.py         what each slot is doing, in shared memory
 Tasks
     tasks.py          all of them; each one's work is in a module of its own
-    asides.py         the tasks that make something for a reader: denoising, motion vectors, environments, pixels
+    asides.py         the tasks that make something for a reader: denoising, motion vectors, environments
     slot.py           a slot at work, as the worker reports it
     deaths.py         how often a task has killed its process
     render.py         a batch

@@ -14,50 +14,68 @@ from worker import context
 from worker.context import WorkerContext
 from worker.contract import DenoiseFrame, FrameVectors, Result, ShowEnvironment
 from worker.deaths import DEATHS_ALLOWED, deaths_of
-from worker.denoise import denoise_failure, denoise_frame
-from worker.environments import show_environment, show_failure
+from worker.denoise import denoise_frame
+from worker.environments import show_environment
+from worker.errors import WorkerError, WorkError
 from worker.slot import InHand
-from worker.vectors import frame_vectors, vectors_failure
+from worker.vectors import frame_vectors
 
-__all__ = ["DENOISING", "ENVIRONMENTS", "MOTION_VECTORS"]
+__all__ = ["DENOISING", "ENVIRONMENTS", "MOTION_VECTORS", "Aside"]
 
 log = logging.getLogger(__name__)
 
-Event = dict[str, Any]
 Work = TypeVar("Work", DenoiseFrame, FrameVectors, ShowEnvironment)
 
 
 @dataclass(frozen=True)
-class _Aside(Generic[Work]):
-    """One kind of them."""
+class Aside(Generic[Work]):
+    """One kind of them.
 
-    read: Callable[[Any], Work]  # from the message; raises ValueError
-    make: Callable[[WorkerContext, Work], Event]
-    failure: Callable[[WorkerContext, str, str], Event]  # of a work's id, with a sentence
-    shown_as: str  # what the slot says it has in hand
-    doing: str  # ... while the worker process did it
+    read: a message; raises ValueError. make: does the work, and returns what its event says of it; may raise anything. made,
+    failed: the events' types. shown_as: what the slot says it has in hand. task: completes "could not".
+    """
+
+    read: Callable[[Any], Work]
+    make: Callable[[WorkerContext, Work], dict[str, Any]]
+    made: str
+    failed: str
+    shown_as: str
+    task: str
 
     def __call__(self, task: Any, message: dict[str, Any]) -> None:
+        """The Celery task."""
         worker = context.current()
-        worker.results.send(Result(self._event(task, worker, message)))
+        worker.results.send(Result(self.event(task, worker, message)))
 
-    def _event(self, task: Any, worker: WorkerContext, message: dict[str, Any]) -> Event:
+    def event(self, task: Any, worker: WorkerContext, message: dict[str, Any]) -> dict[str, Any]:
+        """What came of a message."""
         try:
             work = self.read(message)
         except ValueError as error:
-            return self.failure(worker, str(message.get("work")), str(error))
+            return self._failure(worker, message.get("work"), str(error))
         with InHand(worker, {self.shown_as: work.job, "frame": work.frame}):
             if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
-                sentence = f"the worker process died {DEATHS_ALLOWED} times while it {self.doing}"
-                return self.failure(worker, work.work, sentence)
+                sentence = f"the worker process died {DEATHS_ALLOWED} times while it tried to {self.task}"
+                return self._failure(worker, work.work, sentence)
             try:
-                return self.make(worker, work)
+                return {"type": self.made, "work": work.work, "worker": worker.name, **self.make(worker, work)}
+            except WorkError as error:
+                sentence = str(error)
+            except WorkerError as error:
+                sentence = f"{worker.name} could not {self.task}: {error}"
+            except OSError as error:
+                sentence = f"{worker.name} has no room to {self.task}: {error}"
             except Exception as error:
-                log.exception("%s: a fault", self.shown_as)
-                sentence = f"{worker.name} could not make it ({type(error).__name__}: {error})"
-                return self.failure(worker, work.work, sentence)
+                log.exception("could not %s", self.task)
+                sentence = f"{worker.name} could not {self.task} ({type(error).__name__}: {error})"
+            return self._failure(worker, work.work, sentence)
+
+    def _failure(self, worker: WorkerContext, work: Any, error: str) -> dict[str, Any]:
+        return {"type": self.failed, "work": work, "worker": worker.name, "error": error}
 
 
-DENOISING = _Aside(DenoiseFrame.from_json, denoise_frame, denoise_failure, "denoise", "denoised this frame")
-MOTION_VECTORS = _Aside(FrameVectors.from_json, frame_vectors, vectors_failure, "vectors", "made them")
-ENVIRONMENTS = _Aside(ShowEnvironment.from_json, show_environment, show_failure, "environment", "read the image")
+DENOISING = Aside(DenoiseFrame.from_json, denoise_frame, "denoised", "denoise-failed", "denoise", "denoise the picture")
+MOTION_VECTORS = Aside(FrameVectors.from_json, frame_vectors, "vectors-made", "vectors-failed", "vectors", "make motion vectors")
+ENVIRONMENTS = Aside(
+    ShowEnvironment.from_json, show_environment, "environment-shown", "environment-failed", "environment", "read the image"
+)

@@ -16,10 +16,9 @@ from renderer.errors import RayfarmError
 from worker.bounded import run_bounded
 from worker.context import WorkerContext
 from worker.contract import DenoiseFrame
-from worker.errors import WorkerError, WorkError
 from worker.patience import patiently
 
-__all__ = ["denoise_failure", "denoise_frame"]
+__all__ = ["denoise_frame"]
 
 SECONDS = 300.0
 PATIENCE_S = 10.0  # somebody waits for the picture
@@ -28,33 +27,20 @@ BYTES_A_PIXEL = 400
 
 
 def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
-    """The event `denoised` or `denoise-failed`."""
-    try:
-        with tempfile.TemporaryDirectory(prefix="rayfarm-denoise-") as folder:
-            means, result = Path(folder) / "means.f32", Path(folder) / "denoised.f32"
-            version, samples = patiently(lambda: _fetch(worker, work, means), PATIENCE_S)
-            run_bounded(
-                lambda send: _work(means, result, work),
-                lambda message: None,
-                memory_bytes=MEMORY_BYTES + BYTES_A_PIXEL * work.width * work.height,
-                seconds=SECONDS,
-                faults=(RayfarmError,),
-                subject="The picture",
-            )
-            blob = patiently(lambda: worker.link.store(result), PATIENCE_S)
-    except WorkError as error:
-        return denoise_failure(worker, work.work, str(error))
-    except WorkerError as error:
-        return denoise_failure(worker, work.work, f"{worker.name} could not denoise the picture: {error}")
-    except OSError as error:
-        return denoise_failure(worker, work.work, f"{worker.name} has no room for the picture: {error}")
-    made = {"sha256": blob.sha256, "version": version, "samples": samples}
-    return {"type": "denoised", "work": work.work, "worker": worker.name, **made}
-
-
-def denoise_failure(worker: WorkerContext, work: str, error: str) -> dict[str, Any]:
-    """The event of a frame that could not be denoised. work: its id."""
-    return {"type": "denoise-failed", "work": work, "worker": worker.name, "error": error}
+    """The blob of the result, and the film's version and samples that it is of. Raises WorkerError and OSError."""
+    with tempfile.TemporaryDirectory(prefix="rayfarm-denoise-") as folder:
+        means, result = Path(folder) / "means.f32", Path(folder) / "denoised.f32"
+        version, samples = patiently(lambda: _fetch(worker, work, means), PATIENCE_S)
+        run_bounded(
+            lambda send: _work(means, result, work),
+            lambda message: None,
+            memory_bytes=MEMORY_BYTES + BYTES_A_PIXEL * work.width * work.height,
+            seconds=SECONDS,
+            faults=(RayfarmError,),
+            subject="The picture",
+        )
+        blob = patiently(lambda: worker.link.store(result), PATIENCE_S)
+    return {"sha256": blob.sha256, "version": version, "samples": samples}
 
 
 def _fetch(worker: WorkerContext, work: DenoiseFrame, means: Path) -> tuple[str, int]:

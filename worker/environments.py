@@ -14,11 +14,10 @@ from renderer.image.read import read
 from worker.bounded import Send, run_bounded
 from worker.context import WorkerContext
 from worker.contract import BlobRef, Manifest, ShowEnvironment
-from worker.errors import WorkerError, WorkError
 from worker.files import memory_budget, place_files
 from worker.patience import patiently
 
-__all__ = ["show_environment", "show_failure", "small_picture"]
+__all__ = ["show_environment", "small_picture"]
 
 SECONDS = 120.0
 PATIENCE_S = 30.0  # somebody waits for it
@@ -26,38 +25,21 @@ NARROWEST, WIDEST = 1.9, 2.1  # an equirectangular image is twice as wide as hig
 
 
 def show_environment(worker: WorkerContext, work: ShowEnvironment) -> dict[str, Any]:
-    """The event `environment-shown` or `environment-failed`."""
-    try:
-        with tempfile.TemporaryDirectory(prefix="rayfarm-environment-") as name:
-            folder, result = Path(name) / "files", Path(name) / "thumbnail.jpg"
-            folder.mkdir()
-            place_files(worker, Manifest("", work.path, [BlobRef(work.path, work.sha256, work.size)]), folder)
+    """The thumbnail's blob. Raises WorkerError and OSError."""
+    with tempfile.TemporaryDirectory(prefix="rayfarm-environment-") as name:
+        folder, result = Path(name) / "files", Path(name) / "thumbnail.jpg"
+        folder.mkdir()
+        place_files(worker, Manifest("", work.path, [BlobRef(work.path, work.sha256, work.size)]), folder)
 
-            def show(send: Send) -> dict[str, Any]:
-                encode.write(result, small_picture(_pixels(folder, work.path), work.width))
-                return {}
+        def show(send: Send) -> dict[str, Any]:
+            encode.write(result, small_picture(_pixels(folder, work.path), work.width))
+            return {}
 
-            run_bounded(
-                show,
-                lambda message: None,
-                memory_bytes=memory_budget(),
-                seconds=SECONDS,
-                faults=(SceneError,),
-                subject=work.path,
-            )
-            blob = patiently(lambda: worker.link.store(result), PATIENCE_S)
-    except WorkError as error:
-        return show_failure(worker, work.work, str(error))
-    except WorkerError as error:
-        return show_failure(worker, work.work, f"{worker.name} could not exchange it with the service: {error}")
-    except OSError as error:
-        return show_failure(worker, work.work, f"{worker.name} has no room for it: {error}")
-    return {"type": "environment-shown", "work": work.work, "worker": worker.name, "sha256": blob.sha256}
-
-
-def show_failure(worker: WorkerContext, work: str, error: str) -> dict[str, Any]:
-    """The event of an image that cannot be used."""
-    return {"type": "environment-failed", "work": work, "worker": worker.name, "error": error}
+        run_bounded(
+            show, lambda message: None, memory_bytes=memory_budget(), seconds=SECONDS, faults=(SceneError,), subject=work.path
+        )
+        blob = patiently(lambda: worker.link.store(result), PATIENCE_S)
+    return {"sha256": blob.sha256}
 
 
 def _pixels(folder: Path, path: str) -> np.ndarray:

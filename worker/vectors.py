@@ -22,45 +22,32 @@ from renderer.vectors import load_kernel, motion_vectors
 from worker.bounded import run_bounded
 from worker.context import WorkerContext
 from worker.contract import FrameVectors, Manifest
-from worker.errors import WorkerError, WorkError
 from worker.files import memory_budget, place_files
 from worker.patience import patiently
 
-__all__ = ["frame_vectors", "vectors_failure"]
+__all__ = ["frame_vectors"]
 
 SECONDS = 550.0  # below what the service waits
 PATIENCE_S = 30.0  # somebody waits for them
 
 
 def frame_vectors(worker: WorkerContext, work: FrameVectors) -> dict[str, Any]:
-    """The event `vectors-made` or `vectors-failed`."""
-    try:
-        manifest = patiently(lambda: worker.link.manifest(work.scene), PATIENCE_S)
-        load_kernel()  # here, so that the next child has it
-        with tempfile.TemporaryDirectory(prefix="rayfarm-vectors-") as name:
-            folder, result = Path(name) / "scene", Path(name) / "vectors.f32"
-            place_files(worker, manifest, folder)
-            run_bounded(
-                lambda send: _work(folder, manifest, work, result),
-                lambda message: None,
-                memory_bytes=memory_budget(),
-                seconds=SECONDS,
-                faults=(RayfarmError,),
-                subject=manifest.main,
-            )
-            blob = patiently(lambda: worker.link.store(result), PATIENCE_S)
-    except WorkError as error:
-        return vectors_failure(worker, work.work, str(error))
-    except WorkerError as error:
-        return vectors_failure(worker, work.work, f"{worker.name} could not make them: {error}")
-    except OSError as error:
-        return vectors_failure(worker, work.work, f"{worker.name} has no room for the scene's files: {error}")
-    return {"type": "vectors-made", "work": work.work, "worker": worker.name, "sha256": blob.sha256}
-
-
-def vectors_failure(worker: WorkerContext, work: str, error: str) -> dict[str, Any]:
-    """The event of vectors that could not be made."""
-    return {"type": "vectors-failed", "work": work, "worker": worker.name, "error": error}
+    """The blob of the vectors. Raises WorkerError and OSError."""
+    manifest = patiently(lambda: worker.link.manifest(work.scene), PATIENCE_S)
+    load_kernel()  # here, so that the next child has it
+    with tempfile.TemporaryDirectory(prefix="rayfarm-vectors-") as name:
+        folder, result = Path(name) / "scene", Path(name) / "vectors.f32"
+        place_files(worker, manifest, folder)
+        run_bounded(
+            lambda send: _work(folder, manifest, work, result),
+            lambda message: None,
+            memory_bytes=memory_budget(),
+            seconds=SECONDS,
+            faults=(RayfarmError,),
+            subject=manifest.main,
+        )
+        blob = patiently(lambda: worker.link.store(result), PATIENCE_S)
+    return {"sha256": blob.sha256}
 
 
 def _work(folder: Path, manifest: Manifest, work: FrameVectors, result: Path) -> dict[str, Any]:

@@ -15,7 +15,8 @@ from renderer.arrays.scene import CompiledScene
 
 __all__ = ["edition_of", "only"]
 
-_TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANSPARENT | rows.LAMP | rows.UNSEEN
+_TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANSPARENT
+_HIDDEN = rows.LAMP | rows.UNSEEN | rows.SHADELESS | rows.FACING
 _LAYERS = rows.DISPERSIVE | rows.ABSORBING
 _NOTHING: Any = None  # in the place of an array that the kernel need not know of
 _KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_texture")
@@ -29,7 +30,7 @@ def edition_of(scene: CompiledScene, camera_moves: bool = False) -> str:
     """
     flags = int(np.bitwise_or.reduce(scene.material_flags))
     needs = {
-        "textures": bool(flags & _TEXTURES) or len(scene.color) > 0,
+        "textures": bool(flags & (_TEXTURES | _HIDDEN)) or len(scene.color) > 0,
         "lights": len(scene.light_node) > 0 or len(scene.punctual) > 0,
         "layers": bool(flags & _LAYERS) or bool(np.isin(scene.material_kind, _LAYERED_KINDS).any()),
         "instances": len(scene.to_world) > 0,

@@ -32,16 +32,17 @@ __all__ = [
 
 LIGHT_WIDTH = 8
 LIGHT_ROWS = 15
+# What is asked of each child comes first, so that it lies in few of the cache's lines.
 PLACE = 0  # three rows: the sphere's middle, negated; of distant lights, their axis
 NEAR = 3  # 1; of distant lights 0
 RADIUS = 4  # of distant lights the sine of their spread, or 2 where that is a right angle or more: one stands among them
-AXIS = 5  # three rows, a unit vector; of distant lights 0
-MIRROR = 8  # -1 where one shines to both sides, else 1
-COS_SPREAD = 9  # that of the angle by which axes differ from the common one; -1 of distant lights, and where there is no child
-SIN_SPREAD = 10
-COS_REACH = 11  # that of the angle by which light leaves its axis; 0 beyond a right angle, where the tree expects none
-INTENSITY = 12
-CHILD = 13  # int32, bit for bit: a node, or ~ the number of a light
+INTENSITY = 5
+COS_SPREAD = 6  # that of the angle by which axes differ from the common one; -1 of distant lights, and where there is no child
+CHILD = 7  # int32, bit for bit: a node, or ~ the number of a light
+AXIS = 8  # three rows, a unit vector; of distant lights 0
+MIRROR = 11  # -1 where one shines to both sides, else 1
+SIN_SPREAD = 12
+COS_REACH = 13  # that of the angle by which light leaves its axis; 0 beyond a right angle, where the tree expects none
 END = 14  # int32: one more than the number of the last light of a child; NO_END in a lane without one
 NO_END = 2**31 - 1
 

@@ -100,4 +100,6 @@ ABSORBING = 256  # its inside is
 TRANSMITS = 512  # scatters to the far side, too, in more than single directions
 LAMP = 1024  # rays that meet it take its light and go on, and it casts no shadow
 UNSEEN = 2048  # by the camera
+SHADELESS = 4096  # no shadow ray meets it
+FACING = 8192  # a sphere's light is that of a disk through its middle which faces whoever looks
 TRANSPARENT = MASKED | BLENDED

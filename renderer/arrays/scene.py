@@ -67,7 +67,8 @@ class CompiledScene(NamedTuple):
     light_area: Array  # (L,) f32, 0 for punctual lights
     light_parallelogram: Array  # (L, PARALLELOGRAM) f32 (renderer/arrays/light_rows.py), or no rows where no light is one
     guide: Array  # (G,) i32: primitives that `sampling: mixture` aims at
-    punctual_kind: Array  # (K,) i32: renderer.kernel.light.punctual's POINT, SPOT, DIRECTIONAL
+    sun: Array  # (U,) i32: the lights that are suns, which rays meet
+    punctual_kind: Array  # (K,) i32: renderer.kernel.light.punctual's POINT, SPOT, DIRECTIONAL, SUN
     punctual: Array  # (K, 12) f32: renderer/scene/punctual.py
 
     environment: Array  # (H, W, 3) f32 radiance, colour and strength multiplied in; (1, 1, 3) if constant, zeros if none
@@ -127,6 +128,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "light_area": ("<f4", ("L",)),
     "light_parallelogram": ("<f4", ("L?", PARALLELOGRAM)),
     "guide": ("<i4", ("G",)),
+    "sun": ("<i4", ("U",)),
     "punctual_kind": ("<i4", ("K",)),
     "punctual": ("<f4", ("K", 12)),
     "environment": ("<f4", ("H", "W", 3)),
@@ -212,11 +214,14 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
         ("sphere_light", -1, lengths["L"]),
         ("light_primitive", 0, primitives + lengths["K"]),
         ("guide", 0, primitives),
+        ("sun", 0, lengths["L"]),
         ("material_texture", -1, lengths["X"]),
         ("environment_row_start", 0, lengths["H"]),
         ("environment_column_start", 0, lengths["W"]),
     ):
         _check_range(name, arrays[name], lower, upper)
+    if (arrays["light_primitive"][arrays["sun"]] < primitives).any():
+        raise SceneError("a sun is no light without a body")
     _check_range("triangle", arrays["triangle"][:, :3], 0, lengths["V"])
     _check_range("a triangle's part", arrays["triangle"][:, 3], 0, lengths["P"])
     _check_range("a part's material", arrays["part"][:, PART_MATERIAL], 0, lengths["M"])

@@ -20,6 +20,9 @@ __all__ = ["SUFFIX", "convert"]
 SUFFIX = ".blend"
 HERE = Path(__file__).resolve().parent
 SCRIPT = HERE / "inside" / "export.py"
+# Blender's add-on, whose modules know shaders: at the top of a clone, in the service's package where Rayfarm is installed.
+_ABOVE = HERE.parents[1]
+_ADDONS = tuple(place / "blender" / "rayfarm_addon" for place in (_ABOVE, _ABOVE / "service"))
 WRITTEN = ("blender-scene.yaml", "blender-scene.glb", "blender-world.exr")
 OWN_MEMORY = 6 << 30  # address space that Blender takes before it has opened anything
 MOST_BYTES = 8 << 30
@@ -48,11 +51,9 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
         work.mkdir()
         (room / "home").mkdir()
         job = room / "job.json"
-        job.write_text(
-            json.dumps(
-                {"folder": str(folder.resolve()), "main": main, "out": str(work), "most_bytes": min(memory_bytes, MOST_BYTES)}
-            )
-        )
+        addon = next((str(place) for place in _ADDONS if place.is_dir()), None)
+        told = {"folder": str(folder.resolve()), "main": main, "out": str(work), "addon": addon}
+        job.write_text(json.dumps({**told, "most_bytes": min(memory_bytes, MOST_BYTES)}))
         try:
             ended = _run(blender, folder, room, job, memory_bytes + OWN_MEMORY, seconds)
         except _SlowError:
@@ -77,7 +78,7 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
 def _run(blender: Blender, folder: Path, room: Path, job: Path, memory: int, seconds: float) -> str:
     """Runs it to its end; a sentence about that. Raises _SlowError."""
     limits = {
-        "reads": [*SYSTEM, *blender.reads, str(HERE), str(SCRIPT.parent), str(folder.resolve()), str(job)],
+        "reads": [*SYSTEM, *blender.reads, str(HERE), str(SCRIPT.parent), *map(str, _ADDONS), str(folder.resolve()), str(job)],
         "writes": [str(room / "out"), str(room / "home"), "/dev/null"],
         "memory": memory,
         "seconds": int(seconds * (os.cpu_count() or 1)) + 1,

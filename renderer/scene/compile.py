@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from renderer.arrays.rows import LAMP, PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES, UNSEEN
+from renderer.arrays.rows import LAMP, PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES, SHADELESS, UNSEEN
 from renderer.arrays.scene import CompiledScene, seal
 from renderer.bvh.parts import Laid
 from renderer.bvh.without import leave_out
+from renderer.kernel.light.punctual import SUN, SUN_UNSEEN
 from renderer.scene import over_the_shutter
 from renderer.scene.description import I32, Camera, SceneDescription
 from renderer.scene.emitters import emitting_triangles, sends_evenly
@@ -91,8 +92,8 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     keys = over_the_shutter.instance_keys(description, placement)
     still_spheres = stood.still_spheres
     laid = grow(stood.sections, joined.first_triangle, placement, sphere, still_spheres, brute, team, kept, keys, sphere_keys)
-    if (packed.material_flags & (UNSEEN | LAMP)).any():
-        laid = leave_out(laid, _of_kind(stood, UNSEEN), _of_kind(stood, LAMP))
+    if (packed.material_flags & (UNSEEN | LAMP | SHADELESS)).any():
+        laid = leave_out(laid, _of_kind(stood, UNSEEN), _of_kind(stood, LAMP | SHADELESS))
     arrays = CompiledScene(
         bvh=laid.bvh,
         to_world=placement.to_world,
@@ -131,6 +132,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
             lights.cdf,
             len(geometry.triangle),
         ),
+        sun=_suns(lights.primitive, punctual.kind, len(joined.triangle) + len(sphere)),
         punctual_kind=punctual.kind,
         punctual=punctual.row,
         environment=environment.radiance,
@@ -266,6 +268,15 @@ def _of_kind(stood: Stood, flag: int) -> np.ndarray:
     is_of = stood.packed.material_flags & flag != 0
     geometry = stood.joined.geometry
     return np.concatenate([by_triangle(geometry, is_of[geometry.material]), is_of[stood.sphere_material]])
+
+
+def _suns(primitive: I32, kind: I32, bodies: int) -> I32:
+    """The lights that are suns."""
+    number = primitive.astype(np.int64) - bodies
+    is_sun = np.isin(kind, (SUN, SUN_UNSEEN))
+    return (
+        np.flatnonzero((number >= 0) & is_sun[np.maximum(number, 0)]).astype(np.int32) if is_sun.any() else np.zeros(0, np.int32)
+    )
 
 
 def _parts(geometry: Geometry, emitting: np.ndarray) -> I32:

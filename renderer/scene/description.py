@@ -45,6 +45,7 @@ F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
 LightKind = Literal["point", "spot", "directional"]
 Falloff = Literal["squared", "smooth", "linear", "smooth angle"]
+Seen = Literal["never", "mirrored", "always"]
 Wrap = Literal["repeat", "mirror", "clamp"]
 TexelFilter = Literal["linear", "nearest"]
 Blend = Literal["over", "multiply", "add", "subtract", "divide", "screen", "signed_add", "darken", "lighten", "difference"]
@@ -140,7 +141,7 @@ class Sphere:
 
 @dataclass
 class Light:
-    """A light without a body: seen by what it lights, never by a ray that happens to meet it.
+    """A light without a body: seen by what it lights, never by a ray that happens to meet it, but for a sun.
 
     intensity: radiant intensity (point, spot: radiance units times area) or irradiance at normal incidence (directional).
     radius (point, spot) and angle (directional: the degrees it spans, 0.53 for the sun) soften its shadows.
@@ -155,6 +156,8 @@ class Light:
     inner_cone: float = 0.0  # half angles, degrees: full within, dark beyond the outer
     outer_cone: float = 45.0
     falloff: Falloff = "squared"  # between them: renderer/kernel/light/punctual.py
+    facing: bool = False  # point, spot: the radius is that of a disk which faces what it lights, not of a sphere
+    seen: Seen = "never"  # directional, with an angle: whether rays meet its disk; mirrored: all but the camera's
     name: str = "light"
     keys: tuple[Light, ...] = ()  # as Instance.keys
 

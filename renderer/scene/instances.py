@@ -90,7 +90,7 @@ def goes_straight(description: SceneDescription, instance: Instance) -> bool:
 
 def is_loose(material: Material) -> bool:
     """Whether what is made of it is placed in the world, as lights are, and what is not met by every ray."""
-    return max(material.emission) > 0 or material.lamp or material.unseen
+    return max(material.emission) > 0 or material.lamp or material.unseen or material.shadeless
 
 
 def _is_loose(description: SceneDescription, number: int) -> bool:

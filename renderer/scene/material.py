@@ -88,6 +88,10 @@ class Material:
     """A light and no body: what meets it takes its light and goes on, and it casts no shadow."""
     unseen: bool = flag(kinds=EVERY_KIND)
     """The camera sees what is behind it; all else does see it."""
+    shadeless: bool = flag(kinds=EVERY_KIND)
+    """It casts no shadow on what lights shine on; all else does see it."""
+    facing: bool = flag(kinds=EVERY_KIND)
+    """A sphere's light is that of a disk through its middle which faces whoever looks: Cycles' soft falloff."""
     metallic: float = number(0.0, rows.METALLIC, gltf=_PBR + "metallicFactor", mtl="Pm")
     roughness: float | None = number(None, kinds=_ROUGH, gltf=_PBR + "roughnessFactor")
     """0 for glass and conductors unless given, and 1 for the rest."""
@@ -172,6 +176,7 @@ PARAMETERS = parameters_of(Material)
 def check(material: Material) -> None:
     """Raises SceneError where a parameter is not what the table says it may be: a reader let it through."""
     for parameter in PARAMETERS:
-        fault = parameter.fault(getattr(material, parameter.name))
+        value = getattr(material, parameter.name)
+        fault = None if value is parameter.default else parameter.fault(value)
         if fault is not None:
             raise SceneError(f"Material {material.name}: its {parameter.in_file} {fault}. Mend it in the file")

@@ -8,13 +8,23 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.errors import SceneError
-from renderer.kernel.light.punctual import DIRECTIONAL, POINT, SPOT, SPOT_LINEAR, SPOT_SMOOTH, SPOT_SMOOTH_ANGLE
+from renderer.kernel.light.punctual import (
+    DIRECTIONAL,
+    POINT,
+    SPOT,
+    SPOT_LINEAR,
+    SPOT_SMOOTH,
+    SPOT_SMOOTH_ANGLE,
+    SUN,
+    SUN_UNSEEN,
+)
 from renderer.scene.description import F32, I32, Light
 from renderer.scene.light_tree import LightBounds
 
 __all__ = ["Punctual", "light_rows", "shines", "tabulate_punctual"]
 
 _KINDS = {"point": POINT, "spot": SPOT, "directional": DIRECTIONAL}
+_SUNS = {"never": DIRECTIONAL, "mirrored": SUN_UNSEEN, "always": SUN}
 _SPOTS = {"squared": SPOT, "smooth": SPOT_SMOOTH, "linear": SPOT_LINEAR, "smooth angle": SPOT_SMOOTH_ANGLE}
 _MAX_INTENSITY = 1e15
 _MAX_RADIANCE = 1e30  # what needs more is so small that it may as well have no extent
@@ -26,7 +36,7 @@ class Punctual(NamedTuple):
     """As in CompiledScene, and what they are chosen by.
 
     A row: position (directional: unit vector towards it) 3, unit direction in which it shines 3, intensity (with an extent:
-    radiance) 3, extent (radius; directional: 1 - cos of the half angle), and the spot's scale and offset.
+    radiance) 3, extent (radius, that of a disk below 0; directional: 1 - cos of the half angle), and the spot's scale and offset.
     """
 
     kind: I32  # (K,)
@@ -38,11 +48,17 @@ class Punctual(NamedTuple):
 def tabulate_punctual(lights: list[Light], bounds: F32) -> Punctual:
     """The lights that shine at all. Raises SceneError where a number of theirs means nothing."""
     lights = [light for light in lights if shines(light)]
-    kind = np.array([_SPOTS[light.falloff] if light.kind == "spot" else _KINDS[light.kind] for light in lights], np.int32)
+    kind = np.array([_kind(light) for light in lights], np.int32)
     row = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)
     scene_radius = 0.5 * float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0]))
     power = np.array([max(_power(each, scene_radius) for each in (light, *light.keys)) for light in lights], np.float64)
     return Punctual(kind, row.astype(np.float32), power, _over(lights, _bounds(lights)))
+
+
+def _kind(light: Light) -> int:
+    if light.kind == "directional" and all(_row(each)[9] > 0 for each in (light, *light.keys)):
+        return _SUNS[light.seen]
+    return _SPOTS[light.falloff] if light.kind == "spot" else _KINDS[light.kind]
 
 
 def shines(light: Light) -> bool:
@@ -72,6 +88,8 @@ def _check(light: Light) -> bool:
         raise SceneError(f"The light {light.name!r} has the radius {light.radius:g}; it lies between 0 and 1e15")
     if not 0 <= light.angle <= 180:
         raise SceneError(f"The light {light.name!r} spans {light.angle:g} degrees; that lies between 0 and 180")
+    if light.seen not in _SUNS:
+        raise SceneError(f"The light {light.name!r} is seen {light.seen!r}; known are {', '.join(_SUNS)}")
     if light.falloff not in _SPOTS:
         raise SceneError(f"The light {light.name!r} has the falloff {light.falloff!r}; known are {', '.join(_SPOTS)}")
     if light.kind == "spot" and not 0 <= light.inner_cone <= light.outer_cone <= 180:
@@ -98,6 +116,8 @@ def _row(light: Light) -> tuple[float, ...]:
     else:
         value, extent = intensity, 0.0
     inner, outer = np.radians([light.inner_cone, light.outer_cone])
+    if light.facing and light.kind != "directional":
+        extent = -extent
     if light.falloff in ("linear", "smooth angle"):
         scale = -1 / max(_HARD, outer - inner)
     else:

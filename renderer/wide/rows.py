@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 from renderer.bvh.simd import LANES, f32x8
 from renderer.wide.operators import FLOATS, INTS, u32x8
 
-__all__ = ["gather", "gathered", "load_ints", "scatter"]
+__all__ = ["gather", "gathered", "load_ints", "scatter", "words"]
 
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 _FLOAT = ir.FloatType()
@@ -131,3 +131,19 @@ def load_ints(typingctx, array, index):
         return _piece(builder, builder.gep(data, [args[1]]), INTS)
 
     return u32x8(array, types.uintp), codegen
+
+
+@intrinsic
+def words(typingctx, table, index):
+    """The rows `index` (u32x8) of a C-contiguous (N, 4) uint8 table, four bytes each, the first one lowest: u32x8. Unchecked."""
+
+    def codegen(context, builder, sig, args):
+        data = builder.bitcast(context.make_array(sig.args[0])(context, builder, args[0]).data, _I32.as_pointer())
+        vector = ir.Constant(INTS, ir.Undefined)
+        for lane, pointer in enumerate(_pointers(builder, data, args[1], _I64(1), _I64(0))):
+            word = builder.load(builder.bitcast(pointer, _I32.as_pointer()))
+            word.align = 1
+            vector = builder.insert_element(vector, word, _I32(lane))
+        return vector
+
+    return u32x8(table, u32x8), codegen

@@ -32,6 +32,7 @@ Handing out
     pace.py           how long batches are, and how many may be out
     dispatch.py       sends through Celery, and looks into its queues
     workers.py        the workers that report themselves
+    reports.py        checks what workers report of themselves
     speeds.py         how fast they were during the last hour
     leases.py         what is handed out and not back yet
     held.py           which batches workers say they have in hand

@@ -24,7 +24,7 @@ from renderer.film import Sums
 from renderer.render import render_batch
 from renderer.settings import RenderSettings, Tile, View
 from tests.benchmarks.scale.measured import Load, Taken, run
-from tests.benchmarks.scale.slots import SAMPLES
+from tests.benchmarks.scale.slots import SAMPLES, of_one_sample
 from tests.helpers import ROOT
 from worker.sums import pack_sums
 
@@ -51,10 +51,11 @@ def main() -> None:
     parser.add_argument("--site", action="store_true", help="the machines are of one site, with a reducer")
     parser.add_argument("--simulators", type=int, default=1, help="processes that simulate the slots")
     parser.add_argument("--json", type=Path, help="write all that was measured there too")
+    parser.add_argument("--plot", type=Path, help="a picture of it: against slots, tiles or frames, whichever differ")
     options = parser.parse_args()
     numbers = [[int(n) for n in text.split(",")] for text in (options.slots, options.tile, options.watchers)]
     sizes = [tuple(map(int, size.split("x"))) for size in options.size.split(",")]
-    rows = []
+    rows: list[tuple[Load, Taken]] = []
     sums = real_sums(max(numbers[1]))
     print(HEAD, flush=True)
     for slots, tile, watchers, (width, height) in itertools.product(*numbers, sizes):
@@ -87,9 +88,13 @@ def main() -> None:
         engine_ms = 1e3 * taken.shares["service"].thread_used * taken.seconds
         each = f"{engine_ms / max(taken.merged, 1):.2f} ms a batch, {engine_ms / max(taken.results, 1):.2f} ms a result"
         print(f"    the service's busiest thread: {each}", flush=True)
-        rows.append({"load": asdict(load), "taken": asdict(taken)})
+        rows.append((load, taken))
         if options.json:
-            options.json.write_text(json.dumps(rows))
+            options.json.write_text(json.dumps([{"load": asdict(load), "taken": asdict(taken)} for load, taken in rows]))
+        if options.plot:
+            from tests.benchmarks.scale.plots import plot  # matplotlib takes a second
+
+            plot(rows, options.plot)
 
 
 def real_sums(side: int) -> Sums:
@@ -97,7 +102,7 @@ def real_sums(side: int) -> Sums:
     compiled, summary = load_scene(SCENE, Env(), Clock())
     view = summary["cameras"][0]["view"]
     settings = RenderSettings(1920, 1080, View(**{k: tuple(v) if isinstance(v, list) else v for k, v in view.items()}))
-    return render_batch(compiled, settings, Tile(896, 384, side, side), 0, SAMPLES).sums
+    return of_one_sample(render_batch(compiled, settings, Tile(896, 384, side, side), 0, SAMPLES).sums)
 
 
 def line(load: Load, taken: Taken, size: int) -> str:

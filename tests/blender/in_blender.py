@@ -13,9 +13,11 @@ import sys
 import time
 from pathlib import Path
 
+import blender_artists
 import bpy
 import numpy as np
-from blender_scenes import SIZE, add, background, empty, lamp, leaves, look, painted, principled, table, textured, world_node
+from blender_scenes import add, background, empty, lamp, leaves, look, painted, principled, table, textured, world_node
+from blender_window import Engine, Region
 
 FOLDER, URL, TASK = Path(sys.argv[1]), sys.argv[2], sys.argv[3]
 TOKEN = sys.argv[4] if len(sys.argv) > 4 else ""
@@ -82,6 +84,14 @@ def hidden() -> list[str]:
         lamp("POINT", 60.0, (-1.2, -1.2, 1.4), shadow_soft_size=0.4).visible_camera = is_seen
         both(f"lamp-{name}", scene)
     return ["lamp-hidden", "lamp-shown"]
+
+
+def artists() -> list[str]:
+    """Of blender_artists.py."""
+    names = ("shaders", "suns", "rays")
+    for name in names:
+        both(f"artists-{name}", getattr(blender_artists, name)())
+    return [f"artists-{name}" for name in names]
 
 
 def surroundings() -> list[str]:
@@ -274,36 +284,6 @@ def cancelled() -> dict:
     return {"tiles": len(shown)}
 
 
-class Region:
-    """What Blender tells of a window's region, looked through the scene's camera."""
-
-    def __init__(self, scene: bpy.types.Scene) -> None:
-        self.width, self.height = SIZE
-        self.scene = scene
-        self.region, self.region_data, self.space_data = self, self, self
-        self.view_perspective, self.camera = "PERSP", None
-
-    @property
-    def view_matrix(self):
-        return self.scene.camera.matrix_world.inverted()
-
-    @property
-    def window_matrix(self):
-        return self.scene.camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=self.width, y=self.height)
-
-
-class Engine:
-    """Of an engine in a window what a viewport asks for."""
-
-    redraws = 0
-
-    def tag_redraw(self) -> None:
-        self.redraws += 1
-
-    def update_stats(self, *_: str) -> None:
-        pass
-
-
 def viewport() -> dict:
     """All of a viewport but its drawing, for which there must be a window: what it reads, sends and gets."""
     from rayfarm_addon.ui.viewport import Viewport
@@ -380,7 +360,21 @@ def large() -> dict:
 
 TASKS = {
     each.__name__: each
-    for each in (lamps, hidden, surroundings, cameras, moving, passes, changes, animation, refused, cancelled, viewport, large)
+    for each in (
+        lamps,
+        hidden,
+        artists,
+        surroundings,
+        cameras,
+        moving,
+        passes,
+        changes,
+        animation,
+        refused,
+        cancelled,
+        viewport,
+        large,
+    )
 }
 
 

@@ -53,7 +53,7 @@ def blender(folder: Path, url: str, tasks: str) -> Any:
 @pytest.fixture(scope="module")
 def pictures(own_farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list[str]]]:
     folder = tmp_path_factory.mktemp("pictures")
-    return folder, blender(folder, own_farm.url, "lamps,hidden,surroundings,cameras,moving")
+    return folder, blender(folder, own_farm.url, "lamps,hidden,artists,surroundings,cameras,moving")
 
 
 def blocks(picture: np.ndarray) -> np.ndarray:
@@ -66,7 +66,7 @@ def image(path: Path) -> np.ndarray:
     return read_image(path.read_bytes(), path.name)[..., :3]
 
 
-@pytest.mark.parametrize("task", ["lamps", "hidden", "surroundings", "cameras", "moving"])
+@pytest.mark.parametrize("task", ["lamps", "hidden", "artists", "surroundings", "cameras", "moving"])
 def test_the_pictures_of_cycles(task: str, pictures: tuple[Path, dict[str, list[str]]]) -> None:
     folder, names = pictures
     for name in names[task]:

@@ -97,12 +97,12 @@ def watched(profile: BrowserContext) -> Iterator[Watched]:
     page.on("request", lambda request: note(request.url))
     page.on("websocket", lambda socket: note(socket.url))
     yield result
-    page.goto("about:blank")  # what a page writes when it is left is written
-    session = profile.new_cdp_session(page)
-    for place in result.origins:
-        session.send("Storage.clearDataForOrigin", {"origin": f"http://{place}", "storageTypes": KEPT})
     page.close()
     profile.clear_permissions()
+    session = profile.new_cdp_session(profile.pages[0])
+    for place in result.origins:
+        session.send("Storage.clearDataForOrigin", {"origin": f"http://{place}", "storageTypes": KEPT})
+    session.detach()
 
 
 @pytest.fixture

@@ -45,6 +45,7 @@ def test_flip_is_the_papers(page: Page) -> None:
     assert call(page, "compare/flip", body, [rgba(a), rgba(a)])[0] == 0
 
 
+@pytest.mark.long
 @pytest.mark.farm
 def test_what_differs_is_measured_and_shown(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]

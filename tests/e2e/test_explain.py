@@ -117,6 +117,7 @@ def test_the_log_is_read_copied_and_taken_along(farm: Farm, finished: str, watch
     assert download.value.path().read_text() == text
 
 
+@pytest.mark.long
 def test_the_tools_do_what_they_say(farm: Farm, finished: str, watched: Watched) -> None:
     """Copied is the picture as it looks, and the address with all of its look; fullscreen is the stage's."""
     page = watched.page

@@ -29,6 +29,7 @@ def test_nothing_is_compared_with_itself(watched: Watched, site) -> None:  # typ
     assert found == [["1", ""], ["1", "2"], ["1", ""], ["2", ""], ["live", ""], ["live", "3"], ["live", ""]]
 
 
+@pytest.mark.long
 @pytest.mark.farm
 @pytest.mark.browser
 def test_pictures_are_seen_in_the_views_place(farm: Farm, watched: Watched, tmp_path: Path) -> None:

@@ -113,6 +113,7 @@ def test_a_sky_is_the_same_here_and_there_and_a_denoised_picture_comes_along(far
     assert np.array_equal(pixels(tmp_path / "farm.exr"), pixels(tmp_path / "alone.exr"))
 
 
+@pytest.mark.long
 def test_a_variant_is_the_same_here_and_there(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "shoe.glb").write_bytes(shoe().glb())
     shown = ["--size=16x16", "--spp=4", "--eye=0.3,0.3,2", "--target=0.3,0.3,0", "--aov=albedo"]
@@ -165,6 +166,7 @@ def digest_here(scene: Path, frame: float, picture: Picture, turntable: float | 
     return film.digest(render_frame(compiled, settings, 4))
 
 
+@pytest.mark.long
 def test_a_blurred_frame_is_what_render_gives(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "shot.glb").write_bytes(both().glb())
     cube = "{type: cube, transform: [{rotate: {axis: y, degrees: {keys: [[0, 0], [1, 900]]}}}]}"

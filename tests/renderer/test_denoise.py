@@ -55,6 +55,7 @@ def edges_of(albedo, normal):
     return found
 
 
+@pytest.mark.long
 def test_the_error_falls_everywhere_and_the_guides_keep_the_edges(pictures):
     (reference, albedo, normal), noisy = pictures
     edges = edges_of(albedo, normal)

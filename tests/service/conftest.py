@@ -45,15 +45,9 @@ ON_BOTH: dict[str, tuple[str, ...]] = {
         "test_cancelling_never_takes_back_what_was_told_of_a_job",
         "test_deleting_a_job_removes_its_film",
     ),
-    "scheduling/test_shots.py": (
-        "test_a_shot_in_two_jobs_has_the_digests_of_one",
-        "test_a_service_that_starts_anew_goes_on_with_a_shot",
-    ),
+    "scheduling/test_shots.py": ("test_a_shot_in_two_jobs_has_the_digests_of_one",),
     "scheduling/test_history.py": (),
-    "scheduling/test_database_faults.py": (
-        "test_a_locked_database_stops_no_job_that_is_under_way",
-        "test_a_database_that_is_away_at_the_start_is_a_sentence",
-    ),
+    "scheduling/test_database_faults.py": ("test_a_database_that_is_away_at_the_start_is_a_sentence",),
     "keeping/test_retention.py": ("test_the_oldest_films_go_until_the_rest_fits",),
     "store/test_garbage.py": (
         "test_an_upload_beside_a_deletion_of_the_same_files",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,8 +16,10 @@ from renderer.image import encode
 from renderer.presets import PRESETS
 from scenes import light_pictures
 from worker import environments
+from worker.asides import ENVIRONMENTS
 from worker.contract import BlobRef, ShowEnvironment
-from worker.environments import show_environment, small_picture
+from worker.environments import small_picture
+from worker.status import SlotBoard
 
 
 def image(path: Path, pixels: np.ndarray) -> Path:
@@ -37,10 +40,11 @@ def shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         return BlobRef("", "0" * 64, len(stored[-1]))
 
     def show(path: Path) -> tuple[dict[str, Any], list[bytes]]:
-        worker: Any = SimpleNamespace(name="w", link=SimpleNamespace(store=store))
+        worker: Any = SimpleNamespace(name="w", link=SimpleNamespace(store=store), board=SlotBoard(1))
         worker.cache = SimpleNamespace(path=lambda sha256, size: path)
         work = ShowEnvironment("work", "id", path.name, "0" * 64, path.stat().st_size, 64)
-        return show_environment(worker, work), stored
+        task = SimpleNamespace(request=SimpleNamespace(delivery_info={}))
+        return ENVIRONMENTS.event(task, worker, asdict(work)), stored
 
     return show
 

@@ -319,6 +319,7 @@ def test_a_batch_that_kills_every_slot_is_given_up(bench: Bench, info: SceneInfo
     assert "died 3 times" in event["error"]
 
 
+@pytest.mark.long
 def test_of_several_batches_the_one_that_kills_is_given_up_alone(bench: Bench, info: SceneInfo) -> None:
     batches = [batch_of(info, name, 0, count) for name, count in (("before", 1), ("killer", 1 << 20), ("after", 2))]
     bench.celery.send_task(
@@ -347,6 +348,7 @@ def test_a_wrong_token_ends_the_worker_with_a_sentence(bench: Bench) -> None:
     assert "does not know this token" in done.stderr
 
 
+@pytest.mark.long
 def test_slots_end_with_a_worker_that_is_killed(bench: Bench, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "worker", f"--service={bench.url}", "--slots=2", f"--cache={tmp_path}", "--name=victim"]
     process = subprocess.Popen(command, cwd=ROOT, env={**os.environ, "RAYFARM_TOKEN": "token"}, stderr=subprocess.DEVNULL)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import lights
-from .meshes import Corners, extract, shape
+from .meshes import Corners, extract, hair, shape, stretched
 from .model import Mesh, Node, Scene
 from .surfaces import Surfaces
 from .world import read_world
@@ -20,10 +20,9 @@ from .world import read_world
 __all__ = ["Known", "gather", "over_the_shutter"]
 
 F64 = npt.NDArray[np.float64]
-SURFACES = ("MESH", "CURVE", "SURFACE", "META", "FONT")
+SURFACES = ("MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES")
 LEFT_OUT = {
     "VOLUME": "volumes",
-    "CURVES": "hair curves",
     "POINTCLOUD": "point clouds",
     "GPENCIL": "grease pencil",
     "GREASEPENCIL": "grease pencil",
@@ -35,12 +34,31 @@ LEFT_OUT = {
     "SPEAKER": None,
     "LIGHT": None,
 }
+# Which rays meet a thing, as Blender tells them apart; and how it is said of those that are not told apart here.
+RAYS = {
+    "camera": "",
+    "shadow": "",
+    "diffuse": "by what it lights",
+    "glossy": "in reflections",
+    "transmission": "through glass",
+}
 Known = dict[str, tuple[Mesh, Corners] | None]
 
 
+class _Density:
+    """How long a mesh's surface is over a unit of a set of its UVs, at its place; None where it has no such set."""
+
+    def __init__(self, mesh: Mesh, place: F64) -> None:
+        self._mesh, self._place = mesh, place
+
+    def __call__(self, uv_set: int) -> float | None:
+        found = stretched(self._mesh, uv_set)
+        return None if found is None else found * float(abs(np.linalg.det(self._place[:3, :3]))) ** (1 / 3)
+
+
 class _Gathering:
-    def __init__(self, scene: Scene, known: Known, changed: Callable[[Any, Any], bool]) -> None:
-        self.scene, self.known, self._changed = scene, known, changed
+    def __init__(self, scene: Scene, known: Known, changed: Callable[[Any, Any], bool], layer: Any = None) -> None:
+        self.scene, self.known, self._changed, self._layer = scene, known, changed, layer
         self._keys: dict[int, str] = {}  # by where the mesh lies in memory
         self._taken: dict[str, int] = {}
         self._names: dict[str, int] = {}
@@ -62,26 +80,44 @@ class _Gathering:
             if what:
                 self.scene.warn(f"{thing.name}: {what} are left out.")
             return False
-        self._told(thing)
-        made, key = self._mesh(thing)
-        if self.known.get(key) is None:
-            return made
-        materials = tuple(
-            self.surfaces.add(slot.material) if slot.material is not None else self._plain() for slot in thing.material_slots
-        )
+        seen = self._rays(found, thing)
+        if not any(seen.values()):
+            return False
         place = _matrix(found.matrix_world)
-        node = Node(self._unique(thing.name), key, materials or (self._plain(),), place, number=thing.pass_index)
+        made, key = self._mesh(thing, place)
+        known = self.known.get(key)
+        if known is None:
+            if thing.type == "CURVES" and len(thing.data.points):
+                self.scene.warn(f"{thing.name}: is hair of too many points, and left out.")
+            return made
+        if any(each.settings.type == "HAIR" and each.settings.render_type == "PATH" for each in thing.particle_systems):
+            self.scene.warn(f"{thing.name}: hair of its particles is left out; convert it to hair curves.")
+        density = _Density(known[0], place)
+        materials = tuple(
+            self.surfaces.add(slot.material, density) if slot.material is not None else self._plain()
+            for slot in thing.material_slots
+        )
+        hidden = {"unseen": not seen["camera"], "shadeless": not seen["shadow"]}
+        node = Node(self._unique(thing.name), key, materials or (self._plain(),), place, number=thing.pass_index, **hidden)
         self.scene.nodes.append(node)
         self.places[_identity(found)] = node
         return made
 
-    def _told(self, thing: Any) -> None:
-        for flag, what in (("is_holdout", "a holdout"), ("is_shadow_catcher", "a shadow catcher")):
-            if getattr(thing, flag, False):
+    def _rays(self, found: Any, thing: Any) -> dict[str, bool]:
+        """By their kind, which rays meet it: those that meet it and what instances it."""
+        owners = [thing] if not found.is_instance or found.parent is None else [thing, found.parent]
+        seen = {kind: all(getattr(each, f"visible_{kind}", True) for each in owners) for kind in RAYS}
+        layer = self._layer
+        if layer is not None and thing.original.indirect_only_get(view_layer=layer):
+            seen["camera"] = False
+        is_held = getattr(thing, "is_holdout", False) or (layer is not None and thing.original.holdout_get(view_layer=layer))
+        for is_so, what in ((is_held, "a holdout"), (getattr(thing, "is_shadow_catcher", False), "a shadow catcher")):
+            if is_so:
                 self.scene.warn(f"{thing.name}: is {what} in Blender, and shown as any other object.")
-        kinds = ("camera", "diffuse", "glossy", "transmission", "shadow")
-        if not all(getattr(thing, f"visible_{kind}", True) for kind in kinds):
-            self.scene.warn(f"{thing.name}: is seen by all rays, though Blender hides it from some.")
+        others = [words for kind, words in RAYS.items() if words and not seen[kind]]
+        if others and any(seen.values()):
+            self.scene.warn(f"{thing.name}: is seen {' and '.join(others)}, though not in Blender.")
+        return seen
 
     def _plain(self) -> str:
         """What has no material is grey."""
@@ -95,9 +131,9 @@ class _Gathering:
             self.scene.materials[key] = Material("no material", said)
         return key
 
-    def _mesh(self, thing: Any) -> tuple[bool, str]:
+    def _mesh(self, thing: Any, place: F64) -> tuple[bool, str]:
         data = thing.data
-        is_mesh = thing.type == "MESH"
+        is_mesh, is_hair = thing.type == "MESH", thing.type == "CURVES"
         pointer = data.as_pointer() if is_mesh else thing.as_pointer()
         if pointer in self._keys:
             return False, self._keys[pointer]
@@ -108,12 +144,14 @@ class _Gathering:
             self._note_uvs(data if is_mesh else None)
             self._keep(key)
             return False, key
-        source = data if is_mesh else thing.to_mesh()
+        source = data if is_mesh or is_hair else thing.to_mesh()
         try:
             self._note_uvs(source)
-            self.known[key] = None if source is None else extract(source, key, self._color_of(thing))
+            made = None if source is None else hair(source, key) if is_hair else extract(source, key)
+            color = None if made is None else self._color_of(thing, _Density(made[0], place))
+            self.known[key] = made if color is None else extract(source, key, color)
         finally:
-            if not is_mesh:
+            if not (is_mesh or is_hair):
                 thing.to_mesh_clear()
         self.made.add(key)
         self._keep(key)
@@ -128,11 +166,11 @@ class _Gathering:
         if source is not None and hasattr(source, "uv_layers"):
             self.primary.update(layer.name for layer in source.uv_layers if layer.active_render)
 
-    def _color_of(self, thing: Any) -> str | None:
+    def _color_of(self, thing: Any, density: _Density) -> str | None:
         """The colour attribute that the first material with one reads."""
         for slot in thing.material_slots:
             if slot.material is not None:
-                name = self.surfaces.colors.get(self.surfaces.add(slot.material))
+                name = self.surfaces.colors.get(self.surfaces.add(slot.material, density))
                 if name is not None:
                     return name
         return None
@@ -148,7 +186,7 @@ def gather(depsgraph: Any, known: Known, changed: Callable[[Any, Any], bool] = l
     change. changed: whether an object's mesh (given the object and its data) is another since.
     """
     scene = Scene()
-    found = _Gathering(scene, known, changed)
+    found = _Gathering(scene, known, changed, depsgraph.view_layer)
     for number, instance in enumerate(depsgraph.object_instances):
         if found.instance(instance) or number % 256 == 255:
             yield found
@@ -205,6 +243,9 @@ def over_the_shutter(found: _Gathering, keys: Sequence[tuple[float, Callable[[],
 def _shape_of(thing: Any, known: tuple[Mesh, Corners] | None) -> Any:
     if known is None:
         return None
+    if thing.type == "CURVES":
+        made = hair(thing.data, known[0].key)
+        return None if made is None or made[1].counts != known[1].counts else (made[0].positions, made[0].normals)
     if thing.type == "MESH":
         return shape(thing.data, known[1])
     source = thing.to_mesh()

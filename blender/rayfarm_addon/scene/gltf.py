@@ -26,6 +26,7 @@ MANY = 8  # places of one mesh, from which on they are told in an array
 FLOAT, UINT = 5126, 5125
 WRAPS = {"repeat": 10497, "clamp": 33071, "mirror": 33648}
 INSTANCING = "EXT_mesh_gpu_instancing"
+RAYS = "RAYFARM_node_rays"
 
 
 def gltf_files(scene: Scene) -> dict[str, bytes]:
@@ -40,19 +41,19 @@ def object_names(scene: Scene) -> list[Node]:
 
 def _groups(scene: Scene) -> list[list[Node]]:
     """Nodes that are told together: many places of one mesh that stand still; each other one by itself."""
-    alike: dict[tuple[str, tuple[str, ...]], list[Node]] = defaultdict(list)
+    alike: dict[Any, list[Node]] = defaultdict(list)
     for node in scene.nodes:
         if not node.places and not scene.meshes[node.mesh].shapes:
-            alike[node.mesh, node.materials].append(node)
+            alike[_look(node)].append(node)
     many = {key: nodes for key, nodes in alike.items() if len(nodes) >= MANY}
     straight: dict[int, bool] = {}
     for nodes in many.values():
         whole = decompose(np.stack([node.place for node in nodes]))[3]
         straight.update((id(node), bool(good)) for node, good in zip(nodes, whole, strict=True))
     groups: list[list[Node]] = []
-    first: dict[tuple[str, tuple[str, ...]], list[Node]] = {}
+    first: dict[Any, list[Node]] = {}
     for node in scene.nodes:
-        key = node.mesh, node.materials
+        key = _look(node)
         if not straight.get(id(node), False):
             groups.append([node])
         elif key in first:
@@ -61,6 +62,10 @@ def _groups(scene: Scene) -> list[list[Node]]:
             first[key] = [node]
             groups.append(first[key])
     return groups
+
+
+def _look(node: Node) -> Any:
+    return node.mesh, node.materials, node.unseen, node.shadeless
 
 
 class _Writer:
@@ -103,12 +108,15 @@ class _Writer:
     def _node(self, group: list[Node], mesh: int, number: int) -> dict[str, Any]:
         node = group[0]
         said: dict[str, Any] = {"name": node.name, "mesh": mesh}
+        if node.unseen or node.shadeless:
+            self._used.add(RAYS)
+            said["extensions"] = {RAYS: {"camera": not node.unseen, "shadow": not node.shadeless}}
         if len(group) > 1:
             self._used.add(INSTANCING)
             t, r, s, _ = decompose(np.stack([each.place for each in group]))
             key = "places of " + node.mesh
             at = {name: self._array(key, part) for name, part in (("TRANSLATION", t), ("ROTATION", r), ("SCALE", s))}
-            said["extensions"] = {INSTANCING: {"attributes": at}}
+            said.setdefault("extensions", {})[INSTANCING] = {"attributes": at}
             return said
         shapes = self._scene.meshes[node.mesh].shapes
         if shapes:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from ..farm import exr
 from .model import Image, Scene
 
-__all__ = ["Pixels", "add_pixels", "encoding_of", "lights_with", "pixels", "png", "register"]
+__all__ = ["Pixels", "add_pixels", "encoded", "encoding_of", "lights_with", "pixels", "png", "register"]
 
 F32 = npt.NDArray[np.float32]
 AS_THEY_ARE = {"PNG": ".png", "JPEG": ".jpg", "WEBP": ".webp"}
@@ -24,8 +24,10 @@ Pixels = F32
 def register(scene: Scene, image: Any, as_color: bool) -> str | None:
     """The name of an image's file among the scene's; None, with a warning, where it has no pixels.
 
-    as_color: whether its numbers are colours, told in sRGB; else they are data as they are.
+    as_color: whether its numbers are colours, told in sRGB; else they are data as they are. Also of what nodes painted.
     """
+    if image.source == "PAINTED":
+        return add_pixels(scene, image.name, image.texels, encoding_of(image, as_color))
     if image.source == "TILED":
         scene.warn(f"Image {image.name}: of its tiles (UDIM) the first is taken.")
     if image.source in ("MOVIE", "SEQUENCE"):
@@ -45,10 +47,17 @@ def register(scene: Scene, image: Any, as_color: bool) -> str | None:
 def add_pixels(scene: Scene, name: str, found: Pixels, encoding: str = "") -> str:
     """A picture of (h, w, 4) with rows from the top, as a PNG of 8 bits. encoding: to or from sRGB first."""
     if encoding:
-        rgb = np.clip(found[..., :3], 0, 1)
         found = found.copy()
-        found[..., :3] = to_srgb(rgb) if encoding == "to" else from_srgb(rgb)
+        found[..., :3] = encoded(found[..., :3], encoding)
     return _keep(scene, name, ".png", png((np.clip(found, 0, 1) * 255 + 0.5).astype(np.uint8)))
+
+
+def encoded(values: F32, encoding: str) -> F32:
+    """Numbers to or from sRGB, cut at 0 and 1; as they are where there is no encoding."""
+    if not encoding:
+        return values
+    cut = np.clip(values, 0, 1)
+    return to_srgb(cut) if encoding == "to" else from_srgb(cut)
 
 
 def to_srgb(linear: F32) -> F32:
@@ -85,6 +94,8 @@ def _content(image: Any) -> bytes | Path | None:
 
 def pixels(image: Any) -> Pixels | None:
     """(h, w, 4) float32 as Blender has them, rows from the top."""
+    if image.source == "PAINTED":
+        return image.texels
     width, height = image.size
     if not width or not height or not image.channels:
         return None

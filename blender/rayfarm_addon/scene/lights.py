@@ -2,7 +2,8 @@
 
 Blender tells power in watts: a point that sends out P has a radiant intensity of P / 4 pi, a surface of area A that does the
 radiance P / pi A. A sun's strength is its irradiance. Those of a size are seen in mirrors, and by the camera where they are not
-hidden from it, and stand in nobody's way, as in Cycles.
+hidden from it, and stand in nobody's way, as in Cycles; spots are not seen. A point or spot of "soft falloff" is a disk that
+faces what it lights, else a sphere.
 """
 
 from __future__ import annotations
@@ -27,9 +28,13 @@ def add_light(scene: Scene, thing: Any, name: str, place: F64) -> None:
     strength = _strength(scene, light, name)
     if max(strength) <= 0:
         return
+    _tell(scene, thing, name)
     if light.type == "SUN":
-        said = {"type": "directional", "direction": up(-place[:3, 2]), "intensity": strength}
-        scene.lights.append({"name": name, **said, "angle": min(math.degrees(light.angle), 180.0)})
+        angle = min(float(light.angle), math.pi)
+        said = {"type": "directional", "direction": up(-place[:3, 2]), "intensity": [c * sun_area(light) for c in strength]}
+        if angle > LEAST:
+            said["seen"] = "always" if getattr(thing, "visible_camera", True) else "mirrored"
+        scene.lights.append({"name": name, **said, "angle": math.degrees(angle)})
     elif light.type == "AREA":
         _add_area(scene, thing, name, place, strength)
     elif light.type in ("POINT", "SPOT"):
@@ -50,6 +55,31 @@ def _strength(scene: Scene, light: Any, name: str) -> list[float]:
     return [max(c * energy, 0.0) for c in color]
 
 
+def is_of_a_square_metre(light: Any) -> bool:
+    """Whether its power is that of one square metre of it, whatever its size ("Normalize" is off)."""
+    return not getattr(light, "normalize", True)
+
+
+def sun_area(light: Any) -> float:
+    """What a sun's strength is multiplied by, to be its irradiance: pi sin^2 of its half angle where that is not made up for."""
+    half = min(float(light.angle), math.pi) / 2
+    return math.pi * math.sin(half) ** 2 if is_of_a_square_metre(light) and half > LEAST else 1.0
+
+
+def _tell(scene: Scene, thing: Any, name: str) -> None:
+    light = thing.data
+    casts = getattr(light, "use_shadow", True) and getattr(getattr(light, "cycles", None), "cast_shadow", True)
+    if not casts:
+        scene.warn(f"Lamp {name}: casts shadows here, though not in Blender.")
+    hidden = [
+        words
+        for kind, words in (("diffuse", "what is matt"), ("glossy", "what is glossy"), ("transmission", "glass"))
+        if not getattr(thing, f"visible_{kind}", True)
+    ]
+    if hidden:
+        scene.warn(f"Lamp {name}: lights {' and '.join(hidden)} here, though not in Blender.")
+
+
 def _of_nodes(tree: Any) -> list[float] | None:
     """What an Emission of plain numbers multiplies a lamp's light by."""
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
@@ -65,13 +95,18 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
     light = thing.data
     radius = float(light.shadow_soft_size)
     is_spot = light.type == "SPOT"
+    is_facing = bool(getattr(light, "use_soft_falloff", False))
+    if is_of_a_square_metre(light) and radius > LEAST:
+        strength = [c * math.pi * radius**2 for c in strength]
     if not is_spot and radius > LEAST:
         radiance = [c / (4 * math.pi**2 * radius**2) for c in strength]
-        scene.lamp_materials[name] = _shining(thing, radiance)
+        scene.lamp_materials[name] = _shining(thing, radiance) | ({"facing": True} if is_facing else {})
         scene.lamps.append({"type": "sphere", "name": name, "material": name, "center": up(place[:3, 3]), "radius": radius})
         return
     said: dict[str, Any] = {"type": "spot" if is_spot else "point", "name": name, "position": up(place[:3, 3])}
     said |= {"intensity": [c / (4 * math.pi) for c in strength], "radius": radius if radius > LEAST else 0}
+    if is_facing and radius > LEAST:
+        said["facing"] = True
     if is_spot:
         half = float(light.spot_size) / 2
         dark = math.cos(half)
@@ -102,6 +137,8 @@ def _add_area(scene: Scene, thing: Any, name: str, place: F64, strength: list[fl
     area = float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]))) * (math.pi if is_round else 4.0)
     if area < LEAST**2:
         return
+    if is_of_a_square_metre(light):
+        strength = [c * area for c in strength]
     scene.lamp_materials[name] = _shining(thing, [c / (math.pi * area) for c in strength])
     matrix = (TO_Y_UP @ turned).tolist()
     kind = "disk" if is_round else "quad"

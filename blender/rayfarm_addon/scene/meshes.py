@@ -8,11 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from .model import Mesh
+from .tubes import MOST_POINTS, tubes
 
-__all__ = ["Corners", "extract", "shape"]
+__all__ = ["Corners", "extract", "hair", "shape", "stretched"]
 
 F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
+MOST_MEASURED = 20_000  # triangles
 
 
 class Corners(NamedTuple):
@@ -46,12 +48,37 @@ def extract(source: Any, key: str, color: str | None = None) -> tuple[Mesh, Corn
     return mesh, Corners((len(positions), len(vertex_of), count), vertex, corner, domain)
 
 
+def hair(source: Any, key: str) -> tuple[Mesh, Corners] | None:
+    """A bpy.types.Curves as tubes; None where it has no points, or too many."""
+    count = len(source.points)
+    if not 0 < count <= MOST_POINTS:
+        return None
+    points = _taken(source.points, "position", 3 * count, np.float32).reshape(-1, 3)
+    first = np.append(_taken(source.curves, "first_point_index", len(source.curves), np.int32), np.int32(count))
+    positions, normals, triangles = tubes(points, _taken(source.points, "radius", count, np.float32), first)
+    mesh = Mesh(key, positions, [(0, triangles.astype(np.uint32).ravel())], normals)
+    nothing = np.zeros(0, np.int32)
+    return mesh, Corners((len(positions), count, len(triangles)), nothing, nothing, "POINT")
+
+
 def shape(source: Any, corners: Corners) -> tuple[F32, F32 | None] | None:
     """Positions and normals of a mesh that was taken apart before; None where it is cut otherwise now."""
     source.calc_loop_triangles()
     if (len(source.vertices), len(source.loops), len(source.loop_triangles)) != corners.counts:
         return None
     return _positions(source)[corners.vertex], _normals(source, corners.domain, corners.vertex, corners.corner)
+
+
+def stretched(mesh: Mesh, uv_set: int) -> float | None:
+    """How long the surface is over a unit of its UVs, on average; None where it has none."""
+    if uv_set >= len(mesh.uvs):
+        return None
+    corners = np.concatenate([part for _, part in mesh.parts]).reshape(-1, 3)[:MOST_MEASURED]
+    at, uv = mesh.positions[corners].astype(np.float64), mesh.uvs[uv_set][corners].astype(np.float64)
+    area = np.linalg.norm(np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]), axis=1).sum()
+    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    covered = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
+    return float(np.sqrt(area / covered)) if covered > 0 and area > 0 else None
 
 
 def _taken(collection: Any, name: str, count: int, kind: Any) -> npt.NDArray[Any]:

@@ -39,7 +39,10 @@ class Mesh:
 
 @dataclass
 class Node:
-    """A mesh at a place. materials: keys by slot. places: of the shutter's keys, where it moves. number: its pass index."""
+    """A mesh at a place. materials: keys by slot. places: of the shutter's keys, where it moves. number: its pass index.
+
+    unseen: by the camera. shadeless: lamps shine through it.
+    """
 
     name: str
     mesh: str
@@ -47,6 +50,8 @@ class Node:
     place: F64  # (4, 4)
     places: tuple[F64, ...] = ()
     number: int = 0
+    unseen: bool = False
+    shadeless: bool = False
 
 
 @dataclass(frozen=True)

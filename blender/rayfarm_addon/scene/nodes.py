@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-__all__ = ["At", "Source", "constant", "followed", "output_of"]
+__all__ = ["At", "Blend", "Plain", "Source", "constant", "followed", "output_of"]
 
 PASSED = ("REROUTE",)
 DEEPEST = 64
@@ -41,8 +41,24 @@ class Source(NamedTuple):
         return At(self.node.inputs[number], self.groups)
 
 
-def followed(at: At | None) -> tuple[Source | None, At | None]:
+class Plain(NamedTuple):
+    """A number, or a list of three, in the place of a socket."""
+
+    value: Any
+
+
+class Blend(NamedTuple):
+    """What a share of the second makes of two sockets, in the place of a socket."""
+
+    share: Any
+    first: Any
+    second: Any
+
+
+def followed(at: Any) -> tuple[Source | None, At | None]:
     """What feeds an input; else None, and the socket whose own number counts."""
+    if isinstance(at, Plain | Blend):
+        return None, None
     for _ in range(DEEPEST):
         if at is None or not at.socket.is_linked:
             return None, at
@@ -83,14 +99,29 @@ def output_of(tree: Any) -> Source | None:
     return None
 
 
-def constant(at: At | None) -> Any:
+def constant(at: Any) -> Any:
     """A plain number, or a list of three, where nothing but that is behind a socket; else None."""
+    if isinstance(at, Plain):
+        return at.value
+    if isinstance(at, Blend):
+        return _blended(*(constant(each) for each in at))
     source, last = followed(at)
     if source is not None:
         if source.node.type in ("VALUE", "RGB"):
             return _plain(source.output.default_value)
         return None
     return None if last is None else _plain(getattr(last.socket, "default_value", None))
+
+
+def _blended(share: Any, first: Any, second: Any) -> Any:
+    if first == second and first is not None:
+        return first
+    if share is None or first is None or second is None or isinstance(share, list):
+        return None
+    if isinstance(first, list) or isinstance(second, list):
+        a, b = (each if isinstance(each, list) else [each] * 3 for each in (first, second))
+        return [x + share * (y - x) for x, y in zip(a, b, strict=True)]
+    return first + share * (second - first)
 
 
 def _plain(value: Any) -> Any:

@@ -42,7 +42,10 @@ class Pictures:
             if found is None:
                 continue
             names.append(value.image.name)
-            plane = found[..., channel if value.channel is None else value.channel]
+            which = channel if value.channel is None else value.channel
+            plane = found[..., which]
+            if channel < 3 and which < 3:
+                plane = images.encoded(plane, images.encoding_of(value.image, as_color))
             planes[channel] = 1 - plane if value.inverted else plane
             if value.use != told.use and value.image != told.image:
                 self._scene.warn(f"Material {self._name}: pictures that lie differently are laid as one of them.")
@@ -53,5 +56,4 @@ class Pictures:
         for channel, plane in planes.items():
             rows, columns = (np.arange(n) * plane.shape[i] // n for i, n in enumerate((height, width)))
             whole[..., channel] = plane[rows][:, columns]
-        encoding = images.encoding_of(told.image, as_color)
-        return replace(told.use, image=images.add_pixels(self._scene, " ".join([self._name, *names]), whole, encoding))
+        return replace(told.use, image=images.add_pixels(self._scene, " ".join([self._name, *names]), whole))

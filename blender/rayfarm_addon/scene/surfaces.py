@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from .looks import Look, brushed, look_of, told_by_ray, under_coat
 from .model import Material, Scene, TextureUse
 from .nodes import At, Source, constant, followed, output_of
 from .pictures import Pictures
@@ -18,6 +20,13 @@ NEUTRAL = 0.5  # of "Specular IOR Level", by which the index of refraction alone
 SHARP = 1e-3
 
 
+Density = Callable[[int], float | None]
+
+
+def _unknown(_: int) -> None:
+    return None
+
+
 class Surfaces:
     """The materials of one scene. primary: the names of UV maps that come first on their meshes."""
 
@@ -25,18 +34,19 @@ class Surfaces:
         self._scene, self._primary = scene, primary
         self.colors: dict[str, str] = {}  # by material, the colour attribute that it reads
 
-    def add(self, material: Any) -> str:
-        """The key of a bpy.types.Material, read once."""
+    def add(self, material: Any, density: Density = _unknown) -> str:
+        """The key of a bpy.types.Material, read once. density: of the first mesh that has it, as of `Values.bumps`."""
         key = material.name_full
         if key not in self._scene.materials:
             made = Material(material.name, number=material.pass_index)
             self._scene.materials[key] = made
-            made.gltf = _Reader(self._scene, material, self._primary, self.colors).read()
+            made.gltf = _Reader(self._scene, material, self._primary, self.colors, density).read()
         return key
 
 
 class _Reader:
-    def __init__(self, scene: Scene, material: Any, primary: set[str], colors: dict[str, str]) -> None:
+    def __init__(self, scene: Scene, material: Any, primary: set[str], colors: dict[str, str], density: Density) -> None:
+        self._density = density
         self._scene, self._source, self._colors = scene, material, colors
         self._name = material.name
         self._values = Values(scene, self._name, primary)
@@ -79,28 +89,18 @@ class _Reader:
         self._more.setdefault(f"KHR_materials_{name}", {}).update(fields)
 
     def _shader(self, source: Source) -> None:
-        kind = source.node.type
-        read = {
-            "BSDF_PRINCIPLED": self._principled,
-            "BSDF_DIFFUSE": self._diffuse,
-            "BSDF_GLOSSY": self._metal,
-            "BSDF_ANISOTROPIC": self._metal,
-            "BSDF_METALLIC": self._metal,
-            "BSDF_GLASS": self._glass,
-            "BSDF_REFRACTION": self._glass,
-            "BSDF_TRANSPARENT": self._clear,
-            "BSDF_TRANSLUCENT": self._translucent,
-            "EMISSION": self._shining,
-            "MIX_SHADER": self._mix,
-            "ADD_SHADER": self._sum,
-        }.get(kind)
+        read = {"BSDF_TRANSPARENT": self._clear, "MIX_SHADER": self._mix, "ADD_SHADER": self._sum}.get(source.node.type)
         if read is not None:
             read(source)
             return
-        self._warn(f"the shader {source.node.bl_label or kind} is not read, and shown as grey")
+        look = look_of(source, self._warn)
+        if look is not None:
+            self._principled(look)
+            return
+        self._warn(f"the shader {source.node.bl_label or source.node.type} is not read, and shown as grey")
         self._pbr([0.8] * 3, 0.0, 1.0)
 
-    def _principled(self, source: Source) -> None:
+    def _principled(self, source: Look) -> None:
         def value(default: Any, *names: str) -> Value:
             return self._values.read(source.input(*names), default, names[0].lower())
 
@@ -116,6 +116,7 @@ class _Reader:
             self._filled()
         self._coat(value, source)
         self._sheen(value)
+        self._translucent(value)
         self._emission(value([0.0] * 3, "Emission Color", "Emission"), value(0.0, "Emission Strength"))
         self._brushed(value, number(roughness.factor))
         self._film(source)
@@ -162,7 +163,7 @@ class _Reader:
         if picture is not None:
             found["metallicRoughnessTexture"] = picture
 
-    def _reflection(self, source: Source, transmits: bool) -> None:
+    def _reflection(self, source: Look, transmits: bool) -> None:
         """Cycles takes the index of refraction by which normal incidence reflects so many times as much."""
         ior = number(constant(source.input("IOR")) or 1.5)
         level = self._values.read(source.input("Specular IOR Level", "Specular"), NEUTRAL, "specular level")
@@ -172,6 +173,8 @@ class _Reader:
         if transmits:
             if abs(factor - 1) > 1e-3:
                 self._extend("specular", specularFactor=min(factor, 1.0))
+        elif factor < 1e-3:
+            self._extend("specular", specularFactor=0.0)
         elif abs(factor - 1) > 1e-3:
             f0 = min(((ior - 1) / (ior + 1)) ** 2 * factor, 0.98)
             ior = (1 + math.sqrt(f0)) / (1 - math.sqrt(f0))
@@ -187,7 +190,7 @@ class _Reader:
         # Cycles refracts at every surface; the thickness says so where a mesh is open.
         self._extend("volume", thicknessFactor=1.0)
 
-    def _coat(self, value: Any, source: Source) -> None:
+    def _coat(self, value: Any, source: Look) -> None:
         coat = value(0.0, "Coat Weight", "Clearcoat")
         if number(coat.factor) <= 0:
             return
@@ -196,9 +199,10 @@ class _Reader:
         self._slot(coat, "KHR_materials_clearcoat", "clearcoatTexture", 0)
         self._slot(rough, "KHR_materials_clearcoat", "clearcoatRoughnessTexture", 1)
         self._normal(source.input("Coat Normal"), self._more["KHR_materials_clearcoat"], "clearcoatNormalTexture")
-        tint = constant(source.input("Coat Tint"))
-        if tint is not None and min(tint) < 0.999:
-            self._warn("the tint of its coat is left out")
+        left = under_coat(source)
+        if left is not None:
+            factor = self._said["pbrMetallicRoughness"]["baseColorFactor"]
+            factor[:3] = [c * share for c, share in zip(factor[:3], left, strict=True)]
         ior = constant(source.input("Coat IOR"))
         if ior is not None and abs(ior - 1.5) > 0.01:
             self._warn("its coat refracts as 1.5")
@@ -227,18 +231,14 @@ class _Reader:
                 self._said["emissiveTexture"] = picture
 
     def _brushed(self, value: Any, roughness: float) -> None:
-        """Cycles stretches both ways about the roughness, glTF along the tangent alone."""
         strength = number(value(0.0, "Anisotropic").factor)
         if strength <= 0:
             return
-        aspect = math.sqrt(1 - 0.9 * min(strength, 1.0))
-        along, across = min(roughness**2 / aspect, 1.0), roughness**2 * aspect
-        self._said["pbrMetallicRoughness"]["roughnessFactor"] = math.sqrt(across)
-        turn = number(value(0.0, "Anisotropic Rotation").factor) * 2 * math.pi
-        stretch = math.sqrt(max(along - across, 0.0) / max(1 - across, 1e-6))
-        self._extend("anisotropy", anisotropyStrength=min(stretch, 1.0), anisotropyRotation=turn)
+        rough, stretched = brushed(strength, roughness, number(value(0.0, "Anisotropic Rotation").factor))
+        self._said["pbrMetallicRoughness"]["roughnessFactor"] = rough
+        self._extend("anisotropy", **stretched)
 
-    def _film(self, source: Source) -> None:
+    def _film(self, source: Look) -> None:
         thickness = constant(source.input("Thin Film Thickness"))
         if thickness:
             ior = constant(source.input("Thin Film IOR")) or 1.33
@@ -249,8 +249,18 @@ class _Reader:
         source, _ = followed(at)
         if source is None:
             return
+        if source.node.type == "BUMP":
+            found = self._values.bumps(source, self._density)
+            picture = None if found is None else self._pictures.used(found, False)
+            if picture is None:
+                self._warn("its bumps are left out; those of pictures that lie by UVs are read, and normal maps")
+            else:
+                owner[name] = replace(picture, strength=1.0)
+            if followed(source.input("Normal"))[0] is not None:
+                self._warn("of normals one behind the other the last is read")
+            return
         if source.node.type != "NORMAL_MAP" or source.node.space != "TANGENT":
-            self._warn("its bumps are left out; a normal map in tangent space is read")
+            self._warn("its normals are left out; bumps and normal maps in tangent space are read")
             return
         strength = constant(source.input("Strength"))
         found = self._values.read(source.input("Color"), WHITE, "normal map")
@@ -258,27 +268,6 @@ class _Reader:
             picture = self._pictures.used(found, False)
             if picture is not None:
                 owner[name] = replace(picture, strength=1.0 if strength is None else strength)
-
-    def _diffuse(self, source: Source) -> None:
-        self._base(self._values.read(source.input("Color"), [0.8] * 3, "colour"), Value(1.0))
-        self._extend("specular", specularFactor=0.0)
-        self._normal(source.input("Normal"), self._said, "normalTexture")
-        if _is_some(source.input("Roughness")):
-            self._warn("its diffuse roughness is left out")
-
-    def _metal(self, source: Source) -> None:
-        self._base(self._values.read(source.input("Color", "Base Color"), [0.8] * 3, "colour"), Value(1.0))
-        self._metal_and_rough(Value(1.0), self._values.read(source.input("Roughness"), 0.5, "roughness"))
-        self._normal(source.input("Normal"), self._said, "normalTexture")
-
-    def _glass(self, source: Source) -> None:
-        self._base(self._values.read(source.input("Color"), WHITE, "colour"), Value(1.0))
-        self._metal_and_rough(Value(0.0), self._values.read(source.input("Roughness"), 0.0, "roughness"))
-        ior = constant(source.input("IOR"))
-        self._extend("ior", ior=max(number(1.5 if ior is None else ior), 1.0))
-        self._extend("transmission", transmissionFactor=1.0)
-        self._filled()
-        self._normal(source.input("Normal"), self._said, "normalTexture")
 
     def _clear(self, source: Source) -> None:
         color = self._values.read(source.input("Color"), WHITE, "colour")
@@ -291,37 +280,37 @@ class _Reader:
         self._pbr(WHITE, 0.0, 1.0, 0.0)
         self._said["alphaMode"] = "BLEND"
 
-    def _translucent(self, source: Source) -> None:
-        color = self._values.read(source.input("Color"), [0.8] * 3, "colour")
-        self._pbr(BLACK, 0.0, 1.0)
-        self._extend("specular", specularFactor=0.0)
-        self._extend("diffuse_transmission", diffuseTransmissionFactor=1.0, diffuseTransmissionColorFactor=as_list(color.factor))
-
-    def _shining(self, source: Source) -> None:
-        if "pbrMetallicRoughness" not in self._said:
-            self._pbr(BLACK, 0.0, 1.0)
-            self._extend("specular", specularFactor=0.0)
-        self._emission(
-            self._values.read(source.input("Color"), WHITE, "emission"),
-            self._values.read(source.input("Strength"), 1.0, "emission's strength"),
-        )
+    def _translucent(self, value: Any) -> None:
+        weight = value(0.0, "Translucent Weight")
+        if number(weight.factor) <= 0:
+            return
+        if weight.image is not None:
+            self._warn("the picture of how much light it lets through is left out")
+        color = value([0.8] * 3, "Translucent Color")
+        said = {"diffuseTransmissionFactor": min(number(weight.factor), 1.0)}
+        self._extend("diffuse_transmission", **said, diffuseTransmissionColorFactor=as_list(color.factor))
+        self._slot(color, "KHR_materials_diffuse_transmission", "diffuseTransmissionColorTexture", None, as_color=True)
 
     def _mix(self, source: Source) -> None:
         """With a Transparent BSDF it is alpha; with one of its ends the other; else the nearer one."""
-        share = self._values.read(source.at(0), 0.5, "mix")
+        if (which := told_by_ray(source.at(0))) is not None:
+            self._warn("of shaders that are for different rays the camera's is shown to all")
+            shown = followed(source.at(1 + which))[0]
+            if shown is not None:
+                self._shader(shown)
+            return
         first, second = (followed(source.at(i))[0] for i in (1, 2))
         clear = [each is not None and each.node.type == "BSDF_TRANSPARENT" for each in (first, second)]
         if clear[0] != clear[1]:
             solid = second if clear[0] else first
             if solid is not None:
+                share = self._values.read(source.at(0), 0.5, "mix")
                 self._shader(solid)
                 self._see_through(share if clear[0] else _one_minus(share))
                 return
-        nearer = second if number(share.factor) >= 0.5 and share.image is None else first
-        if share.image is not None or SHARP < number(share.factor) < 1 - SHARP:
-            self._warn("of the shaders that are mixed one is shown")
-        if nearer is not None:
-            self._shader(nearer)
+        look = look_of(source, self._warn)
+        if look is not None:
+            self._principled(look)
 
     def _see_through(self, opacity: Value) -> None:
         found = self._said.get("pbrMetallicRoughness")
@@ -343,13 +332,19 @@ class _Reader:
             found["baseColorTexture"] = picture
 
     def _sum(self, source: Source) -> None:
+        """With a Transparent BSDF what is added to it shows what is behind as well: it shines, and the rest is clear."""
         parts = [followed(source.at(i))[0] for i in (0, 1)]
-        shining = [each for each in parts if each is not None and each.node.type == "EMISSION"]
-        others = [each for each in parts if each is not None and each.node.type != "EMISSION"]
-        if len(others) > 1:
-            self._warn("of the shaders that are added one is shown")
-        for each in [*others[:1], *shining]:
-            self._shader(each)
+        clear = [each is not None and each.node.type == "BSDF_TRANSPARENT" for each in parts]
+        if any(clear):
+            self._warn("what is added to its transparency hides what is behind by half")
+            solid = parts[1] if clear[0] else parts[0]
+            if solid is not None and not all(clear):
+                self._shader(solid)
+                self._see_through(Value(0.5))
+            return
+        look = look_of(source, self._warn)
+        if look is not None:
+            self._principled(look)
 
     def _slot(self, value: Value, extension: str, name: str, channel: int | None, as_color: bool = False) -> None:
         """A picture of an extension, in the channel that glTF reads."""

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from .model import Scene, TextureUse
 from .nodes import At, Source, constant, followed
+from .painted import Bump, Painter
 
 __all__ = ["Value", "Values"]
 
+WHITE = [1.0, 1.0, 1.0]
 WRAPS = {"REPEAT": "repeat", "EXTEND": "clamp", "CLIP": "clamp", "MIRROR": "mirror"}
 CHANNELS = {"Red": 0, "Green": 1, "Blue": 2, "R": 0, "G": 1, "B": 2, "Alpha": 3}
 
@@ -35,8 +38,9 @@ class Values:
 
     def __init__(self, scene: Scene, name: str, primary: set[str]) -> None:
         self._scene, self._name, self._primary = scene, name, primary
+        self._painter = Painter(name, self._use)
 
-    def read(self, at: At | None, default: Any, what: str) -> Value:
+    def read(self, at: Any, default: Any, what: str) -> Value:
         """What is behind a socket; where that cannot be told, its own number and a warning."""
         if at is None:
             return Value(default)
@@ -47,10 +51,30 @@ class Values:
         found = None if source is None else self._of(source)
         if found is not None:
             return found
+        painted = self._painter.paint(at, what)
+        if isinstance(painted, list):
+            return Value(painted if isinstance(default, list) else painted[0])
+        if painted is not None:
+            return Value(1.0, painted[0], painted[1])
         node = "" if source is None else f" ({source.node.bl_label or source.node.type})"
         self._scene.warn(f"Material {self._name}: what makes its {what}{node} is not read; a plain value stands for it.")
-        own = getattr(at.socket, "default_value", default)
+        own = getattr(getattr(at, "socket", None), "default_value", default)
         return Value(default if own is None else [float(c) for c in own][:3] if hasattr(own, "__len__") else float(own))
+
+    def bumps(self, source: Source, density: Callable[[int], float | None]) -> Value | None:
+        """The normal map of a Bump node whose height is a picture. density: the surface's length over a unit of a set of UVs."""
+        numbers = [constant(source.input(name)) for name in ("Strength", "Distance")]
+        if any(not isinstance(each, float) for each in numbers):
+            return None
+        strength, distance = numbers
+
+        def length(use: TextureUse) -> tuple[float, float] | None:
+            whole = density(use.uv_set)
+            return None if not whole or 0 in use.scale else (whole / abs(use.scale[0]), whole / abs(use.scale[1]))
+
+        bump = Bump(min(max(strength, 0.0), 1.0), -distance if source.node.invert else distance)
+        found = self._painter.bumps(source.input("Height"), bump, length)
+        return None if found is None else Value(WHITE, found[0], found[1])
 
     def _of(self, source: Source) -> Value | None:
         node, kind = source.node, source.node.type
@@ -114,17 +138,20 @@ class Values:
         return Value(factor, told.image, told.use, told.channel, False, vertex)
 
     def _use(self, source: Source) -> TextureUse | None:
-        """How an image lies on the surface; None where that is not by UVs."""
+        """How an image or a pattern lies on the surface; None where that is not by UVs."""
         node = source.node
-        if node.projection != "FLAT":
+        is_image = node.type == "TEX_IMAGE"
+        if is_image and node.projection != "FLAT":
             return None
-        wrap = WRAPS.get(node.extension, "repeat")
-        nearest = node.interpolation == "Closest"
+        wrap = WRAPS.get(getattr(node, "extension", ""), "repeat")
+        nearest = getattr(node, "interpolation", "") == "Closest"
         lies = _Lies()
         at = source.input("Vector")
         for _ in range(4):
             found, _ = followed(at)
             if found is None:
+                if not is_image:
+                    return None  # patterns lie by what Blender generates, images by UVs
                 break
             kind = found.node.type
             if kind == "MAPPING":

@@ -8,9 +8,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
+from ..farm import exr
 from . import images
-from .model import Scene, World
-from .nodes import Source, constant, followed, output_of
+from .looks import told_by_ray
+from .model import Image, Scene, World
+from .nodes import At, Source, constant, followed, output_of
+from .painted import Painter
 
 __all__ = ["read_world"]
 
@@ -23,7 +28,7 @@ def read_world(scene: Scene, world: Any) -> World:
         return World([0.0] * 3)
     if not world.use_nodes or world.node_tree is None:
         return World([float(c) for c in world.color])
-    source = output_of(world.node_tree)
+    source = _background(scene, output_of(world.node_tree))
     if source is None:
         return World([0.0] * 3)
     if source.node.type != "BACKGROUND":
@@ -41,9 +46,39 @@ def read_world(scene: Scene, world: Any) -> World:
         return _image(scene, node, strength)
     if node is not None and node.node.type == "TEX_SKY":
         return _sky(scene, node.node, strength)
-    scene.warn("World: what makes its colour is not read; a plain colour stands for it.")
     at = source.input("Color")
+    painted = _painted(scene, at, strength)
+    if painted is not None:
+        return painted
+    scene.warn("World: what makes its colour is not read; a plain colour stands for it.")
     return World([float(c) * strength for c in at.socket.default_value[:3]] if at is not None else [0.0] * 3)
+
+
+def _background(scene: Scene, source: Source | None) -> Source | None:
+    """What lights, where the camera is shown something else."""
+    if source is not None and source.node.type == "MIX_SHADER" and (which := told_by_ray(source.at(0))) is not None:
+        scene.warn("World: the camera sees what lights, though in Blender it sees something else.")
+        return followed(source.at(2 - which))[0]
+    return source
+
+
+def _painted(scene: Scene, at: At | None, strength: float) -> World | None:
+    """The light of pictures of all directions that nodes change, texel by texel; None where there are others."""
+
+    def turn_of(source: Source) -> Any:
+        node = source.node
+        is_whole = node.type == "TEX_ENVIRONMENT" and node.projection == "EQUIRECTANGULAR"
+        return ("turned", _turn(scene, source)) if is_whole else None
+
+    found = Painter("world", turn_of).paint(at, "colour")
+    if found is None:
+        return None
+    if isinstance(found, list):
+        return World([c * strength for c in found])
+    made, use = found
+    light: Any = use  # what `turn_of` gave
+    content = exr.write(np.maximum(made.texels[..., :3], 0))
+    return World(image=Image("world.exr", content), strength=strength, rotation=QUARTER + light[1])
 
 
 def _image(scene: Scene, source: Source, strength: float) -> World:

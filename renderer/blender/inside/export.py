@@ -4,7 +4,8 @@
     blender --background --factory-startup --disable-autoexec --python export.py -- JOB
 
 JOB: a JSON object in a file: `folder` with the files that came along, the name of the `main` one in it, `out`, an empty folder,
-and `most_bytes`. What is written there: report.json, last of all, with `version` and `main`, or an `error`; blender-scene.yaml,
+`most_bytes`, and `addon`, the folder of the add-on's package or null.
+What is written there: report.json, last of all, with `version` and `main`, or an `error`; blender-scene.yaml,
 blender-scene.glb, blender-world.exr.
 """
 
@@ -128,7 +129,8 @@ def main(job: dict[str, Any]) -> dict[str, Any]:
     bpy = opened(copied(job))
     from .written import write_scene
 
-    notes = write_scene(bpy, Path(job["out"]))
+    addon = job.get("addon")
+    notes = write_scene(bpy, Path(job["out"]), Path(addon) if addon else None)
     return {"main": "blender-scene.yaml", "version": bpy.app.version_string, "notes": len(notes)}
 
 

@@ -14,6 +14,7 @@ __all__ = ["Lights"]
 AREA = 1 / math.pi  # radiance of an area light of one watt and one square metre
 MOST = 1e9
 LEAST = 1e-4  # of a point's radius
+RAYS = {"diffuse": "what is matt", "glossy": "what is glossy", "transmission": "glass"}
 
 
 class Lights:
@@ -42,12 +43,14 @@ class Lights:
             said: dict[str, Any] = {name: keyed([each[name] for each in values], frames, fps) for name in values[0]}
             name = thing.name[:200]
             if "emission" not in said:
-                lights.append({"name": name, **_kind(thing.data), **said})
+                lights.append({"name": name, **_kind(thing), **said})
                 continue
             material = f"light {name}"
             materials[material] = {"color": 0, "emission": said["emission"], "lamp": True}
             if not getattr(thing, "visible_camera", True):
                 materials[material]["unseen"] = True
+            if getattr(thing.data, "use_soft_falloff", False) and "center" in said:
+                materials[material]["facing"] = True
             if "center" in said:
                 ball = {name: said[name] for name in ("center", "radius")}
                 shapes.append({"type": "sphere", "name": name, "material": material, **ball})
@@ -67,7 +70,7 @@ class Lights:
         graph = self._bpy.context.evaluated_depsgraph_get()
         lamp = thing.evaluated_get(graph)
         data, world = lamp.data, lamp.matrix_world
-        watts = [min(c * data.energy, MOST) for c in _color(data)]
+        watts = [min(c * data.energy * _area_of(data, world.to_scale()), MOST) for c in _color(data)]
         forward = to_ours((world.to_3x3() @ self._math.Vector((0, 0, -1))).normalized())
         if data.type == "SUN":
             return {"intensity": watts, "direction": forward, "angle": min(math.degrees(data.angle), 180.0)}
@@ -109,10 +112,26 @@ class Lights:
         }
 
 
-def _kind(data: Any) -> dict[str, Any]:
-    if data.type == "SPOT":
-        return {"type": "spot", "falloff": "smooth"}
-    return {"type": "directional" if data.type == "SUN" else "point"}
+def _kind(thing: Any) -> dict[str, Any]:
+    data = thing.data
+    if data.type == "SUN":
+        seen = {"seen": "always" if getattr(thing, "visible_camera", True) else "mirrored"} if data.angle > 0 else {}
+        return {"type": "directional", **seen}
+    facing = {"facing": True} if getattr(data, "use_soft_falloff", False) else {}
+    return {"type": "spot", "falloff": "smooth", **facing} if data.type == "SPOT" else {"type": "point"}
+
+
+def _area_of(data: Any, scale: Any) -> float:
+    """What a lamp's power is multiplied by where it is that of a square metre ("Normalize" is off), whatever its size."""
+    if getattr(data, "normalize", True):
+        return 1.0
+    if data.type == "SUN":
+        return math.pi * math.sin(min(data.angle, math.pi) / 2) ** 2 or 1.0
+    if data.type != "AREA":
+        return math.pi * data.shadow_soft_size**2 or 1.0
+    width, height = data.size, data.size_y if data.shape in ("RECTANGLE", "ELLIPSE") else data.size
+    area = float(abs(width * scale.x * height * scale.y))
+    return area * (math.pi / 4 if data.shape in ("DISK", "ELLIPSE") else 1.0)
 
 
 def _color(data: Any) -> list[float]:
@@ -145,9 +164,10 @@ def _note(thing: Any, notes: list[str]) -> None:
             notes.append(f"Light {name}: its nodes are not taken over; it shines in its own colour")
     if data.type == "AREA" and data.spread < math.pi - 1e-3:
         notes.append(f"Light {name}: its spread is not taken over; it shines to all sides")
-    if not getattr(data, "normalize", True):
-        notes.append(f"Light {name}: its power is taken as that of the whole light, whatever its size")
     if not getattr(data, "use_shadow", True):
         notes.append(f"Light {name}: casts shadows here, as all lights do")
+    hidden = [words for kind, words in RAYS.items() if not getattr(thing, f"visible_{kind}", True)]
+    if hidden:
+        notes.append(f"Light {name}: lights {' and '.join(hidden)} here, though not in Blender")
     if getattr(getattr(data, "cycles", None), "is_portal", False):
         notes.append(f"Light {name}: is a portal, and left dark")

@@ -7,6 +7,7 @@ from typing import Any
 __all__ = ["prepare"]
 
 MOST_INSTANCES = 200_000
+VISIBLE = tuple(f"visible_{kind}" for kind in ("camera", "shadow", "diffuse", "glossy", "transmission"))
 
 
 def prepare(bpy: Any, scene: Any, notes: list[str]) -> list[Any]:
@@ -58,7 +59,7 @@ def _instances(bpy: Any, scene: Any, shown: set[str], notes: list[str]) -> None:
     """What modifiers, particles and instancers put into the scene becomes objects, which share their meshes."""
     graph = bpy.context.evaluated_depsgraph_get()
     made: dict[Any, Any] = {}  # of a mesh that a modifier made, by the evaluated one
-    found: list[tuple[str, Any, Any]] = []
+    found: list[tuple[Any, Any, Any, Any]] = []
     for instance in graph.object_instances:
         if not instance.is_instance or instance.parent is None or instance.parent.original.name not in shown:
             continue
@@ -70,13 +71,15 @@ def _instances(bpy: Any, scene: Any, shown: set[str], notes: list[str]) -> None:
             continue
         if data not in made:
             made[data] = bpy.data.meshes.new_from_object(thing, preserve_all_data_layers=True, depsgraph=graph)
-        found.append((instance.parent.original.name, made[data], instance.matrix_world.copy()))
-    for owner, mesh, place in found:
-        thing = bpy.data.objects.new(f"{owner} instance", mesh)
+        found.append((instance.parent.original, thing.original, made[data], instance.matrix_world.copy()))
+    for parent, shown_thing, mesh, place in found:
+        thing = bpy.data.objects.new(f"{parent.name} instance", mesh)
         thing.matrix_world = place
+        for flag in VISIBLE:
+            setattr(thing, flag, getattr(parent, flag) and getattr(shown_thing, flag))
         scene.collection.objects.link(thing)
         shown.add(thing.name)
-    owners = sorted({owner for owner, _, _ in found})
+    owners = sorted({parent.name for parent, _, _, _ in found})
     for owner in owners:
         thing = scene.objects[owner]
         thing.instance_type = "NONE"

@@ -26,7 +26,6 @@ FOLLOWED = {
 SURFACES = {"BSDF_PRINCIPLED", "EMISSION", "BACKGROUND"}
 UNKNOWN = {
     "Subsurface Weight": "subsurface scattering",
-    "Thin Film Thickness": "thin film",
     "Diffuse Roughness": "rough diffuse (Oren-Nayar)",
 }
 MOST_NODES = 10_000

@@ -6,10 +6,15 @@ import json
 from pathlib import Path
 from typing import Any
 
+from .baked import bake
 from .cameras import Cameras
+from .hair import hair_as_meshes
 from .keys import frames_of, over_frames
 from .lights import Lights
 from .prepared import prepare
+from .rays import note_rays, passed_by, with_rays
+from .settings import note_settings, settings_of
+from .simplified import simplify
 from .surfaces import note_surfaces
 from .world import write_world
 
@@ -26,8 +31,11 @@ LEFT_OUT = {
 MOST_NOTES = 100
 
 
-def write_scene(bpy: Any, out: Path) -> list[str]:
-    """Writes blender-scene.yaml, and what that names; returns what is not taken over, as it also stands there."""
+def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
+    """Writes blender-scene.yaml, and what that names; returns what is not taken over, as it also stands there.
+
+    addon: as of `simplify`.
+    """
     scene = bpy.context.scene
     notes: list[str] = []
     _note_missing(bpy, notes)
@@ -36,10 +44,15 @@ def write_scene(bpy: Any, out: Path) -> list[str]:
     fps = float(scene.render.fps)
     frames = frames_of(bpy, scene)
     scene.frame_set(frames[0])
-    shown = prepare(bpy, scene, notes)
+    note_settings(bpy.data.scenes, scene, notes)
+    shown = hair_as_meshes(bpy, scene, prepare(bpy, scene, notes), addon, notes)
     _note_left_out(shown, notes)
+    _note_hair(shown, notes)
     solid = [thing for thing in shown if thing.type in MESHES]
+    surfaces = simplify(bpy, solid, addon, notes)
+    bake(bpy, scene, solid, notes)
     note_surfaces(_materials(solid), notes)
+    note_rays(solid, bpy.context.view_layer, notes)
 
     cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, notes)
     seen = over_frames(scene, frames, {**_named("camera", cameras.looks()), **_named("light", lights.looks())})
@@ -48,11 +61,12 @@ def write_scene(bpy: Any, out: Path) -> list[str]:
     lamps, materials, shapes = lights.written(_of("light", seen), frames, fps)
     if solid:
         _write_glb(bpy, out / "blender-scene.glb", is_moving=len(frames) > 1)
+        with_rays(out / "blender-scene.glb", passed_by(solid, bpy.context.view_layer), surfaces)
         shapes.insert(0, {"type": "mesh", "file": "blender-scene.glb", "name": scene.name[:100]})
     document: dict[str, Any] = {
         "name": scene.name[:200],
         "fps": fps,
-        "settings": _settings(scene),
+        "settings": settings_of(scene),
         "notes": [note[:400] for note in _short(notes)],
         "cameras": cameras.written(_of("camera", seen), frames, fps),
         "environment": environment,
@@ -104,22 +118,6 @@ def _write_glb(bpy: Any, path: Path, is_moving: bool) -> None:
     bpy.ops.export_scene.gltf(**{name: value for name, value in wanted.items() if name in known})
 
 
-def _settings(scene: Any) -> dict[str, Any]:
-    render = scene.render
-    part = render.resolution_percentage / 100
-    found: dict[str, Any] = {
-        "width": min(max(round(render.resolution_x * part), 1), 16384),
-        "height": min(max(round(render.resolution_y * part), 1), 16384),
-    }
-    cycles = getattr(scene, "cycles", None)
-    if render.engine == "CYCLES" and cycles is not None:
-        found["max_depth"] = min(cycles.max_bounces + 2, 1024)  # their first bounce is what a camera's hit is lit by
-    if render.use_motion_blur:
-        found["shutter"] = round(min(max(render.motion_blur_shutter, 0.001), 64.0), 6)
-        found["shutter_at"] = "trailing" if getattr(render, "motion_blur_position", "CENTER") == "END" else "centred"
-    return found
-
-
 def _materials(things: list[Any]) -> list[Any]:
     found = {slot.material.name: slot.material for thing in things for slot in thing.material_slots if slot.material is not None}
     return [found[name] for name in sorted(found)]
@@ -137,6 +135,12 @@ def _note_unknown_nodes(bpy: Any, notes: list[str]) -> None:
     trees = [tree.name for tree in bpy.data.node_groups if any(node.bl_idname == "NodeUndefined" for node in tree.nodes)]
     if trees:
         notes.append(f"Node groups {', '.join(trees[:5])}: nodes that import files, or that are not Blender's own, are left out")
+
+
+def _note_hair(shown: list[Any], notes: list[str]) -> None:
+    for thing in shown:
+        if any(each.settings.type == "HAIR" and each.settings.render_type == "PATH" for each in thing.particle_systems):
+            notes.append(f"{thing.name}: hair of its particles is not taken over; convert it to hair curves")
 
 
 def _note_missing(bpy: Any, notes: list[str]) -> None:

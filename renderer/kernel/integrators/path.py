@@ -28,7 +28,7 @@ from renderer.kernel.integrators.state import (
 from renderer.kernel.integrators.strategy import heuristic_weight, mistaken, share_of_light, special_bounce
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, limited, reach
 from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
-from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light
+from renderer.kernel.light.lights import environment_seen, met_from_front, primitive_light_pdf, sample_light, sun_seen
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
@@ -70,6 +70,7 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
             if row < len(log):
                 record_miss(log, row, path)
             path = _add_environment(scene, path, options)
+            path = _add_suns(scene, path, number, options, time)
             if row < len(log):
                 record_light(log, row, EMITTED, path.radiance)
             break
@@ -149,10 +150,23 @@ def _add_environment(scene, path, options):
 
 
 @template
+def _add_suns(scene, path, number, options, time):
+    """The light of the suns whose disks the ray meets, weighed as that of the environment."""
+    if scene.has.lights is not None and path.pdf >= _ZERO:
+        for k in range(len(scene.sun)):
+            judged = path.pdf > _ZERO
+            emitted, light_pdf = sun_seen(scene, k, path.vertex, path.normal, path.d, judged, number == 0, time)
+            weight = heuristic_weight(options.heuristic, path.pdf, light_pdf) if judged else _ONE
+            path = _add(path, vec.scale(emitted, weight), 1, options)
+    return path
+
+
+@template
 def _add_emission(scene, surface, path, number, options, time):
     """The light that a surface emits, weighed against what next-event estimation finds of it."""
     if shines(surface) and path.pdf >= _ZERO:
-        emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front, time)
+        front = met_from_front(scene, surface.light, path.vertex, path.d, surface.front, time)
+        emitted = emission(scene, surface.material, surface.uv, surface.uv1, front, time)
         weight = _ONE
         if path.pdf > _ZERO:
             cosine = vec.dot(surface.geometric, vec.neg(path.d))

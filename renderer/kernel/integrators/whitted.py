@@ -30,7 +30,7 @@ from renderer.kernel.integrators.strategy import mistaken
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, reach
 from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
 from renderer.kernel.light.environment import environment_radiance
-from renderer.kernel.light.lights import LightSample, choose_light, sample_light, sample_one_light
+from renderer.kernel.light.lights import LightSample, choose_light, met_from_front, sample_light, sample_one_light, sun_seen
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular, sample_material
 from renderer.kernel.options import NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
@@ -138,6 +138,9 @@ def trace_whitted(scene, stack, o, d, time, options, stream, log, first):
             if row < len(log):
                 record_miss(log, row, path)
             path = _add(path, environment_radiance(scene.environment, scene.environment_frame, path.d))
+            if scene.has.lights is not None:
+                for k in range(len(scene.sun)):
+                    path = _add(path, sun_seen(scene, k, path.vertex, path.normal, path.d, False, number == 0, time)[0])
             if row < len(log):
                 record_light(log, row, EMITTED, path.radiance)
             break
@@ -148,7 +151,8 @@ def trace_whitted(scene, stack, o, d, time, options, stream, log, first):
         if row < len(log):
             record_surface(log, row, surface, through, hit.t, path)
         if shines(surface) and (is_lamp(scene, surface.material) or not through):
-            path = _add(path, emission(scene, surface.material, surface.uv, surface.uv1, surface.front, time))
+            front = met_from_front(scene, surface.light, path.vertex, path.d, surface.front, time)
+            path = _add(path, emission(scene, surface.material, surface.uv, surface.uv1, front, time))
         if through:
             if row < len(log):
                 record_light(log, row, EMITTED, path.radiance)

@@ -13,32 +13,34 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.arrays.light_rows import CORNER_ERROR, PARALLELOGRAM
-from renderer.arrays.rows import PART_COLUMNS, PART_MATERIAL, TEXTURED
+from renderer.arrays.rows import FACING, PART_COLUMNS, PART_MATERIAL, TEXTURED
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import columns, row
 from renderer.kernel.light.environment import choose, environment_light, environment_radiance, sample_environment
 from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
 from renderer.kernel.light.parallelogram import on_parallelogram, on_parallelogram_pdf
-from renderer.kernel.light.punctual import sample_moving_punctual, sample_punctual
+from renderer.kernel.light.punctual import SUN, SUN_UNSEEN, disk_cone, moving_sun, sample_moving_punctual, sample_punctual
 from renderer.kernel.material.material import emission, opacity
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
 from renderer.kernel.surface.departure import leave
 from renderer.kernel.surface.shapes import ball_at
 from renderer.kernel.surface.surface import moving_triangle_point, sphere_uv, triangle_point, triangle_uv
 from renderer.wide.lanes import each_lane
-from renderer.wide.values import any_of, as_wide, lookup, nil, not_, u32, where, where3
+from renderer.wide.values import any_of, as_wide, as_wide3, lookup, nil, not_, u32, where, where3
 
 __all__ = [
     "LightSample",
     "choose_light",
     "environment_seen",
+    "met_from_front",
     "nearby_choice",
     "primitive_light_pdf",
     "sample_by_power",
     "sample_chosen",
     "sample_light",
     "sample_one_light",
+    "sun_seen",
 ]
 
 _ZERO = np.float32(0.0)
@@ -52,7 +54,8 @@ _CLOSE = np.float32(1.001)  # squared distance in radii: nearer, rounding could 
 _LEAST = np.float32(1e-30)
 _FIRST = np.uint32(0)
 _NEXT = np.uint32(1)
-_TEXTURED = np.uint32(TEXTURED)
+_SUN = np.uint32(SUN)
+_TEXTURED, _FACING = np.uint32(TEXTURED), np.uint32(FACING)
 
 
 class LightSample(NamedTuple):
@@ -62,7 +65,7 @@ class LightSample(NamedTuple):
     end: tuple[float, float, float]  # what must be seen from the point lit
     radiance: tuple[float, float, float]  # that would arrive unoccluded
     pdf: float  # per steradian, the choice of the light included; 0: nothing sampled
-    alone: bool  # whether only light sampling finds it (it has no body), so that there is nothing to weigh it against
+    alone: bool  # whether only light sampling finds it (no ray meets it), so that there is nothing to weigh it against
 
 
 @device
@@ -212,6 +215,58 @@ def _sample_sphere(scene, number, p, u, time):
 
 
 @device
+def _faces(scene, number):
+    """Whether a sphere is seen as a disk through its middle that faces whoever looks, as Cycles' soft falloff has it."""
+    facing = as_wide(False, number)
+    if scene.has.textures is not None:
+        facing = u32(lookup(scene.material_flags, u32(lookup(scene.sphere_material, number)))) & _FACING != _FIRST
+    return facing
+
+
+@device
+def _sample_facing(scene, number, p, u, time):
+    """As `_sample_sphere`, of one that faces p."""
+    center, radius = _sphere(scene, number, time)
+    to_center = vec.sub(center, p)
+    square = vec.dot(to_center, to_center)
+    distance = math.sqrt(square)
+    axis = vec.scale(to_center, _ONE / distance)
+    cone = disk_cone(square, radius)
+    local = square_to_cone(u, cone)
+    s, t = vec.basis(axis)
+    w = vec.to_world(s, t, axis, local)
+    q = vec.add(p, vec.scale(w, distance / local[2]))
+    material = u32(lookup(scene.sphere_material, number))
+    uv = nil(square), nil(square)
+    radiance = _emitted(scene, material, uv, uv, as_wide(_ONE, square), square == square, time)
+    error = _ERROR * (vec.magnitude(center) + radius)
+    sample = LightSample(w, leave(q, error, axis, vec.neg(w)), radiance, square_to_cone_pdf(cone), as_wide(False, square))
+    return _if_found((square > _ZERO) & (local[2] > _ZERO), sample, p)
+
+
+@device
+def met_from_front(scene, light, p, w, front, time):
+    """Whether a ray from the vertex p in direction w that met a light met the side that shines. front: whether it is outside.
+
+    Of a sphere that faces p it has to meet the disk, which lies behind one side of the sphere, and before the other.
+    """
+    if scene.has.textures is not None and len(scene.sphere) > 0:
+        number = u32(u32(lookup(scene.light_primitive, light)) - np.uint32(len(scene.triangle)))
+        is_ball = number < np.uint32(len(scene.sphere))
+        number = where(is_ball, number, _FIRST)
+        facing = is_ball & _faces(scene, number)
+        if any_of(facing):
+            center, radius = _sphere(scene, number, time)
+            d = vec.sub(center, p)
+            square, along, off = vec.dot(d, d), vec.dot(d, w), vec.cross(d, w)
+            on_disk = (along > _ZERO) & (vec.dot(off, off) * square < radius * radius * along * along)
+            outside = square > radius * radius
+            first = (front & outside) | not_(front | outside)  # else the disk was counted before
+            front = (facing & on_disk & first) | (front & not_(facing))
+    return front
+
+
+@device
 def choose_light(scene, p, n, choice):
     """One of the lights but the environment: (its number, the chance of it); chance 0 where none lights p."""
     return _choose_light(scene, p, n, choice, as_wide(True, choice))
@@ -246,13 +301,19 @@ def sample_one_light(scene, light, p, n, u, time=None):
         if any_of(is_triangle & not_(paired)):
             sample = _either(paired, sample, _sample_triangle(scene, number, area, p, u, time))
     if any_of(is_sphere):
-        sample = _either(is_sphere, _sample_sphere(scene, where(is_sphere, beyond, _FIRST), p, u, time), sample)
+        number = where(is_sphere, beyond, _FIRST)
+        facing = is_sphere & _faces(scene, number)
+        if any_of(is_sphere & not_(facing)):
+            sample = _either(is_sphere, _sample_sphere(scene, number, p, u, time), sample)
+        if any_of(facing):
+            sample = _either(facing, _sample_facing(scene, number, p, u, time), sample)
     if scene.has.lights is not None:
         alone = not_(is_triangle | is_sphere)
         if any_of(alone):
             number = u32(beyond - np.uint32(len(scene.sphere)))
             w, end, radiance, density = _sample_alone(scene, number, alone, p, u, time)
-            sample = _either(alone, LightSample(w, end, radiance, density, alone), sample)
+            met = u32(lookup(scene.punctual_kind, where(alone, number, _FIRST))) >= _SUN
+            sample = _either(alone, LightSample(w, end, radiance, density, alone & not_(met)), sample)
     return sample
 
 
@@ -344,6 +405,32 @@ def environment_seen(scene, w, judged):
 
 
 @device
+def sun_seen(scene, which, p, n, w, judged, by_camera, time=None):
+    """Of the sun at that place of scene.sun: (radiance that comes from its direction w to p with normal n, the density with
+    which `sample_light` gives w, per steradian: 0 unless `judged`). by_camera: whether p is the camera's."""
+    light = np.uint32(scene.sun[which])
+    number = np.int64(scene.light_primitive[light]) - len(scene.triangle) - len(scene.sphere)
+    told = row(scene.punctual, number, 12)
+    place, value, extent = as_wide3(told[0:3], w[0]), as_wide3(told[6:9], w[0]), as_wide(told[9], w[0])
+    if time is not None and len(scene.key_punctual) > 0:
+        place, value, extent = each_lane(moving_sun, w[0] == w[0], (scene.punctual_kind, scene.key_punctual, number, time))
+    away = vec.sub(w, place)  # by the chord: a cosine in float32 is off by a hundredth of the disk
+    on_disk = vec.dot(away, away) < _TWO * extent
+    if scene.punctual_kind[number] == SUN_UNSEEN:
+        on_disk = on_disk & not_(by_camera)
+    radiance, pdf = (nil(w[0]), nil(w[0]), nil(w[0])), nil(w[0])
+    if any_of(on_disk):
+        radiance = where3(on_disk, value, radiance)
+        judged = judged & on_disk
+        if len(scene.light_node) > 0:
+            chance = each_lane(tree_chance, judged, (scene.light_node, p, n, as_wide(light, w[0])))
+        else:
+            chance = as_wide(scene.light_cdf[light + _NEXT] - scene.light_cdf[light], w[0])
+        pdf = where(judged, chance * (_ONE - scene.environment_frame[3]) * square_to_cone_pdf(extent), pdf)
+    return radiance, pdf
+
+
+@device
 def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
     """The density with which `sample_light` gives the point `hit` of a light at p with normal n, per steradian.
 
@@ -391,8 +478,9 @@ def _sphere_light_pdf(scene, number, p, square, cosine, chance, time):
     center, radius = _sphere(scene, number, time)
     to_center = vec.sub(center, p)
     center2 = vec.dot(to_center, to_center)
-    outside = center2 > _CLOSE * radius * radius
-    pdf = chance * square_to_cone_pdf(_cone(center2, radius))
+    facing = _faces(scene, number)
+    outside = facing | (center2 > _CLOSE * radius * radius)
+    pdf = chance * square_to_cone_pdf(where(facing, disk_cone(center2, radius), _cone(center2, radius)))
     if any_of(not_(outside)):
         pdf = where(outside, pdf, chance * square * _INV_4PI / max(cosine * radius * radius, _LEAST))
     return pdf

@@ -1,6 +1,7 @@
 """Lights without a body: points, spots and distant ones, in the units of renderer/scene/description.py's Light.
 
-With an extent they are spheres and cones of constant radiance, which soften shadows; no ray ever meets them.
+With an extent they are spheres, disks and cones of constant radiance, which soften shadows. No ray ever meets them, but for
+suns, which are distant ones of an angle.
 """
 
 from __future__ import annotations
@@ -23,11 +24,16 @@ __all__ = [
     "SPOT_LINEAR",
     "SPOT_SMOOTH",
     "SPOT_SMOOTH_ANGLE",
+    "SUN",
+    "SUN_UNSEEN",
+    "disk_cone",
+    "moving_sun",
     "sample_moving_punctual",
     "sample_punctual",
 ]
 
 POINT, SPOT, DIRECTIONAL, SPOT_SMOOTH, SPOT_LINEAR, SPOT_SMOOTH_ANGLE = range(6)
+SUN, SUN_UNSEEN = 6, 7  # distant lights that rays meet; the camera's do not meet the latter
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -69,6 +75,18 @@ def _sphere_towards(axis, distance, radius, u):
     return vec.to_world(s, t, axis, local), near, square_to_cone_pdf(one_minus_cos)
 
 
+@device
+def _is_distant(kind):
+    return kind == DIRECTIONAL or kind >= SUN
+
+
+@device
+def disk_cone(square, radius):
+    """1 - cos of the half angle under which a disk is seen that faces a point at distance**2 `square` from its middle."""
+    sine2 = radius * radius / (square + radius * radius)
+    return sine2 / (_ONE + math.sqrt(max(_ZERO, _ONE - sine2)))
+
+
 @subroutine
 def sample_punctual(kinds, rows, number, p, u):
     """Light of punctual light `number` towards p: (direction, end, radiance, pdf), as in a LightSample.
@@ -85,12 +103,24 @@ def sample_moving_punctual(kinds, keys, number, p, u, time):
     step, share = step_at(time, count)
     a, b = row(keys, number * count + step, 12), row(keys, number * count + step + 1, 12)
     place, shines = _mixed(a, b, 0, share), _mixed(a, b, 3, share)
-    if kinds[number] == DIRECTIONAL:
+    if _is_distant(kinds[number]):
         place = vec.normalize(place)
     else:
         shines = vec.normalize(shines) if vec.dot(shines, shines) > _ZERO else shines
     value, rest = _mixed(a, b, 6, share), _mixed(a, b, 9, share)
     return _sample(kinds[number], (*place, *shines, *value, *rest), p, u)
+
+
+@subroutine
+def moving_sun(kinds, keys, number, time):
+    """A sun at a time of the shutter: (direction to it, radiance, 1 - cos of its half angle).
+
+    keys: as of `sample_moving_punctual`.
+    """
+    count = len(keys) // len(kinds)
+    step, share = step_at(time, count)
+    a, b = row(keys, number * count + step, 12), row(keys, number * count + step + 1, 12)
+    return vec.normalize(_mixed(a, b, 0, share)), _mixed(a, b, 6, share), a[9] + share * (b[9] - a[9])
 
 
 @device
@@ -103,7 +133,7 @@ def _sample(kind, light, p, u):
     """Of a light by its row."""
     place, shines, value = light[0:3], light[3:6], light[6:9]
     extent = light[9]
-    if kind == DIRECTIONAL:
+    if _is_distant(kind):
         pdf = _ONE
         w = place
         if extent > _ZERO:
@@ -118,6 +148,14 @@ def _sample(kind, light, p, u):
     distance = math.sqrt(square)
     axis = vec.scale(d, _ONE / distance)
     strength = _ONE
+    if extent < _ZERO:  # a disk that faces p, which a spot shines from into each direction by that direction
+        cone = disk_cone(square, extent)
+        s, t = vec.basis(axis)
+        local = square_to_cone(u, cone)
+        w = vec.to_world(s, t, axis, local)
+        if kind != POINT:
+            strength = spot_falloff(kind, -vec.dot(w, shines), light[10], light[11])
+        return w, vec.add(p, vec.scale(w, distance / local[2])), vec.scale(value, strength), square_to_cone_pdf(cone)
     if kind != POINT:  # by the direction from the centre, so that an extent does not blur the cone
         strength = spot_falloff(kind, -vec.dot(axis, shines), light[10], light[11])
     if extent == _ZERO:

@@ -12,15 +12,16 @@ from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.material.blend import blended
 from renderer.kernel.polynomial import floor
 
-__all__ = ["CLAMP", "MIRROR", "REPEAT", "lookup", "sample_texture"]
+__all__ = ["CLAMP", "DECODED", "LARGE", "MIRROR", "REPEAT", "lookup", "sample_texture"]
 
 REPEAT, MIRROR, CLAMP = 0, 1, 2
 
 _CODES = np.arange(256) / 255.0
 _LINEAR = _CODES.astype(np.float32)  # decoded value of each code
 _SRGB = np.where(_CODES <= 0.04045, _CODES / 12.92, ((_CODES + 0.055) / 1.055) ** 2.4).astype(np.float32)  # IEC 61966-2-1
+DECODED = np.concatenate([_LINEAR, _SRGB])  # both
 _HALF = np.float32(0.5)
-_LARGE = np.float32(1e6)
+LARGE = np.float32(1e6)  # texels: beyond, float32 has none left to mix
 
 
 @device
@@ -86,7 +87,7 @@ def _look_up_image(texture, transform, texel, number, uv, uv1, keys, time):
     x, y = _placed(transform, keys, number, u, v, time)
     x *= np.float32(width)
     y *= np.float32(height)
-    if not (abs(x) < _LARGE and abs(y) < _LARGE):  # beyond, float32 has no texels left to mix; also NaN
+    if not (abs(x) < LARGE and abs(y) < LARGE):  # also NaN
         x = y = _HALF
     if texture[number, NEAREST] != 0:  # the mix below is then of one texel alone
         x = np.float32(floor(x))

@@ -76,13 +76,16 @@ def keep(pool, lists, film, scale, width, batch, bad, bad_count):
 
 @subroutine
 def unfold(film, sums):
-    """Moves the pixels' sums to the planes of (CHANNELS, h, w): they are 0 again."""
+    """Moves the pixels' sums to the planes of (CHANNELS, h, w): they are 0 again.
+
+    Row by row, a plane at a time: the places of one pixel in all planes share the cache's sets.
+    """
     out_of_line()
     height, width = sums.shape[1], sums.shape[2]
     for y in range(height):
-        for x in range(width):
-            base = np.uintp(y * width + x) * _SUMS
-            for channel in range(CHANNELS):
-                column = base + np.uintp(_COLUMN_OF[channel])
-                sums[channel, y, x] += film[column]
-                film[column] = 0
+        for channel in range(CHANNELS):
+            at_pixel = np.uintp(y * width) * _SUMS + np.uintp(_COLUMN_OF[channel])
+            for x in range(width):
+                sums[channel, y, x] += film[at_pixel]
+                film[at_pixel] = 0
+                at_pixel += _SUMS

@@ -9,14 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.arrays.light_rows import LIGHT_ROWS, LIGHT_WIDTH
-from renderer.bvh.simd import load_int, select, store_int
+from renderer.bvh.simd import store_int
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.light.light_tree import descend
 from renderer.kernel.light.lights import nearby_choice, sample_by_power, sample_chosen
-from renderer.kernel.pool.lists import ENDED, LIT, NODES, append, clear, eight, length, pad, row
+from renderer.kernel.pool.lists import LIT, NODES, eight, pad, put, row
 from renderer.kernel.pool.rows import CARRIED, FRAME, LAMP, MAPPED, PLACE, SHADOW, WAY, at, few, times_of, write
 from renderer.kernel.pool.scatter import stream_of
-from renderer.kernel.pool.ways import three
+from renderer.kernel.pool.ways import three, word
 from renderer.kernel.sampling.sampler import draw4
 from renderer.wide.values import as_floats, as_ints, as_wide, nil, to_int, where
 
@@ -27,17 +27,18 @@ _LIGHT_BLOCK = np.uint32(1)
 _TWO = np.uint32(2)
 _ROOT = np.uint32(0)
 _NODE = np.uintp(LIGHT_ROWS * LIGHT_WIDTH)
-_NODES, _ENDED = np.uintp(NODES), np.uintp(ENDED)
 _NUMBER = CARRIED + np.uintp(7)
 # Of a vertex on its way down the tree, where no ray is under way: what is left of its choice, the chance of the way so far, the
-# node or ~ light that it has come to.
+# node or ~ light that it has come to. Behind them, the numbers that it has drawn, three.
 _LEFT, _CHANCE, _HERE = WAY, WAY + np.uintp(1), WAY + np.uintp(2)
 
 
 @device
 def _numbers(pool, rows, options):
+    """(a place on the light 2, the choice of one) of eight rows."""
     number = to_int(few(pool, rows, _NUMBER, 1)[0])
-    return draw4(stream_of(pool, rows, options), number * _TWO + _LIGHT_BLOCK)
+    u = draw4(stream_of(pool, rows, options), number * _TWO + _LIGHT_BLOCK)
+    return u[0], u[1], u[2]
 
 
 @device
@@ -52,29 +53,29 @@ def _facing(scene, pool, path):
 def _go_down(scene, pool, lists, options):
     """Chooses each listed vertex' light by the tree: into _CHANCE and _HERE."""
     out_of_line()
-    for k in range(0, pad(lists, LIT), 8):
+    waiting = np.uintp(pad(lists, LIT))
+    for k in range(0, np.int64(waiting), 8):
         rows = eight(lists, LIT, k)
-        _, left = nearby_choice(scene, _numbers(pool, rows, options)[2])
+        u, v, choice = _numbers(pool, rows, options)
+        _, left = nearby_choice(scene, choice)
         none = nil(left)
         root = as_floats(as_wide(_ROOT, none))
-        write(pool, rows, WAY, (left, none + _ONE, root, none, none, none, none, none))
-    clear(lists, NODES)
-    clear(lists, ENDED)
-    for k in range(length(lists, LIT)):
-        append(lists, NODES, row(lists, LIT, k))
-    while length(lists, NODES) > 0:
-        count = length(lists, NODES)
-        clear(lists, NODES)
-        for k in range(count):
+        write(pool, rows, WAY, (left, none + _ONE, root, u, v, choice, none, none))
+    for k in range(np.int64(waiting)):
+        put(lists, NODES, np.uintp(k), row(lists, LIT, k))
+    while waiting > np.uintp(0):
+        count, waiting = waiting, np.uintp(0)
+        for k in range(np.int64(count)):
             number = row(lists, NODES, k)
             path = at(number, np.uintp(0))
-            base = np.uintp(np.uint32(load_int(pool, path + _HERE))) * _NODE
+            base = word(pool, path + _HERE) * _NODE
             p, n = three(pool, path + PLACE), _facing(scene, pool, path)
             child, share, left = descend(scene.light_node, base, p, n, pool[path + _LEFT])
             pool[path + _LEFT] = left
             pool[path + _CHANCE] *= share
             store_int(pool, path + _HERE, child)
-            append(lists, select(child < np.int32(0), _ENDED, _NODES), number)
+            put(lists, NODES, waiting, number)
+            waiting += np.uintp(child >= np.int32(0))
 
 
 @subroutine
@@ -88,15 +89,16 @@ def choose_lamps(scene, pool, lists, options):
             _go_down(scene, pool, lists, options)
     for k in range(0, pad(lists, LIT), 8):
         rows = eight(lists, LIT, k)
-        u = _numbers(pool, rows, options)
         point, time = few(pool, rows, PLACE, 3), times_of(scene.has.motion, pool, rows)
         n = few(pool, rows, MAPPED + np.uintp(3), 3) if scene.has.textures is not None else few(pool, rows, FRAME, 3)
         if scene.has.lights is not None and by_tree:
-            _, chance, here = few(pool, rows, WAY, 3)
-            light = sample_chosen(scene, point, n, u[2], (u[0], u[1]), as_ints(here) ^ np.uint32(0xFFFFFFFF), chance, time)
+            _, chance, here, u, v, choice = few(pool, rows, WAY, 6)
+            chosen = as_ints(here) ^ np.uint32(0xFFFFFFFF)
+            light = sample_chosen(scene, point, n, choice, (u, v), chosen, chance, time)
         else:
-            light = sample_by_power(scene, point, n, u[2], (u[0], u[1]), time)
-        none = nil(u[0])
+            u, v, choice = _numbers(pool, rows, options)
+            light = sample_by_power(scene, point, n, choice, (u, v), time)
+        none = nil(light.pdf)
         alone = where(light.alone, nil(none) + _ONE, none)
         write(pool, rows, LAMP, (*light.direction, light.pdf, *light.radiance, alone))
         write(pool, rows, SHADOW, (none, none, none, *light.end, none, none))

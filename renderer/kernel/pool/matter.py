@@ -11,13 +11,16 @@ from renderer.arrays.rows import (
     ABSORBING,
     ABSORPTION,
     BASE,
+    BASE_TEXTURE,
     COLUMNS,
     DISPERSIVE,
     LAMP,
     METALLIC,
+    METALLIC_ROUGHNESS_TEXTURE,
     NEEDS_TANGENT,
     NORMAL_MAPPED,
     ROUGHNESS,
+    SLOTS,
     TEXTURED,
     TRANSMITS,
     TRANSPARENT,
@@ -27,19 +30,21 @@ from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import columns
 from renderer.kernel.integrators.transport import COLOR_BLOCK, PASSING_BLOCK, absorbed
+from renderer.kernel.material.images import image_colors, is_layered
 from renderer.kernel.material.material import colored_index, opacity, texture_factors
 from renderer.kernel.material.normal_map import bent_frame
 from renderer.kernel.pool.rows import AXES, MAPPED, MATTER, PLACE, few, write
 from renderer.kernel.sampling.sampler import draw4
 from renderer.kernel.surface.surface import Surface, triangle_at
 from renderer.wide.lanes import each_lane
-from renderer.wide.values import any_of, lookup, nil, not_, to_int, u32, where, where3
+from renderer.wide.values import any_of, as_wide, lookup, nil, not_, to_int, u32, where, where3
 
 __all__ = ["attenuated", "keep_matter", "lamps", "passes", "surfaces_at"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _NONE = np.uint32(0)
+_NO_TEXTURE = np.uint32(2**32 - 1)
 _TEXTURED, _BENT = np.uint32(TEXTURED), np.uint32(NORMAL_MAPPED | NEEDS_TANGENT)
 _TRANSMITS, _TRANSPARENT, _ABSORBING, _DISPERSIVE = (
     np.uint32(TRANSMITS),
@@ -118,6 +123,39 @@ def attenuated(scene, surface, through, throughput, pool, rows):
 
 
 @device
+def _textures_move(scene, time):
+    if time is not None and len(scene.key_texture) > 0:  # noqa: SIM103 - under an `if`, what has no time is left out
+        return True
+    return False
+
+
+@device
+def _image_factors(scene, number, there, surface):
+    """The colours of images, white where there is none. number: of their textures."""
+    one = as_wide(_ONE, surface.error)
+    color = one, one, one
+    if any_of(there):
+        color = where3(there, image_colors(scene, where(there, number, _NONE), surface.uv, surface.uv1), color)
+    return color
+
+
+@device
+def _texture_factors(scene, surface, textured, time):
+    """As `texture_factors`, of eight surfaces where they are `textured`."""
+    slots = surface.material * np.uint32(SLOTS)
+    base = u32(lookup(scene.material_texture, slots + np.uint32(BASE_TEXTURE)))
+    other = u32(lookup(scene.material_texture, slots + np.uint32(METALLIC_ROUGHNESS_TEXTURE)))
+    of_base, of_other = textured & (base != _NO_TEXTURE), textured & (other != _NO_TEXTURE)
+    stacked = of_base & is_layered(scene, where(of_base, base, _NONE)) | of_other & is_layered(
+        scene, where(of_other, other, _NONE)
+    )
+    if any_of(stacked) or _textures_move(scene, time):
+        return each_lane(texture_factors, textured, (scene, surface.material, surface.uv, surface.uv1, time))
+    _, roughness, metallic = _image_factors(scene, other, of_other, surface)
+    return _image_factors(scene, base, of_base, surface), metallic, roughness
+
+
+@device
 def keep_matter(scene, pool, rows, surface, through, wo, stream, number, throughput, time):
     """Looks up what the vertices are made of and writes it down: (colour, roughness, normal to scatter about, throughput)."""
     n = surface.shading
@@ -127,8 +165,7 @@ def keep_matter(scene, pool, rows, surface, through, wo, stream, number, through
         metallic, _, ior = columns(scene.material, surface.material, COLUMNS, METALLIC, 3)
         textured = _flagged(scene, surface.material, _TEXTURED)
         if any_of(textured):
-            arguments = scene, surface.material, surface.uv, surface.uv1, time
-            color, of_metallic, of_roughness = each_lane(texture_factors, textured, arguments)
+            color, of_metallic, of_roughness = _texture_factors(scene, surface, textured, time)
             base = where3(textured, vec.mul(base, color), base)
             metallic = where(textured, metallic * of_metallic, metallic)
             roughness = where(textured, roughness * of_roughness, roughness)

@@ -12,7 +12,7 @@ from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.integrators.transport import limited
 from renderer.kernel.integrators.visibility import MAX_PASSED
-from renderer.kernel.light.lights import environment_seen, primitive_light_pdf
+from renderer.kernel.light.lights import environment_seen, met_from_front, primitive_light_pdf, sun_seen
 from renderer.kernel.material.material import emission
 from renderer.kernel.pool.lists import (
     CONDUCTOR,
@@ -74,9 +74,24 @@ def _weight(pdf, light_pdf):
     return where(pdf > _ZERO, power_heuristic(pdf, light_pdf), _ONE)
 
 
+@device
+def _with_suns(scene, pool, rows, d, pdf, number, depth, throughput, radiance, limit):
+    """The radiance with what suns send to the paths that met nothing."""
+    if scene.has.lights is not None:
+        for k in range(len(scene.sun)):
+            p, n = few(pool, rows, PLACE, 3), few(pool, rows, FRAME, 3)
+            if scene.has.textures is not None:
+                n = few(pool, rows, MAPPED + np.uintp(3), 3)
+            time = times_of(scene.has.motion, pool, rows)
+            emitted, light_pdf = sun_seen(scene, k, p, n, d, pdf > _ZERO, number == _ZERO, time)
+            emitted = vec.scale(emitted, _weight(pdf, light_pdf))
+            radiance = _added(radiance, throughput, emitted, depth + _ONE, pdf >= _ZERO, limit)
+    return radiance
+
+
 @subroutine
 def miss(scene, pool, lists, options, is_recorded):
-    """Adds the environment's light to the paths that met nothing. They are done. is_recorded: as in `arrive`."""
+    """Adds the light of the environment and of suns to the paths that met nothing. They are done. is_recorded: as in `arrive`."""
     out_of_line()
     count = pad(lists, MISSED)
     for k in range(0, count, 8):
@@ -91,6 +106,7 @@ def miss(scene, pool, lists, options, is_recorded):
             met = read(pool, rows, HIT)
             write(pool, rows, HIT, (met[0], met[1], met[2], met[3], met[4], met[5], met[6], share))
         r = _added((rx, ry, rz), (tx, ty, tz), emitted, depth + _ONE, pdf >= _ZERO, options.clamp)
+        r = _with_suns(scene, pool, rows, d, pdf, number, depth, (tx, ty, tz), r, options.clamp)
         write(pool, rows, CARRIED, (*r, depth, tx, ty, tz, number))
     for k in range(count):
         append(lists, DONE, row(lists, MISSED, k))
@@ -117,7 +133,8 @@ def _emitted(scene, pool, rows, surface, lit, d, pdf, time):
     vertex, normal = few(pool, rows, PLACE, 3), few(pool, rows, FRAME, 3)
     if scene.has.textures is not None:
         normal = few(pool, rows, MAPPED + np.uintp(3), 3)
-    emitted = emission(scene, surface.material, surface.uv, surface.uv1, surface.front, time)
+    front = met_from_front(scene, light, vertex, d, surface.front, time)
+    emitted = emission(scene, surface.material, surface.uv, surface.uv1, front, time)
     cosine = vec.dot(surface.geometric, vec.neg(d))
     judged = lit & (pdf > _ZERO)
     light_pdf = primitive_light_pdf(scene, light, vertex, normal, surface.point, cosine, judged, time)

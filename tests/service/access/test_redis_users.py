@@ -77,6 +77,7 @@ def test_a_withdrawn_token_ends_what_is_open_and_what_it_was_told(service: Servi
         assert stays.ping()
 
 
+@pytest.mark.long
 def test_a_token_that_is_over_is_as_one_that_is_withdrawn(service: Service) -> None:
     with joined(service, made(service, days=4 / 86400)["secret"]) as store:
         assert store.ping()

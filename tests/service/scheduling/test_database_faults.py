@@ -81,6 +81,7 @@ def test_a_database_that_is_away_at_the_start_is_a_sentence(
     until(lambda: service.http.get("/readyz").status_code == 200, "the service is ready")
 
 
+@pytest.mark.long
 def test_the_end_of_a_scene_that_cannot_be_written_down_yet_is_not_lost(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -14,13 +14,13 @@ from renderer.film import digest
 from renderer.settings import Tile
 from service.scheduling.messages import BatchDone, understand
 from service.scheduling.results import Entry
-from tests.benchmarks.scale.slots import Slots
+from tests.benchmarks.scale.slots import Slots, of_one_sample
 from tests.service.conftest import TOKEN, Service
 from tests.service.peer_worker import expected_sums
 from worker.contract import Result
 
 WIDTH, HEIGHT, TILE, SPP = 64, 48, 16, 3000
-SUMS = expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0)
+SUMS = of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0))
 
 Run = list[tuple[Any, float]]
 
@@ -57,6 +57,7 @@ def finish(service: Service) -> None:
     assert service.digest(job) == digest(np.tile(SUMS * SPP, (1, HEIGHT // TILE, WIDTH // TILE)))
 
 
+@pytest.mark.long
 @pytest.mark.timeout(200)
 def test_sums_of_a_machine_come_as_one_and_none_is_rendered_twice(service: Service, machines: Machines) -> None:
     finish(service)

@@ -15,14 +15,14 @@ from renderer.film import digest
 from renderer.settings import Tile
 from service.scheduling.messages import BatchDone, understand
 from service.scheduling.results import Entry
-from tests.benchmarks.scale.slots import Slots
+from tests.benchmarks.scale.slots import Slots, of_one_sample
 from tests.reducer import Reducing
 from tests.service.conftest import TOKEN, Service, until
 from tests.service.peer_worker import expected_sums
 from worker.contract import Result
 
 WIDTH, HEIGHT, TILE, SPP = 64, 48, 16, 6000
-SUMS = expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0)
+SUMS = of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0))
 
 
 @contextmanager
@@ -59,6 +59,7 @@ def counted(service: Service, name: str) -> int:
     return service.farm.engine.snapshot.counts.get(name, 0)
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)
 def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Service, store: redis.Redis, tmp_path: Path) -> None:
     reducing = Reducing(store, service.url, TOKEN, tmp_path)

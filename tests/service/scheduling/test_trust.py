@@ -115,6 +115,7 @@ def test_finished_pictures_that_hold_samples_of_one_who_is_found_out_are_marked_
         assert (service.job(old)["doubted"], service.digest(old)) == ([], expected_digest(spp=300, seed=1))
 
 
+@pytest.mark.long
 def test_two_that_differ_wait_for_a_third_to_decide(service: Service) -> None:
     ends, (_, bad) = workers_of(service, "good", "bad")
     with ends:

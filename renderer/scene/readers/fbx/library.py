@@ -126,11 +126,12 @@ def each(values: Any, kind: Any) -> list[Any]:
     return [kind.from_address(values.data + i * ctypes.sizeof(kind)) for i in range(values.count)] if values.data else []
 
 
-def pointed(values: Any, kind: Any) -> list[Any]:
-    """The structures that a list points to."""
+def pointed(values: Any, kind: Any, most: int | None = None) -> list[Any]:
+    """The structures that a list points to, or the first of them."""
     if not values.data:
         return []
-    addresses = (ctypes.c_void_p * values.count).from_address(values.data)
+    count = values.count if most is None else min(values.count, most)
+    addresses = (ctypes.c_void_p * count).from_address(values.data)
     return [kind.from_address(address) for address in addresses if address]
 
 

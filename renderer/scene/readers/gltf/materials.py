@@ -30,6 +30,7 @@ class Materials:
         self.sources = root.objects("materials")
         self._first = len(materials)
         self._panes: dict[int, int] = {}
+        self._passed: dict[tuple[int, bool, bool], int] = {}
         self._default: int | None = None
         self._filled: list[bool] = []
         for i, source in enumerate(self.sources):
@@ -55,6 +56,14 @@ class Materials:
             self._materials.append(replace(self._materials[self._first + index], thin=True))
             self._panes[index] = len(self._materials) - 1
         return self._panes[index]
+
+    def passed_by(self, number: int, unseen: bool, shadeless: bool) -> int:
+        """The description's number of one of its materials, as one that the camera does not see, or that casts no shadow."""
+        key = number, unseen, shadeless
+        if key not in self._passed:
+            self._materials.append(replace(self._materials[number], unseen=unseen, shadeless=shadeless))
+            self._passed[key] = len(self._materials) - 1
+        return self._passed[key]
 
     def _read(self, source: Json, name: str) -> Material:
         material = _standard(name)

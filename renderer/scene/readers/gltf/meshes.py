@@ -86,6 +86,10 @@ class Meshes:
         for index in meshes:
             self.sources[index] = Json(root.file, self.sources[index].where, root.value["meshes"][index])
 
+    def passed_by(self, number: int, unseen: bool, shadeless: bool) -> int:
+        """The material of one of the description's meshes, as one that the camera does not see, or that casts no shadow."""
+        return self._materials.passed_by(self._meshes[number].material, unseen, shadeless)
+
     def refracts(self, index: int) -> bool:
         """Whether light goes through some of a mesh, so that it matters if its shape is closed."""
         return any(m is not None and self._materials.depends_on_mesh(m) for _, m in self._primitives(index))

@@ -19,11 +19,12 @@ from renderer.scene.readers.gltf.moving import Moving
 from renderer.scene.readers.gltf.transforms import Matrix, local
 from renderer.scene.textures import TextureShelf
 
-__all__ = ["VISIBILITY", "Nodes"]
+__all__ = ["RAYS", "VISIBILITY", "Nodes"]
 
 MAX_NODES = 200_000
 MAX_INSTANCES = 500_000
 VISIBILITY = "KHR_node_visibility"
+RAYS = "RAYFARM_node_rays"  # ours: `camera` and `shadow`, false where such rays pass the node's own mesh by, as Blender has it
 
 
 class Nodes:
@@ -53,6 +54,9 @@ class Nodes:
         self._shining: dict[int, int] = {}  # the description's light
         self._lacks_view = False
         self._bent: list[int] = []
+        self._taken = {camera.name for camera in description.cameras}
+        self._known_joints: dict[int, tuple[list[int], bool]] = {}  # of each skin, and whether one of them moves
+        self._carrying: dict[int, Matrix] = {}  # what `_joints` gave of skins
 
     def walk(self) -> None:
         """Adds them all."""
@@ -88,6 +92,7 @@ class Nodes:
             self._nodes[index] = Json(root.file, self._nodes[index].where, nodes[index])
         self._meshes.look_again(root, self._moving.meshes)
         self._worlds |= self._in_world(moved, self._worlds)
+        self._carrying.clear()
         for index in moved:
             world = self._worlds[index]
             if index in self._views:
@@ -109,7 +114,7 @@ class Nodes:
                 meshes = (end - first) // len(places)
                 for i in range(first, end):
                     known = description.instances[i]
-                    description.instances[i] = Instance(known.mesh, places[(i - first) // meshes], None, known.name, known.moves)
+                    description.instances[i] = replace(known, transform=places[(i - first) // meshes])
         for index in self._bent:
             self._bend(index, description, *self._instances[index])
         return True
@@ -119,8 +124,7 @@ class Nodes:
         node = self._nodes[index]
         matrices = None
         if self._is_skinned(index):
-            skin = self._skins[node.integer("skin")]
-            matrices = self._joints(skin, skin.indices("joints", self._nodes))
+            matrices = self._joints(node.integer("skin"))
         shapes = self._meshes.shapes(node.integer("mesh"), node, matrices)
         numbers = [i.mesh for i in description.instances[first:end]]
         for number, shape in zip(numbers, shapes, strict=False):
@@ -140,7 +144,7 @@ class Nodes:
             return True
         if not self._is_skinned(index):
             return False
-        return not self._moving.nodes.isdisjoint(self._skins[node.integer("skin")].indices("joints", self._nodes))
+        return self._joints_of(node.integer("skin"))[1]
 
     def _places(self, node: Json, world: Matrix, most: int) -> Matrix | list[Matrix]:
         """Where a node shows its mesh; raises SceneError where it does so more often than `most` times."""
@@ -212,14 +216,12 @@ class Nodes:
                 left = MAX_INSTANCES - len(self._description.instances)
                 places = product(world, instancing.instance_transforms(copies, self._accessors, left))
                 for i, place in enumerate(places):
-                    self._show(self._meshes.of(mesh, node), place, f"{name} [{i}]", moves)
+                    self._show(node, self._meshes.of(mesh, node), place, f"{name} [{i}]", moves)
             elif skin is not None:
-                joints = self._skins[skin].indices("joints", self._nodes)
-                bent = not self._moving.nodes.isdisjoint(joints)
-                found = self._meshes.skinned(mesh, node, self._joints(self._skins[skin], joints), bent)
-                self._show(found, np.eye(4), name, self._moving.appears(node))
+                found = self._meshes.skinned(mesh, node, self._joints(skin), self._joints_of(skin)[1])
+                self._show(node, found, np.eye(4), name, self._moving.appears(node))
             else:
-                self._show(self._meshes.of(mesh, node), world, name, moves)
+                self._show(node, self._meshes.of(mesh, node), world, name, moves)
         light = node.extension(lights.EXTENSION)
         if light:
             source = self._light_of(light)
@@ -229,12 +231,34 @@ class Nodes:
     def _light_of(self, light: Json) -> Json:
         return self._lights[light.integer("light", high=len(self._lights))]
 
-    def _show(self, meshes: list[int], place: Matrix, name: str, moves: bool) -> None:
+    def _show(self, node: Json, meshes: list[int], place: Matrix, name: str, moves: bool) -> None:
         restless = self._meshes.restless
-        self._description.instances += [Instance(m, place, name=name, moves=moves or m in restless) for m in meshes]
+        self._description.instances += [
+            Instance(m, place, self._passed_by(node, m), name, moves or m in restless) for m in meshes
+        ]
 
-    def _joints(self, skin: Json, joints: list[int]) -> Matrix:
+    def _passed_by(self, node: Json, mesh: int) -> int | None:
+        """The material in place of a mesh's own, where some rays pass the node by."""
+        rays = node.extension(RAYS)
+        if rays is None:
+            return None
+        flags = rays.value.get("camera") is False, rays.value.get("shadow") is False
+        return self._meshes.passed_by(mesh, *flags) if any(flags) else None
+
+    def _joints_of(self, number: int) -> tuple[list[int], bool]:
+        """The nodes that are a skin's joints, and whether one of them moves."""
+        if number not in self._known_joints:
+            joints = self._skins[number].indices("joints", self._nodes)
+            self._known_joints[number] = joints, not self._moving.nodes.isdisjoint(joints)
+        return self._known_joints[number]
+
+    def _joints(self, number: int) -> Matrix:
         """(J, 4, 4): from a mesh's space to the world by each joint of a skin. The node's own place counts for nothing."""
+        if number not in self._carrying:
+            self._carrying[number] = self._carried(self._skins[number], self._joints_of(number)[0])
+        return self._carrying[number]
+
+    def _carried(self, skin: Json, joints: list[int]) -> Matrix:
         if not joints or not all(j in self._worlds for j in joints):
             raise skin.wrong("joints", "has none, or one outside of the scene")
         with np.errstate(over="ignore", invalid="ignore"):
@@ -263,5 +287,7 @@ class Nodes:
             self._lacks_view = True
             return
         self._views[index] = len(self._description.cameras)
-        taken = {c.name for c in self._description.cameras}
-        self._description.cameras.append(Camera(name if name not in taken else f"{name} ({len(taken) + 1})", view))
+        taken = self._taken
+        name = name if name not in taken else f"{name} ({len(self._description.cameras) + 1})"
+        taken.add(name)
+        self._description.cameras.append(Camera(name, view))

@@ -22,6 +22,7 @@ _READ = {
     instancing.EXTENSION,
     lights.EXTENSION,
     nodes.VISIBILITY,
+    nodes.RAYS,
     variants.EXTENSION,
     "KHR_mesh_quantization",
     *materials.EXTENSIONS,

@@ -17,9 +17,9 @@ from renderer.scene.textures import TextureShelf
 __all__ = ["read_environment", "read_light"]
 
 _FIELDS = {
-    "point": {"position", "radius"},
-    "spot": {"position", "direction", "target", "radius", "inner_cone", "outer_cone", "falloff"},
-    "directional": {"direction", "angle"},
+    "point": {"position", "radius", "facing"},
+    "spot": {"position", "direction", "target", "radius", "facing", "inner_cone", "outer_cone", "falloff"},
+    "directional": {"direction", "angle", "seen"},
 }
 _ALL = {"type", "name", "intensity", "color"}
 
@@ -42,6 +42,7 @@ def read_light(source: dict[str, Any], index: int, document: Yaml, path: Path) -
     light.outer_cone = float(source.get("outer_cone", 45))
     light.inner_cone = float(source.get("inner_cone", 0))
     light.falloff = source.get("falloff", "squared")
+    light.facing, light.seen = source.get("facing", False), source.get("seen", "never")
     if light.inner_cone > light.outer_cone:
         raise document.error((*path, "inner_cone"), f"is wider than the outer cone of {light.outer_cone:g} degrees")
     return light

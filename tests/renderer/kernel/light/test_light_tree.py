@@ -117,25 +117,28 @@ def angle(a, b):
     return np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b))
 
 
+def received(towards, radius, n):
+    """What n receives of a unit of intensity that lies in a sphere, as the tree reckons; without a normal, of all directions."""
+    far = max(np.linalg.norm(towards), np.sqrt(0.3) * radius)
+    height = np.dot(towards, n)
+    return (np.clip((max(height, 0.3 * height) + 0.3 * radius) / far, 0, 1) if n.any() else 1.0) / far**2
+
+
 def plain_importance(light, p, n):
-    """Conty Estevez & Kulla's bound of one light, by the angles themselves in double precision; NaN at the edge of a spot's cone,
-    where the tree allows for what float32 cannot tell."""
-    facing = 1.0
+    """Of one light, by the angles themselves in double precision; NaN at the edge of a spot's cone, where the tree leaves room
+    for float32's rounding."""
     if light.kind == "directional":
-        if n.any():
-            facing = max(np.cos(max(angle(-np.array(light.direction), n) - np.radians(light.angle / 2), 0)), 0)
-        return light.intensity[0] * facing
+        towards = -np.array(light.direction) / np.linalg.norm(light.direction)
+        return light.intensity[0] * received(towards, np.sin(np.radians(light.angle / 2)), n)
     away = p - np.array(light.position)
     seen_under = np.arcsin(light.radius / np.linalg.norm(away))
     spread = np.radians(light.outer_cone) if light.kind == "spot" else np.pi
-    if n.any():
-        facing = max(np.cos(max(angle(-away, n) - seen_under, 0)), 0)
     beyond = angle(light.direction, away) - spread - seen_under
     lit = np.nan if abs(beyond) < 0.01 else float(beyond < 0)
-    return light.intensity[0] * lit * facing / np.dot(away, away)
+    return light.intensity[0] * lit * received(-away, light.radius, n)
 
 
-def test_the_chances_in_one_node_are_in_proportion_to_the_papers_bound():
+def test_the_chances_in_one_node_are_in_proportion_to_the_formula():
     """Eight lights without a body: all in the root, and nothing to bound them more widely than they are."""
     lamps = (
         *(Light("point", gray(2.0**i), (i - 2.0, 3.0, i % 2), radius=0.4 * i) for i in range(3)),

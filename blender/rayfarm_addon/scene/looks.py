@@ -1,0 +1,266 @@
+"""Blender's shaders as inputs of one principled BSDF, and what a mix of two is in its terms.
+
+A mix by a number or a picture is a surface whose numbers are mixed; a mix by Fresnel's law with something glossy is a reflection
+on what lies beneath. What a mix cannot say so (two colours of which one is a metal's) is near it, and named.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from .nodes import At, Blend, Plain, Source, constant, followed
+
+__all__ = ["Look", "brushed", "look_of", "told_by_ray", "under_coat"]
+
+BLACK = Plain([0.0, 0.0, 0.0])
+SHARE = 0.5
+CLEAR = 0.999
+WAY = 1.15  # through a coat, of its thickness: on average over what leaves a matt surface, where the coat refracts as 1.5
+MOST_POLISHED = 0.95  # of a mix, beyond which it is a metal
+# Of a principled BSDF, what a shader without the input would have there.
+DEFAULTS: dict[str, Plain] = {
+    "Base Color": Plain([0.8] * 3),
+    "Metallic": Plain(0.0),
+    "Roughness": Plain(0.5),
+    "IOR": Plain(1.5),
+    "Alpha": Plain(1.0),
+    "Specular IOR Level": Plain(0.5),
+    "Specular Tint": Plain([1.0] * 3),
+    "Transmission Weight": Plain(0.0),
+    "Translucent Weight": Plain(0.0),
+    "Translucent Color": Plain([0.8] * 3),
+    "Coat Weight": Plain(0.0),
+    "Coat Roughness": Plain(0.03),
+    "Sheen Weight": Plain(0.0),
+    "Sheen Tint": Plain([1.0] * 3),
+    "Sheen Roughness": Plain(0.5),
+    "Emission Color": Plain([1.0] * 3),
+    "Emission Strength": Plain(0.0),
+    "Anisotropic": Plain(0.0),
+    "Anisotropic Rotation": Plain(0.0),
+    "Subsurface Weight": Plain(0.0),
+}
+LINKED = ("Normal", "Coat Normal", "Tangent")  # of which there is one or the other, and nothing between
+OF_GLOSS = ("Roughness", "IOR", "Specular IOR Level", "Specular Tint", "Anisotropic", "Anisotropic Rotation")
+
+
+class Look:
+    """inputs: by names of a principled BSDF's. beneath: where others are found. is_matt: reflects nothing but diffusely."""
+
+    is_clear = False  # whether there is nothing but what lies behind
+
+    def __init__(self, inputs: Mapping[str, Any], beneath: Callable[..., Any] | None = None, is_matt: bool = False) -> None:
+        self._inputs, self._beneath, self.is_matt = inputs, beneath, is_matt
+
+    def input(self, *names: str) -> Any:
+        """By the first of these names that it has; None where it has none."""
+        for name in names:
+            if name in self._inputs:
+                return self._inputs[name]
+        return self._beneath(*names) if self._beneath is not None else None
+
+    def over(self, inputs: Mapping[str, Any], is_matt: bool = False) -> Look:
+        """With other inputs in the place of its own."""
+        return Look(inputs, self.input, is_matt)
+
+
+class _Clear(Look):
+    is_clear = True
+
+    def __init__(self) -> None:
+        super().__init__({"Alpha": Plain(0.0)})
+
+
+def brushed(strength: float, roughness: float, turns: float) -> tuple[float, dict[str, float]]:
+    """glTF's roughness, and its anisotropy: Cycles stretches both ways about the roughness, glTF along the tangent alone."""
+    aspect = math.sqrt(1 - 0.9 * min(strength, 1.0))
+    along, across = min(roughness**2 / aspect, 1.0), roughness**2 * aspect
+    stretch = math.sqrt(max(along - across, 0.0) / max(1 - across, 1e-6))
+    return math.sqrt(across), {"anisotropyStrength": min(stretch, 1.0), "anisotropyRotation": turns * 2 * math.pi}
+
+
+def under_coat(look: Look) -> list[float] | None:
+    """What a tinted coat leaves of the light that comes from beneath it, about; None where it takes nothing."""
+    weight, tint = constant(look.input("Coat Weight")), constant(look.input("Coat Tint"))
+    if not isinstance(weight, float) or not isinstance(tint, list) or weight <= 0 or min(tint) > CLEAR:
+        return None
+    share = min(weight, 1.0)
+    return [1 + share * (min(max(c, 0.0), 1.0) ** WAY - 1) for c in tint]
+
+
+def told_by_ray(at: At) -> int | None:
+    """Which of two shaders the camera sees, 0 or 1, of a mix that asks what kind of ray it is; None of any other."""
+    by, _ = followed(at)
+    if by is None or by.node.type != "LIGHT_PATH":
+        return None
+    return int(by.output.name == "Is Camera Ray")
+
+
+def look_of(source: Source | None, warn: Callable[[str], None]) -> Look | None:
+    """A shader; None of one that is not known, or is no surface's. warn: is told what is not as in Blender."""
+    if source is None:
+        return None
+    made = _simple(source, warn)
+    if made is not None:
+        return made
+    if source.node.type == "MIX_SHADER":
+        return _mixed(source, warn)
+    return _added(source, warn) if source.node.type == "ADD_SHADER" else None
+
+
+def _simple(source: Source, warn: Callable[[str], None]) -> Look | None:
+    kind, at = source.node.type, source.input
+    if kind == "BSDF_PRINCIPLED":
+        return Look({}, at)
+    color = at("Color", "Base Color")
+    if kind in ("BSDF_DIFFUSE", "SUBSURFACE_SCATTERING", "BSDF_TOON", "BSDF_HAIR", "BSDF_HAIR_PRINCIPLED"):
+        if kind != "BSDF_DIFFUSE":
+            warn(f"its {source.node.bl_label or kind} is shown as matt")
+        rough = {"Diffuse Roughness": at("Roughness")} if kind == "BSDF_DIFFUSE" else {}
+        return _matt({"Base Color": color, "Normal": at("Normal"), **rough})
+    if kind in ("BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"):
+        brushed = {"Anisotropic": at("Anisotropy"), "Anisotropic Rotation": at("Rotation")}
+        said = {"Base Color": color, "Metallic": Plain(1.0), "Roughness": at("Roughness"), "Normal": at("Normal")}
+        return Look(said | {name: each for name, each in brushed.items() if each is not None})
+    if kind in ("BSDF_GLASS", "BSDF_REFRACTION"):
+        said = {"Base Color": color, "Transmission Weight": Plain(1.0), "Roughness": at("Roughness"), "IOR": at("IOR")}
+        return Look(said | {"Normal": at("Normal")})
+    if kind in ("BSDF_SHEEN", "BSDF_VELVET"):
+        said = {"Sheen Weight": Plain(1.0), "Sheen Tint": color, "Sheen Roughness": at("Roughness", "Sigma")}
+        return _matt({"Base Color": BLACK, "Normal": at("Normal"), **said})
+    if kind == "BSDF_TRANSLUCENT":
+        return _matt({"Base Color": BLACK, "Translucent Weight": Plain(1.0), "Translucent Color": color, "Normal": at("Normal")})
+    if kind == "BSDF_TRANSPARENT":
+        return _Clear()
+    if kind == "EMISSION":
+        return _matt({"Base Color": BLACK, "Emission Color": color, "Emission Strength": at("Strength")})
+    return None
+
+
+def _matt(inputs: Mapping[str, Any]) -> Look:
+    return Look({"Roughness": Plain(1.0), "Specular IOR Level": Plain(0.0), **inputs}, is_matt=True)
+
+
+def _mixed(source: Source, warn: Callable[[str], None]) -> Look | None:
+    first, second = (look_of(followed(source.at(i))[0], warn) for i in (1, 2))
+    share = source.at(0)
+    if (which := told_by_ray(share)) is not None:
+        warn("of shaders that are for different rays the camera's is shown to all")
+        return (first, second)[which]
+    if first is None or second is None:
+        known = first or second
+        if known is not None:
+            warn("of the shaders that are mixed one is shown")
+        return known
+    by, _ = followed(share)
+    if by is not None and by.node.type in ("FRESNEL", "LAYER_WEIGHT") and constant(second.input("Metallic")) == 1.0:
+        return _reflecting(by, first, second, warn)
+    plain = constant(share)
+    if plain in (0.0, 1.0):
+        return second if plain else first
+    if by is not None and by.node.type in ("FRESNEL", "LAYER_WEIGHT", "CAMERA", "NEW_GEOMETRY"):
+        warn(f"its shaders are mixed half and half, not by {by.node.bl_label or by.node.type}")
+        share = Plain(SHARE)
+    polished = _polished(plain, first, second)
+    return polished if polished is not None else _Mix(share, first, second, warn)
+
+
+def _polished(share: Any, first: Look, second: Look) -> Look | None:
+    """Of something matt and a metal by a number: the former, under a reflection of as much at normal incidence."""
+    matt, metal, part = (first, second, share) if first.is_matt else (second, first, None if share is None else 1 - share)
+    is_metal = constant(metal.input("Metallic")) == 1.0 and not metal.is_matt
+    if not (isinstance(part, float) and 0 < part < MOST_POLISHED and matt.is_matt and is_metal) or _is_black(matt):
+        return None
+    root = math.sqrt(part)
+    said = {"Roughness": metal.input("Roughness"), "IOR": Plain((1 + root) / (1 - root)), "Specular IOR Level": Plain(0.5)}
+    return matt.over(said | {"Specular Tint": metal.input("Base Color")})
+
+
+def _reflecting(by: Source, beneath: Look, gloss: Look, warn: Callable[[str], None]) -> Look:
+    """A reflection by Fresnel's law on what lies beneath."""
+    ior = constant(by.input("IOR")) if by.node.type == "FRESNEL" else None
+    if by.node.type == "LAYER_WEIGHT":
+        blend = constant(by.input("Blend"))
+        ior = 1 / max(1 - (SHARE if blend is None else blend), 1e-3)
+        if by.output.name == "Facing":
+            warn("its reflection follows Fresnel's law, not how far it is turned away")
+    roughness = gloss.input("Roughness")
+    if beneath.is_matt:
+        said = {"Roughness": roughness, "IOR": Plain(ior or 1.45), "Specular IOR Level": Plain(0.5)}
+        return beneath.over(said | {"Specular Tint": gloss.input("Base Color")})
+    return beneath.over({"Coat Weight": Plain(1.0), "Coat Roughness": roughness})
+
+
+def _added(source: Source, warn: Callable[[str], None]) -> Look | None:
+    """Of a sum, what shines is added; of surfaces there is one."""
+    parts = [look for look in (look_of(followed(source.at(i))[0], warn) for i in (0, 1)) if look is not None]
+    shining = [each for each in parts if _is_black(each) and constant(each.input("Emission Strength")) != 0.0]
+    others = [each for each in parts if each not in shining]
+    if len(others) > 1:
+        leaf = next((each for each in others if constant(each.input("Translucent Weight")) == 1.0), None)
+        solid = next((each for each in others if each is not leaf), others[0])
+        if leaf is None:
+            warn("of the shaders that are added one is shown")
+        else:
+            warn("its light from both sides is shared, not added")
+            solid = _Mix(Plain(SHARE), solid, leaf, warn)
+        others = [solid]
+    if not others:
+        return shining[0] if shining else None
+    if not shining:
+        return others[0]
+    names = ("Emission Color", "Emission Strength")
+    return others[0].over({name: shining[0].input(name) for name in names}, others[0].is_matt)
+
+
+def _is_black(look: Look) -> bool:
+    told = constant(look.input("Base Color"))
+    return isinstance(told, list) and max(told) <= 0 and constant(look.input("Translucent Weight")) in (None, 0.0)
+
+
+class _Mix(Look):
+    """Two looks by a share of the second."""
+
+    def __init__(self, share: At | Plain, first: Look, second: Look, warn: Callable[[str], None]) -> None:
+        super().__init__({}, None, first.is_matt and second.is_matt)
+        self.is_clear = first.is_clear and second.is_clear
+        self._share, self._first, self._second = share, first, second
+        a, b = (constant(look.input("Metallic")) for look in (first, second))
+        colors = [constant(look.input("Base Color")) for look in (first, second)]
+        is_one_clear = first.is_clear or second.is_clear or _is_black(first) or _is_black(second)
+        if a != b and (None in colors or colors[0] != colors[1]) and not is_one_clear:
+            warn("of a metal and something else that are mixed, both have the colour between")
+
+    def input(self, *names: str) -> Any:
+        a, b = self._first.input(*names), self._second.input(*names)
+        if a is None and b is None:
+            return None
+        if self._first.is_clear != self._second.is_clear and names[0] != "Alpha":
+            return b if self._first.is_clear else a
+        if names[0] in LINKED:
+            return a if a is not None and (b is None or followed(a)[0] is not None) else b
+        if names[0] in OF_GLOSS and self._first.is_matt != self._second.is_matt and names[0] != "Specular IOR Level":
+            return b if self._first.is_matt else a
+        if names[0] == "Emission Color":
+            if _is_dark(self._first):
+                return b
+            if _is_dark(self._second):
+                return a
+        if names[0] == "Translucent Color":  # where there is none, it means nothing
+            none = [constant(each.input("Translucent Weight")) in (None, 0.0) for each in (self._first, self._second)]
+            if none[0] != none[1]:
+                return b if none[0] else a
+        if names[0] == "Base Color":  # of light that is let through, the weight is the share
+            through = [constant(each.input("Translucent Weight")) == 1.0 for each in (self._first, self._second)]
+            if through[0] != through[1]:
+                return b if through[0] else a
+        default = DEFAULTS.get(names[0])
+        a, b = (default if each is None else each for each in (a, b))
+        return b if a is None else a if b is None else Blend(self._share, a, b)
+
+
+def _is_dark(look: Look) -> bool:
+    strength = look.input("Emission Strength")
+    return strength is None or constant(strength) == 0.0

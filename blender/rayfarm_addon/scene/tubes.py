@@ -1,0 +1,46 @@
+"""Hair curves as thin tubes: a ring of a few corners about each point, whose normals make it look round."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["MOST_POINTS", "tubes"]
+
+F32 = npt.NDArray[np.float32]
+SIDES = 4
+MOST_POINTS = 1_000_000
+
+
+def tubes(points: F32, radii: F32, first: npt.NDArray[np.int32]) -> tuple[F32, F32, npt.NDArray[np.int32]]:
+    """(V, 3) positions, (V, 3) normals and (T, 3) triangles of strands.
+
+    points: (P, 3), radii: (P,), strand by strand; first: (S + 1,) where each strand begins, and the end. Strands of one point are
+    nowhere.
+    """
+    strand = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    is_last = np.zeros(len(points), bool)
+    is_last[first[1:] - 1] = True
+    follows = np.where(is_last, np.arange(len(points)), np.arange(len(points)) + 1)
+    starts = np.zeros(len(points), bool)
+    starts[first[:-1]] = True
+    before = np.where(starts, np.arange(len(points)), np.arange(len(points)) - 1)
+    along = _unit(points[follows] - points[before])
+    # Of each strand the axis that it goes along the least: no ring turns against the next but by the strand's own bends.
+    reach = np.abs(points[first[1:] - 1] - points[first[:-1]])
+    away = np.eye(3, dtype=np.float32)[np.argmin(reach, axis=1)][strand]
+    side = _unit(np.cross(along, away))
+    up = np.cross(side, along)
+    turn = 2 * np.pi * np.arange(SIDES) / SIDES
+    out = np.cos(turn)[None, :, None] * side[:, None] + np.sin(turn)[None, :, None] * up[:, None]
+    positions = points[:, None] + radii[:, None, None] * out
+    here = np.flatnonzero(~is_last)[:, None] * SIDES
+    k, l = np.arange(SIDES)[None], (np.arange(SIDES)[None] + 1) % SIDES  # noqa: E741
+    a, b, c, d = here + k, here + l, here + SIDES + l, here + SIDES + k
+    triangles = np.stack([np.stack([a, d, b], -1), np.stack([b, d, c], -1)], axis=2).reshape(-1, 3)
+    return positions.reshape(-1, 3).astype(np.float32), out.reshape(-1, 3).astype(np.float32), triangles.astype(np.int32)
+
+
+def _unit(vectors: F32) -> F32:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.where(length > 0, vectors / np.where(length > 0, length, 1), (0.0, 0.0, 1.0))

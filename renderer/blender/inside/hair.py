@@ -1,0 +1,60 @@
+"""Hair curves as meshes of thin tubes, which the glTF exporter knows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from .prepared import VISIBLE
+from .simplified import modules_of
+
+__all__ = ["hair_as_meshes"]
+
+MOST_POINTS = 300_000
+
+
+def hair_as_meshes(bpy: Any, scene: Any, shown: list[Any], addon: Path | None, notes: list[str]) -> list[Any]:
+    """The objects that are shown, with meshes in the place of hair curves where that can be. addon: as of `simplify`."""
+    curves = [thing for thing in shown if thing.type == "CURVES"]
+    if not curves or addon is None:
+        return shown
+    tubes = modules_of(addon).tubes.tubes
+    graph = bpy.context.evaluated_depsgraph_get()
+    made = [_mesh_of(bpy, scene, thing, thing.evaluated_get(graph).data, tubes, notes) for thing in curves]
+    gone = {thing.name for thing in curves}
+    for thing in curves:
+        thing.hide_render = True
+    return [*(thing for thing in shown if thing.name not in gone), *(thing for thing in made if thing is not None)]
+
+
+def _mesh_of(bpy: Any, scene: Any, thing: Any, data: Any, tubes: Any, notes: list[str]) -> Any:
+    import numpy as np
+
+    count = len(data.points)
+    if not 0 < count <= MOST_POINTS:
+        if count:
+            notes.append(f"{thing.name}: is hair of {count:,} points, and left out; {MOST_POINTS:,} fit")
+        return None
+    points, radii = np.empty(3 * count, np.float32), np.empty(count, np.float32)
+    first = np.empty(len(data.curves), np.int32)
+    data.points.foreach_get("position", points)
+    data.points.foreach_get("radius", radii)
+    data.curves.foreach_get("first_point_index", first)
+    positions, _, triangles = tubes(points.reshape(-1, 3), radii, np.append(first, np.int32(count)))
+    mesh = bpy.data.meshes.new(thing.name)
+    mesh.vertices.add(len(positions))
+    mesh.vertices.foreach_set("co", positions.ravel())
+    mesh.loops.add(triangles.size)
+    mesh.loops.foreach_set("vertex_index", triangles.ravel())
+    mesh.polygons.add(len(triangles))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, triangles.size, 3, dtype=np.int32))
+    mesh.polygons.foreach_set("use_smooth", np.ones(len(triangles), bool))
+    mesh.update(calc_edges=True)
+    for material in thing.data.materials:
+        mesh.materials.append(material)
+    made = bpy.data.objects.new(f"{thing.name} hair", mesh)
+    made.matrix_world = thing.matrix_world.copy()
+    for flag in VISIBLE:
+        setattr(made, flag, getattr(thing, flag))
+    scene.collection.objects.link(made)
+    return made

@@ -1,0 +1,87 @@
+"""What the glTF exporter has no words for: which rays meet an object, and some of its surface. It is written into its file."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+__all__ = ["RAYS", "note_rays", "passed_by", "with_rays"]
+
+RAYS = "RAYFARM_node_rays"  # what renderer/scene/readers/gltf/nodes.py reads
+OTHERS = {"diffuse": "by what it lights", "glossy": "in reflections", "transmission": "through glass"}
+FACTORS = ("baseColorFactor", "roughnessFactor")
+_HEAD = struct.Struct("<4sII")
+_CHUNK = struct.Struct("<II")
+_JSON = 0x4E4F534A
+
+Flags = dict[str, bool]
+
+
+def passed_by(things: list[Any], layer: Any) -> dict[str, Flags]:
+    """By name, `camera` and `shadow` of the objects that such rays pass by."""
+    found = {}
+    for thing in things:
+        is_indirect = layer is not None and thing.indirect_only_get(view_layer=layer)
+        flags = {
+            "camera": bool(getattr(thing, "visible_camera", True)) and not is_indirect,
+            "shadow": bool(getattr(thing, "visible_shadow", True)),
+        }
+        if not all(flags.values()):
+            found[thing.name] = flags
+    return found
+
+
+def note_rays(things: list[Any], layer: Any, notes: list[str]) -> None:
+    """Names what of Blender's visibility is not taken over."""
+    for thing in things:
+        hidden = [words for kind, words in OTHERS.items() if not getattr(thing, f"visible_{kind}", True)]
+        if hidden:
+            notes.append(f"{thing.name}: is seen {' and '.join(hidden)} here, though not in Blender")
+        is_held = getattr(thing, "is_holdout", False) or (layer is not None and thing.holdout_get(view_layer=layer))
+        for is_so, what in ((is_held, "a holdout"), (getattr(thing, "is_shadow_catcher", False), "a shadow catcher")):
+            if is_so:
+                notes.append(f"{thing.name}: is {what} in Blender, and shown as any other object")
+
+
+def _put_factors(material: dict[str, Any], told: dict[str, Any]) -> None:
+    surface = material.setdefault("pbrMetallicRoughness", {})
+    if "roughnessFactor" in told:
+        surface["roughnessFactor"] = told["roughnessFactor"]
+    if "baseColorFactor" in told:
+        *color, alpha = surface.get("baseColorFactor", [1.0] * 4)
+        surface["baseColorFactor"] = [*(a * b for a, b in zip(color, told["baseColorFactor"], strict=True)), alpha]
+
+
+def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, Any]]) -> None:
+    """Writes into a GLB the rays on the nodes of their names, and on the materials of theirs extensions and factors.
+
+    Of factors, roughnessFactor is replaced, and baseColorFactor multiplied.
+    """
+    if not (rays or surfaces):
+        return
+    data = path.read_bytes()
+    magic, version, _ = _HEAD.unpack_from(data)
+    length, kind = _CHUNK.unpack_from(data, _HEAD.size)
+    if magic != b"glTF" or kind != _JSON:
+        return
+    start = _HEAD.size + _CHUNK.size
+    document = json.loads(data[start : start + length])
+    used = set(document.get("extensionsUsed", []))
+    for node in document.get("nodes", []):
+        if node.get("name") in rays and "mesh" in node:
+            node.setdefault("extensions", {})[RAYS] = rays[node["name"]]
+            used.add(RAYS)
+    for material in document.get("materials", []):
+        if (told := surfaces.get(material.get("name", ""))) is not None:
+            extensions = {name: each for name, each in told.items() if name not in FACTORS}
+            material["extensions"] = {**material.get("extensions", {}), **extensions}
+            used.update(extensions)
+            _put_factors(material, told)
+    document["extensionsUsed"] = sorted(used)
+    text = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[start + length :]
+    total = start + len(text) + len(rest)
+    path.write_bytes(_HEAD.pack(magic, version, total) + _CHUNK.pack(len(text), _JSON) + text + rest)

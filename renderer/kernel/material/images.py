@@ -1,0 +1,87 @@
+"""Images looked up eight at a time: what texture.py makes of one place, for textures of one layer that lie still.
+
+A lookup is some two hundred instructions, most of them to find four texels and what their codes mean; here only these reads are
+done lane by lane.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.arrays.rows import ABOVE, NEAREST, TEXTURE_COLUMNS, TRANSFORM_COLUMNS
+from renderer.jit import device
+from renderer.kernel.fetch import columns
+from renderer.kernel.material.texture import CLAMP, DECODED, LARGE, MIRROR
+from renderer.kernel.polynomial import floor
+from renderer.wide.rows import words
+from renderer.wide.values import any_of, as_wide, lookup, not_, to_float, to_int, where
+
+__all__ = ["image_colors", "is_layered"]
+
+_ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
+_NO = np.uint32(0)
+_NEXT = np.uint32(1)
+_CLAMP, _MIRROR = np.uint32(CLAMP), np.uint32(MIRROR)
+_NO_LAYER = np.uint32(2**32 - 1)
+_CODE = np.uint32(255)
+_BYTE, _TWO_BYTES = np.uint32(8), np.uint32(16)
+_CODES = np.uint32(256)
+
+
+@device
+def is_layered(scene, number):
+    """Which of eight textures have others on them."""
+    return not_(columns(scene.texture, number, TEXTURE_COLUMNS, ABOVE, 1)[0] == _NO_LAYER)
+
+
+@device
+def _wrapped(i, size, mode):
+    """The texels that stand at places i (int32) of endless rows."""
+    outside = i >= size
+    if any_of(outside):
+        at, width = to_float(i), to_float(size)  # below 2**24, so that nothing here is rounded but the quotient
+        period = where(mode == _MIRROR, width + width, width)
+        rest = at - to_float(floor(at / period)) * period
+        rest = where(rest < _ZERO, rest + period, where(rest >= period, rest - period, rest))
+        rest = where((mode == _MIRROR) & (rest >= width), period - _ONE - rest, rest)
+        rest = where(mode == _CLAMP, min(max(at, _ZERO), width - _ONE), rest)
+        i = where(outside, to_int(rest), i)
+    return i
+
+
+@device
+def _decoded(texel, place, decoding):
+    codes = words(texel, place)
+    r, g, b = codes & _CODE, (codes >> _BYTE) & _CODE, (codes >> _TWO_BYTES) & _CODE
+    return lookup(DECODED, r + decoding), lookup(DECODED, g + decoding), lookup(DECODED, b + decoding)
+
+
+@device
+def _mix(a, b, t):
+    return a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])
+
+
+@device
+def image_colors(scene, number, uv, uv1):
+    """Linear RGB, 0 ... 1, of the images of eight textures (u32x8) where uv or uv1, two f32x8 each, lies in them."""
+    first, width, height, by_x, by_y, srgb, second = columns(scene.texture, number, TEXTURE_COLUMNS, 0, 7)
+    nearest = columns(scene.texture, number, TEXTURE_COLUMNS, NEAREST, 1)[0] != _NO
+    m = columns(scene.texture_transform, number, TRANSFORM_COLUMNS, 0, 6)
+    u, v = where(second != _NO, uv1[0], uv[0]), where(second != _NO, uv1[1], uv[1])
+    x = (m[0] * u + m[1] * v + m[2]) * to_float(width)
+    y = (m[3] * u + m[4] * v + m[5]) * to_float(height)
+    near = (abs(x) < LARGE) & (abs(y) < LARGE)
+    x, y = where(near, x, _HALF), where(near, y, _HALF)
+    x, y = where(nearest, to_float(floor(x)), x - _HALF), where(nearest, to_float(floor(y)), y - _HALF)
+    left, upper = floor(x), floor(y)
+    s, t = x - to_float(left), y - to_float(upper)
+    x0, x1 = _wrapped(left, width, by_x), _wrapped(left + _NEXT, width, by_x)
+    y0 = first + width * _wrapped(upper, height, by_y)
+    y1 = first + width * _wrapped(upper + _NEXT, height, by_y)
+    decoding = where(srgb != _NO, as_wide(_CODES, x), _NO)
+    texel = scene.texel
+    above = _mix(_decoded(texel, y0 + x0, decoding), _decoded(texel, y0 + x1, decoding), s)
+    below = _mix(_decoded(texel, y1 + x0, decoding), _decoded(texel, y1 + x1, decoding), s)
+    return _mix(above, below, t)

@@ -1,0 +1,26 @@
+"""1 / sqrt(x), nearly, for what is weighed and not seen: by whole numbers and products alone, with the same bits on every
+processor, which rsqrtps has not; a root and a division take seven times as long.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.bvh.simd import fma, splat
+from renderer.jit import device
+from renderer.wide.values import as_floats, as_ints, nil
+
+__all__ = ["inverse_root"]
+
+_HALVED = np.uint32(1)
+# Kadlec, "Improving the fast inverse square root", 2010: the constants for which one of Newton's steps errs least.
+_START = np.uint32(0x5F1FFFF9)
+_SCALE = np.float32(0.703952253)
+_LIMIT = np.float32(2.38924456)
+
+
+@device
+def inverse_root(x):
+    """Within 0.07 % of 1 / sqrt(x) in each lane of an f32x8, for 2e-38 < x < 2e38. Nothing is left to the compiler to fuse."""
+    y = as_floats(_START - (as_ints(x) >> _HALVED))
+    return y * splat(_SCALE) * fma(nil(x) - x * y, y, splat(_LIMIT))

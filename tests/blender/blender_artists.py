@@ -1,0 +1,145 @@
+"""Scenes of what artists use beside plain surfaces and lamps, made in Blender. Run by a Python that has bpy."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+from blender_scenes import add, background, empty, lamp, look, painted, principled
+
+PRINCIPLED = "Principled BSDF"
+
+
+def _front(scene: bpy.types.Scene) -> None:
+    """A floor, a lamp, and a camera that looks at a row."""
+    add("plane", principled("floor", Base_Color=(0.5, 0.5, 0.5, 1), Roughness=0.9, Specular_IOR_Level=0.0), size=14)
+    lamp("AREA", 400, (2.5, -3.5, 5), size=2.5)
+    background(scene).inputs["Strength"].default_value = 0.6
+    scene.camera.location, scene.camera.data.lens = (0, -6, 2.4), 50
+    look(scene.camera, (0, 0, 0.4))
+
+
+def _row(materials: list[bpy.types.Material], y: float) -> None:
+    for i, material in enumerate(materials):
+        place = (i - (len(materials) - 1) / 2) * 1.0, y, 0.42
+        add("uv_sphere", material, location=place, radius=0.42, segments=48, ring_count=24)
+
+
+def _mix(name: str, first: tuple[str, dict], second: tuple[str, dict], share: float = 0.5):
+    """A material of two shaders, and the node that mixes them."""
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    tree = material.node_tree
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    mix.inputs[0].default_value = share
+    for i, (kind, values) in enumerate((first, second)):
+        node = tree.nodes.new(kind)
+        for key, value in values.items():
+            node.inputs[key].default_value = value
+        tree.links.new(node.outputs[0], mix.inputs[1 + i])
+    tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    return material, mix
+
+
+def _behind(name: str, build, image: bpy.types.Image, socket: str = "Base Color", **values) -> bpy.types.Material:
+    """A principled material of whose sockets one is what `build` makes of a picture."""
+    material = principled(name, Roughness=0.8, **values)
+    tree = material.node_tree
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image = image
+    tree.links.new(build(tree, node.outputs["Color"]), tree.nodes[PRINCIPLED].inputs[socket])
+    return material
+
+
+def _new(tree: bpy.types.NodeTree, kind: str, values: dict, source, into, output: int = 0, **more):
+    node = tree.nodes.new(kind)
+    for key, value in more.items():
+        setattr(node, key, value)
+    for key, value in values.items():
+        node.inputs[key].default_value = value
+    tree.links.new(source, node.inputs[into])
+    return node.outputs[output]
+
+
+def shaders() -> bpy.types.Scene:
+    """Mixed shaders above, what nodes make of pictures below."""
+    scene = empty()
+    _front(scene)
+    diffuse, glossy = "ShaderNodeBsdfDiffuse", "ShaderNodeBsdfGlossy"
+    red = {"Color": (0.6, 0.1, 0.1, 1)}
+    half, _ = _mix("half", (diffuse, red), (glossy, {**red, "Roughness": 0.3}), 0.3)
+    polished, mix = _mix(
+        "polished", (diffuse, {"Color": (0.1, 0.3, 0.6, 1)}), (glossy, {"Color": (1, 1, 1, 1), "Roughness": 0.15})
+    )
+    fresnel = polished.node_tree.nodes.new("ShaderNodeFresnel")
+    polished.node_tree.links.new(fresnel.outputs[0], mix.inputs[0])
+    masked, mix = _mix(
+        "masked",
+        ("ShaderNodeBsdfPrincipled", {"Base Color": (0.8, 0.6, 0.2, 1), "Metallic": 1, "Roughness": 0.4}),
+        ("ShaderNodeBsdfPrincipled", {"Base Color": (0.1, 0.1, 0.1, 1), "Roughness": 0.9}),
+    )
+    mask = painted("mask", 64, 64, lambda x, y: (float(int(x * 8) % 2 == int(y * 8) % 2),) * 3)
+    mask.colorspace_settings.name = "Non-Color"
+    node = masked.node_tree.nodes.new("ShaderNodeTexImage")
+    node.image = mask
+    masked.node_tree.links.new(node.outputs[0], mix.inputs[0])
+    veil, _ = _mix("veil", ("ShaderNodeBsdfTransparent", {}), (diffuse, {"Color": (0.2, 0.7, 0.2, 1)}), 0.6)
+    _row([half, polished, masked, veil], 0.8)
+
+    colors = painted("colors", 64, 64, lambda x, y: (0.1 + 0.8 * x, 0.8 * y, 0.5 + 0.4 * math.sin(20 * x) * math.cos(15 * y)))
+
+    def ramp(tree, source):
+        made = _new(tree, "ShaderNodeValToRGB", {}, source, "Fac")
+        first, last = made.node.color_ramp.elements
+        first.position, first.color, last.position, last.color = 0.3, (0.8, 0.1, 0, 1), 0.7, (0, 0.2, 0.9, 1)
+        return made
+
+    def hue(tree, source):
+        return _new(tree, "ShaderNodeHueSaturation", {"Hue": 0.7, "Saturation": 1.3, "Value": 0.8}, source, "Color")
+
+    def overlay(tree, source):
+        return _new(tree, "ShaderNodeMixRGB", {"Fac": 0.8, "Color2": (0.9, 0.3, 0.2, 1)}, source, "Color1", blend_type="OVERLAY")
+
+    def curves(tree, source):
+        made = _new(tree, "ShaderNodeRGBCurve", {}, source, "Color")
+        made.node.mapping.curves[3].points.new(0.3, 0.6)
+        made.node.mapping.update()
+        return _new(tree, "ShaderNodeBrightContrast", {"Contrast": 0.4}, made, "Color")
+
+    _row([_behind(build.__name__, build, colors) for build in (ramp, hue, overlay, curves)], -0.5)
+    return scene
+
+
+def suns() -> bpy.types.Scene:
+    """A sun of some size over mirrors and glass, and points of both kinds near to what they light."""
+    scene = empty()
+    _front(scene)
+    bpy.data.objects["area"].hide_render = True
+    background(scene).inputs["Strength"].default_value = 0.3
+    lamp("SUN", 3.0, (2, -3, 5), angle=0.3).visible_camera = False
+    for x, is_soft in ((-1.5, True), (1.5, False)):
+        point = lamp("POINT", 25, (x, -0.9, 1.0), shadow_soft_size=0.4, use_soft_falloff=is_soft)
+        point.visible_camera = False
+    mirror = principled("mirror", Base_Color=(0.9, 0.9, 0.9, 1), Metallic=1, Roughness=0.0)
+    glossy = principled("glossy", Base_Color=(0.9, 0.9, 0.9, 1), Metallic=1, Roughness=0.3)
+    _row([mirror, glossy, principled("white", Base_Color=(0.8, 0.8, 0.8, 1), Roughness=0.5)], 0.3)
+    return scene
+
+
+def rays() -> bpy.types.Scene:
+    """What the camera does not see, what casts no shadow, and a collection that is there indirectly; beside a mirror."""
+    scene = empty()
+    _front(scene)
+    matt = {"Roughness": 0.8, "Specular_IOR_Level": 0.0}
+    _row([principled(name, Base_Color=(0.7, 0.4, 0.1, 1), **matt) for name in ("unseen", "shadeless", "plain", "indirect")], 0.8)
+    balls = sorted((each for each in scene.objects if each.name.startswith("Sphere")), key=lambda each: each.location[0])
+    balls[0].visible_camera = False
+    balls[1].visible_shadow = False
+    aside = bpy.data.collections.new("aside")
+    scene.collection.children.link(aside)
+    scene.collection.objects.unlink(balls[3])
+    aside.objects.link(balls[3])
+    bpy.context.view_layer.layer_collection.children["aside"].indirect_only = True
+    mirror = principled("mirror", Base_Color=(0.95, 0.95, 0.95, 1), Metallic=1, Roughness=0.0)
+    add("cube", mirror, smooth=False, location=(0, 2.2, 0.6), size=1.2, rotation=(0.2, 0, 0))
+    return scene

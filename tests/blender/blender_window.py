@@ -1,0 +1,36 @@
+"""What stands in for a window of Blender's. Run by a Python that has bpy."""
+
+from __future__ import annotations
+
+import bpy
+from blender_scenes import SIZE
+
+
+class Region:
+    """What Blender tells of a window's region, looked through the scene's camera."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self.width, self.height = SIZE
+        self.scene = scene
+        self.region, self.region_data, self.space_data = self, self, self
+        self.view_perspective, self.camera = "PERSP", None
+
+    @property
+    def view_matrix(self):
+        return self.scene.camera.matrix_world.inverted()
+
+    @property
+    def window_matrix(self):
+        return self.scene.camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=self.width, y=self.height)
+
+
+class Engine:
+    """Of an engine in a window what a viewport asks for."""
+
+    redraws = 0
+
+    def tag_redraw(self) -> None:
+        self.redraws += 1
+
+    def update_stats(self, *_: str) -> None:
+        pass

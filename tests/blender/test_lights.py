@@ -1,0 +1,66 @@
+"""Blender's lamps in a scene file's terms, against the light that they send."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from blender.rayfarm_addon.scene.lights import add_light
+from blender.rayfarm_addon.scene.model import Scene
+
+
+def lamp(kind: str, place: np.ndarray | None = None, seen: dict[str, bool] | None = None, **more: Any) -> Scene:
+    told = {
+        "type": kind,
+        "color": (1.0, 1.0, 1.0),
+        "energy": 10.0,
+        "use_nodes": False,
+        "shadow_soft_size": 0.5,
+        "spot_blend": 0.2,
+    }
+    told |= {"spot_size": 1.0, "angle": 0.2, "shape": "RECTANGLE", "size": 2.0, "size_y": 0.5, "spread": math.pi}
+    thing = SimpleNamespace(data=SimpleNamespace(**{**told, **more}), **(seen or {}))
+    scene = Scene()
+    add_light(scene, thing, "lamp", np.eye(4) if place is None else place)
+    return scene
+
+
+@pytest.mark.parametrize("is_soft", [True, False])
+def test_a_point_is_a_ball_or_a_disk_that_faces(is_soft: bool) -> None:
+    scene = lamp("POINT", use_soft_falloff=is_soft)
+    made = scene.lamp_materials["lamp"]
+    assert made.get("facing", False) == is_soft
+    assert made["emission"][0] * math.pi * 0.5**2 == pytest.approx(10 / (4 * math.pi))  # its intensity
+    (light,) = lamp("SPOT", use_soft_falloff=is_soft).lights
+    assert light.get("facing", False) == is_soft
+
+
+def test_the_power_of_a_square_metre() -> None:
+    """With "Normalize" off."""
+    area = lamp("AREA", normalize=False).lamp_materials["lamp"]["emission"][0]
+    assert area == pytest.approx(10 / math.pi)
+    point = lamp("POINT", normalize=False).lamp_materials["lamp"]["emission"][0]
+    assert point == pytest.approx(10 / (4 * math.pi))
+    (sun,) = lamp("SUN", normalize=False).lights
+    assert sun["intensity"][0] == pytest.approx(10 * math.pi * math.sin(0.1) ** 2)
+    wide = np.diag([3.0, 2.0, 1.0, 1.0])
+    whole = lamp("AREA", wide).lamp_materials["lamp"]["emission"][0]
+    assert whole == pytest.approx(10 / (math.pi * 6.0 * 1.0))
+
+
+def test_a_sun_is_seen_by_whom_blender_says() -> None:
+    assert lamp("SUN").lights[0]["seen"] == "always"
+    assert lamp("SUN", seen={"visible_camera": False}).lights[0]["seen"] == "mirrored"
+    assert "seen" not in lamp("SUN", angle=0.0).lights[0]
+
+
+def test_what_lamps_cannot_be_told_is_named() -> None:
+    scene = lamp("AREA", seen={"visible_glossy": False, "visible_transmission": False}, use_shadow=False)
+    assert scene.warnings == [
+        "Lamp lamp: casts shadows here, though not in Blender.",
+        "Lamp lamp: lights what is glossy and glass here, though not in Blender.",
+    ]

@@ -1,0 +1,45 @@
+"""glTF with our own extension: nodes that some rays pass by; and the script that writes it into a GLB of Blender's."""
+
+import numpy as np
+
+from renderer.arrays.rows import SHADELESS, UNSEEN
+from renderer.blender.inside.rays import RAYS, with_rays
+from renderer.scene.compile import compile_scene
+from tests.renderer.scene.builders import Gltf
+
+
+def test_rays_pass_the_node_by_and_not_the_mesh(scene):
+    g = Gltf()
+    g.mesh()
+    g.node(mesh=0, extensions={RAYS: {"camera": False}})
+    g.node(mesh=0, extensions={RAYS: {"camera": True, "shadow": False}})
+    g.node(mesh=0, extensions={RAYS: {"camera": False}})
+    g.root["extensionsUsed"] = [RAYS]
+    found = scene("a.glb", g.glb())
+    materials = [found.materials[found.meshes[0].material if i.material is None else i.material] for i in found.instances]
+    assert [(m.unseen, m.shadeless) for m in materials] == [(False, False), (True, False), (False, True), (True, False)]
+    assert len(found.materials) == 3, "each kind once"
+    assert not any("RAYFARM" in each for each in found.warnings)
+    flags = compile_scene(found).material_flags
+    assert [bool(f & UNSEEN) for f in flags] == [False, True, False]
+    assert [bool(f & SHADELESS) for f in flags] == [False, False, True]
+
+
+def test_it_is_written_on_the_nodes_of_a_name(scene, tmp_path):
+    g = Gltf()
+    g.mesh()
+    g.node(mesh=0, name="hidden")
+    g.node(name="hidden", translation=[1.0, 0.0, 0.0])
+    g.root["materials"] = [{"name": "leaf"}]
+    g.root["meshes"][0]["primitives"][0]["material"] = 0
+    path = tmp_path / "b.glb"
+    path.write_bytes(g.glb())
+    leaf: dict = {"roughnessFactor": 0.3, "baseColorFactor": [0.5, 1.0, 1.0]}
+    leaf |= {"KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 0.5}}
+    with_rays(path, {"hidden": {"camera": False, "shadow": False}}, {"leaf": leaf})
+    found = scene("b.glb", path.read_bytes())
+    assert [i.material is not None for i in found.instances] == [False, True]
+    hidden = found.materials[found.instances[1].material]
+    assert (hidden.unseen, hidden.shadeless) == (True, True)
+    assert (hidden.diffuse_transmission, hidden.roughness, hidden.base_color) == (0.5, 0.3, (0.5, 1.0, 1.0))
+    np.testing.assert_array_equal(found.meshes[0].positions, scene("a.glb", g.glb()).meshes[0].positions)
