@@ -40,7 +40,7 @@ class Settings(BaseSettings):
     token: str = ""  # what workers show; kept in the data folder where empty
     owner_token: str = ""  # what lets its owner in, as an administrator; kept in the data folder where empty
     host: str = "127.0.0.1"
-    published: str = ""  # addresses and names, with spaces between, by which it is reached where that is not `host`: a container's
+    published: str = ""  # addresses and names by which it is reached, spaces between, where `host` is none: a container's
     port: int = 8000
     health_port: int = Field(
         default=0, ge=0, le=65535
