@@ -154,6 +154,9 @@ class Lifecycle:
         resolved = self._records.resolve(row.id, scene)
         if resolved is None or resolved.state == "failed" or resolved.settings is None or resolved.tile_size is None:
             return
+        frames = self._records.frames(row.id)
+        if not frames:
+            return  # it was deleted a moment ago, which is applied next
         film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
         shot = Shot.of(row.shot)
         if shot is not None and shot.anew:
@@ -166,7 +169,6 @@ class Lifecycle:
             film.take_back(worker)
         if row.doubted:
             self._records.believed(row.id)
-        frames = self._records.frames(row.id)
         compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
         job = ActiveJob(resolved, frames, film, compiled, scene.blobs)
         job.verify = self._scheduler.verify if verify is None else verify

@@ -24,7 +24,7 @@ from renderer.film import Sums
 from renderer.render import render_batch
 from renderer.settings import RenderSettings, Tile, View
 from tests.benchmarks.scale.measured import Load, Taken, run
-from tests.benchmarks.scale.slots import SAMPLES
+from tests.benchmarks.scale.slots import SAMPLES, of_one_sample
 from tests.helpers import ROOT
 from worker.sums import pack_sums
 
@@ -102,7 +102,7 @@ def real_sums(side: int) -> Sums:
     compiled, summary = load_scene(SCENE, Env(), Clock())
     view = summary["cameras"][0]["view"]
     settings = RenderSettings(1920, 1080, View(**{k: tuple(v) if isinstance(v, list) else v for k, v in view.items()}))
-    return render_batch(compiled, settings, Tile(896, 384, side, side), 0, SAMPLES).sums
+    return of_one_sample(render_batch(compiled, settings, Tile(896, 384, side, side), 0, SAMPLES).sums)
 
 
 def line(load: Load, taken: Taken, size: int) -> str:

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 import redis
 
+from renderer import film
 from renderer.film import Sums
 from tests.service.peer_worker import PeerWorker
 from worker.contract import HEARTBEAT_TTL_S, RESULTS, RenderBatch, Result, WorkerReport, prepare_queue, render_queue, worker_key
@@ -33,7 +34,7 @@ from worker.site_link import SiteLink
 from worker.sums import pack_sums
 from worker.terms import Offer, Terms, offer_key, terms_key
 
-__all__ = ["Slots", "main"]
+__all__ = ["SAMPLES", "Slots", "main", "of_one_sample"]
 
 PER_WORKER = 32
 LOOK_EVERY_S = 0.005
@@ -41,6 +42,14 @@ BEAT_EVERY_S = 1.0
 AT_ONCE = 64  # messages or answers, between two looks at the clock
 SAMPLES = 16  # of the rendered tile
 PACKED_KEPT = 64
+
+
+def of_one_sample(sums: Sums) -> Sums:
+    """The sums with their counts brought down to one sample: a service refuses more samples of a pixel than it asked for."""
+    one = sums.copy()
+    counts = [film.SAMPLES, film.SAMPLES_HALF]
+    one[counts] = np.minimum(one[counts], 1)
+    return one
 
 
 @dataclass
@@ -75,6 +84,13 @@ class _Batches:
     batches: list[RenderBatch]
     seconds: list[float] = field(default_factory=list)
     joint: _Joint | None = None
+
+
+def of_one_sample(sums: Sums) -> Sums:
+    """These, as if they were one sample's."""
+    made = sums.copy()
+    made[film.SAMPLES] = 1
+    return made
 
 
 class Slots(PeerWorker):

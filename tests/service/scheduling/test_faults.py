@@ -19,7 +19,7 @@ from service.scheduling.records import Records
 from service.store.database import connect
 from service.store.film_file import FilmFile
 from service.store.films import Film
-from service.store.models import Job
+from service.store.models import Frame, Job
 from service.store.room import no_room
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
@@ -269,6 +269,27 @@ def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(
     service.patch(one, state="running")
     service.wait_for(one, "finished")
     assert service.digest(one) == expected_digest(spp=30)
+
+
+def test_a_job_that_is_deleted_while_it_is_taken_up_holds_up_no_other(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its row was read, and those of its frames were gone: for seconds the engine stumbled over it at every step."""
+    scene, records, deleted = service.ready_scene(), service.farm.records, list[str]()
+    frames = records.frames
+
+    def read(job: str) -> list[Frame]:
+        if not deleted:
+            deleted.append(job)
+            service.http.delete(f"/api/jobs/{job}").raise_for_status()
+        return frames(job)
+
+    monkeypatch.setattr(records, "frames", read)
+    gone, other = service.submit(scene), service.submit(scene, seed=1)
+    service.wait_for(other, "finished")
+    assert deleted == [gone]
+    assert service.http.get(f"/api/jobs/{gone}").status_code == 404
+    assert not [line for line in caplog.messages if "fault" in line or "cannot go on" in line]
 
 
 @pytest.mark.parametrize("camera", ["²", "7" * 5000])

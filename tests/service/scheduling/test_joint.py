@@ -14,13 +14,13 @@ from renderer.film import digest
 from renderer.settings import Tile
 from service.scheduling.messages import BatchDone, understand
 from service.scheduling.results import Entry
-from tests.benchmarks.scale.slots import Slots
+from tests.benchmarks.scale.slots import Slots, of_one_sample
 from tests.service.conftest import TOKEN, Service
 from tests.service.peer_worker import expected_sums
 from worker.contract import Result
 
 WIDTH, HEIGHT, TILE, SPP = 64, 48, 16, 3000
-SUMS = expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0)
+SUMS = of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0))
 
 Run = list[tuple[Any, float]]
 

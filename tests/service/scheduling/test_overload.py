@@ -16,7 +16,7 @@ from service.scheduling.missing import Fate, Missing
 from service.scheduling.scheduler import Scheduler
 from service.store.film_file import FilmFile
 from tests.benchmarks.scale import slots as slots_module
-from tests.benchmarks.scale.slots import Slots
+from tests.benchmarks.scale.slots import Slots, of_one_sample
 from tests.helpers import wait_until
 from tests.service.conftest import TOKEN, Service
 from tests.service.peer_worker import expected_sums
@@ -36,7 +36,7 @@ def test_nothing_is_rendered_twice_while_results_pile_up(service: Service, monke
         add(*arguments)
 
     monkeypatch.setattr(FilmFile, "add", slowly)
-    sums = expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0)
+    sums = of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0))
     slots = Slots(service.options["redis_url"], service.url, TOKEN, SLOTS, sums, 0.05)
     thread = threading.Thread(target=slots.run, args=(280.0,))
     thread.start()
@@ -57,7 +57,7 @@ def test_nothing_is_rendered_twice_while_results_pile_up(service: Service, monke
 def test_slots_that_are_starved_of_a_processor_lose_nothing(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     """They stand still for longer than their reports live: Redis knows that they live, and what they have is theirs."""
     monkeypatch.setattr(slots_module, "HEARTBEAT_TTL_S", 1)
-    sums, samples = expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0), 40
+    sums, samples = of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0)), 40
     slots = Slots(service.options["redis_url"], service.url, TOKEN, 6, sums, 0.05)
     answer, starved, goes_on = slots._answer, threading.Event(), threading.Event()
 
@@ -93,7 +93,9 @@ def test_slots_that_are_starved_of_a_processor_lose_nothing(service: Service, mo
 def test_no_straggler_is_tried_by_another_while_there_is_other_work(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Scheduler, "_has_idle_slots", lambda self, kind: True)
     monkeypatch.setattr(Missing, "_fate", lambda self, lease, *_: None if lease.doubled else Fate.LATE)
-    slots = Slots(service.options["redis_url"], service.url, TOKEN, 4, expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0), 0.5)
+    slots = Slots(
+        service.options["redis_url"], service.url, TOKEN, 4, of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0)), 0.5
+    )
     thread = threading.Thread(target=slots.run, args=(150.0,))
     thread.start()
 
