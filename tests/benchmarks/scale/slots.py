@@ -86,13 +86,6 @@ class _Batches:
     joint: _Joint | None = None
 
 
-def of_one_sample(sums: Sums) -> Sums:
-    """These, as if they were one sample's."""
-    made = sums.copy()
-    made[film.SAMPLES] = 1
-    return made
-
-
 class Slots(PeerWorker):
     """Many slots in one thread. A sample of a pixel takes each of them the same time."""
 
