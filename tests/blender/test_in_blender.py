@@ -27,6 +27,10 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
 BLOCK = 4
 MOST = 0.03
+# Most light of that picture is the gold ball's, on which Cycles puts what rough metal scatters more than once elsewhere
+# (docs/correctness.md): without the ball it differs by less than 1 %.
+MOST_OF = {"lamp-spot": 0.055}
+BRIGHTEST = 4.0  # the few pixels in which a mirror shows a lamp count as white ones: at 256 samples they are a lottery
 
 Run = Callable[..., Any]
 
@@ -70,12 +74,13 @@ def image(path: Path) -> np.ndarray:
 def test_the_pictures_of_cycles(task: str, pictures: tuple[Path, dict[str, list[str]]]) -> None:
     folder, names = pictures
     for name in names[task]:
-        ours, theirs = (blocks(image(folder / f"{name}-{engine}.exr")) for engine in ("rayfarm", "cycles"))
+        pictures_of = (image(folder / f"{name}-{engine}.exr") for engine in ("rayfarm", "cycles"))
+        ours, theirs = (blocks(np.minimum(each, BRIGHTEST)) for each in pictures_of)
         difference = float(np.abs(ours - theirs).mean() / theirs.mean())
         figures = f"{name}: differs by {difference:.2%}; means {ours.mean():.4f} and {theirs.mean():.4f}"
         print(figures)
         assert abs(ours.mean() / theirs.mean() - 1) < MOST, figures
-        assert difference < 2 * MOST, figures
+        assert difference < MOST_OF.get(name, MOST), figures
 
 
 def layers(path: Path) -> dict[str, np.ndarray]:

@@ -70,7 +70,7 @@ def _instances(bpy: Any, scene: Any, shown: set[str], notes: list[str]) -> None:
         if data is None:
             continue
         if data not in made:
-            made[data] = bpy.data.meshes.new_from_object(thing, preserve_all_data_layers=True, depsgraph=graph)
+            made[data] = _mesh_of(bpy, thing, data, graph)
         found.append((instance.parent.original, thing.original, made[data], instance.matrix_world.copy()))
     for parent, shown_thing, mesh, place in found:
         thing = bpy.data.objects.new(f"{parent.name} instance", mesh)
@@ -87,6 +87,13 @@ def _instances(bpy: Any, scene: Any, shown: set[str], notes: list[str]) -> None:
             shown.discard(owner)
     if len(found) >= MOST_INSTANCES:
         notes.append(f"Of its instances the first {MOST_INSTANCES:,} are shown")
+
+
+def _mesh_of(bpy: Any, thing: Any, data: Any, graph: Any) -> Any:
+    """What an instance shows; of geometry nodes that is no mesh of the object's own, though it bears its name."""
+    if thing.type == "MESH" and data != thing.original.evaluated_get(graph).data:
+        return data.copy()
+    return bpy.data.meshes.new_from_object(thing, preserve_all_data_layers=True, depsgraph=graph)
 
 
 def _modifiers(bpy: Any, scene: Any, shown: set[str], notes: list[str]) -> None:
