@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, UsdGeom, UsdLux
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
 
 from renderer.image import encode
 from tests.renderer.scene.usd_files import cube, read, stage, world
@@ -168,3 +168,16 @@ def test_blenders_lights_are_those_that_blender_reads_back(lit, tmp_path):
     layer.documentation = "Blender v4.5.15 LTS"
     layer.Save()
     assert read(tmp_path / "a.usda").lights[0].intensity == (2.0, 2.0, 2.0)
+
+
+def test_lights_of_a_stage_that_blender_wrote_in_centimetres_are_as_bright_as_in_metres(lit, tmp_path):
+    """It scales the whole, and counts what it normalises by in metres nevertheless."""
+    lit("SphereLight", "Y", 0.01, radius=0.1, intensity=3.0, normalize=True)
+    layer = Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda"))
+    made = Usd.Stage.Open(layer)
+    UsdGeom.Xformable(made.GetPrimAtPath("/light")).AddScaleOp().Set(Gf.Vec3f(100.0))
+    layer.documentation = "Blender v4.5.15 LTS"
+    layer.Save()
+    found = read(tmp_path / "a.usda")
+    assert found.spheres[0].radius == pytest.approx(0.1)
+    assert shining(found).emission[0] == pytest.approx(3.0 / (4 * np.pi * 0.1**2))
