@@ -78,7 +78,8 @@ def _smoothed(meshes: list[Mesh], limit: float) -> Iterator[Mesh]:
     sort_corners(triangle, number, start, order)
     unit, across, along = np.empty((len(triangle), 3)), np.empty(count), np.empty(count)
     measure_corners(positions, triangle, unit, across, along)
-    angle = np.arctan2(across, along) * (across > 0)
+    angle = np.arctan2(across, along, out=along)
+    angle *= across > 0
 
     # Corners that agree in vertex and normal stay one vertex.
     corners = triangle.reshape(-1)

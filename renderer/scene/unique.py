@@ -48,7 +48,8 @@ def unique_corners(point: npt.NDArray[Any], points: int, values: list[npt.NDArra
     one point, some of those that agree stay apart.
     """
     count = len(point)
-    table = np.concatenate([np.zeros((count, 0), np.float32), *values], axis=1) + np.float32(0)  # there are two zeros
+    table = np.concatenate([np.zeros((count, 0), np.float32), *values], axis=1)
+    table += np.float32(0)  # there are two zeros
     last = np.full(points, -1, np.int32)
     before, first, kind = (np.empty(count, np.int32) for _ in range(3))
     found = join_at_points(np.ascontiguousarray(point, np.int64), table.view(np.uint32), last, before, first, kind)

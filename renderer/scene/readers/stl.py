@@ -36,7 +36,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     corners = np.ascontiguousarray(rows["corners"]).reshape(-1, 3)
     if not np.isfinite(corners).all():
         raise SceneError(f"{main}: holds positions that are not finite numbers; export the file again")
-    first, number = unique_threes(corners + np.float32(0))  # there are two zeros
+    corners += np.float32(0)  # there are two zeros
+    first, number = unique_threes(corners)
     colors = _colors(rows["color"], data[:80])
     if colors is not None:
         code = np.repeat(colors.view(np.int32).reshape(-1), 3)

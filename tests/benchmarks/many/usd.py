@@ -6,18 +6,20 @@ __all__ = ["USD"]
 
 Files = dict[str, bytes]
 _TRIANGLE = (
-    'def Mesh "m{0}" {{ int[] faceVertexCounts = [3] int[] faceVertexIndices = [0, 1, 2]\n'
-    "point3f[] points = [({0}, 0, 0), ({0}, 1, 0), ({0}, 0, 1)] {1} }}\n"
+    'def Mesh "m{0}" {{ uniform token subdivisionScheme = "none"\n'
+    "int[] faceVertexCounts = [3]; int[] faceVertexIndices = [0, 1, 2]\n"
+    "point3f[] points = [({0}, 0, 0), ({0}, 1, 0), ({0}, 0, 1)]\n{1} }}\n"
 )
 _SURFACE = (
     'def Material "M{0}" {{ token outputs:surface.connect = <{1}/M{0}/S.outputs:surface>\n def Shader "S" {{\n'
-    'uniform token info:id = "UsdPreviewSurface"\n{2}\ntoken outputs:surface }} {3} }}\n'
+    'uniform token info:id = "UsdPreviewSurface"\n{2}\ntoken outputs:surface }}\n{3} }}\n'
 )
 _PICTURE = 'def Shader "T" {{ uniform token info:id = "UsdUVTexture"\nasset inputs:file = @{}.png@\nfloat3 outputs:rgb }}'
 
 
 def _stage(inside: str, head: str = "") -> Files:
-    return {"a.usda": f"#usda 1.0\n({head})\n{inside}".encode()}
+    """A layer: braces close on a line of their own."""
+    return {"a.usda": f"#usda 1.0\n({head})\n{inside}".replace(" }", "\n}").encode()}
 
 
 def prims(n: int) -> Files:
@@ -26,7 +28,7 @@ def prims(n: int) -> Files:
 
 def chain(n: int) -> Files:
     n = min(n, 300)
-    return _stage("".join(f'def Xform "x{i}" {{\n' for i in range(n)) + _TRIANGLE.format(0, "") + "}" * n)
+    return _stage("".join(f'def Xform "x{i}" {{\n' for i in range(n)) + _TRIANGLE.format(0, "") + "}\n" * n)
 
 
 def materials(n: int) -> Files:
@@ -44,18 +46,18 @@ def missing_textures(n: int) -> Files:
 def subsets(n: int) -> Files:
     points = ", ".join(f"({i}, 0, 0), ({i}, 1, 0), ({i}, 0, 1)" for i in range(n))
     inside = "".join(
-        f'def GeomSubset "s{i}" {{ uniform token elementType = "face" int[] indices = [{i}]\n'
-        f'uniform token familyName = "materialBind" rel material:binding = </M0> }}\n'
+        f'def GeomSubset "s{i}" {{ uniform token elementType = "face"; int[] indices = [{i}]\n'
+        f'uniform token familyName = "materialBind"; rel material:binding = </M0> }}\n'
         for i in range(n)
     )
-    mesh = f"int[] faceVertexCounts = [{', '.join(['3'] * n)}] int[] faceVertexIndices = [{', '.join(map(str, range(3 * n)))}]"
+    mesh = f"int[] faceVertexCounts = [{', '.join(['3'] * n)}]; int[] faceVertexIndices = [{', '.join(map(str, range(3 * n)))}]"
     return _stage(_SURFACE.format(0, "", "", "") + f'def Mesh "m" {{ {mesh}\npoint3f[] points = [{points}]\n{inside} }}')
 
 
 def instances(n: int) -> Files:
     places = ", ".join(f"({i}, 0, 0)" for i in range(n))
     return _stage(
-        f'def PointInstancer "p" {{ rel prototypes = [</p/m0>] int[] protoIndices = [{", ".join(["0"] * n)}]\n'
+        f'def PointInstancer "p" {{ rel prototypes = [</p/m0>]; int[] protoIndices = [{", ".join(["0"] * n)}]\n'
         f"point3f[] positions = [{places}]\n{_TRIANGLE.format(0, '')} }}"
     )
 
@@ -65,20 +67,20 @@ def prototypes(n: int) -> Files:
     places = ", ".join(f"({i}, 0, 0)" for i in range(n))
     targets = ", ".join(f"</p/m{i}>" for i in range(n))
     return _stage(
-        f'def PointInstancer "p" {{ rel prototypes = [{targets}] int[] protoIndices = [{", ".join(map(str, range(n)))}]\n'
+        f'def PointInstancer "p" {{ rel prototypes = [{targets}]; int[] protoIndices = [{", ".join(map(str, range(n)))}]\n'
         f"point3f[] positions = [{places}]\n{''.join(_TRIANGLE.format(i, '') for i in range(n))} }}"
     )
 
 
 def references(n: int) -> Files:
-    again = "".join(f'def Xform "r{i}" (instanceable = true references = </class>) {{}}\n' for i in range(n))
+    again = "".join(f'def Xform "r{i}" (instanceable = true; references = </class>) {{}}\n' for i in range(n))
     return _stage(f'class Xform "class" {{ {_TRIANGLE.format(0, "")} }}\n{again}')
 
 
 def layers(n: int) -> Files:
     n = min(n, 900)
     files = _stage("".join(f'def Xform "r{i}" (references = @l{i}.usda@) {{}}\n' for i in range(n)))
-    layer = f'#usda 1.0\n(defaultPrim = "x")\ndef Xform "x" {{ {_TRIANGLE.format(0, "")} }}'.encode()
+    layer = f'#usda 1.0\n(defaultPrim = "x")\ndef Xform "x" {{ {_TRIANGLE.format(0, "")} }}'.replace(" }", "\n}").encode()
     return files | {f"l{i}.usda": layer for i in range(n)}
 
 
@@ -95,7 +97,7 @@ def cameras(n: int) -> Files:
 def time_samples(n: int) -> Files:
     times = ", ".join(f"{i}: ({i}, 0, 0)" for i in range(n))
     place = f'double3 xformOp:translate.timeSamples = {{ {times} }}\nuniform token[] xformOpOrder = ["xformOp:translate"]'
-    return _stage(_TRIANGLE.format(0, place), f"startTimeCode = 0 endTimeCode = {n}")
+    return _stage(_TRIANGLE.format(0, place), f"startTimeCode = 0; endTimeCode = {n}")
 
 
 def joints(n: int) -> Files:
@@ -103,8 +105,8 @@ def joints(n: int) -> Files:
     ones = ", ".join(["((1,0,0,0),(0,1,0,0),(0,0,1,0),(0,0,0,1))"] * n)
     mesh = (
         'prepend apiSchemas = ["SkelBindingAPI"]', "rel skel:skeleton = </r/s>",
-        "int[] primvars:skel:jointIndices = [0, 0, 0] (elementSize = 1 interpolation = \"vertex\")",
-        "float[] primvars:skel:jointWeights = [1, 1, 1] (elementSize = 1 interpolation = \"vertex\")",
+        "int[] primvars:skel:jointIndices = [0, 0, 0] (elementSize = 1; interpolation = \"vertex\")",
+        "float[] primvars:skel:jointWeights = [1, 1, 1] (elementSize = 1; interpolation = \"vertex\")",
     )  # fmt: skip
     skin = _TRIANGLE.format(0, "\n".join(mesh[1:])).replace('"m0" {', f'"m0" ({mesh[0]}) {{', 1)
     skeleton = (
@@ -116,14 +118,14 @@ def joints(n: int) -> Files:
 
 def points(n: int) -> Files:
     places = ", ".join(f"({i}, 0, 0)" for i in range(n))
-    return _stage(f'def Points "p" {{ point3f[] points = [{places}] float[] widths = [0.1] (interpolation = "constant") }}')
+    return _stage(f'def Points "p" {{ point3f[] points = [{places}]; float[] widths = [0.1] (interpolation = "constant") }}')
 
 
 def curves(n: int) -> Files:
     places = ", ".join(f"({i}, 0, 0), ({i}, 1, 0)" for i in range(n))
     return _stage(
-        f'def BasisCurves "c" {{ uniform token type = "linear" int[] curveVertexCounts = [{", ".join(["2"] * n)}]\n'
-        f'point3f[] points = [{places}] float[] widths = [0.1] (interpolation = "constant") }}'
+        f'def BasisCurves "c" {{ uniform token type = "linear"; int[] curveVertexCounts = [{", ".join(["2"] * n)}]\n'
+        f'point3f[] points = [{places}]; float[] widths = [0.1] (interpolation = "constant") }}'
     )
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from renderer.scene.description import F32, I32
 from renderer.scene.readers.fbx import layout
-from renderer.scene.readers.fbx.library import array, each, triangulated
+from renderer.scene.readers.fbx.library import array, each, seen, triangulated
 from renderer.scene.unique import unique_corners, used_among
 
 __all__ = ["Part", "parts_of"]
@@ -78,8 +78,8 @@ def _at_corners(vertex: Any, width: int) -> F32 | None:
     """(C, width) the values at the corners of a mesh's faces; None where it has none."""
     if not vertex.exists:
         return None
-    values = array(vertex.values, np.float64, width)
-    return values[array(vertex.indices, np.uint32)].astype(np.float32) if len(values) else None
+    values = seen(vertex.values, np.float64, width).astype(np.float32)
+    return values[seen(vertex.indices, np.uint32)] if len(values) else None
 
 
 def _triangles(mesh: Any) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
