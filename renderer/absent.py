@@ -14,12 +14,13 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import FunctionPass, PassManager, _pass_registry, register_pass
 from numba.core.ir_utils import get_definition, guard
-from numba.core.typed_passes import AnnotateTypes, IRLegalization
+from numba.core.typed_passes import AnnotateTypes, IRLegalization, NopythonTypeInference
 from numba.core.untyped_passes import InlineInlinables
 from numba.extending import intrinsic
 
 from renderer.linking import ChooseLibrary
 from renderer.reference import Reference
+from renderer.typed_before import TypeOnce
 
 __all__ = ["Compiler", "where_present"]
 
@@ -64,7 +65,8 @@ class _Steps(PassManager):
 
 
 class Compiler(CompilerBase):
-    """Numba's own, with that step after the templates are written into their callers, and before branches are pruned.
+    """Numba's own, with that step after the templates are written into their callers, and before branches are pruned; operations
+    are typed once.
 
     Nothing is annotated: nobody reads it, and it is kept with the machine code.
     """
@@ -72,8 +74,11 @@ class Compiler(CompilerBase):
     def define_pipelines(self) -> list[Any]:
         """The steps of one way to compile."""
         steps = _Steps("nopython")
+        own = {NopythonTypeInference: TypeOnce}
         steps.passes = [
-            step for step in DefaultPassBuilder.define_nopython_pipeline(self.state).passes if step[0] is not AnnotateTypes
+            (own.get(step, step), said)
+            for step, said in DefaultPassBuilder.define_nopython_pipeline(self.state).passes
+            if step is not AnnotateTypes
         ]
         steps.add_pass_after(KnowWhatIsAbsent, InlineInlinables)
         steps.add_pass_after(ChooseLibrary, IRLegalization)

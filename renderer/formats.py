@@ -55,8 +55,8 @@ FORMATS = (
     Format(".blend", "blend", is_mesh_file=False, names_files=True, moves=True),
     Format(".obj", "obj", names_files=True),
     Format(".3mf", "threemf"),
-    Format(".ply", "other", names_files=True),
-    Format(".stl", "other"),
+    Format(".ply", "ply", names_files=True),
+    Format(".stl", "stl"),
     Format(".off", "other"),
     *(Format(suffix, "assimp", names_files=True, moves=True) for suffix in LONG_TAIL),
 )

@@ -22,6 +22,7 @@ ROOT = Path(__file__).parent
 MACHINE_CODE = (
     "jit.py",
     "absent.py",
+    "typed_before.py",
     "linking.py",
     "machine_code.py",
     "reference.py",

@@ -22,7 +22,7 @@ from renderer.scene.compiled import CompiledScene
 from renderer.scene.kept import Kept
 from renderer.scene.load import Shot
 from renderer.scene.parts import Saver
-from renderer.scene.readers import collada, fbx, gltf, mitsuba, obj, pbrt, yaml  # noqa: F401 - imported before the fork, so that no scene waits for them
+from renderer.scene.readers import collada, fbx, gltf, mitsuba, obj, pbrt, ply, stl, yaml  # noqa: F401 - imported before the fork, so that no scene waits for them
 from renderer.settings import RenderSettings, View
 from worker.blends import is_blend
 from worker.bounded import Send, run_bounded

@@ -32,6 +32,7 @@ JOB = 7
 CELL_BITS = 15  # of a cell's number: the surface of a mesh goes through some five thousand of so many
 FEWEST = 32  # clusters of a node: planes between fewer of them are too few to choose from
 TREELET = 4096  # primitives: 128 kB of boxes, which stay in a core's cache
+_ALL_BINS = np.int64(BINS)  # of the type that split.py's numbers of bins have: nothing is compiled twice
 _BELOW_ONE = np.float32(1.0 - 1e-6)
 _ZERO = np.float32(0.0)
 
@@ -150,9 +151,9 @@ def _split(clusters, bins, spread, stack, least, tree_box, tree, parts):
         begin, end = stack[top, 5], stack[top, 6]
         axis, bin = -1, 0
         if depth < SAH_DEPTH and (is_first or (count > least and end - begin >= FEWEST)):
-            lay_grid(bins.grid, spread, top, BINS)
-            fill_bins(bins, box, begin, end, BINS, 0, clusters.weight)
-            plane = cheapest_plane(bins, BINS)
+            lay_grid(bins.grid, spread, top, _ALL_BINS)
+            fill_bins(bins, box, begin, end, _ALL_BINS, 0, clusters.weight)
+            plane = cheapest_plane(bins, _ALL_BINS)
             axis, bin = plane.axis, plane.bin
         is_first = False
         if axis < 0:
@@ -160,7 +161,7 @@ def _split(clusters, bins, spread, stack, least, tree_box, tree, parts):
                 parts[found, k] = stack[top, k]
             found += 1
             continue
-        bound_sides(bins, axis, bin, BINS, tree_box, rows)
+        bound_sides(bins, axis, bin, _ALL_BINS, tree_box, rows)
         right, left = top, top + 1  # on the stack: the left one is next
         middle = partition(box, begin, end, bins.grid, axis, bin, spread, left, right)
         below = 0

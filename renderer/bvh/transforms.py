@@ -44,7 +44,7 @@ def _invert(transform, inverse):
     for i in range(len(transform)):
         determinant = 0.0
         for k in range(3):
-            determinant += transform[i, 0, k] * _cofactor(transform, i, 0, k)
+            determinant += transform[i, 0, k] * _cofactor(transform, i, np.int64(0), k)
         for row in range(3):
             for column in range(3):
                 inverse[i, row, column] = _cofactor(transform, i, column, row) / determinant

@@ -23,9 +23,14 @@ def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:
     triangle = np.concatenate([np.zeros(0, np.int64), *ranges])
     material_of = np.repeat(geometry.material[bright], [len(r) for r in ranges])
     emitted = packed.emitted[material_of]
-    for material in np.flatnonzero((packed.emitted > 0) & (packed.material_texture[:, rows.EMISSION_TEXTURE] >= 0)):
+    order = np.argsort(material_of, kind="stable")
+    textured = np.flatnonzero((packed.emitted > 0) & (packed.material_texture[:, rows.EMISSION_TEXTURE] >= 0))
+    begins, ends = (np.searchsorted(material_of[order], textured, side) for side in ("left", "right"))
+    for material, begin, end in zip(textured, begins, ends, strict=True):
         number = packed.material_texture[material, rows.EMISSION_TEXTURE]
-        of_it = np.flatnonzero(material_of == material)
+        of_it = order[begin:end]
+        if not len(of_it):
+            continue
         mean = np.zeros((len(of_it), 3), np.float32)
         uv1 = geometry.uv1 if len(geometry.uv1) else geometry.uv
         table = packed.texture, packed.texture_transform, packed.texel

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import contextlib
 import functools
 import os
 from collections.abc import Callable, Hashable
@@ -23,6 +24,8 @@ __all__ = ["MAX_FILE_BYTES", "SceneFiles", "data_uri"]
 MAX_FILE_BYTES = 2 << 30
 MAX_DATA_URI_BYTES = 256 << 20
 MAX_SEARCHED = 20_000  # files looked at for one that is not where it is said to be
+_MOST_CHARACTERS = 4096  # of a reference: no system has a longer path
+_MOST_PARTS = 64  # of a reference, the last: of longer ones the rest is of another machine
 
 Made = TypeVar("Made")
 
@@ -40,12 +43,16 @@ class SceneFiles:
         self._environment = environment
         self._made: dict[Hashable, Any] = {}
         self._used: set[Hashable] = set()
+        self._found: dict[tuple[str, str], str | None] = {}
+        self._listed: dict[str, dict[str, list[str]]] = {}
         self.is_numbered = False  # whether any file that was asked for has the frame's number in its name
 
     def read_anew(self) -> None:
         """Another moment is read: what the last one did not ask for is forgotten, so that numbered files do not pile up."""
         self._made = {key: made for key, made in self._made.items() if key in self._used}
         self._used = set()
+        self._found.clear()
+        self._listed.clear()
 
     def recall(self, key: Hashable, make: Callable[[], Made]) -> Made:
         """What was made of these files at the last moment, else `make()`: what no frame changes is read once.
@@ -112,14 +119,20 @@ class SceneFiles:
         As authors' tools write them: backslashes, another machine's directories, the wrong case, quotes. Tried are the
         reference's whole path below `beside`'s folder and below the root, then ever less of it, then its bare name anywhere.
         """
+        key = (reference, str(PurePosixPath(beside).parent))
+        if key not in self._found:
+            self._found[key] = self._look_for(reference, PurePosixPath(beside).parent)
+        return self._found[key]
+
+    def _look_for(self, reference: str, home: PurePosixPath) -> str | None:
         cleaned = reference.strip().strip("\"'").replace("\\", "/")
         parts = [p for p in cleaned.split("/") if p not in ("", ".") and not p.endswith(":")]
-        if not parts or "\0" in cleaned:
+        if not parts or "\0" in cleaned or len(cleaned) > _MOST_CHARACTERS:
             return None
         while ".." in parts:  # `a/../b` is `b`; a leading `..` leads to what only the author's machine has
             i = parts.index("..")
             del parts[max(i - 1, 0) : i + 1]
-        home = PurePosixPath(beside).parent
+        parts = parts[-_MOST_PARTS:]
         for first in range(len(parts)):
             for base in dict.fromkeys((home, PurePosixPath())):
                 found = self._match(base, parts[first:])
@@ -155,25 +168,28 @@ class SceneFiles:
         return path if path == self._root or self._root in path.parents else None
 
     def _match(self, base: PurePosixPath, parts: list[str]) -> str | None:
-        exact = str(base.joinpath(*parts))
-        if self._is_file(exact):
-            return exact
+        if str(base) not in self._listed:  # else a lookup there says more, and is quicker
+            exact = str(base.joinpath(*parts))
+            if self._is_file(exact):
+                return exact
         here = base
-        for i, part in enumerate(parts):
-            folder = self._inside(str(here))
-            if folder is None or not folder.is_dir():
-                return None
-            try:
-                names = sorted(e.name for e in folder.iterdir())
-            except OSError:
-                return None
-            wanted = [n for n in names if n.lower() == part.lower()]
+        for part in parts:
+            wanted = self._names_in(str(here)).get(part.lower())
             if not wanted:
                 return None
             here = here / (part if part in wanted else wanted[0])
-            if i == len(parts) - 1:
-                return str(here) if self._is_file(str(here)) else None
-        return None
+        return str(here) if self._is_file(str(here)) else None
+
+    def _names_in(self, name: str) -> dict[str, list[str]]:
+        """What is in a folder, by names in lower case: listed once, for a file may name a hundred thousand textures."""
+        if name not in self._listed:
+            found: dict[str, list[str]] = {}
+            folder = self._inside(name)
+            with contextlib.suppress(OSError):
+                for each in sorted(e.name for e in folder.iterdir()) if folder is not None and folder.is_dir() else ():
+                    found.setdefault(each.lower(), []).append(each)
+            self._listed[name] = found
+        return self._listed[name]
 
     def _search(self, name: str) -> str | None:
         found = self._by_name.get(name.lower())

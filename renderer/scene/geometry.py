@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +12,13 @@ import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.kernel.mesh.faces import find_corners
+from renderer.scene.crowd import MOST_VERTICES, placed_together
 from renderer.scene.description import F32, I32, SceneDescription
 from renderer.scene.instances import Group, Sharing, goes_straight
 from renderer.scene.objects import number_objects
 from renderer.scene.placed import Placed, placed, with_keys
 from renderer.scene.readable import read_only
+from renderer.scene.tangents import needs_tangents
 from renderer.threads import PART, Team, parts_of
 
 __all__ = [
@@ -39,6 +41,7 @@ __all__ = [
 
 MAX_TRIANGLES = 20_000_000
 NOWHERE = -2
+_CROWD = 8  # small instances that are worth being placed together
 _FEW_KEYS = 5
 _MOST_POINTS = 2_000_000  # instances times vertices whose places are looked at one by one
 
@@ -82,11 +85,12 @@ class Placement(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Triangles of one material and object."""
+    """Triangles of a material and object, or of several, one behind the other."""
 
     placed: Placed
-    material: int
-    object: int
+    material: list[int]
+    object: list[int]
+    length: list[int]  # triangles of each
 
 
 class Section(NamedTuple):
@@ -100,7 +104,7 @@ class Section(NamedTuple):
 
 def make_still(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
     """What stands still. Raises SceneError where a place is beyond the range of float32."""
-    world = [_copy(description, n, objects[n], team) for n in sharing.copied]
+    world = _copies(description, sharing.copied, objects, team)
     return _section(world, [_group(description, group, team) for group in sharing.groups], team)
 
 
@@ -178,7 +182,40 @@ def _copy(description: SceneDescription, number: int, object: int, team: Team, w
     instance = description.instances[number]
     mesh = description.meshes[instance.mesh]
     material = mesh.material if instance.material is None else instance.material
-    return _Part(placed(description, mesh, instance.transform, [material], team, whole), material, object)
+    return _part(placed(description, mesh, instance.transform, [material], team, whole), material, object)
+
+
+def _part(found: Placed, material: int, object: int) -> _Part:
+    return _Part(found, [material], [object], [len(found.triangle)])
+
+
+def _copies(description: SceneDescription, numbers: Sequence[int], objects: Sequence[int], team: Team) -> list[_Part]:
+    """Instances in the world, small ones that follow each other at once."""
+    found: list[_Part] = []
+    for is_small, run in groupby(numbers, lambda n: _is_small(description, n)):
+        some = list(run)
+        part = _crowd(description, some, objects) if is_small and len(some) >= _CROWD else None
+        found += [part] if part is not None else [_copy(description, n, objects[n], team) for n in some]
+    return found
+
+
+def _is_small(description: SceneDescription, number: int) -> bool:
+    """Whether an instance can be placed with others: see `placed_together`."""
+    instance = description.instances[number]
+    mesh = description.meshes[instance.mesh]
+    material = description.materials[mesh.material if instance.material is None else instance.material]
+    count = len(mesh.positions)
+    return 0 < count <= MOST_VERTICES and mesh.normals is not None and len(mesh.triangles) > 0 and not needs_tangents(material)
+
+
+def _crowd(description: SceneDescription, numbers: list[int], objects: Sequence[int]) -> _Part | None:
+    shown = [description.instances[n] for n in numbers]
+    meshes = [description.meshes[instance.mesh] for instance in shown]
+    found = placed_together(meshes, [instance.transform for instance in shown])
+    if found is None:
+        return None
+    own = [m.material if i.material is None else i.material for i, m in zip(shown, meshes, strict=True)]
+    return _Part(found[0], own, [objects[n] for n in numbers], found[1].tolist())
 
 
 def _over_the_shutter(description: SceneDescription, numbers: list[int], parts: list[_Part], team: Team) -> list[_Part]:
@@ -216,7 +253,7 @@ def _group(description: SceneDescription, group: Group, team: Team) -> list[_Par
         mesh = description.meshes[m]
         used = sorted({mesh.material if number is None else number for number in own})
         material = mesh.material if mesh.material in used else used[0]
-        parts.append(_Part(placed(description, mesh, np.eye(4), used, team), material, -1))
+        parts.append(_part(placed(description, mesh, np.eye(4), used, team), material, -1))
     return parts
 
 
@@ -226,11 +263,10 @@ def _count(parts: Sequence[_Part]) -> int:
 
 def _together(parts: Sequence[_Part]) -> Geometry:
     """The parts as one. What only some of them have the others get neutral values for; for the second UVs, the first."""
-    count = [_count([part]) for part in parts]
     parting = (
-        np.cumsum([0, *count], dtype=np.int32),
-        np.array([part.material for part in parts], np.int32),
-        np.array([part.object for part in parts], np.int32),
+        np.cumsum([0, *(length for part in parts for length in part.length)], dtype=np.int32),
+        np.array([material for part in parts for material in part.material], np.int32),
+        np.array([object for part in parts for object in part.object], np.int32),
     )
     if len(parts) == 1:
         only = parts[0].placed

@@ -176,6 +176,7 @@ PARAMETERS = parameters_of(Material)
 def check(material: Material) -> None:
     """Raises SceneError where a parameter is not what the table says it may be: a reader let it through."""
     for parameter in PARAMETERS:
-        fault = parameter.fault(getattr(material, parameter.name))
+        value = getattr(material, parameter.name)
+        fault = None if value is parameter.default else parameter.fault(value)
         if fault is not None:
             raise SceneError(f"Material {material.name}: its {parameter.in_file} {fault}. Mend it in the file")

@@ -17,7 +17,8 @@ def merge(part: SceneDescription, whole: SceneDescription, material: int | None 
     """
     images, textures, materials, meshes = (len(x) for x in (whole.images, whole.textures, whole.materials, whole.meshes))
     idle = SurfaceNote if material is not None else ()
-    whole.warnings += [w for w in part.warnings if w not in whole.warnings and not isinstance(w, idle)]
+    known = set(whole.warnings)
+    whole.warnings += [w for w in part.warnings if w not in known and not isinstance(w, idle)]
     if material is None:
 
         def moved(index: int | None) -> int | None:

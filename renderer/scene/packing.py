@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,8 @@ _KINDS = {
     "blinn_phong": rows.BLINN_PHONG,
     "unlit": rows.UNLIT,
 }
+_TEXTURED = tuple(parameter for parameter in PARAMETERS if parameter.slot is not None)
+_SPECIAL = ("glass", "blinn_phong", "conductor")
 _SMOOTH = ("glass", "conductor")  # where no roughness is given
 _LEAST_COLOR = 1e-6  # what volumes leave of light at least, so that absorption stays finite
 
@@ -53,13 +55,15 @@ def pack(description: SceneDescription) -> Packed:
     count = len(description.materials)
     kinds = np.zeros(count, np.int32)
     flags = np.zeros(count, np.int32)
-    columns = np.zeros((count, rows.COLUMNS), np.float32)
+    for m in description.materials:
+        check(m)
+    absorption = _absorption(description.materials)
+    emissions = np.zeros((count, 3))
     textures = np.full((count, rows.SLOTS), -1, np.int32)
     emitted = np.zeros(count)
     for i, m in enumerate(description.materials):
-        check(m)
-        for parameter in PARAMETERS:
-            index = getattr(m, parameter.name) if parameter.slot is not None else None
+        for parameter in _TEXTURED:
+            index = getattr(m, parameter.name)
             if index is None:
                 continue
             if not parameter.layered and description.textures[index].layers:
@@ -77,8 +81,9 @@ def pack(description: SceneDescription) -> Packed:
         if m.double_sided:
             emitted[i] *= 2
         kinds[i] = _kind(m)
-        _fill(columns[i], m, emission)
-        flags[i] = _flags(m, [row for row in textures[i] if row >= 0], texels)
+        emissions[i] = emission
+        flags[i] = _flags(m, [row for row in textures[i].tolist() if row >= 0], texels, bool(absorption[i].any()))
+    columns = _columns(description.materials, emissions, absorption)
     return Packed(kinds, flags, columns, textures, *texels.arrays(), texels.keys(), emitted)
 
 
@@ -100,7 +105,7 @@ def _kind(m: Material) -> int:
     return _KINDS[m.kind]
 
 
-def _flags(m: Material, used: list[int], texels: Texels) -> int:
+def _flags(m: Material, used: list[int], texels: Texels, absorbs: bool) -> int:
     mapped = m.normal_texture is not None or m.clearcoat_normal_texture is not None
     principled = m.kind == "metallic_roughness"
     transmits = m.kind == "glass" or (principled and m.transmission > 0)
@@ -118,25 +123,47 @@ def _flags(m: Material, used: list[int], texels: Texels) -> int:
         rows.UNSEEN: m.unseen,
         rows.SHADELESS: m.shadeless,
         rows.FACING: m.facing and m.emission_texture is None,
-        rows.ABSORBING: transmits and not m.thin and bool(_absorption(m).any()),
+        rows.ABSORBING: transmits and not m.thin and absorbs,
     }
     return sum(bit for bit, is_set in flags.items() if is_set)
 
 
-def _fill(row: F32, m: Material, emission: np.ndarray) -> None:
+def _columns(materials: list[Material], emission: np.ndarray, absorption: np.ndarray) -> F32:
+    """(M, COLUMNS), a column of all materials after the other: files have a hundred thousand of them."""
+    found = np.zeros((len(materials), rows.COLUMNS), np.float32)
+
+    def put(column: int, values: list[Any] | np.ndarray) -> None:
+        given = np.array(values, np.float64).reshape(len(materials), -1)
+        found[:, column : column + given.shape[1]] = given
+
+    if not materials:
+        return found
+    for parameter in PARAMETERS:
+        if parameter.column is not None:
+            put(parameter.column, [getattr(m, parameter.name) for m in materials])
+    put(rows.EMISSION, emission)
+    put(rows.ROUGHNESS, [_roughness(m) for m in materials])
+    put(rows.ABSORPTION, absorption)
+    turned = [m.anisotropy_rotation for m in materials]
+    put(rows.ROTATION, [(np.cos(angle), np.sin(angle)) if angle else (1.0, 0.0) for angle in turned])
+    put(rows.F0, [_at_normal_incidence(m) for m in materials])
+    for row, m in zip(found, materials, strict=True):
+        if m.kind in _SPECIAL:
+            _fill(row, m)
+    return found
+
+
+def _at_normal_incidence(m: Material) -> list[float]:
+    reflected = ((m.ior - 1) / (m.ior + 1)) ** 2
+    return [min(reflected * c, 1.0) for c in m.specular_color]
+
+
+def _fill(row: F32, m: Material) -> None:
+    """What kinds have that are kept as others are."""
+
     def put(column: int, *values: float) -> None:
         row[column : column + len(values)] = values
 
-    for parameter in PARAMETERS:
-        if parameter.column is not None:
-            value = getattr(m, parameter.name)
-            put(parameter.column, *(value if isinstance(value, tuple) else (value,)))
-    put(rows.EMISSION, *emission)
-    put(rows.ROUGHNESS, _roughness(m))
-    put(rows.ABSORPTION, *_absorption(m))
-    put(rows.ROTATION, np.cos(m.anisotropy_rotation), np.sin(m.anisotropy_rotation))
-    normal_incidence = ((m.ior - 1) / (m.ior + 1)) ** 2
-    put(rows.F0, *(min(normal_incidence * c, 1.0) for c in m.specular_color))
     if m.kind == "glass":  # the principled surface that lets everything pass
         put(rows.METALLIC, 0.0)
         put(rows.TRANSMISSION, 1.0)
@@ -151,10 +178,11 @@ def _fill(row: F32, m: Material, emission: np.ndarray) -> None:
         put(rows.MEAN_FRESNEL, *_mean_reflectance(m))
 
 
-def _absorption(m: Material) -> np.ndarray:
-    """Per unit length, of the inside: what leaves attenuation_color of white after attenuation_distance."""
-    color = np.clip(np.array(m.attenuation_color, np.float64), _LEAST_COLOR, 1.0)
-    return -np.log(color) / max(m.attenuation_distance, 1e-30)
+def _absorption(materials: list[Material]) -> np.ndarray:
+    """(M, 3) per unit length, of the inside: what leaves attenuation_color of white after attenuation_distance."""
+    color = np.array([m.attenuation_color for m in materials], np.float64).reshape(-1, 3)
+    distance = np.array([m.attenuation_distance for m in materials], np.float64)
+    return -np.log(np.clip(color, _LEAST_COLOR, 1.0)) / np.maximum(distance, 1e-30)[:, None]
 
 
 def conductor_reflectance(cosine: np.ndarray, eta: float, k: float) -> np.ndarray:

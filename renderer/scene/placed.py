@@ -19,7 +19,7 @@ from renderer.scene.readable import read_only
 from renderer.scene.tangents import needs_tangents, split_mirrored, tangent_uv_set, vertex_tangents
 from renderer.threads import PART, Team, parts_of
 
-__all__ = ["MAX_COORDINATE", "Placed", "placed", "with_keys"]
+__all__ = ["MAX_COORDINATE", "Placed", "finite", "placed", "with_keys"]
 
 MAX_COORDINATE = 1e15  # squares and products of it stay within float32
 _NO_KEYS = np.zeros((0, 2, 0, 3), np.float32)
@@ -80,7 +80,7 @@ def placed(
         tangent = _carried_tangents(mesh.tangents, transform, mirrors)
     elif bent:
         uvs = mesh.uvs1 if tangent_uv_set(description, bent[0]) else mesh.uvs
-        uv = _finite(uvs, len(mesh.positions), 2)[vertex]
+        uv = finite(uvs, len(mesh.positions), 2)[vertex]
         kept, triangle = split_mirrored(uv, triangle)
         vertex, normal = np.arange(len(position))[vertex][kept], normal[kept]
         tangent = vertex_tangents(position[vertex], normal, uv[kept], triangle)
@@ -88,9 +88,9 @@ def placed(
     return Placed(
         position[vertex],
         normal,
-        _finite(mesh.uvs, len(mesh.positions), 2)[vertex],
-        none[:, :2] if mesh.uvs1 is None else _finite(mesh.uvs1, len(mesh.positions), 2)[vertex],
-        none if mesh.colors is None else np.clip(_finite(mesh.colors, len(mesh.positions), 4), 0, 1)[vertex],
+        finite(mesh.uvs, len(mesh.positions), 2)[vertex],
+        none[:, :2] if mesh.uvs1 is None else finite(mesh.uvs1, len(mesh.positions), 2)[vertex],
+        none if mesh.colors is None else np.clip(finite(mesh.colors, len(mesh.positions), 4), 0, 1)[vertex],
         tangent,
         triangle,
         dropped,
@@ -123,7 +123,7 @@ def _unit(face: npt.NDArray[np.float64]) -> F32:
     return np.divide(face, length, out=np.tile(_ANY, (len(face), 1)), where=length > 0).astype(np.float32)
 
 
-def _finite(values: np.ndarray | None, count: int, width: int) -> F32:
+def finite(values: np.ndarray | None, count: int, width: int) -> F32:
     """(count, width) float32: zeros where there are no values, and for those that are no numbers."""
     if values is None:
         return np.zeros((count, width), np.float32)
@@ -162,7 +162,7 @@ def _placed_normals(normals: F32, transform: npt.NDArray[np.float64], position: 
 
 def _carried_tangents(tangents: F32, transform: np.ndarray, mirrors: bool) -> F32:
     """A file's tangents in the world. Mirrored, the frame changes hands: the normal keeps its side, the tangent turns."""
-    direction = product(_finite(tangents, len(tangents), 4)[:, None, :3].astype(np.float64), transform[:3, :3].T)[:, 0]
+    direction = product(finite(tangents, len(tangents), 4)[:, None, :3].astype(np.float64), transform[:3, :3].T)[:, 0]
     length = np.linalg.norm(direction, axis=1, keepdims=True)
     unit = np.divide(direction, length, out=np.tile([[1.0, 0.0, 0.0]], (len(direction), 1)), where=length > 0)
     sign = np.where((tangents[:, 3] < 0) != mirrors, -1.0, 1.0)

@@ -38,7 +38,8 @@ class Texels:
         self._images: dict[tuple[int, bool], tuple[int, int, float]] = {}  # to first texel, block, scale
         self._textures: dict[tuple[int, bool], tuple[int, float]] = {}  # to row, scale
         self._block_of_row: list[int] = []
-        self._means: dict[int, float] = {}
+        self._means: dict[int, float] = {}  # of stacks by their first rows
+        self._block_means: dict[tuple[int, bool], float] = {}
 
     def add(self, index: int, light: bool = False) -> tuple[int, float]:
         """The row of a texture, its layers behind it, and what its texels are to be multiplied by.
@@ -66,7 +67,10 @@ class Texels:
     def mean_luminance(self, row: int) -> float:
         """The mean linear luminance of a row's texels, 0..1; of a stack, over the square 0..1 of UVs and never quite 0."""
         if self._rows[row][ABOVE] < 0:
-            return _mean_luminance(self._blocks[self._block_of_row[row]], srgb=bool(self._rows[row][SRGB]))
+            key = self._block_of_row[row], bool(self._rows[row][SRGB])
+            if key not in self._block_means:
+                self._block_means[key] = _mean_luminance(self._blocks[key[0]], srgb=key[1])
+            return self._block_means[key]
         if row not in self._means:
             uv, triangle = _patches()
             mean = np.zeros((len(triangle), 3), np.float32)

@@ -13,6 +13,7 @@ from renderer.errors import SceneError
 from renderer.image import read
 from renderer.scene.description import Image, SceneDescription, SurfaceNote, TexelFilter, Texture, TextureLayer, UvTransform, Wrap
 from renderer.scene.files import SceneFiles
+from renderer.scene.warned import Warned
 
 __all__ = ["MAX_IMAGE_BYTES", "UNMOVED", "TextureShelf"]
 
@@ -26,6 +27,7 @@ class TextureShelf:
     def __init__(self, description: SceneDescription, files: SceneFiles) -> None:
         self._description = description
         self._files = files
+        self._warned = Warned(description.warnings)
         self._images: dict[tuple[str, bool], int | None] = {}
         self._textures: dict[Texture, int] = {}
         self._bytes = 0
@@ -36,8 +38,7 @@ class TextureShelf:
 
     def warn(self, sentence: str) -> None:
         """Adds a warning, once."""
-        if sentence not in self._description.warnings:
-            self._description.warnings.append(sentence)
+        self._warned.add(sentence)
 
     def image_file(self, name: str, srgb: bool = True) -> int | None:
         """The image in a file of the scene (a name that SceneFiles.find gave)."""

@@ -1,4 +1,4 @@
-"""Rows of a table that are the same."""
+"""Rows of a table that are the same, and corners of faces that are one vertex."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.kernel.mesh.corners import join_at_points
 from renderer.kernel.mesh.smooth import number_points
 
-__all__ = ["unique_rows", "unique_threes"]
+__all__ = ["unique_corners", "unique_rows", "unique_threes", "used_among"]
+
+I32 = npt.NDArray[np.int32]
 
 
 def unique_rows(table: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -28,7 +31,7 @@ def unique_rows(table: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], npt.NDA
     return order[new], kind
 
 
-def unique_threes(table: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+def unique_threes(table: npt.NDArray[Any]) -> tuple[I32, I32]:
     """As `unique_rows`, of (N, 3) numbers of 32 bits, and far faster: by their bits, kinds in the order in which they come."""
     bits = np.ascontiguousarray(table).view(np.uint32)
     slots = np.full(1 << max(2 * len(bits) - 1, 1).bit_length(), -1, np.int32)
@@ -36,3 +39,32 @@ def unique_threes(table: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int32], npt.N
     salt = np.uint64(int.from_bytes(os.urandom(8), "little"))
     count = number_points(bits, salt, slots, first, kind)
     return first[:count], kind
+
+
+def unique_corners(point: npt.NDArray[Any], points: int, values: list[npt.NDArray[np.float32]]) -> tuple[I32, I32]:
+    """The first corner of each vertex, (U,), and the vertex of each corner, (C,): corners that agree in point and values are one.
+
+    point: (C,) numbers below `points`. values: (C, w) each. Vertices are in the order in which they come. Where very many meet in
+    one point, some of those that agree stay apart.
+    """
+    count = len(point)
+    table = np.concatenate([np.zeros((count, 0), np.float32), *values], axis=1)
+    table += np.float32(0)  # there are two zeros
+    last = np.full(points, -1, np.int32)
+    before, first, kind = (np.empty(count, np.int32) for _ in range(3))
+    found = join_at_points(np.ascontiguousarray(point, np.int64), table.view(np.uint32), last, before, first, kind)
+    return first[:found], kind
+
+
+def used_among(numbers: npt.NDArray[Any], count: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
+    """Which of 0 ... count - 1 are among numbers, ascending, and the place of each of the numbers among those.
+
+    In time that grows with the numbers alone where they are few.
+    """
+    if 8 * numbers.size < count:
+        few, at = np.unique(numbers, return_inverse=True)
+        return few.astype(np.int64), at.reshape(numbers.shape)
+    is_used = np.zeros(count, bool)
+    is_used[numbers] = True
+    place = np.cumsum(is_used) - 1
+    return np.flatnonzero(is_used), place[numbers]

@@ -52,14 +52,23 @@ def material(node: Node) -> tuple[dict[str, Any], list[str]]:
 
 
 def test_a_mix_is_what_lies_between() -> None:
-    told, said = looked(mixed(diffuse(0.6, 0.0, 0.0), glossy(0.6, 0.0, 0.0, roughness=0.3), 0.25))
-    assert told("Metallic") == 0.25
-    assert told("Roughness") == 0.3, "of what is matt there is no roughness to mix"
-    assert told("Base Color") == pytest.approx([0.6, 0, 0])
+    told, said = looked(mixed(glossy(1.0, 0.0, 0.0, roughness=0.2), glossy(0.0, 0.0, 1.0, roughness=0.6), 0.25))
+    assert told("Metallic") == 1.0
+    assert told("Roughness") == pytest.approx(0.3)
+    assert told("Base Color") == pytest.approx([0.75, 0, 0.25])
     assert said == []
-    told, said = looked(mixed(diffuse(1.0, 0.0, 0.0), glossy(0.0, 0.0, 1.0), 0.5))
-    assert told("Base Color") == pytest.approx([0.5, 0, 0.5])
-    assert said == ["of a metal and something else that are mixed, both have the colour between"]
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+def test_a_mix_of_matt_and_metal_reflects_as_much(is_first: bool) -> None:
+    matt, metal = diffuse(0.6, 0.0, 0.0), glossy(0.0, 0.9, 0.0, roughness=0.3)
+    told, said = looked(mixed(matt, metal, 0.25) if is_first else mixed(metal, matt, 0.75))
+    assert told("Roughness") == 0.3
+    assert told("Base Color")[:3] == pytest.approx([0.6, 0, 0])
+    assert told("Specular Tint")[:3] == pytest.approx([0.0, 0.9, 0.0])
+    assert ((told("IOR") - 1) / (told("IOR") + 1)) ** 2 == pytest.approx(0.25)
+    assert told("Metallic") is None
+    assert said == []
 
 
 def test_a_mix_with_what_is_clear_is_alpha() -> None:

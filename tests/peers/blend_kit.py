@@ -121,6 +121,9 @@ def moving(folder: Path) -> dict[str, object]:
     odd.use_nodes = True
     noise = odd.node_tree.nodes.new("ShaderNodeTexNoise")
     odd.node_tree.links.new(noise.outputs["Color"], odd.node_tree.nodes["Principled BSDF"].inputs["Base Color"])
+    height = odd.node_tree.nodes.new("ShaderNodeDisplacement")
+    odd.node_tree.links.new(noise.outputs[0], height.inputs["Height"])
+    odd.node_tree.links.new(height.outputs[0], odd.node_tree.nodes["Material Output"].inputs["Displacement"])
     round_block.data.materials.append(odd)
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "moving.blend"))
     return {str(frame): told(frame) for frame in FRAMES}

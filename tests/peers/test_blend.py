@@ -142,7 +142,22 @@ def shot(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Shot:
 def test_what_is_not_taken_over_is_named(shot: Shot) -> None:
     found = shot.at(Moment(1))
     said = " ".join(found.warnings)
-    assert "Material odd: what Noise Texture would make of it is not taken over; bake it to an image" in said
+    assert "Material odd: its displacement is not taken over" in said
+    assert "Noise" not in said
+
+
+def test_what_nodes_make_is_baked(shot: Shot) -> None:
+    """A noise has no picture: Cycles makes one, on UVs of its own."""
+    found = shot.at(Moment(1))
+    odd = next(material for material in found.materials if material.name == "odd")
+    assert odd.base_color_texture is not None
+    pixels = found.images[found.textures[odd.base_color_texture].image].pixels[..., :3] / 255
+    colors = pixels[pixels.any(axis=2)]
+    assert len(colors) > 0.3 * pixels.shape[0] * pixels.shape[1]
+    np.testing.assert_allclose(colors.mean(), 0.72, atol=0.08)  # a half, as sRGB has it
+    assert colors.std() > 0.03
+    tube = next(mesh for mesh in found.meshes if found.materials[mesh.material].name == "odd")
+    assert tube.uvs is not None
 
 
 def test_the_world_is_a_picture_of_what_cycles_sees(shot: Shot) -> None:

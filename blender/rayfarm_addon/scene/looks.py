@@ -6,15 +6,19 @@ on what lies beneath. What a mix cannot say so (two colours of which one is a me
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from .nodes import At, Blend, Plain, Source, constant, followed
 
-__all__ = ["Look", "look_of", "told_by_ray"]
+__all__ = ["Look", "brushed", "look_of", "told_by_ray", "under_coat"]
 
 BLACK = Plain([0.0, 0.0, 0.0])
 SHARE = 0.5
+CLEAR = 0.999
+WAY = 1.15  # through a coat, of its thickness: on average over what leaves a matt surface, where the coat refracts as 1.5
+MOST_POLISHED = 0.95  # of a mix, beyond which it is a metal
 # Of a principled BSDF, what a shader without the input would have there.
 DEFAULTS: dict[str, Plain] = {
     "Base Color": Plain([0.8] * 3),
@@ -67,6 +71,23 @@ class _Clear(Look):
 
     def __init__(self) -> None:
         super().__init__({"Alpha": Plain(0.0)})
+
+
+def brushed(strength: float, roughness: float, turns: float) -> tuple[float, dict[str, float]]:
+    """glTF's roughness, and its anisotropy: Cycles stretches both ways about the roughness, glTF along the tangent alone."""
+    aspect = math.sqrt(1 - 0.9 * min(strength, 1.0))
+    along, across = min(roughness**2 / aspect, 1.0), roughness**2 * aspect
+    stretch = math.sqrt(max(along - across, 0.0) / max(1 - across, 1e-6))
+    return math.sqrt(across), {"anisotropyStrength": min(stretch, 1.0), "anisotropyRotation": turns * 2 * math.pi}
+
+
+def under_coat(look: Look) -> list[float] | None:
+    """What a tinted coat leaves of the light that comes from beneath it, about; None where it takes nothing."""
+    weight, tint = constant(look.input("Coat Weight")), constant(look.input("Coat Tint"))
+    if not isinstance(weight, float) or not isinstance(tint, list) or weight <= 0 or min(tint) > CLEAR:
+        return None
+    share = min(weight, 1.0)
+    return [1 + share * (min(max(c, 0.0), 1.0) ** WAY - 1) for c in tint]
 
 
 def told_by_ray(at: At) -> int | None:
@@ -142,7 +163,19 @@ def _mixed(source: Source, warn: Callable[[str], None]) -> Look | None:
     if by is not None and by.node.type in ("FRESNEL", "LAYER_WEIGHT", "CAMERA", "NEW_GEOMETRY"):
         warn(f"its shaders are mixed half and half, not by {by.node.bl_label or by.node.type}")
         share = Plain(SHARE)
-    return _Mix(share, first, second, warn)
+    polished = _polished(plain, first, second)
+    return polished if polished is not None else _Mix(share, first, second, warn)
+
+
+def _polished(share: Any, first: Look, second: Look) -> Look | None:
+    """Of something matt and a metal by a number: the former, under a reflection of as much at normal incidence."""
+    matt, metal, part = (first, second, share) if first.is_matt else (second, first, None if share is None else 1 - share)
+    is_metal = constant(metal.input("Metallic")) == 1.0 and not metal.is_matt
+    if not (isinstance(part, float) and 0 < part < MOST_POLISHED and matt.is_matt and is_metal) or _is_black(matt):
+        return None
+    root = math.sqrt(part)
+    said = {"Roughness": metal.input("Roughness"), "IOR": Plain((1 + root) / (1 - root)), "Specular IOR Level": Plain(0.5)}
+    return matt.over(said | {"Specular Tint": metal.input("Base Color")})
 
 
 def _reflecting(by: Source, beneath: Look, gloss: Look, warn: Callable[[str], None]) -> Look:

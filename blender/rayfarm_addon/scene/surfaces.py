@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from .looks import Look, look_of, told_by_ray
+from .looks import Look, brushed, look_of, told_by_ray, under_coat
 from .model import Material, Scene, TextureUse
 from .nodes import At, Source, constant, followed, output_of
 from .pictures import Pictures
@@ -199,9 +199,10 @@ class _Reader:
         self._slot(coat, "KHR_materials_clearcoat", "clearcoatTexture", 0)
         self._slot(rough, "KHR_materials_clearcoat", "clearcoatRoughnessTexture", 1)
         self._normal(source.input("Coat Normal"), self._more["KHR_materials_clearcoat"], "clearcoatNormalTexture")
-        tint = constant(source.input("Coat Tint"))
-        if tint is not None and min(tint) < 0.999:
-            self._warn("the tint of its coat is left out")
+        left = under_coat(source)
+        if left is not None:
+            factor = self._said["pbrMetallicRoughness"]["baseColorFactor"]
+            factor[:3] = [c * share for c, share in zip(factor[:3], left, strict=True)]
         ior = constant(source.input("Coat IOR"))
         if ior is not None and abs(ior - 1.5) > 0.01:
             self._warn("its coat refracts as 1.5")
@@ -230,16 +231,12 @@ class _Reader:
                 self._said["emissiveTexture"] = picture
 
     def _brushed(self, value: Any, roughness: float) -> None:
-        """Cycles stretches both ways about the roughness, glTF along the tangent alone."""
         strength = number(value(0.0, "Anisotropic").factor)
         if strength <= 0:
             return
-        aspect = math.sqrt(1 - 0.9 * min(strength, 1.0))
-        along, across = min(roughness**2 / aspect, 1.0), roughness**2 * aspect
-        self._said["pbrMetallicRoughness"]["roughnessFactor"] = math.sqrt(across)
-        turn = number(value(0.0, "Anisotropic Rotation").factor) * 2 * math.pi
-        stretch = math.sqrt(max(along - across, 0.0) / max(1 - across, 1e-6))
-        self._extend("anisotropy", anisotropyStrength=min(stretch, 1.0), anisotropyRotation=turn)
+        rough, stretched = brushed(strength, roughness, number(value(0.0, "Anisotropic Rotation").factor))
+        self._said["pbrMetallicRoughness"]["roughnessFactor"] = rough
+        self._extend("anisotropy", **stretched)
 
     def _film(self, source: Look) -> None:
         thickness = constant(source.input("Thin Film Thickness"))

@@ -10,6 +10,7 @@ from .simplified import is_followed
 __all__ = ["bake"]
 
 BAKED = ("Base Color", "Metallic", "Roughness", "Alpha", "Emission Color")
+BENT = ("Normal", "Coat Normal")  # whose bumps become maps of normals
 LAYER = "rayfarm"
 SIZE, LEAST_SIZE = 1024, 256
 MARGIN = 8  # texels around each island
@@ -71,7 +72,7 @@ def _odd(material: Any) -> list[Any]:
     node = links[0].from_node if links else None
     if node is None or node.type != "BSDF_PRINCIPLED":
         return []
-    entries = [node.inputs[name] for name in BAKED if name in node.inputs and node.inputs[name].is_linked]
+    entries = [node.inputs[name] for name in (*BAKED, *BENT) if name in node.inputs and node.inputs[name].is_linked]
     return [entry for entry in entries if not is_followed(entry.links[0].from_node)]
 
 
@@ -121,15 +122,22 @@ def _bake(bpy: Any, scene: Any, material: Any, entries: list[Any], owners: list[
             target = tree.nodes.new("ShaderNodeTexImage")
             target.image = image
             tree.nodes.active = target
+            is_bent = entry.name in BENT
             tree.links.new(entry.links[0].from_socket, shining.inputs["Color"])
-            tree.links.new(shining.outputs[0], output.inputs["Surface"])
+            tree.links.new(surface if is_bent else shining.outputs[0], output.inputs["Surface"])
             _select(bpy, owners)
-            bpy.ops.object.bake(type="EMIT")
+            bpy.ops.object.bake(type="NORMAL" if is_bent else "EMIT", normal_space="TANGENT")
             image.pack()
             where = tree.nodes.new("ShaderNodeUVMap")
             where.uv_map = LAYER
             tree.links.new(where.outputs[0], target.inputs["Vector"])
-            tree.links.new(target.outputs["Color"], entry)
+            if is_bent:
+                bends = tree.nodes.new("ShaderNodeNormalMap")
+                bends.uv_map = LAYER
+                tree.links.new(target.outputs["Color"], bends.inputs["Color"])
+                tree.links.new(bends.outputs["Normal"], entry)
+            else:
+                tree.links.new(target.outputs["Color"], entry)
     finally:
         tree.links.new(surface, output.inputs["Surface"])
         tree.nodes.remove(shining)

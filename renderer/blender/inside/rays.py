@@ -11,6 +11,7 @@ __all__ = ["RAYS", "note_rays", "passed_by", "with_rays"]
 
 RAYS = "RAYFARM_node_rays"  # what renderer/scene/readers/gltf/nodes.py reads
 OTHERS = {"diffuse": "by what it lights", "glossy": "in reflections", "transmission": "through glass"}
+FACTORS = ("baseColorFactor", "roughnessFactor")
 _HEAD = struct.Struct("<4sII")
 _CHUNK = struct.Struct("<II")
 _JSON = 0x4E4F534A
@@ -44,8 +45,20 @@ def note_rays(things: list[Any], layer: Any, notes: list[str]) -> None:
                 notes.append(f"{thing.name}: is {what} in Blender, and shown as any other object")
 
 
+def _put_factors(material: dict[str, Any], told: dict[str, Any]) -> None:
+    surface = material.setdefault("pbrMetallicRoughness", {})
+    if "roughnessFactor" in told:
+        surface["roughnessFactor"] = told["roughnessFactor"]
+    if "baseColorFactor" in told:
+        *color, alpha = surface.get("baseColorFactor", [1.0] * 4)
+        surface["baseColorFactor"] = [*(a * b for a, b in zip(color, told["baseColorFactor"], strict=True)), alpha]
+
+
 def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, Any]]) -> None:
-    """Writes into a GLB the rays on the nodes of their names, and extensions on the materials of theirs."""
+    """Writes into a GLB the rays on the nodes of their names, and on the materials of theirs extensions and factors.
+
+    Of factors, roughnessFactor is replaced, and baseColorFactor multiplied.
+    """
     if not (rays or surfaces):
         return
     data = path.read_bytes()
@@ -62,8 +75,10 @@ def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, 
             used.add(RAYS)
     for material in document.get("materials", []):
         if (told := surfaces.get(material.get("name", ""))) is not None:
-            material["extensions"] = {**material.get("extensions", {}), **told}
-            used.update(told)
+            extensions = {name: each for name, each in told.items() if name not in FACTORS}
+            material["extensions"] = {**material.get("extensions", {}), **extensions}
+            used.update(extensions)
+            _put_factors(material, told)
     document["extensionsUsed"] = sorted(used)
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
     text += b" " * (-len(text) % 4)

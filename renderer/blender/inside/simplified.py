@@ -78,7 +78,7 @@ class _Simplifier:
         self._painter = modules.painted.Painter(material.name, self._way)
 
     def run(self) -> dict[str, Any]:
-        """Does it, where there is anything to do: glTF's extensions that the exporter does not write."""
+        """Does it, where there is anything to do: what the exporter does not write as Cycles means it, for `with_rays`."""
         nodes = self._modules.nodes
         source = nodes.output_of(self._tree)
         output = self._tree.get_output_node("CYCLES") or self._tree.get_output_node("ALL")
@@ -115,6 +115,12 @@ class _Simplifier:
                 "diffuseTransmissionFactor": min(weight, 1.0),
                 "diffuseTransmissionColorFactor": [min(max(c, 0.0), 1.0) for c in color or [0.8] * 3],
             }
+        if (left := self._modules.looks.under_coat(look)) is not None:
+            said["baseColorFactor"] = left
+        strength, roughness = number("Anisotropic"), number("Roughness", -1.0)
+        if strength > 0 and roughness >= 0:
+            rough, stretched = self._modules.looks.brushed(strength, roughness, number("Anisotropic Rotation"))
+            said |= {"roughnessFactor": rough, "KHR_materials_anisotropy": stretched}
         if (thickness := number("Thin Film Thickness")) > 0:
             said["KHR_materials_iridescence"] = {
                 "iridescenceFactor": 1.0,

@@ -71,7 +71,7 @@ def record_miss(log, row, path):
     """The environment, which a path's ray met."""
     log[row, OBJECT] = 0
     log[row, MATERIAL] = 0
-    _record(log, row, MISSED, _FAR, path.o, path.d, path)
+    _record(log, row, np.int64(MISSED), _FAR, path.o, path.d, path)
 
 
 @subroutine

@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.jit import builder, device
 
-__all__ = ["blend_normals", "join_corners", "measure_corners", "number_points", "sort_corners"]
+__all__ = ["measure_corners", "number_points", "round_corners", "sort_corners"]
 
 _FINE = 1e4  # normals that agree to so many parts of 1 are the same
 _MOST_KINDS = 64  # that a corner is compared with: where more meet in one point, some that agree stay apart
@@ -87,57 +87,72 @@ def measure_corners(position, triangle, unit, across, along):
 
 
 @builder
-def blend_normals(unit, angle, start, order, limit, most, normal):
-    """Each corner's normal: the mean, by their angles, of the faces at its point that lie within the crease angle of its own.
+def round_corners(unit, angle, start, order, vertex, limit, most, normal, kind, kept):
+    """Gives each corner its normal: the mean, by their angles, of the faces at its point within the crease angle of its own.
+    Numbers corners that agree in vertex and normal, and says of each number its normal and its first corner: how many there are.
 
-    limit: the cosine of that. most: corners at a point that each looks at.
-    """
-    for p in range(len(start) - 1):
-        begin, degree = start[p], start[p + 1] - start[p]
-        for r in range(degree):
-            here = order[begin + r]
-            face = here // 3
-            x, y, z = unit[face, 0], unit[face, 1], unit[face, 2]
-            tx, ty, tz = x * angle[here], y * angle[here], z * angle[here]
-            for k in range(1, min(degree, most)):
-                other = order[begin + (r + k) % degree]
-                f = other // 3
-                if x * unit[f, 0] + y * unit[f, 1] + z * unit[f, 2] > limit:
-                    tx, ty, tz = tx + unit[f, 0] * angle[other], ty + unit[f, 1] * angle[other], tz + unit[f, 2] * angle[other]
-            size = np.sqrt(tx * tx + ty * ty + tz * tz)
-            size = size if size > 0 else 1.0
-            normal[here, 0], normal[here, 1], normal[here, 2] = tx / size, ty / size, tz / size
-
-
-@builder
-def join_corners(vertex, normal, start, order, kind, kept):
-    """Numbers corners that agree in vertex and normal, and says of each number its first corner: how many there are.
-
-    vertex, kind, kept: (3 T,) i32; kind is all -1.
+    limit: the cosine of the crease angle. most: corners at a point that each looks at. vertex, kind, kept: (3 T,) i32; kind is
+    all -1. normal: (3 T, 3) f32.
     """
     some = np.empty(_MOST_KINDS, np.int64)
     count = 0
     for p in range(len(start) - 1):
+        begin, degree = start[p], start[p + 1] - start[p]
+        is_smooth = degree <= most and _bends_little(unit, order, begin, degree, limit)
+        x, y, z = np.float32(0), np.float32(0), np.float32(0)
         found = 0
-        for r in range(start[p], start[p + 1]):
-            here = order[r]
+        for r in range(degree):
+            here = order[begin + r]
+            if r == 0 or not is_smooth:
+                x, y, z = _blended(unit, angle, order, begin, degree, r, limit, most)
             for k in range(min(found, _MOST_KINDS)):
                 other = some[k]
-                if vertex[other] == vertex[here] and _agree(normal, here, other):
-                    kind[here] = kind[other]
+                if vertex[kept[other]] == vertex[here] and (is_smooth or _agree(normal, other, x, y, z)):
+                    kind[here] = other
                     break
             if kind[here] < 0:
                 kind[here] = count
                 kept[count] = here
-                some[found % _MOST_KINDS] = here
+                normal[count, 0], normal[count, 1], normal[count, 2] = x, y, z
+                some[found % _MOST_KINDS] = count
                 count += 1
                 found += 1
     return count
 
 
 @device
-def _agree(normal, i, j):
-    agree = True
-    for c in range(3):
-        agree = agree and np.rint(normal[i, c] * _FINE) == np.rint(normal[j, c] * _FINE)
-    return agree
+def _bends_little(unit, order, begin, degree, limit):
+    """Whether all faces at a point lie within the crease angle of each other: then its corners have one normal."""
+    for r in range(degree):
+        a = order[begin + r] // 3
+        for k in range(r + 1, degree):
+            b = order[begin + k] // 3
+            if not unit[a, 0] * unit[b, 0] + unit[a, 1] * unit[b, 1] + unit[a, 2] * unit[b, 2] > limit:
+                return False
+    return True
+
+
+@device
+def _blended(unit, angle, order, begin, degree, r, limit, most):
+    """The normal of a point's r-th corner."""
+    here = order[begin + r]
+    face = here // 3
+    x, y, z = unit[face, 0], unit[face, 1], unit[face, 2]
+    tx, ty, tz = x * angle[here], y * angle[here], z * angle[here]
+    for k in range(1, min(degree, most)):
+        other = order[begin + (r + k) % degree]
+        f = other // 3
+        if x * unit[f, 0] + y * unit[f, 1] + z * unit[f, 2] > limit:
+            tx, ty, tz = tx + unit[f, 0] * angle[other], ty + unit[f, 1] * angle[other], tz + unit[f, 2] * angle[other]
+    size = np.sqrt(tx * tx + ty * ty + tz * tz)
+    size = size if size > 0 else 1.0
+    return np.float32(tx / size), np.float32(ty / size), np.float32(tz / size)
+
+
+@device
+def _agree(normal, i, x, y, z):
+    return (
+        np.rint(normal[i, 0] * _FINE) == np.rint(x * _FINE)
+        and np.rint(normal[i, 1] * _FINE) == np.rint(y * _FINE)
+        and np.rint(normal[i, 2] * _FINE) == np.rint(z * _FINE)
+    )

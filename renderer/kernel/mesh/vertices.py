@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.jit import entry
 
-__all__ = ["place_normals", "place_points"]
+__all__ = ["place_all_normals", "place_all_points", "place_normals", "place_points"]
 
 
 @entry
@@ -32,3 +32,20 @@ def place_normals(normal, matrix, first, end, placed, length):
         nz = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z
         length[i] = np.sqrt(nx * nx + ny * ny + nz * nz)
         placed[i, 0], placed[i, 1], placed[i, 2] = nx / length[i], ny / length[i], nz / length[i]
+
+
+@entry
+def place_all_points(point, transform, start, placed):
+    """As `place_points`, of many meshes: rows start[m] ... start[m + 1] - 1 through transform[m]."""
+    largest = 0.0
+    for m in range(len(transform)):
+        value = place_points(point, transform[m], start[m], start[m + 1], placed)
+        largest = value if value > largest or value != value else largest
+    return largest
+
+
+@entry
+def place_all_normals(normal, matrix, start, placed, length):
+    """As `place_normals`, of many meshes."""
+    for m in range(len(matrix)):
+        place_normals(normal, matrix[m], start[m], start[m + 1], placed, length)

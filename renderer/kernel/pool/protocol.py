@@ -99,7 +99,7 @@ def record_arrival(pool, lists, log, row, passed, before):
     log[row, OWN_SHARE] = pool[HIT + np.uintp(7)]
     log[row, TIME] = pool[_TIME]
     log[row, TOLD] = ARRIVED
-    record_light(log, row, EMITTED, three(pool, CARRIED))
+    record_light(log, row, np.int64(EMITTED), three(pool, CARRIED))
 
 
 @subroutine

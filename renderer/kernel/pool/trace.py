@@ -58,8 +58,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
     paths, lists, log = pool.rows, pool.lists, output.log
     height, width = output.sums.shape[1], output.sums.shape[2]
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
-    bad_count = 0
-    rays = 0
+    bad_count = rays = np.int64(0)
     for which in range(LISTS):
         clear(lists, which)
     for k in range(ROWS):
@@ -83,7 +82,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         scatter(scene, paths, lists, options, lit)
         rays += see_lights(scene, pool.alone, pool.stack, paths, lists, options)
         if row < len(log):
-            record_light(log, row, DIRECT, three(paths, CARRIED))
+            record_light(log, row, np.int64(DIRECT), three(paths, CARRIED))
             record_departure(paths, lists, log, row, lit)
         bad_count = keep(paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count)
     unfold(pool.film, output.sums)

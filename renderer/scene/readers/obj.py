@@ -14,7 +14,7 @@ from renderer.image.read import IMAGE_SUFFIXES
 from renderer.scene.closed import is_closed
 from renderer.scene.description import F32, I32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.normals import smoothed
+from renderer.scene.normals import smoothed_together
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.mtl import read_mtl
 from renderer.scene.readers.obj_lines import Statements, parse
@@ -50,12 +50,15 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     _check_corners(said, main)
     shelf = TextureShelf(description, files)
     materials = _Materials(main, said.libraries, files, shelf, description)
-    for name, faces in _stretches(said).items():
-        mesh = _mesh(name or PurePosixPath(main).stem, said, faces)
-        if mesh is not None:
-            mesh.material = materials.number(name, mesh)
-            description.meshes.append(smoothed(mesh))
-            description.instances.append(Instance(len(description.meshes) - 1, name=mesh.name))
+    stretches = _stretches(said)
+    meshes = _meshes([name or PurePosixPath(main).stem for name in stretches], said, list(stretches.values()))
+    shown = [(name, mesh) for name, mesh in zip(stretches, meshes, strict=True) if mesh is not None]
+    for name, mesh in shown:
+        mesh.material = materials.number(name, mesh)
+    bare = [mesh for _, mesh in shown]
+    for mesh in bare if not len(said.normals) and _is_faceted(text) else smoothed_together(bare):
+        description.meshes.append(mesh)
+        description.instances.append(Instance(len(description.meshes) - 1, name=mesh.name))
     if said.others:
         shelf.warn(f"{main}: {said.others} lines, points or curves have no surface and are left out.")
 
@@ -65,6 +68,16 @@ def _as_utf8(data: bytes) -> bytes:
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", "replace").encode()
     return data.removeprefix(codecs.BOM_UTF8)
+
+
+def _is_faceted(text: bytes) -> bool:
+    """Whether it says of its faces that they are not smooth, and of none that they are."""
+    is_said, at = False, -1
+    while (at := text.find(b"\ns ", at + 1)) >= 0:
+        if text[at + 3 : at + 100].split(None, 1)[:1] not in ([b"off"], [b"0"]):
+            return False
+        is_said = True
+    return is_said
 
 
 def _mended(text: bytes) -> bytes:
@@ -98,33 +111,51 @@ def _stretches(said: Statements) -> dict[str | None, npt.NDArray[np.int64]]:
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
-def _mesh(name: str, said: Statements, faces: npt.NDArray[np.int64]) -> Mesh | None:
-    """The mesh of some faces, polygons cut into fans; None where they have no triangle."""
-    size = said.starts[faces + 1] - said.starts[faces]
-    count = np.maximum(size - 2, 0)
-    if count.sum() == 0:
-        return None
+def _meshes(names: list[str], said: Statements, stretches: list[npt.NDArray[np.int64]]) -> list[Mesh | None]:
+    """The meshes of some faces each, polygons cut into fans; None where they have no triangle."""
+    faces = np.concatenate(stretches)
+    count = np.maximum(said.starts[faces + 1] - said.starts[faces] - 2, 0)
     first = np.repeat(said.starts[faces], count)
     step = np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count)
     fans = np.stack([first, first + step + 1, first + step + 2], axis=1)
-    corners, triangles = _joined(said.corners[fans.reshape(-1)])
+    ends = np.cumsum([0, *map(len, stretches)])
+    begin = np.concatenate([[0], np.cumsum(count)])[ends]  # the first triangle of each
+    corners, triangles, starts = _joined(said.corners[fans.reshape(-1)], 3 * begin)
+    positions, uvs, normals = (_picked(table, corners[:, k]) for k, table in enumerate((said.positions, said.uvs, said.normals)))
+    has = [np.concatenate([[0], np.cumsum(corners[:, k] >= 0)])[starts] for k in (1, 2)]
+    colors = None if said.colors is None else said.colors[corners[:, 0]]
+    found: list[Mesh | None] = []
+    for i, name in enumerate(names):
+        a, b = starts[i], starts[i + 1]
+        if begin[i] == begin[i + 1]:
+            found.append(None)
+            continue
+        numbers = triangles[3 * begin[i] : 3 * begin[i + 1]].reshape(-1, 3) - np.int32(a)
+        own_uvs, own_normals = (
+            None if known[i] == known[i + 1] else table[a:b] for known, table in zip(has, (uvs, normals), strict=True)
+        )
+        mesh = Mesh(name, positions[a:b], numbers, own_normals, own_uvs)
+        if colors is not None:
+            mesh.colors = vertex_colors(colors[a:b])
+        found.append(mesh)
+    return found
 
-    def pick(table: F32, k: int) -> F32 | None:
-        at = corners[:, k]
-        if (at < 0).all():
-            return None
-        return np.where(at[:, None] >= 0, table[np.maximum(at, 0)], np.float32(0))
 
-    mesh = Mesh(name, said.positions[corners[:, 0]], triangles.reshape(-1, 3), pick(said.normals, 2), pick(said.uvs, 1))
-    if said.colors is not None:
-        mesh.colors = vertex_colors(said.colors[corners[:, 0]])
-    return mesh
+def _picked(table: F32, at: I32) -> F32:
+    """Rows of a table; zeros for -1."""
+    if not len(table):
+        return np.zeros((len(at), table.shape[1]), np.float32)
+    return np.where(at[:, None] >= 0, table[np.maximum(at, 0)], np.float32(0))
 
 
-def _joined(corners: I32) -> tuple[I32, I32]:
-    """Corners that are the same made one vertex: the (V, 3) vertices, and the vertex of each corner."""
+def _joined(corners: I32, begin: npt.NDArray[np.int64]) -> tuple[I32, I32, npt.NDArray[np.int64]]:
+    """Corners that are the same made one vertex: the (V, 3) vertices, the vertex of each corner, and where the vertices of each
+    mesh begin. begin: where its corners do, with the end of all."""
     first, number = unique_threes(corners)
-    return corners[first], number
+    if len(begin) > 2:
+        mesh = np.repeat(np.arange(len(begin) - 1, dtype=np.int32), np.diff(begin))
+        first, number = unique_threes(np.column_stack([number, mesh, np.zeros_like(mesh)]))
+    return corners[first], number, np.searchsorted(first, begin)
 
 
 class _Materials:

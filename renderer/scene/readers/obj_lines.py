@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.jit import builder, device
+from renderer.kernel.text.numbers import read_number
 
 __all__ = ["Statements", "parse"]
 
@@ -23,7 +24,6 @@ Offsets = npt.NDArray[np.int64]
 _TAB, _NEWLINE, _RETURN, _SPACE, _PLUS, _MINUS, _DOT, _SLASH, _BACKSLASH = 9, 10, 13, 32, 43, 45, 46, 47, 92
 _OTHER, _V, _VT, _VN, _F, _USEMTL, _MTLLIB, _NO_SURFACE = range(8)
 _FINE, _TOO_FEW, _NOT_FINITE, _NO_CORNER, _NOT_THERE = range(5)
-_DIGITS = 18  # that an int64 holds; further ones are below what float64 tells apart
 
 
 class Statements(NamedTuple):
@@ -160,60 +160,12 @@ def _count(text: Bytes) -> Offsets:
 
 
 @device
-def _number(text: Bytes, i: int) -> tuple[float, int]:
-    """A decimal number and the place after it; the place is i where there is none."""
-    n, begin = len(text), i
-    negative = i < n and text[i] == _MINUS
-    if i < n and (negative or text[i] == _PLUS):
-        i += 1
-    mantissa, digits, exponent, seen = 0, 0, 0, False
-    fraction = 0
-    while i < n:
-        c = text[i]
-        if c == _DOT and fraction == 0:
-            fraction = 1
-        elif ord("0") <= c <= ord("9"):
-            seen = True
-            if digits < _DIGITS:
-                mantissa = mantissa * 10 + (c - ord("0"))
-                digits += mantissa > 0
-                exponent -= fraction
-            else:
-                exponent += 1 - fraction
-        else:
-            break
-        i += 1
-    if not seen:
-        return 0.0, begin
-    if i + 1 < n and (text[i] == ord("e") or text[i] == ord("E")):
-        at = i + 1
-        down = text[at] == _MINUS
-        if down or text[at] == _PLUS:
-            at += 1
-        if at < n and ord("0") <= text[at] <= ord("9"):
-            power = 0
-            while at < n and ord("0") <= text[at] <= ord("9"):
-                power = min(power * 10 + (text[at] - ord("0")), 9999)
-                at += 1
-            exponent += -power if down else power
-            i = at
-    value = np.float64(mantissa)
-    if exponent < -300:  # in two steps, for 10^-exponent would overflow
-        value = value / 1e300 / 10.0 ** np.float64(-exponent - 300)
-    elif exponent < 0:
-        value /= 10.0 ** np.float64(-exponent)
-    elif mantissa > 0:
-        value *= 10.0 ** np.float64(exponent)
-    return (-value if negative else value), i
-
-
-@device
 def _row(text: Bytes, i: int, needed: int, wanted: int, row: F32) -> tuple[int, int]:
     """Reads up to `wanted` numbers of a line into row. The code, and how many there were."""
     count = 0
     while count < wanted:
         i = _skip(text, i)
-        value, end = _number(text, i)
+        value, end = read_number(text, i)
         if end == i:
             break
         row[count] = np.float32(value)

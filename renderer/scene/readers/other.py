@@ -1,4 +1,4 @@
-"""What trimesh reads for us: Collada, PLY, STL and OFF, with their scene graph, materials and textures where they have any."""
+"""What trimesh reads for us: OFF, STL in text and Collada, with their scene graph, materials and textures where they have any."""
 
 from __future__ import annotations
 
@@ -19,15 +19,14 @@ from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescr
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
-from renderer.scene.readers.ply_faces import evened
-from renderer.scene.readers.points import MOST_POINTS, balls
+from renderer.scene.readers.points import add_points
+from renderer.scene.readers.stl import Z_UP
 from renderer.scene.readers.xml import refuse_entities
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read", "read_data"]
 
-# The world is Y up; these turn what is not. STL has no say of its own, and those who write it count Z up.
-_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+# The world is Y up; Z_UP and this turn what is not.
 _X_UP = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 
 logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what it logs of damaged files, our errors and warnings say
@@ -42,10 +41,6 @@ def read_data(data: bytes, suffix: str, files: SceneFiles, main: str, descriptio
     """The same of a file's bytes, of the format that a suffix names. Raises SceneError."""
     if suffix == ".dae":
         refuse_entities(data, main)
-    if suffix == ".stl" and not _is_binary_stl(data):
-        data = data.decode("utf-8", "replace").encode()  # the only words are names: another encoding must not stop the numbers
-    if suffix == ".ply":
-        data = evened(data)
     shelf = TextureShelf(description, files)
     resolver = _Resolver(files, main, shelf)
     try:
@@ -56,11 +51,6 @@ def read_data(data: bytes, suffix: str, files: SceneFiles, main: str, descriptio
         reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
         raise SceneError(f"{main}: is damaged or no {suffix} file ({reason}); export it again") from error
     _add(scene, main, _upright(suffix, data), shelf, description)
-
-
-def _is_binary_stl(data: bytes) -> bool:
-    """An 80 byte header, the number of triangles as u32, and 50 bytes for each."""
-    return len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
 
 
 def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: TextureShelf, description: SceneDescription) -> None:
@@ -103,20 +93,8 @@ def _add_points(
     colors = getattr(geometry, "colors", None)
     if colors is None and getattr(geometry.visual, "kind", None) == "vertex":
         colors = geometry.visual.vertex_colors
-    chosen = np.isfinite(points).all(axis=1)
-    count = int(chosen.sum())
-    if count == 0:
-        raise SceneError(f"{main}: holds positions that are not finite numbers; export the file again")
-    step = -(-count // MOST_POINTS)
-    rows = np.flatnonzero(chosen)[::step]
-    shown = np.asarray(colors, np.uint8)[rows] if colors is not None and len(colors) == len(points) else None
-    mesh, radius = balls(PurePosixPath(main).stem, points[rows], shown)
-    description.materials.append(Material("points", base_color=(1.0, 1.0, 1.0) if mesh.colors is not None else (0.8, 0.8, 0.8)))
-    mesh.material = len(description.materials) - 1
-    description.meshes.append(mesh)
-    description.instances.append(Instance(len(description.meshes) - 1, place, name=mesh.name))
-    some = f"{len(rows)} of {count}" if step > 1 else f"{count}"
-    shelf.warn(f"{main}: has points and no faces; {some} points are shown as balls of radius {radius:.3g}.")
+    shown = np.asarray(colors, np.uint8) if colors is not None and len(colors) == len(points) else None
+    add_points(points, shown, place, main, description, shelf)
 
 
 def _mesh(name: str, geometry: Any, main: str) -> Mesh:
@@ -189,9 +167,9 @@ def _color(values: Any) -> Vec3:
 
 def _upright(suffix: str, data: bytes) -> npt.NDArray[np.float64]:
     if suffix == ".stl":
-        return _Z_UP
+        return Z_UP
     said = re.search(rb"<up_axis>\s*([XYZ])_UP", data[:100_000]) if suffix == ".dae" else None
-    return {b"Z": _Z_UP, b"X": _X_UP}.get(said.group(1) if said else b"Y", np.eye(4))
+    return {b"Z": Z_UP, b"X": _X_UP}.get(said.group(1) if said else b"Y", np.eye(4))
 
 
 def _texture(image: Any, shelf: TextureShelf) -> int | None:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from itertools import combinations
+from pathlib import PurePosixPath
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.description import F32, Mesh
+from renderer.errors import SceneError
+from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.readers.colors import vertex_colors
+from renderer.scene.textures import TextureShelf
 
-__all__ = ["MOST_POINTS", "balls", "spacing"]
+__all__ = ["MOST_POINTS", "add_points", "balls", "spacing"]
 
 MOST_POINTS = 1_000_000
 _FINE = 200_000  # up to so many have balls of 20 triangles, more of 8
@@ -69,3 +72,27 @@ def balls(name: str, points: F32, colors: npt.NDArray[np.uint8] | None, radius: 
     linear = None if colors is None else vertex_colors(colors)
     shown = None if linear is None else np.repeat(linear, len(corners), axis=0)
     return Mesh(name, positions, triangles, normals, colors=shown), radius
+
+
+def add_points(
+    points: F32,
+    colors: npt.NDArray[np.uint8] | None,
+    place: npt.NDArray[np.float64],
+    main: str,
+    description: SceneDescription,
+    shelf: TextureShelf,
+) -> None:
+    """Adds a file's points, (P, 3), of these colours, (P, 3 or 4) sRGB, as balls; of very many, some. Raises SceneError."""
+    chosen = np.isfinite(points).all(axis=1)
+    count = int(chosen.sum())
+    if count == 0:
+        raise SceneError(f"{main}: holds positions that are not finite numbers; export the file again")
+    step = -(-count // MOST_POINTS)
+    rows = np.flatnonzero(chosen)[::step]
+    mesh, radius = balls(PurePosixPath(main).stem, points[rows], None if colors is None else colors[rows])
+    description.materials.append(Material("points", base_color=(1.0, 1.0, 1.0) if mesh.colors is not None else (0.8, 0.8, 0.8)))
+    mesh.material = len(description.materials) - 1
+    description.meshes.append(mesh)
+    description.instances.append(Instance(len(description.meshes) - 1, place, name=mesh.name))
+    some = f"{len(rows)} of {count}" if step > 1 else f"{count}"
+    shelf.warn(f"{main}: has points and no faces; {some} points are shown as balls of radius {radius:.3g}.")

@@ -10,6 +10,7 @@ import math
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import PurePosixPath
 from typing import Any
 from xml.parsers import expat
@@ -21,11 +22,12 @@ from renderer.errors import SceneError
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Wrap
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import product
-from renderer.scene.normals import smoothed
+from renderer.scene.normals import smoothed_together
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.spread import judge_spread
 from renderer.scene.readers.threemf_rows import MARK, Rows, cut_out
 from renderer.scene.textures import TextureShelf
+from renderer.scene.unique import used_among
 from renderer.zips import DAMAGED, is_bomb
 
 __all__ = ["read"]
@@ -71,16 +73,21 @@ class _Object:
         return np.concatenate([*taken, np.array(self.vertices).reshape(-1, 3)]).astype(np.float32)
 
     @property
-    def table(self) -> npt.NDArray[np.int64]:
-        """(T, 6) v1 v2 v3, and of which property; -1 for none."""
+    def corners(self) -> npt.NDArray[np.int64]:
+        """(T, 3)."""
+        own = np.array(self.triangles, np.int64).reshape(-1, 6)[:, :3]
+        return np.concatenate([*(rows.stacked(("v1", "v2", "v3")) for rows in self.rows if "v1" in rows.columns), own])
+
+    @property
+    def chosen(self) -> npt.NDArray[np.int64]:
+        """(T, 3) of which property each corner is."""
         found = []
         for rows in self.rows:
             if "v1" in rows.columns:
-                corners = rows.stacked(("v1", "v2", "v3"))
                 first = rows.columns.get("p1", np.full(len(rows), -1))
-                chosen = [rows.columns.get(name, first) for name in ("p1", "p2", "p3")]
-                found.append(np.column_stack([corners, *chosen]))
-        return np.concatenate([*found, np.array(self.triangles, np.int64).reshape(-1, 6)]).astype(np.int64)
+                found.append(np.column_stack([rows.columns.get(name, first) for name in ("p1", "p2", "p3")]))
+        whole = np.concatenate([*found, np.array(self.triangles, np.int64).reshape(-1, 6)[:, 3:]])
+        return np.where(whole < 0, self.index, whole)
 
     @property
     def group_of(self) -> tuple[npt.NDArray[np.int64], list[str]]:
@@ -88,7 +95,9 @@ class _Object:
         found: list[npt.NDArray[np.int64]] = []
         number: dict[str, int] = {}
         for rows in self.rows:
-            if "v1" in rows.columns:
+            if "v1" in rows.columns and "pid" not in rows.columns:
+                found.append(np.full(len(rows), number.setdefault(self.group, len(number))))
+            elif "v1" in rows.columns:
                 said, which = np.unique(rows.columns.get("pid", np.full(len(rows), -1)), return_inverse=True)
                 names = [self.group if each < 0 else str(each) for each in said.tolist()]
                 found.append(np.array([number.setdefault(name, len(number)) for name in names])[which])
@@ -207,6 +216,7 @@ class _Reader:
 
     def read(self) -> None:
         """Adds all that the build places."""
+        first = len(self._description.meshes)
         root = self._model(self._root())
         items = root.items or [(root.path, number, np.eye(4)) for number in root.objects]
         if not root.items:
@@ -214,6 +224,7 @@ class _Reader:
         self._judge([(path, number) for path, number, _ in items])
         for path, number, place in items:
             self._place(path, number, product(_UPRIGHT, place), 0)
+        self._description.meshes[first:] = smoothed_together(self._description.meshes[first:])
         left = sorted({words for model in self._models.values() for words in model.left_out})
         if left:
             self._shelf.warn(f"{self._main}: not read and left out: {', '.join(left)}.")
@@ -282,18 +293,19 @@ class _Reader:
 
     def _meshes(self, model: _Model, made: _Object, fallback: str) -> Iterator[int]:
         """The description's meshes of an object, one for each material."""
-        points, table = made.points, made.table
-        corners, chosen = table[:, :3], table[:, 3:]
+        points, corners = made.points, made.corners
         if corners.min() < 0 or corners.max() >= len(points):
             raise SceneError(
                 f"{self._main}: a triangle names vertex {corners.max()} where there are {len(points)}; export it again"
             )
         group, names = made.group_of
-        chosen = np.where(chosen < 0, made.index, chosen)
-        for i, name in enumerate(names):
-            rows = np.flatnonzero(group == i)
-            said = model.groups.get(name)
-            yield from self._of_group(model, said, made.name or fallback, points, corners[rows], chosen[rows])
+        title = made.name or fallback
+        if all(name not in model.groups for name in names):
+            yield self._add(title, points, corners, None, None, self._material(None, Material()))
+            return
+        chosen = made.chosen
+        for i, rows in _sorted_out(group):
+            yield from self._of_group(model, model.groups.get(names[i]), title, points, corners[rows], chosen[rows])
 
     def _of_group(
         self, model: _Model, said: _Group | None, name: str, points: F32, corners: npt.NDArray[Any], chosen: npt.NDArray[Any]
@@ -304,13 +316,13 @@ class _Reader:
             return
         chosen = np.clip(chosen, 0, count - 1)
         if said.kind == "basematerials":
-            for value in np.unique(chosen[:, 0]):
+            for value, rows in _sorted_out(chosen[:, 0]):
                 title, color = said.values[value]
                 material = Material(title or "material", base_color=_linear(color))
                 if color[3] < 255:
                     material.opacity, material.alpha_mode = color[3] / 255, "blend"
-                at = self._material((model.path, "base", id(said), int(value)), material)
-                yield self._add(name, points, corners[chosen[:, 0] == value], None, None, at)
+                at = self._material((model.path, "base", id(said), value), material)
+                yield self._add(name, points, corners[rows], None, None, at)
         elif said.kind == "colorgroup":
             colors = vertex_colors(np.array(said.values, np.uint8)[chosen.reshape(-1)])
             material = Material("colours", base_color=(1.0, 1.0, 1.0))
@@ -341,12 +353,20 @@ class _Reader:
     def _add(self, name: str, points: F32, corners: npt.NDArray[Any], uvs: F32 | None, colors: F32 | None, material: int) -> int:
         """A mesh of some triangles; uvs and colors are those of corners, which then share no vertex."""
         if uvs is None and colors is None:
-            used, triangles = np.unique(corners, return_inverse=True)
+            used, triangles = used_among(corners, len(points))
         else:
             used, triangles = corners.reshape(-1), np.arange(corners.size)
         mesh = Mesh(name, points[used], triangles.reshape(-1, 3).astype(np.int32), None, uvs, material, None, colors)
-        self._description.meshes.append(smoothed(mesh))
+        self._description.meshes.append(mesh)
         return len(self._description.meshes) - 1
+
+
+def _sorted_out(values: npt.NDArray[np.int64]) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
+    """Each value that there is, ascending, and the rows that have it."""
+    order = np.argsort(values, kind="stable")
+    begins = np.flatnonzero(np.diff(values[order], prepend=values.min(initial=0) - 1))
+    for begin, end in pairwise([*begins.tolist(), len(order)]):
+        yield int(values[order[begin]]), order[begin:end]
 
 
 def _linear(color: tuple[int, int, int, int]) -> tuple[float, float, float]:

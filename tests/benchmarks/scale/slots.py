@@ -44,6 +44,14 @@ SAMPLES = 16  # of the rendered tile
 PACKED_KEPT = 64
 
 
+def of_one_sample(sums: Sums) -> Sums:
+    """The sums with their counts brought down to one sample: a service refuses more samples of a pixel than it asked for."""
+    one = sums.copy()
+    counts = [film.SAMPLES, film.SAMPLES_HALF]
+    one[counts] = np.minimum(one[counts], 1)
+    return one
+
+
 @dataclass
 class _Joint:
     """Batches of a tile that the slots of one machine render, and what is there of their sums."""
@@ -76,13 +84,6 @@ class _Batches:
     batches: list[RenderBatch]
     seconds: list[float] = field(default_factory=list)
     joint: _Joint | None = None
-
-
-def of_one_sample(sums: Sums) -> Sums:
-    """These, as if they were one sample's."""
-    made = sums.copy()
-    made[film.SAMPLES] = 1
-    return made
 
 
 class Slots(PeerWorker):

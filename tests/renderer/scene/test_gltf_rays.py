@@ -34,11 +34,12 @@ def test_it_is_written_on_the_nodes_of_a_name(scene, tmp_path):
     g.root["meshes"][0]["primitives"][0]["material"] = 0
     path = tmp_path / "b.glb"
     path.write_bytes(g.glb())
-    leaf = {"KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 0.5}}
+    leaf: dict = {"roughnessFactor": 0.3, "baseColorFactor": [0.5, 1.0, 1.0]}
+    leaf |= {"KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 0.5}}
     with_rays(path, {"hidden": {"camera": False, "shadow": False}}, {"leaf": leaf})
     found = scene("b.glb", path.read_bytes())
     assert [i.material is not None for i in found.instances] == [False, True]
     hidden = found.materials[found.instances[1].material]
     assert (hidden.unseen, hidden.shadeless) == (True, True)
-    assert hidden.diffuse_transmission == 0.5
+    assert (hidden.diffuse_transmission, hidden.roughness, hidden.base_color) == (0.5, 0.3, (0.5, 1.0, 1.0))
     np.testing.assert_array_equal(found.meshes[0].positions, scene("a.glb", g.glb()).meshes[0].positions)

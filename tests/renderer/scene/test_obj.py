@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import SceneError
+from renderer.scene.warned import MOST_WARNINGS
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
@@ -195,3 +196,32 @@ def test_decimal_commas_and_fortrans_exponents(scene):
 def test_positions_that_are_no_numbers_stay_errors(scene):
     with pytest.raises(SceneError, match="line 2"):
         scene("a.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n")
+
+
+@pytest.mark.parametrize(("smooth", "normals"), [("s off\n", 0), ("s 0\n", 0), ("s 1\n", 24), ("s off\nf 1 2 3\ns 1\n", 24)])
+def test_a_file_that_says_that_nothing_is_smooth_is_faceted(scene, smooth, normals):
+    turn = np.radians(np.arange(0, 360, 30))
+    ring = "".join(f"v {np.cos(a)} {np.sin(a)} {z}\n" for z in (0, 1) for a in turn)
+    faces = "".join(f"f {i + 1} {(i + 1) % 12 + 1} {(i + 1) % 12 + 13} {i + 13}\n" for i in range(12))
+    (mesh,) = scene("a.obj", f"{ring}{smooth}{faces}").meshes
+    assert (0 if mesh.normals is None else len(mesh.normals)) >= normals
+    assert (mesh.normals is None) == (normals == 0)
+
+
+def test_many_materials_each_have_their_faces(scene):
+    text = "mtllib a.mtl\n" + "".join(f"v {i} 0 0\nv {i} 1 0\nv {i} 0 1\nusemtl m{i % 20}\nf -3 -2 -1\n" for i in range(60))
+    mtl = "".join(f"newmtl m{i}\nKd 0.{i:02d} 0 0\n" for i in range(20))
+    description = scene("a.obj", text, {"a.mtl": mtl})
+    assert [m.name for m in description.meshes] == [f"m{i}" for i in range(20)]
+    for i, mesh in enumerate(description.meshes):
+        assert description.materials[mesh.material].base_color[0] == pytest.approx(i / 100)
+        assert sorted(set(mesh.positions[:, 0].tolist())) == [i, i + 20, i + 40]
+        np.testing.assert_array_equal(mesh.normals, [(1, 0, 0)] * 9)
+
+
+def test_of_very_many_warnings_the_first_are_said(scene):
+    text = TRIANGLE + "mtllib a.mtl\n" + "".join(f"usemtl m{i}\nf 1 2 3\n" for i in range(MOST_WARNINGS + 50))
+    warnings = scene("a.obj", text, {"a.mtl": "newmtl x\n"}).warnings
+    assert f"describes m{MOST_WARNINGS - 1};" in warnings[MOST_WARNINGS - 1]
+    assert warnings[MOST_WARNINGS] == f"There are more warnings: these are the first {MOST_WARNINGS}."
+    assert len(warnings) <= MOST_WARNINGS + 2

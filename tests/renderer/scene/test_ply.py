@@ -1,8 +1,10 @@
-"""PLY: colours of vertices and of faces."""
+"""PLY: what stands beside positions, by the names that programs give it."""
+
+import struct
 
 import numpy as np
 
-from renderer.scene.readers import other
+from renderer.scene.readers import points
 
 HEAD = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
 RGB = "property uchar red\nproperty uchar green\nproperty uchar blue\n"
@@ -58,7 +60,74 @@ def test_points_without_faces_are_balls_of_their_colours(scene):
 
 
 def test_many_points_are_shown_in_part(scene, monkeypatch):
-    monkeypatch.setattr(other, "MOST_POINTS", 2)
+    monkeypatch.setattr(points, "MOST_POINTS", 2)
     description = scene("a.ply", HEAD + "end_header\n" + "\n".join(CORNERS) + "\n")
     assert len(description.meshes[0].triangles) == 2 * 20
     assert any("2 of 4 points" in w for w in description.warnings)
+
+
+WITH_NAMES = "element vertex 4\nproperty {0} x\nproperty {0} y\nproperty {0} z\n"
+POINTS = np.array([[float(c) for c in row.split()] for row in CORNERS])
+
+
+def in_bytes(vertex, rows, faces="", more=b"", order="<"):
+    """A file in bytes: rows of a structured array."""
+    way = "little" if order == "<" else "big"
+    head = f"ply\r\nformat binary_{way}_endian 1.0\r\n{vertex}{faces}end_header\r\n".replace("\r\n", "\n")
+    return head.encode() + rows.tobytes() + more
+
+
+def test_numbers_of_other_types_and_names_of_scanners(scene):
+    names = ["diffuse_red", "diffuse_green", "diffuse_blue", "scalar_Intensity"]
+    kind = [*((n, ">f8") for n in "xyz"), *((n, ">u1") for n in names[:3]), (names[3], ">f4")]
+    rows = np.zeros(4, kind)
+    for k, n in enumerate("xyz"):
+        rows[n] = POINTS[:, k]
+    rows["diffuse_green"] = 128
+    head = WITH_NAMES.format("double") + "".join(f"property uchar {n}\n" for n in names[:3]) + f"property float {names[3]}\n"
+    faces = "element face 2\nproperty uchar flags\nproperty list uint8 uint32 vertex_index\n"
+    corners = b"".join(struct.pack(">BB3I", 1, 3, *face) for face in ((0, 1, 2), (0, 2, 3)))
+    (mesh,) = scene("a.ply", in_bytes(head, rows, faces, corners, ">")).meshes
+    np.testing.assert_array_equal(mesh.positions[mesh.triangles], POINTS[[(0, 1, 2), (0, 2, 3)]])
+    np.testing.assert_allclose(mesh.colors[0], (0, linear(128), 0, 1), atol=1e-6)
+
+
+def test_strips_of_triangles_turn_every_second_one(scene):
+    rows = POINTS[[0, 1, 3, 2]].astype("<f4")
+    strips = "element tristrips 1\nproperty list int int vertex_indices\n"
+    data = in_bytes(WITH_NAMES.format("float"), rows, strips, struct.pack("<9i", 8, 0, 1, 2, 3, -1, 2, 1, 3))
+    (mesh,) = scene("a.ply", data).meshes
+    assert len(mesh.triangles) == 3
+    a, b, c = (mesh.positions[mesh.triangles[:, k]] for k in range(3))
+    np.testing.assert_array_equal(np.cross(b - a, c - a)[:, 2], [1, 1, 1])
+
+
+def test_coordinates_of_corners_and_the_picture_that_a_comment_names(scene, png):
+    rows = POINTS.astype("<f4")
+    faces = "element face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\n"
+    uvs = [(0, 0, 1, 0, 1, 1), (0.5, 0, 1, 1, 0, 1)]
+    body = b"".join(struct.pack("<B3iB6f", 3, *f, 6, *uv) for f, uv in zip([(0, 1, 2), (0, 2, 3)], uvs, strict=True))
+    data = in_bytes("comment TextureFile skin.png\n" + WITH_NAMES.format("float"), rows, faces, body)
+    description = scene("a.ply", data, {"skin.png": png(255, 0, 0)})
+    (mesh,) = description.meshes
+    found = mesh.uvs[mesh.triangles].astype(float)
+    np.testing.assert_array_equal(found, np.array(uvs).reshape(2, 3, 2) * (1, -1) + (0, 1))
+    assert len(mesh.positions) == 5  # the first one has two places in the picture
+    assert description.materials[mesh.material].base_color_texture is not None
+
+
+def test_a_survey_far_from_the_origin_keeps_its_shape(scene):
+    far = np.add(POINTS, (4_500_000.25, 5_300_000.5, 100))
+    text = HEAD + FACES + "end_header\n" + "\n".join(" ".join(f"{c:.3f}" for c in p) for p in far) + "\n3 0 1 2\n3 0 2 3\n"
+    description = scene("a.ply", text)
+    (mesh,) = description.meshes
+    np.testing.assert_allclose(mesh.positions - mesh.positions[0], POINTS - POINTS[0], atol=1e-6)
+    assert np.abs(mesh.positions).max() < 2
+    assert any("moved by (-4500001, -5300001, -100)" in w for w in description.warnings)
+
+
+def test_gaussians_are_points_of_their_colour(scene):
+    rows = np.column_stack([POINTS, np.full((4, 3), [1.0, 0.0, -1.0])]).astype("<f4")
+    head = WITH_NAMES.format("float") + "".join(f"property float f_dc_{k}\n" for k in range(3))
+    colors = scene("a.ply", in_bytes(head, rows)).meshes[0].colors
+    np.testing.assert_allclose(colors[0, :3], [linear(round(255 * (0.5 + c * 0.28209479))) for c in (1, 0, -1)], atol=1e-6)

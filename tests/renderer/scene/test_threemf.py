@@ -161,7 +161,8 @@ def test_rows_that_look_alike_are_taken_at_once_and_are_the_same(scene):
     ("text", "names"),
     [
         (b'<vertex x="1" y="2" z="3"/>\n<vertex x="4" y="5" z="6"/>', ["x", "y", "z"]),
-        (b'<m:vertex z="1" y="2" x="3" /><m:vertex z="4" y="5" x="6" />', None),  # a blank before the end
+        (b'<m:vertex z="1" y="2" x="3" /><m:vertex z="4" y="5" x="6" />', ["z", "y", "x"]),  # a blank before the end
+        (b'<vertex x="1" y="2" z="3"/><vertex x="4" y="5" z="6" />', None),
         (b'<vertex x="1" y="2" z="3"/><vertex x="4" z="5" y="6"/>', None),
         (b'<vertex x="1" y="2" z="3"/><vertex x="4" y="5 6" z="7"/>', None),
         (b'<vertex x="1" y="2" z="3"/><!-- "x" "y" "z" --><vertex x="4" y="5" z="7"/>', None),

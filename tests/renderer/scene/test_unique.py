@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from renderer.scene.unique import unique_rows, unique_threes
+from renderer.scene.unique import unique_corners, unique_rows, unique_threes, used_among
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.int32, np.int64])
@@ -26,3 +26,23 @@ def test_threes_are_the_same_kinds_in_the_order_in_which_they_come(count):
     np.testing.assert_array_equal(table[first][kind], table)
     assert len(first) == len(unique_rows(table)[0])
     assert (np.diff(first) > 0).all()
+
+
+@pytest.mark.parametrize("widths", [(), (1,), (3, 2)])
+def test_corners_are_one_vertex_where_they_agree_in_point_and_values(widths):
+    rng = np.random.default_rng(8)
+    point = rng.integers(0, 50, 400)
+    values = [rng.integers(-1, 2, (400, width)).astype(np.float32) * np.float32(0.5) for width in widths]
+    first, kind = unique_corners(point, 50, values)
+    table = np.column_stack([point, *values]) + 0.0
+    np.testing.assert_array_equal(table[first][kind], table)
+    assert len(first) == len(unique_rows(table)[0])
+    assert (np.diff(first) > 0).all()
+
+
+@pytest.mark.parametrize("count", [10, 1000])
+def test_used_numbers_are_found_whether_few_or_many(count):
+    numbers = np.random.default_rng(9).integers(0, 10, (20, 3))
+    used, place = used_among(numbers, count)
+    np.testing.assert_array_equal(used, np.unique(numbers))
+    np.testing.assert_array_equal(used[place], numbers)

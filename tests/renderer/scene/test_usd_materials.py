@@ -212,3 +212,38 @@ def test_a_surface_of_another_renderer_is_drawn_in_the_display_colour(shaded):
     found, look = shaded(make)
     np.testing.assert_allclose(look.base_color, (0.1, 0.2, 0.3), atol=1e-6)
     assert any("no UsdPreviewSurface" in w and "look" in w for w in found.warnings)
+
+
+def test_omniverses_material_where_there_is_no_other(shaded, png, tmp_path):
+    (tmp_path / "orm.png").write_bytes(png(255, 128, 64))
+
+    def make(made):
+        look = UsdShade.Material.Define(made, "/look")
+        shader = UsdShade.Shader.Define(made, "/look/shader")
+        shader.SetSourceAsset("OmniPBR.mdl", "mdl")
+        shader.SetSourceAssetSubIdentifier("OmniPBR", "mdl")
+        values = {
+            "diffuse_texture": (TYPES.Asset, "t.png"),
+            "diffuse_tint": (C, (0.5, 1, 1)),
+            "enable_ORM_texture": (TYPES.Bool, True),
+            "ORM_texture": (TYPES.Asset, "orm.png"),
+            "texture_scale": (TYPES.Float2, (2, 3)),
+            "enable_emission": (TYPES.Bool, True),
+            "emissive_color": (C, (1, 0, 0)),
+            "emissive_intensity": (F, 5),
+            "enable_opacity": (TYPES.Bool, False),
+            "opacity_constant": (F, 0.2),
+        }
+        for name, (kind, value) in values.items():
+            shader.CreateInput(name, kind).Set(value)
+        look.CreateSurfaceOutput("mdl").ConnectToSource(shader.ConnectableAPI(), "out")
+        return look
+
+    description, found = shaded(make)
+    assert found.base_color == pytest.approx((0.5, 1, 1))
+    assert found.emission == pytest.approx((5, 0, 0))
+    assert (found.alpha_mode, found.roughness, found.metallic) == ("opaque", 1.0, 1.0)
+    names = {n: description.textures[getattr(found, n)] for n in ("base_color_texture", "metallic_roughness_texture")}
+    assert [description.images[t.image].name for t in names.values()] == ["t.png", "orm.png"]
+    assert all(t.transform[0] == 2 and t.transform[4] == 3 for t in names.values())
+    assert not description.warnings or not any("display colour" in w for w in description.warnings)

@@ -29,10 +29,13 @@ export function savePanel(display, place) {
   );
   let can = false;
   const show = () => {
-    const both = can && display.value.channel === "";
-    setText(raw.label, both ? t("As rendered") : "");
-    raw.label.hidden = !both;
-    clean.element.hidden = !both;
+    // Where there is a denoiser their room stays, also for planes that are not denoised: what lies below must not move.
+    const shown = display.value.channel === "" ? "" : "hidden";
+    setText(raw.label, t("As rendered"));
+    for (const part of [raw.label, clean.element]) {
+      part.hidden = !can;
+      part.style.visibility = shown;
+    }
   };
   display.subscribe(show);
   return {

@@ -185,6 +185,7 @@ function open(page, job, life) {
   );
 
   return (next) => {
+    save.element.hidden = next.samples === 0;
     if (next.state !== latest.state) announce(`${next.name}: ${stateWord(next.state)}`);
     latest = next;
     showWaiting();

@@ -1,9 +1,10 @@
 /** A scene on the front page. */
 
-import { deleteScene, thumbnailUrl } from "../news/api.js";
+import { deleteScene, imageUrl, thumbnailUrl } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
-import { putScene, setHidden } from "../news/farm.js";
+import { jobs, putScene, setHidden } from "../news/farm.js";
 import { compact } from "../base/format.js";
+import { firstFrame } from "../base/shot-words.js";
 import { icon } from "../base/icons.js";
 import { linkTo } from "../shell/router.js";
 import { offer } from "../news/projects.js";
@@ -47,9 +48,15 @@ export function sceneCard(scene) {
       chip.update(next.status);
       chip.element.hidden = next.status === "ready";
       setText(facts, next.status === "ready" ? shortFacts(next) : "");
-      picture.update(next);
+      picture.update(next, renderedOf(next));
     },
   };
+}
+
+/** The latest finished picture of a scene in its own light: it is clearer than a thumbnail of few samples. @param {Scene} scene @returns {string | undefined} */
+function renderedOf({ id }) {
+  const job = jobs.value?.find(({ scene, state, environment, variant }) => scene === id && state === "finished" && !environment && !variant);
+  return job && imageUrl({ job: job.id, frame: firstFrame(job) }, "jpg", { width: 480, v: job.samples });
 }
 
 /** @param {Scene} scene */

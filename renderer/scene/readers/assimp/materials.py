@@ -31,6 +31,7 @@ class Materials:
     def __init__(self, imported: Imported, main: str, files: SceneFiles, shelf: TextureShelf, materials: list[Material]) -> None:
         self._imported, self._main, self._files, self._shelf, self._materials = imported, main, files, shelf, materials
         self._known: dict[int, int] = {}
+        self._inside = {name: i for i, (name, _) in reversed(list(enumerate(imported.textures)))}
 
     def number(self, source: int) -> int:
         """The description's number of one of the file's."""
@@ -106,11 +107,11 @@ class Materials:
 
     def _image(self, reference: str, user: str, srgb: bool) -> int | None:
         number = reference[1:] if reference.startswith("*") else ""
-        inside = [i for i, (name, _) in enumerate(self._imported.textures) if name == reference]
-        if number.isascii() and number.isdigit() and int(number) < len(self._imported.textures):
-            inside = [int(number)]
-        if inside and self._imported.textures[inside[0]][1]:
-            return self._shelf.image_bytes(f"picture {inside[0]} in {self._main}", self._imported.textures[inside[0]][1], srgb)
+        inside = self._inside.get(reference)
+        if number.isascii() and number.isdigit() and len(number) < 10 and int(number) < len(self._imported.textures):
+            inside = int(number)
+        if inside is not None and self._imported.textures[inside][1]:
+            return self._shelf.image_bytes(f"picture {inside} in {self._main}", self._imported.textures[inside][1], srgb)
         found = self._files.resolve_uri(reference, self._main)
         if found is None:
             self._shelf.missing(reference, user)

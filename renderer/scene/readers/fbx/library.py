@@ -18,7 +18,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.readers.fbx import layout
 
-__all__ = ["Opened", "array", "at", "each", "is_set", "matrix", "number_of", "pointed", "text", "triangulated"]
+__all__ = ["Opened", "array", "at", "each", "is_set", "matrix", "number_of", "pointed", "seen", "text", "triangulated"]
 
 _KNOWN = range(21_000, 22_000)  # 0.21: versions whose structures layout.py has
 _OUT_OF_MEMORY = {5, 6, 7}  # ufbx_error_type: memory, memory limit, allocation limit
@@ -126,20 +126,26 @@ def each(values: Any, kind: Any) -> list[Any]:
     return [kind.from_address(values.data + i * ctypes.sizeof(kind)) for i in range(values.count)] if values.data else []
 
 
-def pointed(values: Any, kind: Any) -> list[Any]:
-    """The structures that a list points to."""
+def pointed(values: Any, kind: Any, most: int | None = None) -> list[Any]:
+    """The structures that a list points to, or the first of them."""
     if not values.data:
         return []
-    addresses = (ctypes.c_void_p * values.count).from_address(values.data)
+    count = values.count if most is None else min(values.count, most)
+    addresses = (ctypes.c_void_p * count).from_address(values.data)
     return [kind.from_address(address) for address in addresses if address]
 
 
 def array(values: Any, dtype: Any, width: int = 1) -> npt.NDArray[Any]:
     """A copy of a list of numbers: (N,), or (N, width)."""
+    return seen(values, dtype, width).copy()
+
+
+def seen(values: Any, dtype: Any, width: int = 1) -> npt.NDArray[Any]:
+    """The same where it lies, for as long as the scene does."""
     item = np.dtype(dtype).itemsize * width
     if not values.data or not values.count:
         return np.zeros((0, width) if width > 1 else 0, dtype)
-    found = np.frombuffer(ctypes.string_at(values.data, values.count * item), dtype)
+    found = np.frombuffer((ctypes.c_char * (values.count * item)).from_address(values.data), dtype)
     return found.reshape(-1, width) if width > 1 else found
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,8 +11,8 @@ import numpy.typing as npt
 
 from renderer.scene.description import F32, I32
 from renderer.scene.readers.fbx import layout
-from renderer.scene.readers.fbx.library import array, each, triangulated
-from renderer.scene.unique import unique_rows, unique_threes
+from renderer.scene.readers.fbx.library import array, each, seen, triangulated
+from renderer.scene.unique import unique_corners, used_among
 
 __all__ = ["Part", "parts_of"]
 
@@ -37,65 +38,48 @@ def parts_of(mesh: Any) -> list[Part]:
     if not len(corners):
         return []
     uv_sets = each(mesh.uv_sets, layout.UvSet)
-    attributes = [
-        _Attribute(mesh.normal, 3),
-        *(_Attribute(uv_sets[i].uv if i < len(uv_sets) else None, 2) for i in range(2)),
-        _Attribute(mesh.color, 4),
-    ]
     points = array(mesh.vertex_indices, np.uint32)
-    present = [a for a in attributes if a.exists]
-    first, kind = _kinds([points, *(a.indices for a in present)])
-    slots = array(mesh.face_material, np.uint32)
-    slot = slots[face] if len(slots) else np.zeros(len(face), np.uint32)
-    numbers = np.unique(slot)
+    given = [
+        _at_corners(mesh.normal, 3),
+        *(_at_corners(uv_sets[i].uv, 2) if i < len(uv_sets) else None for i in range(2)),
+        _at_corners(mesh.color, 4),
+    ]
+    first, kind = unique_corners(points, int(points.max(initial=0)) + 1, [values for values in given if values is not None])
     found = []
-    for number in numbers:
-        vertices = kind[corners if len(numbers) == 1 else corners[slot == number]].reshape(-1)
-        used = np.zeros(len(first), bool)
-        used[vertices] = True
-        place = np.cumsum(used) - 1
+    for number, rows in _by_slot(array(mesh.face_material, np.uint32), face):
+        used, triangles = used_among(kind[corners[rows]], len(first))
         at = first[used]
-        normals, uvs, uvs1, colors = (a.values[a.indices[at]].astype(np.float32) if a.exists else None for a in attributes)
+        normals, uvs, uvs1, colors = (None if values is None else values[at] for values in given)
         for each_uvs in (uvs, uvs1):
             if each_uvs is not None:
                 each_uvs[:, 1] = 1 - each_uvs[:, 1]  # counted from the lower edge
         if colors is not None and (colors == 1).all():
             colors = None
-        triangles = place[vertices].reshape(-1, 3).astype(np.int32)
-        found.append(Part(int(number), points[at].astype(np.int64), triangles, normals, uvs, uvs1, colors))
+        found.append(Part(number, points[at].astype(np.int64), triangles.astype(np.int32), normals, uvs, uvs1, colors))
     return found
 
 
-def _kinds(columns: list[U32]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Of corners, by what they are made of: the first of each kind, and the kind of each. As `unique_rows`, by a number each."""
-    sizes = [int(column.max(initial=0)) + 1 for column in columns]
-    if math.prod(sizes) >= 1 << 63:
-        return unique_rows(np.column_stack(columns).astype(np.int64))
-    key = np.zeros(len(columns[0]), np.int64)
-    for column, size in zip(columns, sizes, strict=True):
-        key = key * size + column
-    _, first, kind = np.unique(key, return_index=True, return_inverse=True)
-    return first, kind
+def _by_slot(slots: U32, face: npt.NDArray[np.int64]) -> Iterator[tuple[int, Any]]:
+    """The slots of materials that triangles have, and which triangles; face: (T,) that each is of."""
+    if not len(slots):
+        yield 0, slice(None)
+        return
+    slot = slots[face]
+    if slot.min() == slot.max():
+        yield int(slot[0]), slice(None)
+        return
+    order = np.argsort(slot, kind="stable")
+    begins = np.flatnonzero(np.diff(slot[order], prepend=np.int64(-1)))
+    for begin, end in pairwise([*begins.tolist(), len(order)]):
+        yield int(slot[order[begin]]), order[begin:end]
 
 
-class _Attribute:
-    """Values at the corners of a mesh's faces."""
-
-    def __init__(self, vertex: Any, width: int) -> None:
-        self.exists = vertex is not None and bool(vertex.exists)
-        if self.exists:
-            self.values = array(vertex.values, np.float64, width)
-            self.indices = array(vertex.indices, np.uint32)
-            self.exists = len(self.values) > 0
-            if self.exists and len(self.values) == len(self.indices) and width < 4:
-                self._join(width)
-
-    def _join(self, width: int) -> None:
-        """Where each corner has a value of its own, as most programs write normals, those that are the same become one."""
-        padded = np.zeros((len(self.indices), 3), np.float32)
-        padded[:, :width] = self.values[self.indices]
-        first, kind = unique_threes(padded + np.float32(0))  # there are two zeros
-        self.values, self.indices = self.values[self.indices[first]], kind.astype(np.uint32)
+def _at_corners(vertex: Any, width: int) -> F32 | None:
+    """(C, width) the values at the corners of a mesh's faces; None where it has none."""
+    if not vertex.exists:
+        return None
+    values = seen(vertex.values, np.float64, width).astype(np.float32)
+    return values[seen(vertex.indices, np.uint32)] if len(values) else None
 
 
 def _triangles(mesh: Any) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:

@@ -39,6 +39,7 @@ _LEFT_OUT = {
     "camera_switchers": "camera switchers",
 }
 MAX_NODES = 200_000
+MAX_INSTANCES = 500_000
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
@@ -71,12 +72,14 @@ class _Reader:
         self._numbers: dict[tuple[int, int], int] = {}
         self._names: Counter[str] = Counter()
         self._odd: Counter[str] = Counter()
+        self._restless: set[int] = set()  # nodes by id that are elsewhere at another moment
 
     def read(self) -> None:
         """Adds all of it."""
         first = len(self._description.instances)
         nodes = pointed(self._scene.nodes, layout.Node)
         shown, restless = self._shown(nodes)
+        self._restless = restless
         for node in nodes:
             if node.mesh and node.element_id in shown:
                 self._show(node, node.element_id in restless)
@@ -106,8 +109,8 @@ class _Reader:
 
     @staticmethod
     def _is_coarse(node: Any, parent: Any) -> bool:
-        siblings = pointed(parent.children, layout.Node)
-        return bool(siblings) and siblings[0].element_id != node.element_id
+        first = pointed(parent.children, layout.Node, most=1)
+        return bool(first) and first[0].element_id != node.element_id
 
     def _show(self, node: Any, moves: bool) -> None:
         mesh = at(layout.Mesh, node.mesh)
@@ -121,10 +124,14 @@ class _Reader:
         slots = pointed(node.materials, layout.Material) or pointed(mesh.materials, layout.Material)
         skins = pointed(mesh.skins, layout.SkinDeformer)
         bends = bool(mesh.blends.count) or bool(skins)
-        made = self._bent(node, mesh, parts, skins, world) if bends else None
+        source = int(mesh.element_id) if not skins else -1 - int(node.element_id)
+        is_new = any((source, part.slot) not in self._numbers for part in parts)
+        made = self._bent(node, mesh, parts, skins, world) if bends and is_new else None
+        if len(self._description.instances) + len(parts) > MAX_INSTANCES:
+            raise SceneError(f"{self._main}: shows more than {MAX_INSTANCES} parts of meshes; fewer fit")
         for i, part in enumerate(parts):
             material = self._materials.number(slots[part.slot] if part.slot < len(slots) else None)
-            key = (int(mesh.element_id) if not skins else -1 - int(node.element_id), part.slot)
+            key = (source, part.slot)
             if key not in self._numbers:
                 if made is not None:
                     found = made[i]
@@ -173,15 +180,8 @@ class _Reader:
         if any(channel.element_id in self._moving for channel in channels):
             return True
         bones = [cluster.bone for skin in skins for cluster in pointed(skin.clusters, layout.SkinCluster)]
-        return bool(skins) and (moves or any(self._carries(bone) for bone in bones))
-
-    def _carries(self, address: int | None) -> bool:
-        node = at(layout.Node, address)
-        while node is not None:
-            if node.element_id in self._moving:
-                return True
-            node = at(layout.Node, node.parent)
-        return False
+        carriers = (at(layout.Node, bone) for bone in bones)
+        return bool(skins) and (moves or any(node is not None and node.element_id in self._restless for node in carriers))
 
     def _note(self, mesh: Any) -> None:
         skins = pointed(mesh.skins, layout.SkinDeformer)

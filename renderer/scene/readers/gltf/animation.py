@@ -42,6 +42,7 @@ class Animations:
     def __init__(self, root: Json, accessors: Accessors, files: SceneFiles) -> None:
         self._root, self._accessors, self._files = root, accessors, files
         self._sources = root.objects("animations")
+        self._meshes: list[Json] | None = None
         self._times: dict[int, npt.NDArray[np.float64]] = {}
         names = [source.text("name", "") or f"animation {i}" for i, source in enumerate(self._sources)]
         self.clips = [Clip(name, *self._extent(source)) for name, source in zip(names, self._sources, strict=True)]
@@ -74,7 +75,9 @@ class Animations:
         family, number, _, which = path
         source = mesh = Json(self._root.file, f"{family}[{number}]", changed.root[str(family)][number])
         if family == "nodes":
-            meshes = self._root.objects("meshes")
+            if self._meshes is None:
+                self._meshes = self._root.objects("meshes")
+            meshes = self._meshes
             at = source.index("mesh", meshes)
             if at is None:
                 return False

@@ -54,6 +54,9 @@ class Nodes:
         self._shining: dict[int, int] = {}  # the description's light
         self._lacks_view = False
         self._bent: list[int] = []
+        self._taken = {camera.name for camera in description.cameras}
+        self._known_joints: dict[int, tuple[list[int], bool]] = {}  # of each skin, and whether one of them moves
+        self._carrying: dict[int, Matrix] = {}  # what `_joints` gave of skins
 
     def walk(self) -> None:
         """Adds them all."""
@@ -89,6 +92,7 @@ class Nodes:
             self._nodes[index] = Json(root.file, self._nodes[index].where, nodes[index])
         self._meshes.look_again(root, self._moving.meshes)
         self._worlds |= self._in_world(moved, self._worlds)
+        self._carrying.clear()
         for index in moved:
             world = self._worlds[index]
             if index in self._views:
@@ -120,8 +124,7 @@ class Nodes:
         node = self._nodes[index]
         matrices = None
         if self._is_skinned(index):
-            skin = self._skins[node.integer("skin")]
-            matrices = self._joints(skin, skin.indices("joints", self._nodes))
+            matrices = self._joints(node.integer("skin"))
         shapes = self._meshes.shapes(node.integer("mesh"), node, matrices)
         numbers = [i.mesh for i in description.instances[first:end]]
         for number, shape in zip(numbers, shapes, strict=False):
@@ -141,7 +144,7 @@ class Nodes:
             return True
         if not self._is_skinned(index):
             return False
-        return not self._moving.nodes.isdisjoint(self._skins[node.integer("skin")].indices("joints", self._nodes))
+        return self._joints_of(node.integer("skin"))[1]
 
     def _places(self, node: Json, world: Matrix, most: int) -> Matrix | list[Matrix]:
         """Where a node shows its mesh; raises SceneError where it does so more often than `most` times."""
@@ -215,9 +218,7 @@ class Nodes:
                 for i, place in enumerate(places):
                     self._show(node, self._meshes.of(mesh, node), place, f"{name} [{i}]", moves)
             elif skin is not None:
-                joints = self._skins[skin].indices("joints", self._nodes)
-                bent = not self._moving.nodes.isdisjoint(joints)
-                found = self._meshes.skinned(mesh, node, self._joints(self._skins[skin], joints), bent)
+                found = self._meshes.skinned(mesh, node, self._joints(skin), self._joints_of(skin)[1])
                 self._show(node, found, np.eye(4), name, self._moving.appears(node))
             else:
                 self._show(node, self._meshes.of(mesh, node), world, name, moves)
@@ -244,8 +245,20 @@ class Nodes:
         flags = rays.value.get("camera") is False, rays.value.get("shadow") is False
         return self._meshes.passed_by(mesh, *flags) if any(flags) else None
 
-    def _joints(self, skin: Json, joints: list[int]) -> Matrix:
+    def _joints_of(self, number: int) -> tuple[list[int], bool]:
+        """The nodes that are a skin's joints, and whether one of them moves."""
+        if number not in self._known_joints:
+            joints = self._skins[number].indices("joints", self._nodes)
+            self._known_joints[number] = joints, not self._moving.nodes.isdisjoint(joints)
+        return self._known_joints[number]
+
+    def _joints(self, number: int) -> Matrix:
         """(J, 4, 4): from a mesh's space to the world by each joint of a skin. The node's own place counts for nothing."""
+        if number not in self._carrying:
+            self._carrying[number] = self._carried(self._skins[number], self._joints_of(number)[0])
+        return self._carrying[number]
+
+    def _carried(self, skin: Json, joints: list[int]) -> Matrix:
         if not joints or not all(j in self._worlds for j in joints):
             raise skin.wrong("joints", "has none, or one outside of the scene")
         with np.errstate(over="ignore", invalid="ignore"):
@@ -274,5 +287,7 @@ class Nodes:
             self._lacks_view = True
             return
         self._views[index] = len(self._description.cameras)
-        taken = {c.name for c in self._description.cameras}
-        self._description.cameras.append(Camera(name if name not in taken else f"{name} ({len(taken) + 1})", view))
+        taken = self._taken
+        name = name if name not in taken else f"{name} ({len(self._description.cameras) + 1})"
+        taken.add(name)
+        self._description.cameras.append(Camera(name, view))

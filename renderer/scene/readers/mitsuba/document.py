@@ -18,6 +18,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.mitsuba import values
 from renderer.scene.readers.mitsuba.values import Matrix
 from renderer.scene.readers.xml import refuse_entities
+from renderer.scene.warned import Warned
 
 __all__ = ["Document", "Element"]
 
@@ -98,7 +99,8 @@ class Document:
     """Parses a file and all that it includes. Raises SceneError where it is no scene, or says too much."""
 
     def __init__(self, files: SceneFiles, main: str, description: SceneDescription) -> None:
-        self.files, self.main, self._description = files, main, description
+        self.files, self.main = files, main
+        self._warned = Warned(description.warnings)
         self._defaults: dict[str, str] = {}
         self._by_id: dict[str, Element] = {}
         self._includes = 0
@@ -112,8 +114,7 @@ class Document:
 
     def warn(self, sentence: str) -> None:
         """Adds a warning, once."""
-        if sentence not in self._description.warnings:
-            self._description.warnings.append(sentence)
+        self._warned.add(sentence)
 
     def ignore(self, what: str) -> None:
         """Counts something that is not taken over."""

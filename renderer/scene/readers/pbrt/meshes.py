@@ -13,6 +13,7 @@ import numpy.typing as npt
 from renderer.scene.description import Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import face_normals, smoothed
+from renderer.scene.readers import ply
 from renderer.scene.readers.pbrt.growth import Growth
 from renderer.scene.readers.pbrt.loop import subdivided
 from renderer.scene.readers.pbrt.notes import Notes
@@ -66,10 +67,9 @@ def _read(files: SceneFiles, name: str) -> SceneDescription:
     data = files.read(name)
     if name.lower().endswith(".gz"):
         data = unpacked(data, name)
-    from renderer.scene.readers.other import read_data  # heavy, and seldom needed
 
     part = SceneDescription(name=name)
-    read_data(data, ".ply", files, name, part)
+    ply.read_data(data, files, name, part)
     if re.search(_NORMALS, data) is None:
         part.meshes = [replace(mesh, normals=None) for mesh in part.meshes]
     return part

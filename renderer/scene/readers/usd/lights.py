@@ -55,10 +55,11 @@ def radiance_of(light: Any, time: Any, size: float = 1.0) -> Vec3:
 def lamp_of(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes) -> Lamp | None:
     """A light in its place; None, with a note, of a kind that is not known here.
 
-    world: (4, 4), to metres; unit: metres of a unit of the stage, which the areas are counted in that it is normalised by.
+    world: (4, 4), to metres; unit: metres of a unit of the stage, which the areas are counted in that it is normalised by, but
+    for Blender's: it writes in metres, whatever it scales the whole stage by.
     One that the camera does not see is no body, either, as in Cycles.
     """
-    found = _lamp(prim, world, name, unit, time, notes)
+    found = _lamp(prim, world, name, 1.0 if _is_blenders(prim) else unit, time, notes)
     if found is not None and found.material is not None:
         found.material.lamp = found.material.unseen = _is_unseen(prim, time)
     spot = found.light if found is not None and found.light is not None and found.light.kind == "spot" else None

@@ -27,7 +27,6 @@ MAX_REFINED = 4_000_000  # triangles of a mesh that it is refined to
 class Wanted(NamedTuple):
     """What a part's material wants of its mesh."""
 
-    faces: npt.NDArray[np.bool_] | None  # which; None for all
     uvs: tuple[str, ...] = ()  # primvars that are the first and the second set of UVs
     color: str | None = None  # the primvar that multiplies the base colour
     opacity: str | None = None
@@ -50,8 +49,13 @@ def deforms(prim: Any) -> bool:
     return any(primvar.ValueMightBeTimeVarying() for primvar in UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithAuthoredValues())
 
 
-def read_mesh(prim: Any, parts: list[Wanted], time: Any, notes: Notes, shape: Shape | None = None) -> list[Mesh | None]:
-    """A mesh's parts; None for one without a triangle. shape: in place of its own points. Raises SceneError."""
+def read_mesh(
+    prim: Any, parts: list[Wanted], of: Codes | None, time: Any, notes: Notes, shape: Shape | None = None
+) -> list[Mesh | None]:
+    """A mesh's parts; None for one without a triangle. of: (F,) the part that each face is of; None where there is one.
+
+    shape: in place of its own points. Raises SceneError.
+    """
     mesh = UsdGeom.Mesh(prim)
     points = primvars.array(mesh.GetPointsAttr().Get(time), 3) if shape is None else shape.points
     counts = primvars.integers(mesh.GetFaceVertexCountsAttr().Get(time))
@@ -70,23 +74,30 @@ def read_mesh(prim: Any, parts: list[Wanted], time: Any, notes: Notes, shape: Sh
         counted = ((name, np.arange(len(values.values), dtype=np.float32)[:, None]) for name, values in attributes.items())
         attributes |= {name: replace(attributes[name], kinds=kinds) for name, kinds in list(counted)}
 
-    masks = [np.ones(len(counts), bool) if part.faces is None else part.faces for part in parts]
     solid = counts >= 3
     holes = np.asarray(mesh.GetHoleIndicesAttr().Get(time) or (), np.int64)
     solid[holes[(holes >= 0) & (holes < len(solid))]] = False
     is_refined = _scheme(mesh) == "catmullClark"
     if is_refined:
         points, faces, attributes, parent = _refined(mesh, points, faces, attributes, solid, time)
-        masks, solid = [mask[parent] for mask in masks], solid[parent]
+        of, solid = None if of is None else of[parent], solid[parent]
     mirrored = mesh.GetOrientationAttr().Get(time) == "leftHanded"
     name = prim.GetName()
     whole: list[Mesh | None] = []
-    for part, mask in zip(parts, masks, strict=True):
-        one = _part(name, points, faces, mask & solid, attributes, part, mirrored)
+    for part, which in zip(parts, _sorted_out(np.flatnonzero(solid), of, len(parts)), strict=True):
+        one = _part(name, points, faces, which, attributes, part, mirrored)
         if one is not None and is_refined:
             one = _rounded(one, bool(mesh.GetCreaseIndicesAttr().Get(time)), deforms(prim) or shape is not None)
         whole.append(one)
     return whole
+
+
+def _sorted_out(faces: Codes, of: Codes | None, parts: int) -> list[Codes]:
+    """The faces of each part, ascending."""
+    if of is None:
+        return [faces]
+    order = np.argsort(of[faces], kind="stable")
+    return np.split(faces[order], np.searchsorted(of[faces][order], np.arange(1, parts)))
 
 
 def _is_whole(points: F32, counts: Codes, corners: Codes) -> bool:
@@ -200,19 +211,20 @@ def _part(
     name: str,
     points: F32,
     faces: Faces,
-    which: npt.NDArray[np.bool_],
+    which: Codes,
     attributes: dict[str, AtCorners],
     wanted: Wanted,
     mirrored: bool,
 ) -> Mesh | None:
-    if not which.all():
-        faces, corners = faces.kept(which)
+    is_all = len(which) == len(faces.counts)
+    if not is_all:
+        faces, corners = faces.those(which)
         attributes = {key: values.at(corners) for key, values in attributes.items()}
     if len(faces.counts) == 0:
         return None
     used = {key: attributes[key] for key in ("", *wanted.uvs, wanted.color, wanted.opacity) if key in attributes}
     triangles = cut(faces, points, mirrored)
-    if all(values.by_point for values in used.values()) and which.all():
+    if all(values.by_point for values in used.values()) and is_all:
         first, vertex, point = None, faces.corners.astype(np.int32), np.arange(len(points))
         corner = np.zeros(len(points), np.int64)
         corner[faces.corners] = np.arange(len(faces.corners))

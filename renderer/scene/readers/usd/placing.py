@@ -135,16 +135,13 @@ class Placing:
     def _parts(self, prim: Any, surfaces: list[Surface], subsets: list[Any], shape: Shape | None) -> list[Mesh | None]:
         """The mesh's parts, in the order of the surfaces: what is in no subset, and each subset."""
         count = len(primvars.integers(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(self._time)))
-        rest = np.ones(count, bool)
-        masks: list[npt.NDArray[np.bool_] | None] = [rest if subsets else None]
-        for subset in subsets:
+        of = np.zeros(count, np.int64)
+        for number, subset in enumerate(subsets, 1):
             indices = primvars.integers(subset.GetIndicesAttr().Get(self._time))
-            mask = np.zeros(count, bool)
-            mask[indices[(indices >= 0) & (indices < count)]] = True
-            masks.append(mask & rest)
-            rest &= ~mask
-        wanted = [Wanted(mask, s.uvs, s.color, s.opacity) for mask, s in zip(masks, surfaces, strict=True)]
-        return read_mesh(prim, wanted, self._time, self._notes, shape)
+            indices = indices[(indices >= 0) & (indices < count)]
+            of[indices[of[indices] == 0]] = number
+        wanted = [Wanted(s.uvs, s.color, s.opacity) for s in surfaces]
+        return read_mesh(prim, wanted, of if subsets else None, self._time, self._notes, shape)
 
     def _add(self, mesh: Mesh, surface: Surface, bends: bool = False, both: bool = False) -> int:
         """The number of a mesh of a surface."""

@@ -26,6 +26,7 @@ class Sources:
     def __init__(self, files: SceneFiles) -> None:
         self._files = files
         self._packages: dict[str, zipfile.ZipFile] = {}
+        self._names: dict[str, tuple[set[str], dict[str, str]]] = {}  # what is in each, and the first of each bare name
 
     def find(self, reference: str, beside: str) -> str | None:
         """The name of the file that a layer means by an asset path; None where it is not among the scene's."""
@@ -83,13 +84,16 @@ class Sources:
         return found
 
     def _in_package(self, package: str, wanted: str, beside: str) -> str | None:
-        names = set(self._package(package).namelist())
+        if package not in self._names:
+            listed = sorted(self._package(package).namelist())
+            self._names[package] = set(listed), {posixpath.basename(name): name for name in reversed(listed)}
+        names, by_bare_name = self._names[package]
         near = posixpath.normpath(posixpath.join(posixpath.dirname(beside), wanted))
         for name in (near, posixpath.normpath(wanted).lstrip("/")):
             if name in names:
                 return f"{package}[{name}]"
-        bare = [name for name in sorted(names) if posixpath.basename(name) == posixpath.basename(wanted)]
-        return f"{package}[{bare[0]}]" if bare and posixpath.basename(wanted) else None
+        bare = by_bare_name.get(posixpath.basename(wanted)) if posixpath.basename(wanted) else None
+        return f"{package}[{bare}]" if bare is not None else None
 
     def _size(self, outer: str) -> int:
         return self._files.path(outer).stat().st_size

@@ -13,6 +13,8 @@ from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.materialx import SURFACES, read_materialx
 from renderer.scene.readers.usd.network import Network
 from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.omni_pbr import NAMES as OMNI_PBR
+from renderer.scene.readers.usd.omni_pbr import read_omni_pbr
 from renderer.scene.readers.usd.preview_surface import Read, read_preview_surface
 from renderer.scene.readers.usd.textures import Images
 from renderer.scene.textures import TextureShelf
@@ -98,6 +100,8 @@ class Surfaces:
             read_preview_surface(shader, read)
         elif kind in SURFACES:
             read_materialx(shader, kind, read)
+        elif kind in OMNI_PBR:
+            read_omni_pbr(shader, read)
         else:
             what = kind or "none"
             self._notes.add(
@@ -120,4 +124,8 @@ def _surface(material: Any) -> tuple[Any, str]:
         if kind == "UsdPreviewSurface" or kind in SURFACES:
             return shader, kind
         found = kind
+    shader = material.ComputeSurfaceSource("mdl")[0]
+    kind = str(shader.GetSourceAssetSubIdentifier("mdl") or "") if shader else ""
+    if kind in OMNI_PBR:
+        return shader, kind
     return None, found or ", ".join(str(o.GetBaseName()) for o in material.GetSurfaceOutputs() if o.HasConnectedSource())

@@ -1,0 +1,1 @@
+"""Numbers in files of text, read byte by byte."""

@@ -1,0 +1,90 @@
+"""STL: triangles without anything but a place, and colours where a program hides them in the two bytes that nobody else uses."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import PurePosixPath
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError
+from renderer.scene.description import Instance, Material, Mesh, SceneDescription
+from renderer.scene.files import SceneFiles
+from renderer.scene.normals import smoothed
+from renderer.scene.readers.colors import vertex_colors
+from renderer.scene.unique import unique_threes
+
+__all__ = ["Z_UP", "read"]
+
+_HEAD = 84
+_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("color", "<u2")])
+_OWN = 1 << 15
+# STL has no say of its own, and those who write it count Z up.
+Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+
+
+def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
+    """Adds the file's triangles to the description. Raises SceneError."""
+    data = files.read(main)
+    count = _triangles_of(data, main)
+    if count is None:
+        data = data.decode("utf-8", "replace").encode()  # the only words are names: another encoding must not stop the numbers
+        import_module("renderer.scene.readers.other").read_data(data, ".stl", files, main, description)  # heavy
+        return
+    rows = np.frombuffer(data, _ROW, count, _HEAD)
+    corners = np.ascontiguousarray(rows["corners"]).reshape(-1, 3)
+    if not np.isfinite(corners).all():
+        raise SceneError(f"{main}: holds positions that are not finite numbers; export the file again")
+    corners += np.float32(0)  # there are two zeros
+    first, number = unique_threes(corners)
+    colors = _colors(rows["color"], data[:80])
+    if colors is not None:
+        code = np.repeat(colors.view(np.int32).reshape(-1), 3)
+        first, number = unique_threes(np.column_stack([number, code, np.zeros_like(code)]))
+    mesh = Mesh(PurePosixPath(main).stem, corners[first], number.reshape(-1, 3))
+    material = Material()
+    if colors is not None:
+        mesh.colors, material.base_color = vertex_colors(colors[first // 3]), (1.0, 1.0, 1.0)
+    description.materials.append(material)
+    mesh.material = len(description.materials) - 1
+    description.meshes.append(smoothed(mesh))
+    description.instances.append(Instance(len(description.meshes) - 1, Z_UP, name=mesh.name))
+
+
+def _triangles_of(data: bytes, main: str) -> int | None:
+    """How many a binary file has; None of one in text. Raises SceneError where it is cut."""
+    said = int.from_bytes(data[80:_HEAD], "little") if len(data) >= _HEAD else 0
+    there = max(len(data) - _HEAD, 0) // _ROW.itemsize
+    if there and said * _ROW.itemsize == len(data) - _HEAD:
+        return there
+    if len(data) < _HEAD or (data[:200].lstrip()[:5].lower() == b"solid" and b"\0" not in data[:512]):
+        return None
+    if said > there:
+        raise SceneError(f"{main}: has {there} of {said} triangles; the upload or download was cut, take it again")
+    if there == 0:
+        raise SceneError(f"{main}: has no triangles; export it again")
+    return said or there
+
+
+def _colors(words: npt.NDArray[np.uint16], head: bytes) -> npt.NDArray[np.uint8] | None:
+    """(T, 4) sRGB; None where there are none.
+
+    Magics names the whole's colour in the header, and clears the highest bit of triangles with one of their own, red lowest;
+    VisCAM and SolidView set it for those, blue lowest. What is neither is taken for what other programs leave there.
+    """
+    at = head.find(b"COLOR=")
+    whole = (255, 255, 255, 255)
+    if 0 <= at <= len(head) - 10:
+        whole = head[at + 6], head[at + 7], head[at + 8], 255
+        has, shifts = (words & _OWN) == 0, (0, 5, 10)
+    elif (words & _OWN).any() and (((words & _OWN) != 0) | (words == 0)).all():
+        has, shifts = (words & _OWN) != 0, (10, 5, 0)
+    else:
+        return None
+    found = np.empty((len(words), 4), np.uint8)
+    found[:] = whole
+    for k, shift in enumerate(shifts):
+        level = ((words[has] >> shift) & 31).astype(np.uint16)
+        found[has, k] = (level * 255 + 15) // 31
+    return found

@@ -1,0 +1,52 @@
+"""The scenes of the front page: the latest at first, all of them and those that are sought when asked for."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, Route, expect
+
+from tests.e2e.site import call
+
+pytestmark = pytest.mark.browser
+
+SHOW = """
+    const grid = m.sceneGrid();
+    document.body.replaceChildren(grid.aside, grid.element);
+    grid.put(a);"""
+
+
+def scene(i: int, name: str) -> dict[str, Any]:
+    return {"id": f"s{i}", "name": name, "status": "ready", "created": -i, "counts": {}, "cameras": [], "warnings": []}
+
+
+def test_few_are_shown_at_first_and_all_are_found(page: Page) -> None:
+    older = scene(200, "Bridge at dawn")
+    page.route("**/api/scenes?*", lambda route: answer(route, [older] if "bridge" in route.request.url else [older, *latest]))
+    latest = [scene(i, f"Take {i}") for i in range(30)]
+    page.evaluate("document.body.innerHTML = '<div id=announcer></div>'")  # that the page has from its start
+    call(page, "views/scene-grid", SHOW, latest)
+    cards, search = page.locator(".card"), page.get_by_label("Search scenes")
+    expect(cards).to_have_count(24)
+    search.fill("take 7")
+    expect(cards).to_have_count(3)  # 7, 17 and 27
+    search.fill("bridge dawn")
+    expect(cards).to_have_count(1)
+    search.fill("nothing like that")
+    expect(page.get_by_text("No scene is called that.")).to_be_visible()
+    search.fill("")
+    page.get_by_role("button", name="Show all scenes").click()
+    expect(cards).to_have_count(31)
+    expect(cards.nth(24).get_by_role("link")).to_be_focused()
+
+
+def test_where_there_are_few_nothing_is_sought(page: Page) -> None:
+    call(page, "views/scene-grid", SHOW, [scene(i, f"Take {i}") for i in range(5)])
+    expect(page.locator(".card")).to_have_count(5)
+    expect(page.get_by_label("Search scenes")).to_be_hidden()
+
+
+def answer(route: Route, found: list[dict[str, Any]]) -> None:
+    route.fulfill(content_type="application/json", body=json.dumps(found))
