@@ -38,6 +38,7 @@ __all__ = ["Scheduler", "named"]
 
 PATIENCE_WITH_FEW_S = 5.0
 UNMEASURED = 32  # batches, before anybody knows how long one takes; a first sample of every tile in any case
+CLOCKS_S = 60.0  # by which a worker's clock may be wrong in what it says of a batch
 REST_S = 1.0  # before the only worker is given again what it has handed back
 
 log = logging.getLogger(__name__)
@@ -209,7 +210,7 @@ class Scheduler:
         """A batch's sums were taken by the film, or dropped by it as known; or (None) the job does not want them."""
         ended = self._end(job, lease)
         if ended is not None:  # whatever it says: it was not longer at it than it had it
-            seconds = min(seconds, time.monotonic() - ended.issued)
+            seconds = min(seconds, time.monotonic() - ended.issued + CLOCKS_S)
         if ended is not None and ended.batch is not None and ended.batch != batch:
             job.lose(ended.batch)
         if ended is not None and batch is not None:
