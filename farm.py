@@ -3,8 +3,8 @@
 
     python3 farm.py up                     the farm and its page; a second start takes seconds
     python3 farm.py render|submit|info ... any other command of `rayfarm`
-    python3 farm.py test [--long] [...]    installs what the tests need and runs all checks, in some minutes; --long adds whole
-                                           grids of statistics, installations and comparisons; more arguments go to pytest
+    python3 farm.py test [--long] [...]    installs what the tests need and runs all checks, in some minutes; --long adds the rest
+                                           of each grid, installations and comparisons; more arguments go to pytest
     python3 farm.py sheets [name ...]      the picture sheets of docs/, rendered again
     python3 farm.py film                   our shot as a film, by the farm that runs here
     python3 farm.py page-pictures          pictures of the page while that farm renders

@@ -40,7 +40,7 @@ class Settings(BaseSettings):
     token: str = ""  # what workers show; kept in the data folder where empty
     owner_token: str = ""  # what lets its owner in, as an administrator; kept in the data folder where empty
     host: str = "127.0.0.1"
-    published: str = ""  # the address by which it is reached, where that is not `host`: a container's
+    published: str = ""  # addresses and names by which it is reached, spaces between, where `host` is none: a container's
     port: int = 8000
     health_port: int = Field(
         default=0, ge=0, le=65535
@@ -174,10 +174,15 @@ class Settings(BaseSettings):
         return self.host in LOOPBACK
 
     @property
+    def published_names(self) -> list[str]:
+        """The addresses and names by which it is reached from outside its container."""
+        return self.published.lower().split()
+
+    @property
     def needs_login(self) -> bool:
         """Whether nobody is let in without showing who they are."""
         if self.login == "auto":
-            return not self.is_loopback if not self.published else self.published not in LOOPBACK
+            return any(name not in LOOPBACK for name in self.published_names or [self.host])
         return self.login == "always"
 
     def make_folders(self) -> None:

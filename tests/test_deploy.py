@@ -54,6 +54,11 @@ def test_two_services_differ_from_one_in_what_they_must() -> None:
     assert claim["spec"] in [part["spec"] for part in PARTS if part["metadata"]["name"] == name]
 
 
+def test_compose_is_understood_by_its_first_release_too() -> None:
+    """Which knows no default within a default, and passes on what is left of it."""
+    assert not re.search(r"\$\{[^}]*\$\{", (ROOT / "docker-compose.yml").read_text())
+
+
 def test_the_worker_of_the_cluster_is_started_with_options_that_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
     (worker,) = [part for part in PARTS if part["metadata"]["name"] == "rayfarm-worker"]
     arguments = worker["spec"]["template"]["spec"]["containers"][0]["args"]

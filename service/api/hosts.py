@@ -35,7 +35,8 @@ class Hosts:
 
     def __init__(self, settings: Settings) -> None:
         self._takes_addresses = not settings.is_loopback
-        self._names = {*LOOPBACK_NAMES, *(name.lower().removesuffix(".") for name in settings.allowed_hosts)}
+        given = *settings.allowed_hosts, *settings.published_names
+        self._names = {*LOOPBACK_NAMES, *(name.lower().removesuffix(".") for name in given)}
         if self._takes_addresses:
             own = socket.gethostname().lower()
             self._names |= {own, f"{own.split('.')[0]}.local", settings.host.lower()}

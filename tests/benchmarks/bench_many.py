@@ -59,7 +59,7 @@ def measured(files: dict[str, bytes], folder: Path, memory: int, seconds: float)
     try:
         return run_bounded(lambda _: read(folder, main), lambda _: None, memory, seconds, subject=main)
     except WorkError as error:
-        return {"said": str(error), "seconds": seconds}
+        return {"said": str(error), "seconds": math.nan}
 
 
 def main() -> int:
@@ -84,16 +84,16 @@ def main() -> int:
             )  # here: what it loads is there before children fork
             gc.freeze()
             found = [measured(make(count), folder / "many", memory, options.seconds) for count in counts]
-            few, many = (each["seconds"] for each in found)
-            power = math.log(max(many, 1e-3) / max(few, 1e-3)) / math.log(options.times)
+            few, many = (max(each["seconds"], 1e-3) for each in found)
+            power = math.log(many / few) / math.log(options.times)
             said = next((each["said"] for each in reversed(found) if "said" in each), "")
-            is_steep = many > LEAST and power > STEEP
+            is_steep = math.isnan(many) or (many > LEAST and power > STEEP)
             steep += [thing] if is_steep else []
             expected = many * (MANY / counts[1]) ** max(power, 1.0)
             print(
                 f"{thing:34}{few:9.2f}{many:9.2f}{power:8.2f}{'!' if is_steep else ' '}{expected:9.1f}   {said[:110]}", flush=True
             )
-    print(f"More than linear: {', '.join(steep) or 'none'}.")
+    print(f"More than linear, or not done in time: {', '.join(steep) or 'none'}.")
     return 0
 
 

@@ -6,7 +6,8 @@ __all__ = ["USD"]
 
 Files = dict[str, bytes]
 _TRIANGLE = (
-    'def Mesh "m{0}" {{ int[] faceVertexCounts = [3]; int[] faceVertexIndices = [0, 1, 2]\n'
+    'def Mesh "m{0}" {{ uniform token subdivisionScheme = "none"\n'
+    "int[] faceVertexCounts = [3]; int[] faceVertexIndices = [0, 1, 2]\n"
     "point3f[] points = [({0}, 0, 0), ({0}, 1, 0), ({0}, 0, 1)]\n{1} }}\n"
 )
 _SURFACE = (

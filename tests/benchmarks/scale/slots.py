@@ -34,7 +34,7 @@ from worker.site_link import SiteLink
 from worker.sums import pack_sums
 from worker.terms import Offer, Terms, offer_key, terms_key
 
-__all__ = ["Slots", "main", "of_one_sample"]
+__all__ = ["SAMPLES", "Slots", "main", "of_one_sample"]
 
 PER_WORKER = 32
 LOOK_EVERY_S = 0.005

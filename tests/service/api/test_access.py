@@ -384,7 +384,7 @@ def test_on_loopback_all_is_open_but_who_else_is_let_in(tmp_path: Path, redis_se
         ("192.168.1.7", "", "auto", True),
         ("", "", "auto", True),
         ("0.0.0.0", "127.0.0.1", "auto", False),
-        ("0.0.0.0", "0.0.0.0", "auto", True),
+        ("0.0.0.0", " 127.0.0.1 0.0.0.0", "auto", True),
         ("127.0.0.1", "", "always", True),
         ("0.0.0.0", "", "never", False),
     ],

@@ -26,7 +26,7 @@ def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redi
 def open_service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
     """A service that believes that all machines reach it."""
     data = tmp_path_factory.mktemp("open") / "data"
-    service = Service(data, redis_server, host="0.0.0.0", allowed_hosts=["Farm.example"])
+    service = Service(data, redis_server, host="0.0.0.0", allowed_hosts=["Farm.example"], published=" 0.0.0.0 Render.example")
     yield service
     service.stop()
 
@@ -60,7 +60,8 @@ def test_loopback_answers_to_its_own_names_alone(service: Service) -> None:
 
 def test_a_service_for_all_machines_answers_to_addresses_and_its_own_names(open_service: Service) -> None:
     own = socket.gethostname()
-    for host in ("localhost", "192.168.1.7:8000", "[fe80::1]", own, own.upper(), f"{own.split('.')[0]}.local", "farm.EXAMPLE"):
+    given = "farm.EXAMPLE", "render.example"
+    for host in ("localhost", "192.168.1.7:8000", "[fe80::1]", own, own.upper(), f"{own.split('.')[0]}.local", *given):
         assert open_service.http.get("/healthz", headers={"Host": host}).status_code == 200, host
     for host in ("evil.com", f"{own}.evil.com", "service", "127.0.0.1.evil.com"):
         refusal = said(open_service.http.get("/healthz", headers={"Host": host}), 421)
