@@ -28,7 +28,8 @@ from renderer.kernel.integrators.state import (
 from renderer.kernel.integrators.strategy import heuristic_weight, mistaken, share_of_light, special_bounce
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, limited, reach
 from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
-from renderer.kernel.light.lights import environment_seen, met_from_front, primitive_light_pdf, sample_light, sun_seen
+from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light, sun_seen
+from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream

@@ -1,39 +1,36 @@
 """Light sampling: a light is chosen (the environment by a set probability, few others by power, many by a tree), then a point
 or direction.
 
-Triangles are sampled uniformly by area, spheres by the solid angle they fill, environments by their light;
-parallelograms and lights without a body have files of their own.
+Triangles are sampled uniformly by area, environments by their light; spheres, parallelograms and lights without a body have
+files of their own.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from renderer.arrays.light_rows import CORNER_ERROR, PARALLELOGRAM
-from renderer.arrays.rows import FACING, PART_COLUMNS, PART_MATERIAL, TEXTURED
+from renderer.arrays.rows import PART_COLUMNS, PART_MATERIAL, TEXTURED
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import columns, row
 from renderer.kernel.light.environment import choose, environment_light, environment_radiance, sample_environment
+from renderer.kernel.light.light_sample import LightSample, either, emitted, if_found, nothing
 from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
 from renderer.kernel.light.parallelogram import on_parallelogram, on_parallelogram_pdf
-from renderer.kernel.light.punctual import SUN, SUN_UNSEEN, disk_cone, moving_sun, sample_moving_punctual, sample_punctual
-from renderer.kernel.material.material import emission, opacity
-from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
+from renderer.kernel.light.punctual import SUN, SUN_UNSEEN, moving_sun, sample_moving_punctual, sample_punctual
+from renderer.kernel.light.sphere_light import faces_viewer, sample_facing, sample_sphere, sphere_light_pdf
+from renderer.kernel.sampling.warp import square_to_cone_pdf, square_to_triangle
 from renderer.kernel.surface.departure import leave
-from renderer.kernel.surface.shapes import ball_at
-from renderer.kernel.surface.surface import moving_triangle_point, sphere_uv, triangle_point, triangle_uv
+from renderer.kernel.surface.surface import moving_triangle_point, triangle_point, triangle_uv
 from renderer.wide.lanes import each_lane
 from renderer.wide.values import any_of, as_wide, as_wide3, lookup, nil, not_, u32, where, where3
 
 __all__ = [
-    "LightSample",
     "choose_light",
     "environment_seen",
-    "met_from_front",
     "nearby_choice",
     "primitive_light_pdf",
     "sample_by_power",
@@ -48,65 +45,17 @@ _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _FAR = np.float32(1e18)
-_INV_4PI = np.float32(0.25 / math.pi)
-_ERROR = np.float32(32 * 2.0**-24)
-_CLOSE = np.float32(1.001)  # squared distance in radii: nearer, rounding could take a point on the sphere for one outside
 _LEAST = np.float32(1e-30)
 _FIRST = np.uint32(0)
 _NEXT = np.uint32(1)
 _SUN = np.uint32(SUN)
-_TEXTURED, _FACING = np.uint32(TEXTURED), np.uint32(FACING)
-
-
-class LightSample(NamedTuple):
-    """A direction that light comes from. Vectors are tuples of float32 in world space; or all of it is of eight lanes."""
-
-    direction: tuple[float, float, float]  # unit, from the point lit
-    end: tuple[float, float, float]  # what must be seen from the point lit
-    radiance: tuple[float, float, float]  # that would arrive unoccluded
-    pdf: float  # per steradian, the choice of the light included; 0: nothing sampled
-    alone: bool  # whether only light sampling finds it (no ray meets it), so that there is nothing to weigh it against
-
-
-@device
-def _nothing(p):
-    """No sample at p."""
-    zero, one = nil(p[0]), as_wide(_ONE, p[0])
-    black = zero, zero, zero
-    return LightSample((zero, zero, one), black, black, zero, as_wide(False, p[0]))
-
-
-@device
-def _either(choice, a, b):
-    """`where` of samples."""
-    return LightSample(
-        where3(choice, a.direction, b.direction),
-        where3(choice, a.end, b.end),
-        where3(choice, a.radiance, b.radiance),
-        where(choice, a.pdf, b.pdf),
-        where(choice, a.alone, b.alone),
-    )
-
-
-@device
-def _if_found(found, sample, p):
-    """The sample, or nothing where there is none; there mostly is."""
-    if any_of(not_(found)):
-        sample = _either(found, sample, _nothing(p))
-    return sample
+_TEXTURED = np.uint32(TEXTURED)
 
 
 @device
 def _vertex_alpha(scene, number, b, c):
     i, j, k, _ = row(scene.triangle, number, 4)
     return (_ONE - b - c) * row(scene.color, i, 4)[3] + b * row(scene.color, j, 4)[3] + c * row(scene.color, k, 4)[3]
-
-
-@device
-def _emitted(scene, material, uv, uv1, vertex_alpha, front, time):
-    """What rays that meet the light there receive on average: those that its alpha lets pass receive nothing of it."""
-    emitted = emission(scene, material, uv, uv1, front, time)
-    return vec.scale(emitted, opacity(scene, material, uv, uv1, vertex_alpha, time))
 
 
 @device
@@ -130,10 +79,10 @@ def _sample_triangle(scene, number, area, p, u, time):
             uv = triangle_uv(scene.uv, scene.triangle, number, b, c)
         uv1 = triangle_uv(scene.uv1, scene.triangle, number, b, c) if len(scene.uv1) > 0 else uv
         alpha = _vertex_alpha(scene, number, b, c) if len(scene.color) > 0 else alpha
-    radiance = _emitted(scene, material, uv, uv1, alpha, projected > _ZERO, time)
+    radiance = emitted(scene, material, uv, uv1, alpha, projected > _ZERO, time)
     end = leave(q, error, vec.scale(normal, _HALF / area), vec.neg(w))
     sample = LightSample(w, end, radiance, _TWO * square / abs(projected), as_wide(False, b))
-    return _if_found((square > _ZERO) & (abs(projected) > _ZERO), sample, p)
+    return if_found((square > _ZERO) & (abs(projected) > _ZERO), sample, p)
 
 
 @device
@@ -146,124 +95,10 @@ def _sample_parallelogram(scene, light, number, area, p, n, u, time):
     projected = -vec.dot(normal, w)  # the area, seen from p
     material = u32(row(scene.part, row(scene.triangle, number, 4)[3], PART_COLUMNS)[PART_MATERIAL])
     uv = nil(square), nil(square)
-    radiance = _emitted(scene, material, uv, uv, as_wide(_ONE, square), projected > _ZERO, time)
+    radiance = emitted(scene, material, uv, uv, as_wide(_ONE, square), projected > _ZERO, time)
     end = leave(q, error, vec.scale(normal, _ONE / area), vec.neg(w))
     sample = LightSample(w, end, radiance, density * square / abs(projected), as_wide(False, square))
-    return _if_found((square > _ZERO) & (abs(projected) > _ZERO) & (density > _ZERO), sample, p)
-
-
-@device
-def _cone(square, radius):
-    """1 - cos of the half angle under which a sphere is seen from outside, at distance**2 `square`."""
-    sine2 = radius * radius / square
-    return sine2 / (_ONE + math.sqrt(max(_ZERO, _ONE - sine2)))
-
-
-@device
-def _sample_cap(to_center, square, radius, u):
-    """What is seen of a sphere from outside, uniform in its solid angle: (the sphere's normal there, pdf)."""
-    one_minus_cos = _cone(square, radius)
-    local = square_to_cone(u, one_minus_cos)
-    axis = vec.scale(to_center, _ONE / math.sqrt(square))
-    s, t = vec.basis(axis)
-    # The point on the sphere from the cone's angle theta, without cancellation: pbrt 4ed, 6.2.4.
-    sine2 = local[0] * local[0] + local[1] * local[1]
-    most2 = radius * radius / square
-    ratio = min(_ONE, sine2 / most2)
-    cos_alpha = sine2 / math.sqrt(most2) + local[2] * math.sqrt(max(_ZERO, _ONE - ratio))
-    sin_alpha = math.sqrt(max(_ZERO, _ONE - cos_alpha * cos_alpha))
-    stretch = where(sine2 > _ZERO, sin_alpha / math.sqrt(sine2), _ZERO)
-    normal = vec.to_world(s, t, axis, (local[0] * stretch, local[1] * stretch, -cos_alpha))
-    return normal, square_to_cone_pdf(one_minus_cos)
-
-
-@device
-def _sphere(scene, number, time):
-    """(centre, radius)."""
-    x, y, z, radius = ball_at(scene, number, time)
-    return (x, y, z), radius
-
-
-@device
-def _sample_sphere(scene, number, p, u, time):
-    """A point of a sphere, uniform in the solid angle seen from p (from inside or close by, by area): as `_sample_triangle`."""
-    center, radius = _sphere(scene, number, time)
-    to_center = vec.sub(center, p)
-    square = vec.dot(to_center, to_center)
-    outside = square > _CLOSE * radius * radius
-    pdf = nil(square)
-    normal = pdf, pdf, pdf
-    if any_of(outside):
-        normal, pdf = _sample_cap(to_center, square, radius, u)
-    if any_of(not_(outside)):
-        normal = where3(outside, normal, square_to_sphere(u))
-    q = vec.add(center, vec.scale(normal, radius))
-    d = vec.sub(q, p)
-    far2 = vec.dot(d, d)
-    w = vec.scale(d, _ONE / math.sqrt(far2))
-    cosine = -vec.dot(normal, w)
-    if any_of(not_(outside)):
-        pdf = where(outside, pdf, far2 * _INV_4PI / (abs(cosine) * radius * radius))
-    uv = nil(square), nil(square)
-    if scene.has.textures is not None:
-        uv = sphere_uv(normal)
-    material = u32(lookup(scene.sphere_material, number))
-    radiance = _emitted(scene, material, uv, uv, as_wide(_ONE, square), outside | (cosine > _ZERO), time)
-    error = _ERROR * (vec.magnitude(center) + radius)
-    sample = LightSample(w, leave(q, error, normal, vec.neg(w)), radiance, pdf, as_wide(False, square))
-    return _if_found((far2 > _ZERO) & (outside | (cosine != _ZERO)), sample, p)
-
-
-@device
-def _faces(scene, number):
-    """Whether a sphere is seen as a disk through its middle that faces whoever looks, as Cycles' soft falloff has it."""
-    facing = as_wide(False, number)
-    if scene.has.textures is not None:
-        facing = u32(lookup(scene.material_flags, u32(lookup(scene.sphere_material, number)))) & _FACING != _FIRST
-    return facing
-
-
-@device
-def _sample_facing(scene, number, p, u, time):
-    """As `_sample_sphere`, of one that faces p."""
-    center, radius = _sphere(scene, number, time)
-    to_center = vec.sub(center, p)
-    square = vec.dot(to_center, to_center)
-    distance = math.sqrt(square)
-    axis = vec.scale(to_center, _ONE / distance)
-    cone = disk_cone(square, radius)
-    local = square_to_cone(u, cone)
-    s, t = vec.basis(axis)
-    w = vec.to_world(s, t, axis, local)
-    q = vec.add(p, vec.scale(w, distance / local[2]))
-    material = u32(lookup(scene.sphere_material, number))
-    uv = nil(square), nil(square)
-    radiance = _emitted(scene, material, uv, uv, as_wide(_ONE, square), square == square, time)
-    error = _ERROR * (vec.magnitude(center) + radius)
-    sample = LightSample(w, leave(q, error, axis, vec.neg(w)), radiance, square_to_cone_pdf(cone), as_wide(False, square))
-    return _if_found((square > _ZERO) & (local[2] > _ZERO), sample, p)
-
-
-@device
-def met_from_front(scene, light, p, w, front, time):
-    """Whether a ray from the vertex p in direction w that met a light met the side that shines. front: whether it is outside.
-
-    Of a sphere that faces p it has to meet the disk, which lies behind one side of the sphere, and before the other.
-    """
-    if scene.has.textures is not None and len(scene.sphere) > 0:
-        number = u32(u32(lookup(scene.light_primitive, light)) - np.uint32(len(scene.triangle)))
-        is_ball = number < np.uint32(len(scene.sphere))
-        number = where(is_ball, number, _FIRST)
-        facing = is_ball & _faces(scene, number)
-        if any_of(facing):
-            center, radius = _sphere(scene, number, time)
-            d = vec.sub(center, p)
-            square, along, off = vec.dot(d, d), vec.dot(d, w), vec.cross(d, w)
-            on_disk = (along > _ZERO) & (vec.dot(off, off) * square < radius * radius * along * along)
-            outside = square > radius * radius
-            first = (front & outside) | not_(front | outside)  # else the disk was counted before
-            front = (facing & on_disk & first) | (front & not_(facing))
-    return front
+    return if_found((square > _ZERO) & (abs(projected) > _ZERO) & (density > _ZERO), sample, p)
 
 
 @device
@@ -292,28 +127,28 @@ def sample_one_light(scene, light, p, n, u, time=None):
     primitive = u32(lookup(scene.light_primitive, light))
     beyond = u32(primitive - np.uint32(len(scene.triangle)))  # a triangle's is far beyond all spheres
     is_triangle, is_sphere = primitive < np.uint32(len(scene.triangle)), beyond < np.uint32(len(scene.sphere))
-    sample = _nothing(p)
+    sample = nothing(p)
     if any_of(is_triangle):
         area, number = lookup(scene.light_area, light), where(is_triangle, primitive, _FIRST)
         paired = _is_parallelogram(scene, light)
         if any_of(paired):
-            sample = _if_found(paired, _sample_parallelogram(scene, light, number, area, p, n, u, time), p)
+            sample = if_found(paired, _sample_parallelogram(scene, light, number, area, p, n, u, time), p)
         if any_of(is_triangle & not_(paired)):
-            sample = _either(paired, sample, _sample_triangle(scene, number, area, p, u, time))
+            sample = either(paired, sample, _sample_triangle(scene, number, area, p, u, time))
     if any_of(is_sphere):
         number = where(is_sphere, beyond, _FIRST)
-        facing = is_sphere & _faces(scene, number)
+        facing = is_sphere & faces_viewer(scene, number)
         if any_of(is_sphere & not_(facing)):
-            sample = _either(is_sphere, _sample_sphere(scene, number, p, u, time), sample)
+            sample = either(is_sphere, sample_sphere(scene, number, p, u, time), sample)
         if any_of(facing):
-            sample = _either(facing, _sample_facing(scene, number, p, u, time), sample)
+            sample = either(facing, sample_facing(scene, number, p, u, time), sample)
     if scene.has.lights is not None:
         alone = not_(is_triangle | is_sphere)
         if any_of(alone):
             number = u32(beyond - np.uint32(len(scene.sphere)))
             w, end, radiance, density = _sample_alone(scene, number, alone, p, u, time)
             met = u32(lookup(scene.punctual_kind, where(alone, number, _FIRST))) >= _SUN
-            sample = _either(alone, LightSample(w, end, radiance, density, alone & not_(met)), sample)
+            sample = either(alone, LightSample(w, end, radiance, density, alone & not_(met)), sample)
     return sample
 
 
@@ -372,26 +207,26 @@ def sample_chosen(scene, p, n, choice, u, light, chance, time):
     environment_chance = scene.environment_frame[3]
     from_far = choice < environment_chance
     nearby = not_(from_far)
-    sample = _nothing(p)
+    sample = nothing(p)
     if any_of(from_far):
         w, pdf = sample_environment(scene, choice / environment_chance, u)
         radiance = environment_radiance(scene.environment, scene.environment_frame, w)
         end = vec.add(p, vec.scale(w, _FAR))
         sample = LightSample(w, end, radiance, pdf * environment_chance, as_wide(False, choice))
     if any_of(nearby):
-        sample = _either(nearby, _sample_nearby(scene, p, n, u, light, chance, nearby, time), sample)
+        sample = either(nearby, _sample_nearby(scene, p, n, u, light, chance, nearby, time), sample)
     return sample
 
 
 @device
 def _sample_nearby(scene, p, n, u, light, chance, wanted, time):
     """The part of `sample_chosen` that is not the environment's, where `wanted`."""
-    sample = _nothing(p)
+    sample = nothing(p)
     if len(scene.light_primitive) > 0 and any_of(wanted & (chance != _ZERO)):
         found = sample_one_light(scene, light, p, n, u, time)
         pdf = found.pdf * (_ONE - scene.environment_frame[3]) * chance
         sample = LightSample(found.direction, found.end, found.radiance, pdf, found.alone)
-        sample = _if_found(chance != _ZERO, sample, p)
+        sample = if_found(chance != _ZERO, sample, p)
     return sample
 
 
@@ -453,7 +288,7 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
             pdf = pdf * on_parallelogram_pdf(scene, light, p, n, hit)
     if any_of(not_(is_triangle)):
         number = where(is_triangle, _FIRST, u32(primitive - triangles))
-        pdf = where(is_triangle, pdf, _sphere_light_pdf(scene, number, p, square, cosine, chance, time))
+        pdf = where(is_triangle, pdf, sphere_light_pdf(scene, number, p, square, cosine, chance, time))
     return where(judged, pdf, _ZERO)
 
 
@@ -470,17 +305,3 @@ def _area(scene, light, primitive, is_triangle, time):
 @subroutine
 def _moving_area(scene, number, time):
     return _HALF * vec.length(moving_triangle_point(scene, number, _ZERO, _ZERO, time)[2])
-
-
-@device
-def _sphere_light_pdf(scene, number, p, square, cosine, chance, time):
-    """Of a sphere that is chosen by that chance, where it is at distance**2 `square`."""
-    center, radius = _sphere(scene, number, time)
-    to_center = vec.sub(center, p)
-    center2 = vec.dot(to_center, to_center)
-    facing = _faces(scene, number)
-    outside = facing | (center2 > _CLOSE * radius * radius)
-    pdf = chance * square_to_cone_pdf(where(facing, disk_cone(center2, radius), _cone(center2, radius)))
-    if any_of(not_(outside)):
-        pdf = where(outside, pdf, chance * square * _INV_4PI / max(cosine * radius * radius, _LEAST))
-    return pdf

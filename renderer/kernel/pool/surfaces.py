@@ -12,7 +12,8 @@ from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.integrators.transport import limited
 from renderer.kernel.integrators.visibility import MAX_PASSED
-from renderer.kernel.light.lights import environment_seen, met_from_front, primitive_light_pdf, sun_seen
+from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sun_seen
+from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import emission
 from renderer.kernel.pool.lists import (
     CONDUCTOR,
