@@ -8,7 +8,6 @@ import pytest
 from numba import njit, typeof
 from numba.core import ir, types
 from numba.core.compiler_machinery import FunctionPass, register_pass
-from numba.core.typed_passes import NopythonTypeInference
 
 from renderer import beside
 from renderer.absent import Compiler
@@ -18,6 +17,7 @@ from renderer.kernel import accumulate
 from renderer.reference import Reference
 from renderer.render import _PICTURE, PLAIN, _render, warm_up
 from renderer.settings import Tile
+from renderer.typed_before import TypeOnce
 
 
 class TypedError(Exception):
@@ -45,7 +45,7 @@ class TellCalls(FunctionPass):
 class Typed(Compiler):
     def define_pipelines(self) -> list[Any]:
         (steps,) = super().define_pipelines()
-        steps.add_pass_after(TellCalls, NopythonTypeInference)
+        steps.add_pass_after(TellCalls, TypeOnce)
         steps.finalize()
         return [steps]
 

@@ -286,9 +286,11 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
         pdf = chance * square / max(cosine * area, _LEAST)
         if len(scene.light_parallelogram) > 0:
             pdf = pdf * on_parallelogram_pdf(scene, light, p, n, hit)
-    if any_of(not_(is_triangle)):
-        number = where(is_triangle, _FIRST, u32(primitive - triangles))
-        pdf = where(is_triangle, pdf, sphere_light_pdf(scene, number, p, square, cosine, chance, time))
+    beyond = u32(primitive - triangles)
+    is_sphere = beyond < np.uint32(len(scene.sphere))  # a path that is not judged may stand at a light without a body
+    if any_of(is_sphere):
+        number = where(is_sphere, beyond, _FIRST)
+        pdf = where(is_sphere, sphere_light_pdf(scene, number, p, square, cosine, chance, time), pdf)
     return where(judged, pdf, _ZERO)
 
 
