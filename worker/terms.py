@@ -121,7 +121,11 @@ class Offer:
         if not (
             all(isinstance(number, int) for number in whole)
             and isinstance(offer.idle_minutes, int | float)
-            and all(0 <= number <= MOST_OF_AN_OFFER for number in (*whole, offer.idle_minutes))
+            and all(
+                0 <= number <= MOST_OF_AN_OFFER
+                for number in (offer.memory, offer.slots_most, offer.memory_limit, offer.idle_minutes)
+            )
+            and abs(offer.nice) <= MOST_NICE + 1  # below 0 where root has started it so
             and all(isinstance(text, str) and len(text) <= LONGEST_TEXT for text in texts)
             and len(lists) <= MOST_TEXTS
         ):

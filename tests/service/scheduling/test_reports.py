@@ -97,3 +97,9 @@ def test_what_is_told_beside_it_has_numbers_that_can_be_shown(
     of(json.dumps(good).encode())
     with pytest.raises(ValueError):
         of(json.dumps({**good, **changed}).encode())
+
+
+def test_a_worker_that_root_gave_precedence_is_heard() -> None:
+    assert Offer.from_bytes(json.dumps({**OFFER, "nice": -20}).encode()).nice == -20
+    with pytest.raises(ValueError):
+        Offer.from_bytes(json.dumps({**OFFER, "nice": -21}).encode())
