@@ -27,8 +27,8 @@ import httpx
 from rayfarm.answers import Environment, Frame, Job, Scene, Worker, read, read_list
 from renderer.errors import RayfarmError
 from renderer.frames import frame_text
-from worker.foreign import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
-from worker.trust import trust
+from worker.exchange.foreign import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
+from worker.exchange.trust import trust
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection

@@ -142,7 +142,7 @@ def say_bad_samples(scene: Path, settings: RenderSettings, done: RenderStats, mo
     """Names the samples that were left out, and the command that follows the first; more: what it needs beside."""
     if not done.bad_count:
         return
-    from worker.reproduce import sample_command
+    from worker.protocol.reproduce import sample_command
 
     command = sample_command(settings, *done.bad[0]).replace("SCENE", str(scene), 1)
     sentence = f"note: {done.bad_count} samples were not finite and are left out. To follow the first: {command}{more}"

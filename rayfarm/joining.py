@@ -12,7 +12,7 @@ from pathlib import Path
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
 from rayfarm.machine import StopSignals
-from worker.foreign import is_address
+from worker.exchange.foreign import is_address
 
 __all__ = ["farm_address", "run", "shown_token"]
 

@@ -15,8 +15,8 @@ from service.farm import Farm
 from service.owning.candidate import Candidate
 from service.owning.ownership import Ownership
 from service.settings import Settings
-from worker import tracing
-from worker.log_lines import by_json
+from worker.telemetry import tracing
+from worker.telemetry.log_lines import by_json
 
 __all__ = ["REFUSES_TO_START", "Life"]
 

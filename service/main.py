@@ -28,8 +28,8 @@ from service.life import REFUSES_TO_START, Life
 from service.pages import Pages, WebPages
 from service.settings import Settings
 from service.watching.memory import keep_one_heap
-from worker import tracing
-from worker.log_lines import as_json, by_json
+from worker.telemetry import tracing
+from worker.telemetry.log_lines import as_json, by_json
 
 __all__ = ["create_app"]
 

@@ -16,7 +16,7 @@ from service.errors import CannotStart
 from service.hooks.signing import key_of, new_secret
 from service.places import default_data_folder, shipped, sqlite_url
 from service.store.whole import PRIVATE_FOLDER, write_once, write_whole
-from worker.redis_tls import as_told, trusting
+from worker.exchange.redis_tls import as_told, trusting
 
 __all__ = ["OWNER_TOKEN", "Settings"]
 

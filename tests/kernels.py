@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import psutil
 
 from tests.helpers import ROOT
-from worker.process import die_with_parent, spawn_guard
+from worker.machine.children import die_with_parent, spawn_guard
 
 if TYPE_CHECKING:
     from renderer.arrays.scene import CompiledScene

@@ -10,8 +10,8 @@ from pathlib import Path
 import redis
 
 from tests.helpers import ROOT, wait_until
-from worker.process import spawn_guard
-from worker.site import SiteReport, site_key
+from worker.machine.children import spawn_guard
+from worker.protocol.site import SiteReport, site_key
 
 __all__ = ["Reducing"]
 
@@ -23,7 +23,7 @@ class Reducing:
         self.store = store
         self.name = name
         self.log = folder / "reducer.log"
-        command = [sys.executable, "-m", "worker.reducer", f"--service={service}", f"--name={name}"]
+        command = [sys.executable, "-m", "worker.site.reducer", f"--service={service}", f"--name={name}"]
         command += ["--host=127.0.0.1", "--address=127.0.0.1", f"--port={port}", f"--folder={folder / 'sites'}"]
         told = os.environ | {"RAYFARM_TOKEN": token}
         with self.log.open("ab") as log:

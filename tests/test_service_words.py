@@ -34,7 +34,7 @@ SHOWN = (
     "service/store/film_faults.py",
     "service/store/room.py",
     "service/viewing",
-    "worker/keeping.py",
+    "worker/process/keeping.py",
 )
 # Who may say what is translated.
 SPEAKERS = (

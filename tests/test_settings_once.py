@@ -21,8 +21,8 @@ from renderer.settings import OPTIONAL, RenderSettings, View
 from service.api.declared_fields import with_fields
 from service.api.schemas import JobIn
 from tests.helpers import ROOT
-from worker import reproduce
-from worker.reproduce import sample_command
+from worker.protocol import reproduce
+from worker.protocol.reproduce import sample_command
 
 VIEW = View((0, 1, 5), (0, 1, 0))
 SHAPES = Choices({"star": Shown("Star", "Six points."), "dot": Shown("Dot")})

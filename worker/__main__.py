@@ -24,21 +24,23 @@ from pathlib import Path
 from renderer import denoise, jit
 from renderer.blender import program
 from renderer.blender.program import Blender
-from worker import app, blends, logs
-from worker.cache import BlobCache, default_cache_dir
-from worker.context import WorkerContext, cpu_name
-from worker.contract import WorkerReport
-from worker.errors import RefusedError, WorkerError
-from worker.files import memory_budget
+from worker import app
+from worker.exchange.cache import BlobCache, default_cache_dir
+from worker.exchange.errors import RefusedError, WorkerError
+from worker.exchange.link import Link, check_redis_url
+from worker.exchange.ready import get_ready
+from worker.machine.pieces import Pieces
+from worker.machine.status import SlotBoard
+from worker.process.context import WorkerContext, cpu_name
 from worker.joining import Joining
-from worker.keeping import Keeping
-from worker.link import Link, check_redis_url
-from worker.log_lines import FORMAT_VARIABLE, FORMATS, by_json
-from worker.pieces import Pieces
-from worker.ready import get_ready
-from worker.site import SITE, SITE_NAME
-from worker.status import SlotBoard
-from worker.terms import TAG, Terms
+from worker.process.keeping import Keeping
+from worker.protocol import blends
+from worker.protocol.contract import WorkerReport
+from worker.protocol.site import SITE, SITE_NAME
+from worker.protocol.terms import TAG, Terms
+from worker.telemetry import logs
+from worker.telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
+from worker.work.files import memory_budget
 
 EXIT_REFUSED = 3
 

@@ -13,17 +13,19 @@ from celery import Celery, signals
 from celery.exceptions import SecurityWarning
 
 from renderer import __version__
-from worker import context, tasks, tracing
-from worker.broker import celery_config
-from worker.frames import forget_frames
+from worker import tasks
 from worker.heartbeat import Heartbeat
-from worker.jointly import hand_in
 from worker.leaving import Leaving
-from worker.log_lines import by_json
-from worker.process import die_with_parent
-from worker.queue_reading import be_patient
-from worker.slot import slot
-from worker.turns import STRATEGY
+from worker.machine.children import die_with_parent
+from worker.process import context
+from worker.process.queue_reading import be_patient
+from worker.process.turns import STRATEGY
+from worker.protocol.broker import celery_config
+from worker.telemetry import tracing
+from worker.telemetry.log_lines import by_json
+from worker.work.frames import forget_frames
+from worker.work.jointly import hand_in
+from worker.work.slot import slot
 
 __all__ = ["make_app", "run"]
 

@@ -21,8 +21,9 @@ import redis
 from celery import bootsteps
 from celery.worker.state import reserved_requests
 
-from worker import context, vitals
-from worker.contract import (
+from worker.process import context
+from worker.protocol import vitals
+from worker.protocol.contract import (
     HEARTBEAT_EVERY_S,
     HEARTBEAT_TTL_S,
     RENDER_BATCH,
@@ -33,12 +34,12 @@ from worker.contract import (
     render_queue,
     worker_key,
 )
-from worker.joint import RENDER_JOINTLY, help_queue
-from worker.jointly import ask_for_help
-from worker.lifeline import lifeline
-from worker.log_tail import LogTail
-from worker.terms import OFFER_TTL_S, Offer, offer_key, terms_key
-from worker.vitals import LOG_TTL_S, VITALS_TTL_S, log_key, log_wanted_key, vitals_key
+from worker.protocol.joint import RENDER_JOINTLY, help_queue
+from worker.protocol.lifeline import lifeline
+from worker.protocol.terms import OFFER_TTL_S, Offer, offer_key, terms_key
+from worker.protocol.vitals import LOG_TTL_S, VITALS_TTL_S, log_key, log_wanted_key, vitals_key
+from worker.telemetry.log_tail import LogTail
+from worker.work.jointly import ask_for_help
 
 __all__ = ["Heartbeat", "Reporter"]
 

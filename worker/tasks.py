@@ -11,9 +11,10 @@ from typing import Any
 from celery import Celery
 
 from renderer.errors import RayfarmError
-from worker import context
-from worker.asides import DENOISING, ENVIRONMENTS, MOTION_VECTORS
-from worker.contract import (
+from worker.exchange.errors import RefusedError, Trouble, WorkError
+from worker.exchange.patience import patiently
+from worker.process import context
+from worker.protocol.contract import (
     DENOISE,
     ENVIRONMENT,
     PREPARE,
@@ -25,22 +26,21 @@ from worker.contract import (
     RenderBatch,
     Result,
 )
-from worker.deaths import DEATHS_ALLOWED, deaths_of, is_redelivered, survived
-from worker.errors import RefusedError, Trouble, WorkError
-from worker.explain import explain_pixel, say
-from worker.explained import EXPLAIN, ExplainPixel
-from worker.frames import prepare_frames
-from worker.joint import HELP, RENDER_JOINTLY, JointBatch
-from worker.jointly import help_out, laid_out, left_of
-from worker.log_lines import about
-from worker.patience import patiently
-from worker.prepare import prepare_scene
-from worker.render import failure, not_understood
-from worker.scenes import discard_damaged
-from worker.slot import InHand, at_work
-from worker.told import Steps, named, told_about
-from worker.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
-from worker.viewport import Answering, prepare_view_frame, render_view
+from worker.protocol.explained import EXPLAIN, ExplainPixel
+from worker.protocol.joint import HELP, RENDER_JOINTLY, JointBatch
+from worker.protocol.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
+from worker.telemetry.log_lines import about
+from worker.telemetry.told import Steps, named, told_about
+from worker.work.asides import DENOISING, ENVIRONMENTS, MOTION_VECTORS
+from worker.work.deaths import DEATHS_ALLOWED, deaths_of, is_redelivered, survived
+from worker.work.explain import explain_pixel, say
+from worker.work.frames import prepare_frames
+from worker.work.jointly import help_out, laid_out, left_of
+from worker.work.prepare import prepare_scene
+from worker.work.render import failure, not_understood
+from worker.work.scenes import discard_damaged
+from worker.work.slot import InHand, at_work
+from worker.work.viewport import Answering, prepare_view_frame, render_view
 
 __all__ = ["register"]
 

@@ -11,7 +11,7 @@ import typer
 from rayfarm.errors import CommandError
 from rayfarm.joining import farm_address, run, shown_token
 from rayfarm.log_format import LogFormat, use_log_format
-from worker.site import SITE_NAME
+from worker.protocol.site import SITE_NAME
 
 __all__ = ["register"]
 
@@ -52,6 +52,18 @@ def site(
     if not SITE_NAME.fullmatch(name):
         raise CommandError(f"{name!r} is no name of a site; take small letters, digits and . _ -")
     token = shown_token("A site", "", token_file)
-    command = [sys.executable, "-m", "worker.reducer", "--service", join, "--name", name, "--host", host, "--port", str(port)]
+    command = [
+        sys.executable,
+        "-m",
+        "worker.site.reducer",
+        "--service",
+        join,
+        "--name",
+        name,
+        "--host",
+        host,
+        "--port",
+        str(port),
+    ]
     command += ["--folder", str(cache_home() / "sites"), *([f"--address={address}"] if address else [])]
     run("site", command, token, f"Adding up for the site {name} of {join}. Ctrl-C ends it.")

@@ -20,8 +20,8 @@ from rayfarm.errors import CommandError
 from rayfarm.local.broker import find_server
 from rayfarm.local.state import running_farm
 from renderer import __version__
-from worker.contract import WORKER_KEYS, WorkerReport
-from worker.foreign import is_here
+from worker.exchange.foreign import is_here
+from worker.protocol.contract import WORKER_KEYS, WorkerReport
 
 __all__ = ["look_at_redis", "look_at_running"]
 

@@ -24,8 +24,8 @@ from rayfarm.local.state import ROOT, FarmAddress, announce, save_secrets, secre
 from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
 from rayfarm.login import link_of, owner_token
 from service.access.roles import OWNER
-from worker.contract import WORKER_KEYS, WorkerReport
-from worker.trust import TRUST_VARIABLE
+from worker.exchange.trust import TRUST_VARIABLE
+from worker.protocol.contract import WORKER_KEYS, WorkerReport
 
 __all__ = ["LocalFarm", "Tls", "free_port"]
 

@@ -36,7 +36,7 @@ from service.scheduling.snapshot import JobNumbers, Snapshot
 from service.scheduling.workers import Roster
 from service.shot import Shot
 from service.store.models import ACTIVE, Frame, Job, Scene
-from worker.reproduce import sample_command
+from worker.protocol.reproduce import sample_command
 
 __all__ = ["UNREADABLE", "frame_out", "frames_out", "job_out", "jobs_out", "scene_out", "snapshot"]
 

@@ -25,7 +25,7 @@ from service.farm import Farm, FarmDependency
 from service.intake.projects import id_in
 from service.store.models import ACTIVE, Environment, Job
 from service.store.room import full_disk
-from worker.contract import BlobRef, ShowEnvironment
+from worker.protocol.contract import BlobRef, ShowEnvironment
 
 __all__ = ["router"]
 

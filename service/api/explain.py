@@ -18,8 +18,8 @@ from service.shot import Shot
 from service.store.films import Film
 from service.store.models import Frame, Job, Scene
 from service.viewing.explaining import no_sense
-from worker.contract import PrepareFrames
-from worker.explained import ExplainPixel
+from worker.protocol.contract import PrepareFrames
+from worker.protocol.explained import ExplainPixel
 
 __all__ = ["router"]
 

@@ -36,7 +36,7 @@ from service.store.films import Film
 from service.store.models import Scene
 from service.watching import film_packet
 from service.watching.pictures import MEDIA, PictureWish, memory, picture
-from worker.contract import SAMPLES_HEADER
+from worker.protocol.contract import SAMPLES_HEADER
 
 __all__ = ["router"]
 

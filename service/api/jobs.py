@@ -38,7 +38,7 @@ from service.scheduling.wishes import ask_for_samples, focus_on, set_state, wait
 from service.shot import IN_TURN, Shot
 from service.store.models import FINAL, Frame, Job, Scene
 from service.store.room import need_room
-from worker import tracing
+from worker.telemetry import tracing
 
 __all__ = ["router"]
 

@@ -15,7 +15,7 @@ from service.farm import Farm
 from service.shot import Shot
 from service.store.films import Film
 from service.store.models import Job, Scene
-from worker.contract import FrameVectors
+from worker.protocol.contract import FrameVectors
 
 __all__ = ["motion_of"]
 

@@ -24,7 +24,7 @@ from service.intake.projects import Owner, id_in
 from service.intake.record import record
 from service.intake.uploads import Upload, receive
 from service.store.models import ACTIVE, Job, Scene
-from worker import tracing
+from worker.telemetry import tracing
 
 __all__ = ["router"]
 

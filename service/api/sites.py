@@ -8,7 +8,7 @@ from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
 from service.farm import FarmDependency
-from worker.site import SITE
+from worker.protocol.site import SITE
 
 __all__ = ["router"]
 

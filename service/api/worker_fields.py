@@ -10,8 +10,8 @@ from pydantic import AfterValidator, BaseModel, Field, model_validator
 from renderer.frames import frame_number
 from service.api.strict import Strict
 from service.scheduling.snapshot import Snapshot
-from worker.contract import WorkerReport
-from worker.hours import Hours
+from worker.protocol.contract import WorkerReport
+from worker.protocol.hours import Hours
 
 __all__ = ["WorkerOut", "WorkerPatch", "worker_out"]
 
@@ -47,7 +47,7 @@ class WorkerPatch(Strict):
 
     @property
     def terms(self) -> dict[str, Any]:
-        """What is asked of the worker itself, by the names of worker.terms.Terms; None: nothing any more."""
+        """What is asked of the worker itself, by the names of worker.protocol.terms.Terms; None: nothing any more."""
         said = {name: getattr(self, name) for name in self.model_fields_set - {"state"}}
         if "memory_gb" in said:
             gigabytes = said.pop("memory_gb")

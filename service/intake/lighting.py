@@ -25,7 +25,7 @@ from service.intake.uploads import Upload, changed, light_text, sky_text
 from service.store.database import Sessions
 from service.store.garbage import Garbage
 from service.store.models import ACTIVE, Environment, Job, Scene
-from worker.contract import BlobRef
+from worker.protocol.contract import BlobRef
 
 __all__ = ["Lighting", "Lit"]
 

@@ -27,7 +27,7 @@ from service.store.garbage import Garbage
 from service.store.models import Scene
 from service.store.room import disk_checker, full_disk
 from service.store.staging import BlobWriter
-from worker.contract import BlobRef
+from worker.protocol.contract import BlobRef
 
 __all__ = ["Upload", "changed", "gathered", "keep", "light_text", "receive", "sky_text"]
 

@@ -20,7 +20,7 @@ from service.scheduling.totals import Totals
 from service.shot import IN_TURN, Shot
 from service.store.films import Film
 from service.store.models import Frame, Job, blobs_of
-from worker.contract import render_queue
+from worker.protocol.contract import render_queue
 
 __all__ = ["FAILURES_ALLOWED", "LOSSES_ALLOWED", "ActiveJob", "Trouble"]
 

@@ -54,7 +54,7 @@ from service.scheduling.snapshot import Tell
 from service.scheduling.tile_log import words_of
 from service.scheduling.trust import Trust
 from service.scheduling.vectors import Vectors
-from worker.log_lines import ids
+from worker.telemetry.log_lines import ids
 
 __all__ = ["Answers", "TellTiles"]
 

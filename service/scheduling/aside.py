@@ -20,7 +20,7 @@ from service.scheduling.dispatch import QueueError
 from service.scheduling.leases import Lease
 from service.scheduling.workers import Workers
 from service.store.blobs import BlobStore, is_sha256
-from worker.contract import DenoiseFrame, FrameVectors, ShowEnvironment
+from worker.protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment
 
 __all__ = ["Aside", "LetGo", "MadeAside"]
 

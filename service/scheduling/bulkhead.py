@@ -24,7 +24,7 @@ from sqlalchemy import exc
 from renderer.errors import SettingsError
 from service.errors import FarmError, FilmWaits, NoRoom, Unavailable
 from service.scheduling.dispatch import QueueError
-from worker.log_lines import about, ids
+from worker.telemetry.log_lines import about, ids
 
 __all__ = ["Bulkheads", "Step", "Verdict"]
 

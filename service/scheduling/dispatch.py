@@ -14,8 +14,8 @@ from kombu.exceptions import BatchPublishError, OperationalError
 
 from service.errors import FarmError
 from service.scheduling.traces import headers_of
-from worker.broker import celery_config
-from worker.contract import (
+from worker.protocol.broker import celery_config
+from worker.protocol.contract import (
     DENOISE,
     ENVIRONMENT,
     PREPARE,
@@ -32,9 +32,9 @@ from worker.contract import (
     prepare_queue,
     render_queue,
 )
-from worker.explained import EXPLAIN, ExplainPixel
-from worker.joint import HELP_QUEUES, RENDER_JOINTLY, JointBatch
-from worker.view_parts import RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewFrame, ViewParts, view_queue
+from worker.protocol.explained import EXPLAIN, ExplainPixel
+from worker.protocol.joint import HELP_QUEUES, RENDER_JOINTLY, JointBatch
+from worker.protocol.view_parts import RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewFrame, ViewParts, view_queue
 
 __all__ = ["Dispatcher", "QueueError"]
 

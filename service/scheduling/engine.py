@@ -46,8 +46,8 @@ from service.store.blobs import BlobStore
 from service.store.film_snapshots import FilmSnapshots
 from service.store.film_store import FilmStore
 from service.store.films import Film
-from worker.contract import DenoiseFrame, FrameVectors, ShowEnvironment
-from worker.terms import Terms
+from worker.protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment
+from worker.protocol.terms import Terms
 
 __all__ = ["Engine"]
 

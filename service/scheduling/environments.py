@@ -7,7 +7,7 @@ from service.scheduling.aside import Aside, LetGo
 from service.scheduling.dispatch import Dispatcher
 from service.scheduling.workers import Workers
 from service.store.blobs import BlobStore
-from worker.contract import ShowEnvironment
+from worker.protocol.contract import ShowEnvironment
 
 __all__ = ["Environments"]
 

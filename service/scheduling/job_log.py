@@ -14,7 +14,7 @@ from pathlib import Path
 
 from service.scheduling.tile_log import TileLogs
 from service.store.whole import PRIVATE, PRIVATE_FOLDER, write_whole
-from worker.log_lines import ids
+from worker.telemetry.log_lines import ids
 
 __all__ = ["KEPT", "JobLog", "JobLogs"]
 

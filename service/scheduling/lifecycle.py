@@ -40,7 +40,7 @@ from service.shot import Shot
 from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
 from service.store.models import ACTIVE, Job, Scene, blobs_of
-from worker.contract import SceneInfo
+from worker.protocol.contract import SceneInfo
 
 __all__ = ["LetGo", "Lifecycle"]
 

@@ -12,8 +12,8 @@ from service.scheduling.active_job import ActiveJob
 from service.scheduling.messages import BatchDone, BatchFailed, BatchReturned
 from service.scheduling.plan import Range
 from service.store.parts import Part
-from worker import tracing
-from worker.sums import check_sums, check_weight
+from worker.protocol.sums import check_sums, check_weight
+from worker.telemetry import tracing
 
 __all__ = ["Arrived", "batch_of", "merge"]
 

@@ -10,8 +10,8 @@ from pydantic import AfterValidator, BaseModel, Field, TypeAdapter, ValidationEr
 
 from service.scheduling.results import Entry
 from service.store.blobs import is_sha256
-from worker.blends import written_of
-from worker.contract import BlobRef, FrameInfo, SceneInfo
+from worker.protocol.blends import written_of
+from worker.protocol.contract import BlobRef, FrameInfo, SceneInfo
 
 __all__ = [
     "BatchDone",

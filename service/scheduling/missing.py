@@ -3,8 +3,8 @@
 A batch is lost when its worker has died, when several looks in a row found it with nobody although all answers were read, or
 when it takes far too long. An overloaded machine is none of these: its reports come late or not at all for a while, and what
 waits in a queue or in the stream waits for long. Treating that as loss would render everything again, which makes the overload
-worse. So a worker that has stopped reporting but is still connected (worker/lifeline.py) counts as away: others get work in its
-place, and try its batches like those of stragglers, once their slots have nothing else to do.
+worse. So a worker that has stopped reporting but is still connected (worker/protocol/lifeline.py) counts as away: others get
+work in its place, and try its batches like those of stragglers, once their slots have nothing else to do.
 """
 
 from __future__ import annotations

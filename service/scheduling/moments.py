@@ -19,7 +19,7 @@ from service.scheduling.frame_bytes import alone, held, more
 from service.scheduling.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.results import Results
 from service.scheduling.workers import Workers
-from worker.contract import FrameInfo, PrepareFrames, prepare_queue
+from worker.protocol.contract import FrameInfo, PrepareFrames, prepare_queue
 
 __all__ = ["Moments"]
 

@@ -1,7 +1,7 @@
 """What a job requires of its workers: tags that they have, and memory that they offer.
 
 Batches of such a job wait in a queue of their own, and the service tells each worker that fulfils all requirements to take from
-it (worker/terms.py). A worker gets none until it has confirmed that it does.
+it (worker/protocol/terms.py). A worker gets none until it has confirmed that it does.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from worker.terms import TAG, Offer, needs_queue
+from worker.protocol.terms import TAG, Offer, needs_queue
 
 __all__ = ["Needs"]
 

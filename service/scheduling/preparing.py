@@ -9,8 +9,8 @@ from service.scheduling.dispatch import Dispatcher
 from service.scheduling.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.results import Results
 from service.scheduling.workers import Workers
-from worker.blends import WAITS, blender_queue
-from worker.contract import prepare_queue
+from worker.protocol.blends import WAITS, blender_queue
+from worker.protocol.contract import prepare_queue
 
 __all__ = ["Preparing", "Progress"]
 

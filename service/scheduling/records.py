@@ -21,8 +21,8 @@ from service.store.blends import blend_of, is_to_be_opened
 from service.store.database import Sessions
 from service.store.models import ACTIVE, FINAL, Environment, Frame, Job, Reference, Scene, ShareTerms, Wait
 from service.store.models import WorkerTerms as Asked
-from worker.contract import SceneInfo
-from worker.terms import Terms as WorkerTerms
+from worker.protocol.contract import SceneInfo
+from worker.protocol.terms import Terms as WorkerTerms
 
 __all__ = ["Records"]
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from worker.contract import WorkerReport, worker_key
+from worker.protocol.contract import WorkerReport, worker_key
 
 __all__ = ["report_of"]
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import redis
 
-from worker.contract import RESULTS, Result
+from worker.protocol.contract import RESULTS, Result
 
 __all__ = ["Entry", "Position", "Results"]
 

@@ -32,7 +32,7 @@ from service.scheduling.suspicion import Suspicion
 from service.scheduling.together import Handful, Hands, joint_work_of, together, work_of
 from service.scheduling.workers import Workers
 from service.settings import Settings
-from worker.log_lines import ids
+from worker.telemetry.log_lines import ids
 
 __all__ = ["Scheduler", "named"]
 

@@ -1,5 +1,5 @@
-"""Sites whose machines add up their sums before they travel (worker/site.py): which batches go to one, and what becomes of
-waiting ones when nobody is left there.
+"""Sites whose machines add up their sums before they travel (worker/protocol/site.py): which batches go to one, and what
+becomes of waiting ones when nobody is left there.
 
 A site pays off where consecutive batches of a tile go to it. So it has a queue of its own, that of jobs which need its tag
 (needs.py): its workers take from it as well as from all others. A run of batches is handed out there in as many messages as
@@ -23,8 +23,8 @@ from service.scheduling.needs import Needs
 from service.scheduling.pace import MOST_JOINT, Pace
 from service.scheduling.together import Handful
 from service.scheduling.workers import Workers
-from worker.joint import Run
-from worker.site import SITE
+from worker.protocol.joint import Run
+from worker.protocol.site import SITE
 
 __all__ = ["Place", "Sites"]
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.leases import Lease
 from service.scheduling.plan import Range
-from worker.contract import RenderBatch
-from worker.joint import JointBatch, Piece, Run
-from worker.sums import PACKED
+from worker.protocol.contract import RenderBatch
+from worker.protocol.joint import JointBatch, Piece, Run
+from worker.protocol.sums import PACKED
 
 __all__ = ["Handful", "Hands", "joint_work_of", "together", "work_of"]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from renderer.settings import Tile
-from worker.sums import unpack_sums
+from worker.protocol.sums import unpack_sums
 
 __all__ = ["Votes"]
 

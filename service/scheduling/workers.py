@@ -15,12 +15,12 @@ import redis
 from service.scheduling.needs import Needs
 from service.scheduling.reports import report_of
 from service.scheduling.speeds import Speeds
-from worker.blends import TAG
-from worker.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, WorkerReport, order_key, worker_key
-from worker.lifeline import connected
-from worker.site import SITE, SiteReport, site_key
-from worker.terms import Offer, Terms, offer_key, terms_key
-from worker.vitals import LOG_TTL_S, Vitals, log_key, log_wanted_key, vitals_key
+from worker.protocol.blends import TAG
+from worker.protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, WorkerReport, order_key, worker_key
+from worker.protocol.lifeline import connected
+from worker.protocol.site import SITE, SiteReport, site_key
+from worker.protocol.terms import Offer, Terms, offer_key, terms_key
+from worker.protocol.vitals import LOG_TTL_S, Vitals, log_key, log_wanted_key, vitals_key
 
 __all__ = ["BY_A_PERSON", "Roster", "Workers"]
 

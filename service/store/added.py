@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from renderer.film import Sums
 from renderer.settings import Tile
 from service.store.film_faults import damaged
-from worker.sums import add_sums, unpack_sums
+from worker.protocol.sums import add_sums, unpack_sums
 
 __all__ = ["added_up"]
 

@@ -11,7 +11,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.store.models import Scene
-from worker.blends import is_blend
+from worker.protocol.blends import is_blend
 
 __all__ = ["blend_of", "is_to_be_opened"]
 

@@ -30,7 +30,7 @@ from service.store.film_version import FilmShape, Row, spans
 from service.store.parts import Part, joined_parts
 from service.store.senders import senders_of, senders_text
 from service.store.tile_cache import TileCache
-from worker.sums import add_sums, check_sums, pack_sums, unpack_sums
+from worker.protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
 
 __all__ = ["Film", "Part"]
 

@@ -41,7 +41,7 @@ class Base(DeclarativeBase):
 
 
 def blobs_of(refs: Iterable[dict[str, Any]]) -> set[str]:
-    """The hashes of the blobs that worker.contract.BlobRefs refer to, and of their parts; those that can be made out."""
+    """The hashes of the blobs that worker.protocol.contract.BlobRefs refer to, and of their parts; those that can be made out."""
     found = {ref["sha256"] for ref in refs if isinstance(ref.get("sha256"), str)}
     for ref in refs:
         parts = ref.get("parts") or ()
@@ -70,10 +70,10 @@ class Scene(Base):
     user: Mapped[str | None] = mapped_column(String(64))  # who uploaded it; None: a farm that asks nobody who they are
     key: Mapped[str | None] = mapped_column(String(20))  # by which token
     of: Mapped[str | None] = mapped_column(String(40), index=True)  # the upload that it is made of; None: it is one
-    files: Mapped[list[dict[str, Any]]] = mapped_column(JSON)  # worker.contract.BlobRef each
+    files: Mapped[list[dict[str, Any]]] = mapped_column(JSON)  # contract.BlobRef each
     bytes: Mapped[int] = mapped_column(BigInteger)
     notes: Mapped[list[str]] = mapped_column(JSON, default=list)  # warnings of the upload itself
-    info: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # worker.contract.SceneInfo of the first kind that prepared it
+    info: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # contract.SceneInfo of the first kind that prepared it
     compiled: Mapped[dict[str, Any]] = mapped_column(JSON, default=dict)  # kind -> BlobRef
     measured: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # by its latest job: scheduling/measured.py
 
@@ -180,7 +180,7 @@ class WorkerTerms(Base):
     __tablename__ = "worker_terms"
 
     name: Mapped[str] = mapped_column(String(255), primary_key=True)
-    terms: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.terms.Terms
+    terms: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.protocol.terms.Terms
 
 
 class Environment(Base):
@@ -194,7 +194,7 @@ class Environment(Base):
     user: Mapped[str | None] = mapped_column(String(64))
     key: Mapped[str | None] = mapped_column(String(20))
     created: Mapped[float] = mapped_column(Float, index=True)
-    file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.contract.BlobRef
+    file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.protocol.contract.BlobRef
     thumbnail: Mapped[str] = mapped_column(String(64))  # the SHA-256 of a small picture, a JPEG
 
     @property
@@ -214,7 +214,7 @@ class Reference(Base):
     user: Mapped[str | None] = mapped_column(String(64))
     key: Mapped[str | None] = mapped_column(String(20))
     created: Mapped[float] = mapped_column(Float, index=True)
-    file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.contract.BlobRef: as it was uploaded
+    file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.protocol.contract.BlobRef: as it was uploaded
     film: Mapped[dict[str, Any]] = mapped_column(JSON)  # likewise: as the page reads it (watching/film_packet.py), by gzip
     width: Mapped[int] = mapped_column(Integer)
     height: Mapped[int] = mapped_column(Integer)

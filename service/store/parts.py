@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from renderer.film import BadSample, Sums
 from renderer.settings import Tile
-from worker.sums import add_sums, check_sums, pack_sums, unpack_sums
+from worker.protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
 
 __all__ = ["Part", "joined_parts"]
 

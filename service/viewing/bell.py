@@ -7,7 +7,7 @@ import threading
 
 import redis
 
-from worker.view_parts import ANSWERS_TTL_S, VIEW_ANSWERS
+from worker.protocol.view_parts import ANSWERS_TTL_S, VIEW_ANSWERS
 
 __all__ = ["Bell"]
 

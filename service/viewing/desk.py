@@ -31,9 +31,9 @@ from service.viewing.moments import Moments
 from service.viewing.picking import answered, picking
 from service.viewing.room import FULL, has_room
 from service.viewing.watch import Watch
-from worker.contract import FrameInfo, prepare_queue, render_queue
-from worker.sums import unpack_sums
-from worker.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
+from worker.protocol.contract import FrameInfo, prepare_queue, render_queue
+from worker.protocol.sums import unpack_sums
+from worker.protocol.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
 
 __all__ = ["Desk"]
 

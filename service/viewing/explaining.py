@@ -16,8 +16,8 @@ from service.errors import Failed, TooLate, Unavailable
 from service.scheduling.dispatch import Dispatcher, QueueError
 from service.scheduling.workers import Roster
 from service.settings import Settings
-from worker.explained import ExplainPixel, explained_key
-from worker.view_parts import view_queue
+from worker.protocol.explained import ExplainPixel, explained_key
+from worker.protocol.view_parts import view_queue
 
 __all__ = ["Explaining", "no_sense"]
 

@@ -12,7 +12,7 @@ from renderer.settings import OPTIONAL, RenderSettings
 from service.errors import Conflict, Invalid
 from service.intake.resolve import frame_settings, resolve
 from service.store.models import Job, Scene
-from worker.contract import FrameInfo, PrepareFrames
+from worker.protocol.contract import FrameInfo, PrepareFrames
 
 __all__ = ["MOST_PIXELS", "MOST_SAMPLES", "Look", "Moment", "look_at"]
 

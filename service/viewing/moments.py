@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 
 from service.store.models import blobs_of
-from worker.contract import FrameInfo
+from worker.protocol.contract import FrameInfo
 
 __all__ = ["Moments"]
 

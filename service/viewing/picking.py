@@ -10,8 +10,8 @@ from renderer.settings import Tile
 from service.viewing.handed import Handed
 from service.viewing.sight import sight
 from service.viewing.watch import Watch
-from worker.sums import unpack_sums
-from worker.view_parts import Part, ViewAnswer, ViewParts
+from worker.protocol.sums import unpack_sums
+from worker.protocol.view_parts import Part, ViewAnswer, ViewParts
 
 __all__ = ["answered", "picking"]
 

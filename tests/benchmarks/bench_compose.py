@@ -30,7 +30,7 @@ from rayfarm.local.broker import find_server
 from tests.benchmarks.faults.frame import SCENE, digest_alone, request
 from tests.benchmarks.faults.link import Network
 from tests.helpers import ROOT, wait_until
-from worker.process import spawn_guard
+from worker.machine.children import spawn_guard
 
 WORKERS = ("worker-1", "worker-2", "worker-3")
 PATIENCE_S = 300.0

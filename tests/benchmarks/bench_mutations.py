@@ -3,9 +3,9 @@
     python3 farm.py bench mutations [--count 10000] [--seed 1] [--formats WORDS] [--minutes M] [--jobs 2] [--keep FOLDER] [--page]
 
 A file of one of the formats is drawn, with its textures and what else it names; one of them is damaged in a way that is drawn
-too, and the scene is read and compiled in a forked child with bounds on memory and time (worker/bounded.py). What may come of
-it: it is read (most damage is small), refused with a sentence of its reader's, refused by the net beneath all readers, too
-large, too slow, or the child crashes, as a library in C may: then the worker says so and goes on. --keep: a folder for the
+too, and the scene is read and compiled in a forked child with bounds on memory and time (worker/work/bounded.py). What may
+come of it: it is read (most damage is small), refused with a sentence of its reader's, refused by the net beneath all readers,
+too large, too slow, or the child crashes, as a library in C may: then the worker says so and goes on. --keep: a folder for the
 files of the last four kinds. Each number of a campaign is drawn by itself, so that `--first N --count 1` does the N-th again.
 
 A child reads some files behind each other; one that is not plainly read or refused is read again by a child of its own, and what
@@ -45,8 +45,8 @@ from tests.benchmarks.mutations.seeds import seeds
 from tests.benchmarks.mutations.tally import Tally, into_page, table
 from tests.helpers import ROOT
 from tests.peers.blender import python_with_bpy
-from worker.bounded import Bounds, run_bounded
-from worker.errors import WorkError
+from worker.exchange.errors import WorkError
+from worker.work.bounded import Bounds, run_bounded
 
 MEMORY = 1 << 30
 BLENDER_MEMORY = 8 << 30  # address space: Blender takes six before it has opened anything

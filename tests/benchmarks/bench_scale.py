@@ -26,7 +26,7 @@ from renderer.settings import RenderSettings, Tile, View
 from tests.benchmarks.scale.measured import Load, Taken, run
 from tests.benchmarks.scale.slots import SAMPLES, of_one_sample
 from tests.helpers import ROOT
-from worker.sums import pack_sums
+from worker.protocol.sums import pack_sums
 
 SCENE = ROOT / "scenes" / "cornell-box.yaml"
 MIB = 1 << 20

@@ -12,7 +12,7 @@ from tests.benchmarks.faults.attack import KINDS
 from tests.benchmarks.faults.stream import Stream
 from tests.benchmarks.faults.tally import BEGIN, END, Fault, into_page, read, table, write
 from tests.helpers import ROOT, wait_until
-from worker.contract import RESULTS
+from worker.protocol.contract import RESULTS
 
 
 def test_the_table_tells_kinds_apart_and_adds_up(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from rayfarm.client import Client
 from tests.helpers import ROOT, Farm, wait_until
-from worker.process import spawn_guard
+from worker.machine.children import spawn_guard
 
 PLAIN = "render_pool-plain"
 

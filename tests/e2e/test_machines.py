@@ -12,8 +12,8 @@ from playwright.sync_api import expect
 
 from tests.e2e.conftest import Watched
 from tests.service.conftest import Service, until
-from worker.contract import WorkerReport, order_key, worker_key
-from worker.vitals import Vitals, log_key, log_wanted_key, vitals_key
+from worker.protocol.contract import WorkerReport, order_key, worker_key
+from worker.protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
 
 pytestmark = pytest.mark.browser
 

@@ -10,7 +10,7 @@ from playwright.sync_api import expect
 from service.store.models import Job
 from tests.e2e.conftest import Watched
 from tests.service.conftest import Service, until
-from worker.terms import Terms
+from worker.protocol.terms import Terms
 
 pytestmark = pytest.mark.browser
 

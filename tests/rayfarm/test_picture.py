@@ -29,7 +29,7 @@ from renderer.settings import (
     View,
 )
 from service.api.schemas import JobIn
-from worker.reproduce import batch_command
+from worker.protocol.reproduce import batch_command
 
 CAMERAS = [
     {"name": "front", "view": {"eye": [0, 1, 5], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 40.0}},

@@ -21,7 +21,7 @@ import redis
 
 from renderer.film import CHANNELS, COLOR, COLOR_HALF, DEPTH, NORMAL, SAMPLES, SAMPLES_HALF, Sums, digest, in_half
 from renderer.settings import Tile
-from worker.contract import (
+from worker.protocol.contract import (
     HEARTBEAT_TTL_S,
     RESULTS,
     BlobRef,
@@ -40,10 +40,10 @@ from worker.contract import (
     render_queue,
     worker_key,
 )
-from worker.explained import ExplainPixel, explained_key
-from worker.sums import pack_sums
-from worker.terms import Offer, Terms, offer_key, terms_key
-from worker.view_parts import ANSWERS_TTL_S, VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
+from worker.protocol.explained import ExplainPixel, explained_key
+from worker.protocol.sums import pack_sums
+from worker.protocol.terms import Offer, Terms, offer_key, terms_key
+from worker.protocol.view_parts import ANSWERS_TTL_S, VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
 
 __all__ = ["PeerWorker", "expected_digest", "expected_sums"]
 

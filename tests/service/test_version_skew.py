@@ -16,7 +16,16 @@ import redis
 from tests.helpers import ROOT
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.contract import HEARTBEAT_TTL_S, RESULTS, RenderBatch, Result, WorkerReport, prepare_queue, render_queue, worker_key
+from worker.protocol.contract import (
+    HEARTBEAT_TTL_S,
+    RESULTS,
+    RenderBatch,
+    Result,
+    WorkerReport,
+    prepare_queue,
+    render_queue,
+    worker_key,
+)
 
 OLD = json.loads((ROOT / "tests" / "data" / "release-0.1.0.json").read_text())
 ASKED = {key: OLD["job"]["settings"][key] for key in ("width", "height", "seed", "light_samples", "clamp_indirect")}

@@ -20,8 +20,8 @@ import redis
 from celery import Celery
 
 from tests.helpers import ROOT, wait_until
-from worker.broker import celery_config
-from worker.contract import (
+from worker.protocol.broker import celery_config
+from worker.protocol.contract import (
     PREPARE,
     PREPARE_FRAMES,
     RENDER_BATCH,

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import pytest
 import redis
 
-from worker import context
-from worker.contract import HEARTBEAT_TTL_S, WorkerReport, order_key, render_queue, worker_key
 from worker.heartbeat import Heartbeat, Reporter
+from worker.process import context
+from worker.protocol.contract import HEARTBEAT_TTL_S, WorkerReport, order_key, render_queue, worker_key
 
 
 def report(name: str, pid: int, host: str = "here") -> WorkerReport:

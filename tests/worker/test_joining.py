@@ -16,10 +16,10 @@ import redis
 from tests.foreign_server import HTML, foreign_server
 from tests.helpers import running_redis, wait_until
 from worker import __main__ as program
-from worker.contract import WorkerReport, worker_key
-from worker.errors import LinkError, NotAFarmError, RefusedError, TokenError, WorkerError
+from worker.exchange.errors import LinkError, NotAFarmError, RefusedError, TokenError, WorkerError
+from worker.exchange.link import FarmAnswer, Link
 from worker.joining import Joining, check_redis, free_name
-from worker.link import FarmAnswer, Link
+from worker.protocol.contract import WorkerReport, worker_key
 
 
 def report(name: str, pid: int, host: str = "here") -> WorkerReport:

@@ -10,8 +10,8 @@ from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.load import Shot
 from tests.renderer.scene.usd_files import TYPES, bind, cube, material, stage
-from worker.bounded import run_bounded
-from worker.errors import WorkError
+from worker.exchange.errors import WorkError
+from worker.work.bounded import run_bounded
 
 ODD = ["-1", "0", "1e39", "nan", "inf", "2147483648", '""', "None", "[]", "@../../etc/passwd@", "</>", "1e-40"]
 TRIES = 8

@@ -29,7 +29,7 @@ from tests.helpers import ROOT, wait_until
 from tests.rayfarm.test_stage import everything
 from tests.renderer.builders import emitter, scene, square
 from tests.worker.bench import Bench, a_worker, busiest, slots_of, used
-from worker.contract import (
+from worker.protocol.contract import (
     DENOISE,
     RENDER_BATCHES,
     RESULTS,
@@ -42,8 +42,8 @@ from worker.contract import (
     order_key,
     render_queue,
 )
-from worker.sums import unpack_sums
-from worker.view_parts import RENDER_VIEW, VIEW_ANSWERS, Part, ViewAnswer, ViewParts, view_key, view_queue
+from worker.protocol.sums import unpack_sums
+from worker.protocol.view_parts import RENDER_VIEW, VIEW_ANSWERS, Part, ViewAnswer, ViewParts, view_key, view_queue
 
 pytestmark = pytest.mark.farm
 

@@ -17,7 +17,7 @@ import redis
 
 from rayfarm.client import Client, ClientError
 from tests.helpers import ROOT, Farm, start_farm, stop_farm
-from worker.process import spawn_guard
+from worker.machine.children import spawn_guard
 
 __all__ = ["OVER", "Ground", "UnrecoveredError", "disk_of"]
 

@@ -18,7 +18,7 @@ from tests.benchmarks.faults.attack import Attack, kind
 from tests.benchmarks.faults.ground import Ground
 from tests.benchmarks.faults.link import Network
 from tests.helpers import ROOT, Farm, farm_of
-from worker.process import spawn_guard
+from worker.machine.children import spawn_guard
 
 WORKERS = ("a", "b")
 PORT = 8000

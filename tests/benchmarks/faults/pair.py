@@ -17,7 +17,7 @@ from tests.benchmarks.faults.attack import Attack, kind
 from tests.benchmarks.faults.ground import Ground
 from tests.helpers import ROOT
 from tests.service.store.postgres import PostgresServer, find_postgres
-from worker.process import spawn_guard
+from worker.machine.children import spawn_guard
 
 STANDBY_S = 60.0
 ASK_S = 2.0

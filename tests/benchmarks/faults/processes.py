@@ -12,7 +12,7 @@ import psutil
 from tests.benchmarks.faults.attack import Attack, kind
 from tests.benchmarks.faults.ground import stopped
 from tests.helpers import ROOT
-from worker.process import spawn_guard
+from worker.machine.children import spawn_guard
 
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGSEGV, signal.SIGABRT, signal.SIGTERM)
 

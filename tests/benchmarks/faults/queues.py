@@ -9,7 +9,7 @@ from typing import Any
 
 from tests.benchmarks.faults.attack import Attack, kind
 from tests.helpers import ROOT
-from worker.contract import HEARTBEAT_TTL_S, WORKER_KEYS, worker_key
+from worker.protocol.contract import HEARTBEAT_TTL_S, WORKER_KEYS, worker_key
 
 OLD = json.loads((ROOT / "tests" / "data" / "release-0.1.0.json").read_text())
 

@@ -30,9 +30,9 @@ from service.store.tile_cache import TileCache
 from tests.benchmarks.scale.processors import Processors, Share
 from tests.helpers import ROOT, running_redis, wait_until
 from tests.reducer import Reducing
-from worker.contract import RESULTS, WORKER_KEYS
-from worker.process import spawn_guard
-from worker.site import site_key
+from worker.machine.children import spawn_guard
+from worker.protocol.contract import RESULTS, WORKER_KEYS
+from worker.protocol.site import site_key
 
 __all__ = ["Load", "Served", "Taken", "run"]
 

@@ -25,14 +25,23 @@ import redis
 from renderer import film
 from renderer.film import Sums
 from tests.service.peer_worker import PeerWorker
-from worker.contract import HEARTBEAT_TTL_S, RESULTS, RenderBatch, Result, WorkerReport, prepare_queue, render_queue, worker_key
-from worker.joint import JointBatch, Piece, Run
-from worker.lifeline import lifeline
-from worker.results import MAX_ENTRIES
-from worker.site import SITE
-from worker.site_link import SiteLink
-from worker.sums import pack_sums
-from worker.terms import Offer, Terms, offer_key, terms_key
+from worker.exchange.results import MAX_ENTRIES
+from worker.protocol.contract import (
+    HEARTBEAT_TTL_S,
+    RESULTS,
+    RenderBatch,
+    Result,
+    WorkerReport,
+    prepare_queue,
+    render_queue,
+    worker_key,
+)
+from worker.protocol.joint import JointBatch, Piece, Run
+from worker.protocol.lifeline import lifeline
+from worker.protocol.site import SITE
+from worker.protocol.sums import pack_sums
+from worker.protocol.terms import Offer, Terms, offer_key, terms_key
+from worker.site.link import SiteLink
 
 __all__ = ["SAMPLES", "Slots", "main", "of_one_sample"]
 

@@ -12,7 +12,7 @@ from renderer.settings import RenderSettings, Tile
 from service.viewing import explaining
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
-from worker.explained import ExplainPixel
+from worker.protocol.explained import ExplainPixel
 
 VERTEX = {
     "kind": "surface",

@@ -14,7 +14,7 @@ from renderer.settings import Tile
 from service.watching.film_packet import HEADER
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
-from worker.contract import RenderBatch
+from worker.protocol.contract import RenderBatch
 
 WIDTH, HEIGHT, SIDE = 40, 24, 16
 TILES = 6

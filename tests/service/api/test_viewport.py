@@ -18,7 +18,7 @@ from service.viewing import room
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
 from tests.service.viewer import look
-from worker.view_parts import VIEW_ANSWERS, Part, ViewParts, view_key, view_queue
+from worker.protocol.view_parts import VIEW_ANSWERS, Part, ViewParts, view_key, view_queue
 
 
 def left_behind(service: Service) -> list[str]:

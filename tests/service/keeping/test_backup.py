@@ -18,7 +18,7 @@ from service.store.models import Key
 from tests.helpers import running_redis
 from tests.service.conftest import OBJ, Databases, Service, until
 from tests.service.peer_worker import expected_digest
-from worker.contract import RenderBatch
+from worker.protocol.contract import RenderBatch
 
 
 def back_up_to(service: Service, target: Path) -> Report:

@@ -24,7 +24,7 @@ from service.store.films import Film
 from tests.helpers import ROOT, running_redis
 from tests.service.conftest import OBJ, TOKEN, Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.process import spawn_guard
+from worker.machine.children import spawn_guard
 
 LEASE_S = 1.0
 PICTURE = {"width": 64, "height": 48, "tile_size": 16}

@@ -15,7 +15,7 @@ from service.scheduling.records import Records
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
 from tests.service.scheduling.test_faults import film_of, locked, rendered_once, slow, under_way
-from worker.contract import RESULTS
+from worker.protocol.contract import RESULTS
 
 
 def test_a_locked_database_stops_no_job_that_is_under_way(service: Service, worker: PeerWorker) -> None:

@@ -11,7 +11,7 @@ import pytest
 from service.access.roles import Role
 from tests.service.conftest import OBJ, Service, until
 from tests.service.peer_worker import PeerWorker
-from worker.contract import RenderBatch, render_queue
+from worker.protocol.contract import RenderBatch, render_queue
 
 
 def submit_as(service: Service, user: str, scene: str, **request: object) -> str:

@@ -23,7 +23,7 @@ from service.store.models import Frame, Job
 from service.store.room import no_room
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.contract import RenderBatch
+from worker.protocol.contract import RenderBatch
 
 
 def film_of(service: Service, job: str) -> Path:

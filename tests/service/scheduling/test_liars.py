@@ -12,8 +12,8 @@ import pytest
 from renderer.film import SAMPLES
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
-from worker.contract import DenoiseFrame, RenderBatch
-from worker.sums import pack_sums
+from worker.protocol.contract import DenoiseFrame, RenderBatch
+from worker.protocol.sums import pack_sums
 
 LONG_S = 120.0
 

@@ -12,7 +12,7 @@ from service.scheduling.messages import BatchDone, FramePrepared, PrepareDone, P
 from service.scheduling.results import Entry
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.contract import RESULTS, RenderBatch, Result, worker_key
+from worker.protocol.contract import RESULTS, RenderBatch, Result, worker_key
 
 BATCH = {"type": "batch", "batch": "b", "job": "j", "frame": 0, "tile": [0, 0, 8, 8], "first": 0, "count": 1, "seconds": 0.1}
 INFO: dict[str, Any] = {

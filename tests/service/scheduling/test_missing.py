@@ -13,7 +13,7 @@ from service.scheduling.leases import Lease, Leases
 from service.scheduling.missing import STRAGGLER_S, Fate, Missing
 from service.scheduling.plan import Range
 from service.scheduling.workers import Roster
-from worker.contract import WorkerReport
+from worker.protocol.contract import WorkerReport
 
 PATIENCE_S = 30.0
 

@@ -9,7 +9,7 @@ import pytest
 from service.scheduling.needs import Needs
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.terms import Offer, Terms
+from worker.protocol.terms import Offer, Terms
 
 
 def offer(*tags: str, memory_gb: float = 8.0) -> Offer:

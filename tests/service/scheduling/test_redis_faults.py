@@ -14,7 +14,7 @@ import redis
 from service.scheduling import engine
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.contract import RESULTS
+from worker.protocol.contract import RESULTS
 
 
 def full(store: redis.Redis, is_so: bool) -> None:

@@ -11,9 +11,9 @@ import pytest
 
 from service.scheduling.reports import report_of
 from service.scheduling.speeds import Speeds
-from worker.contract import WorkerReport, worker_key
-from worker.site import SiteReport
-from worker.terms import Offer
+from worker.protocol.contract import WorkerReport, worker_key
+from worker.protocol.site import SiteReport
+from worker.protocol.terms import Offer
 
 REPORT: dict[str, Any] = asdict(WorkerReport("one", "host", 1, 2, "a processor", "kind", "ready", 0.0, 1e6, [{"batch": "b"}]))
 OFFER: dict[str, Any] = asdict(Offer(("tag",), 1 << 30, 2, "terms"))

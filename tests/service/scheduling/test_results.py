@@ -8,7 +8,7 @@ import pytest
 import redis
 
 from service.scheduling.results import Results
-from worker.contract import RESULTS, Result
+from worker.protocol.contract import RESULTS, Result
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from service.scheduling.agenda import PILOT, Agenda
 from tests.helpers import running_redis
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.contract import RenderBatch
+from worker.protocol.contract import RenderBatch
 
 SMALL = {"width": 32, "height": 24, "tile_size": 16}
 

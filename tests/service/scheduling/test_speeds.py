@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from service.scheduling.speeds import KEPT, Speeds
-from worker.contract import WorkerReport
+from worker.protocol.contract import WorkerReport
 
 
 def report(name: str, slots_at_work: int, speed: float) -> WorkerReport:

@@ -11,8 +11,8 @@ import pytest
 
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
-from worker.contract import RenderBatch
-from worker.sums import pack_sums
+from worker.protocol.contract import RenderBatch
+from worker.protocol.sums import pack_sums
 
 LONG_S = 120.0
 

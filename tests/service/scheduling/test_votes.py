@@ -8,7 +8,7 @@ import pytest
 from renderer.settings import Tile
 from service.scheduling.votes import Votes
 from tests.service.peer_worker import expected_sums
-from worker.sums import pack_sums
+from worker.protocol.sums import pack_sums
 
 TILE = Tile(0, 0, 8, 4)
 X, Y, Z = (pack_sums(expected_sums(TILE, 0, 2, seed)) for seed in range(3))

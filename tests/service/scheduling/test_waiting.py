@@ -6,7 +6,7 @@ import pytest
 
 from tests.service.conftest import Service
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.contract import RenderBatch
+from worker.protocol.contract import RenderBatch
 
 
 def submit_paused(service: Service, scene: str, **request: object) -> str:

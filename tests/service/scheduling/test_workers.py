@@ -9,7 +9,7 @@ from urllib.parse import quote
 from service.scheduling.suspicion import FORGIVENESS, Suspicion
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.vitals import Vitals, log_key, log_wanted_key, vitals_key
+from worker.protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
 
 
 def test_a_paused_worker_takes_no_more_until_it_goes_on(service: Service, worker: PeerWorker) -> None:

@@ -15,7 +15,7 @@ from sqlalchemy.engine import URL
 from sqlalchemy.exc import OperationalError
 
 from service.store.database import connect
-from worker.process import spawn_guard
+from worker.machine.children import spawn_guard
 
 __all__ = ["PostgresServer", "find_postgres"]
 

@@ -17,7 +17,7 @@ from service.store.film_store import FilmFolder
 from service.store.films import FOLD_AT, Film, Part
 from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import HEIGHT, TILE, WIDTH, part
-from worker.sums import pack_sums
+from worker.protocol.sums import pack_sums
 
 SETTINGS = RenderSettings(view=View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0)), width=WIDTH, height=HEIGHT)
 SPP = 3

@@ -20,7 +20,7 @@ from service.store.film_version import VERSION
 from service.store.films import FOLD_AT, Film, Part
 from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import make, part, rows_of
-from worker.sums import pack_sums
+from worker.protocol.sums import pack_sums
 
 
 @pytest.fixture

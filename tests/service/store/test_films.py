@@ -19,7 +19,7 @@ from service.store.film_faults import FilmClosed
 from service.store.films import Film, Part
 from service.store.tile_cache import TileCache
 from tests.service.peer_worker import expected_sums
-from worker.sums import pack_sums
+from worker.protocol.sums import pack_sums
 
 WIDTH, HEIGHT, TILE = 20, 12, 8
 

@@ -17,7 +17,7 @@ from service.store.parts import Part
 from service.store.senders import MOST, senders_of, senders_text
 from service.store.tile_cache import TileCache
 from tests.service.peer_worker import expected_sums
-from worker.sums import pack_sums
+from worker.protocol.sums import pack_sums
 
 SHAPE = FilmShape(8, 8, 8, 24)
 

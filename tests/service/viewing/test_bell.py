@@ -10,7 +10,7 @@ import redis
 
 from service.viewing.bell import Bell
 from tests.helpers import wait_until
-from worker.view_parts import VIEW_ANSWERS
+from worker.protocol.view_parts import VIEW_ANSWERS
 
 
 def test_who_rings_does_not_wait_for_a_redis_that_hangs() -> None:

@@ -20,7 +20,7 @@ from service.store.films import Film, Part
 from service.store.tile_cache import TileCache
 from service.watching.pictures import PictureWish, memory, picture
 from tests.service.peer_worker import expected_sums
-from worker.sums import pack_sums
+from worker.protocol.sums import pack_sums
 
 WIDTH, HEIGHT, TILE = 1100, 900, 128
 EXR = b"\x76\x2f\x31\x01"

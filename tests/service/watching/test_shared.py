@@ -18,7 +18,7 @@ from service.watching import tile_packet
 from service.watching.broadcast import Broadcast
 from service.watching.shared import ROUND_PIXELS, Shared
 from tests.service.peer_worker import expected_sums
-from worker.sums import pack_sums
+from worker.protocol.sums import pack_sums
 
 
 def run(test: Coroutine[Any, Any, None]) -> None:

@@ -1,0 +1,130 @@
+"""What a worker makes of the service's answers."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.foreign_server import NOT_A_FARM, foreign_server, http_answer
+from worker.exchange.errors import LinkError, NotAFarmError, RefusedError, TokenError
+from worker.exchange.link import Link
+
+
+def link(answer: httpx.Response | Exception, service: str = "http://farm.example:8000") -> Link:
+    made = Link(service, "token")
+
+    def handle(request: httpx.Request) -> httpx.Response:
+        assert request.headers["Authorization"] == "Bearer token"
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    made._client = httpx.Client(base_url=service, headers=made.client.headers, transport=httpx.MockTransport(handle))
+    return made
+
+
+@pytest.mark.parametrize(
+    ("service", "told", "used"),
+    [
+        ("http://farm.example:8000", "redis://:pw@127.0.0.1:6379/0", "redis://:pw@farm.example:6379/0"),
+        ("http://[fd00::5]:8000", "redis://:pw@localhost:6379/0", "redis://:pw@[fd00::5]:6379/0"),
+        ("http://127.0.0.1:8000", "redis://:pw@127.0.0.1:6379/0", "redis://:pw@127.0.0.1:6379/0"),
+        ("http://farm.example:8000", "redis://localhost", "redis://farm.example"),
+        ("http://farm.example:8000", "redis://:pw@queue.example:6379/0", "redis://:pw@queue.example:6379/0"),
+    ],
+)
+def test_redis_on_the_services_own_machine_is_reached_by_the_services_name(service: str, told: str, used: str) -> None:
+    answer = httpx.Response(200, json={"redis_url": told, "instance": "i", "data_dir": ""})
+    assert link(answer, service).join().redis_url == used
+
+
+@pytest.mark.parametrize(
+    "told", [None, 7, "", "nonsense", "http://127.0.0.1:6379", "redis://[", "redis://host:port/0", "redis://host/0?colour=red"]
+)
+def test_a_redis_url_that_is_none_is_a_sentence_without_the_password(told: Any) -> None:
+    answer = httpx.Response(200, json={"redis_url": told, "instance": "i", "data_dir": ""})
+    with pytest.raises(NotAFarmError, match="redis_url that it tells workers is none"):
+        link(answer).join()
+
+
+def test_what_is_worth_another_try_and_what_is_not() -> None:
+    for answer in (httpx.ConnectError("refused"), httpx.Response(502), httpx.Response(503), httpx.Response(429)):
+        with pytest.raises(LinkError):
+            link(answer).join()
+    with pytest.raises(TokenError, match="does not know this token"):
+        link(httpx.Response(401)).join()
+    with pytest.raises(NotAFarmError):
+        link(httpx.Response(404)).join()
+    with pytest.raises(RefusedError, match="answers 404"):
+        link(httpx.Response(404)).manifest("scene")
+
+
+def test_the_services_own_sentence_is_passed_on() -> None:
+    problem = {"title": "Insufficient Storage", "status": 507, "detail": "The disk is full. Delete scenes or jobs."}
+    answer = httpx.Response(507, json=problem, headers={"Content-Type": "application/problem+json"})
+    with pytest.raises(LinkError, match="Delete scenes or jobs"):
+        link(answer).manifest("scene")
+
+
+@pytest.mark.parametrize("name", NOT_A_FARM)
+def test_what_is_no_farm_is_told_by_a_sentence(name: str) -> None:
+    answer, words = NOT_A_FARM[name]
+    with foreign_server(answer) as port:
+        made = Link(f"http://127.0.0.1:{port}", "token")
+        with pytest.raises(NotAFarmError, match="rayfarm up") as said:
+            made.join()
+        assert words in str(said.value)
+        for other in (lambda: made.manifest("scene"), lambda: made.means("job", 0, io.BytesIO())):
+            with pytest.raises((NotAFarmError, RefusedError)):
+                other()
+        made.client.close()
+
+
+def test_an_answer_that_does_not_end_is_not_listened_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("worker.exchange.link.MAX_ANSWER", 1 << 20)
+
+    def endless(request: bytes) -> Iterator[bytes]:
+        yield b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nConnection: close\r\n\r\n"
+        while True:
+            yield b"[" * 65536
+
+    with foreign_server(endless) as port:
+        made = Link(f"http://127.0.0.1:{port}", "token")
+        with pytest.raises(NotAFarmError, match="does not end"):
+            made.join()
+        made.client.close()
+
+
+def test_bodies_that_are_cut_short_are_worth_another_try() -> None:
+    with foreign_server(http_answer(b'{"redis_url"', length=5000)) as port:
+        made = Link(f"http://127.0.0.1:{port}", "token")
+        for ask in (made.join, lambda: made.manifest("scene"), lambda: made.fetch("0" * 64, io.BytesIO())):
+            with pytest.raises(LinkError, match="no answer"):
+                ask()
+        made.client.close()
+
+
+@pytest.mark.parametrize("service", ["", "nonsense", "ftp://host", "http://", "http://exa mple", "http://host:99999", "http://["])
+def test_an_address_that_is_none_is_refused(service: str) -> None:
+    with pytest.raises(RefusedError, match="no address"):
+        Link(service, "token")
+
+
+def test_a_token_that_no_header_takes_is_refused() -> None:
+    for token in ("tokén", "two\nlines"):
+        with pytest.raises(RefusedError, match="token"):
+            Link("http://host", token)
+
+
+def test_a_blob_that_arrives_damaged_is_refused() -> None:
+    data = b"compiled scene"
+    out = io.BytesIO()
+    link(httpx.Response(200, content=data)).fetch(hashlib.sha256(data).hexdigest(), out)
+    assert out.getvalue() == data
+    with pytest.raises(LinkError, match="damaged"):
+        link(httpx.Response(200, content=data + b"!")).fetch(hashlib.sha256(data).hexdigest(), io.BytesIO())

@@ -1,0 +1,121 @@
+"""Redis over TLS, as the service, the workers and Celery speak to it: a real Redis behind something that ends TLS."""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import ipaddress
+import selectors
+import socket
+import ssl
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+import redis
+from celery import Celery
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import NameOID
+
+from service.settings import Settings
+from worker.exchange.errors import LinkError
+from worker.exchange.redis_tls import CA_VARIABLE, as_told, trusting
+from worker.joining import check_redis
+from worker.protocol.broker import celery_config
+
+
+def certificate(folder: Path, name: str) -> tuple[Path, Path]:
+    """An authority's certificate that is 127.0.0.1's own, and its key."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    now = datetime.datetime.now(datetime.UTC)
+    made = x509.CertificateBuilder().subject_name(subject).issuer_name(subject).public_key(key.public_key())
+    made = made.serial_number(x509.random_serial_number()).not_valid_before(now - datetime.timedelta(1))
+    made = made.add_extension(x509.BasicConstraints(ca=True, path_length=None), critical=True)
+    names = x509.SubjectAlternativeName([x509.IPAddress(ipaddress.ip_address("127.0.0.1"))])
+    signed = made.add_extension(names, critical=False).not_valid_after(now + datetime.timedelta(1)).sign(key, hashes.SHA256())
+    paths = folder / f"{name}.pem", folder / f"{name}.key"
+    paths[0].write_bytes(signed.public_bytes(serialization.Encoding.PEM))
+    plain = serialization.NoEncryption()
+    paths[1].write_bytes(key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, plain))
+    return paths
+
+
+def relay(inside: socket.socket, port: int) -> None:
+    """Between a TLS connection and the Redis on a port, until one of them ends."""
+    with inside, socket.create_connection(("127.0.0.1", port)) as outside, selectors.DefaultSelector() as ready:
+        ready.register(inside, selectors.EVENT_READ, outside)
+        ready.register(outside, selectors.EVENT_READ, inside)
+        with contextlib.suppress(OSError):
+            while True:
+                for key, _ in ready.select():
+                    data = key.fileobj.recv(1 << 16)  # type: ignore[union-attr]
+                    if not data:
+                        return
+                    key.data.sendall(data)
+
+
+@pytest.fixture
+def over_tls(tmp_path: Path, redis_url: str) -> Iterator[tuple[str, Path]]:
+    """The tests' Redis by a rediss:// address, and who signed its certificate."""
+    authority, key = certificate(tmp_path, "redis")
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(authority, key)
+    parts = urlsplit(redis_url)
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def accept() -> None:
+            while True:
+                try:
+                    plain, _ = listening.accept()
+                except OSError:
+                    return
+                with contextlib.suppress(OSError):
+                    inside = context.wrap_socket(plain, server_side=True)
+                    threading.Thread(target=relay, args=(inside, parts.port), daemon=True).start()
+
+        threading.Thread(target=accept, daemon=True).start()
+        port = listening.getsockname()[1]
+        yield parts._replace(scheme="rediss", netloc=f":{parts.password}@127.0.0.1:{port}").geturl(), authority
+        listening.shutdown(socket.SHUT_RDWR)
+
+
+def test_it_is_believed_by_its_authority_alone(
+    over_tls: tuple[str, Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    url, authority = over_tls
+    for wrong in ("", str(certificate(tmp_path, "other")[0])):
+        monkeypatch.setenv(CA_VARIABLE, wrong)
+        with pytest.raises(LinkError, match="certificate verify failed"):
+            check_redis(trusting(url))
+    monkeypatch.setenv(CA_VARIABLE, str(authority))
+    check_redis(trusting(url))
+
+
+def test_celery_and_the_service_speak_to_it(over_tls: tuple[str, Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    url, authority = over_tls
+    monkeypatch.setenv(CA_VARIABLE, str(authority))
+    settings = Settings(data=tmp_path, redis_url=url)
+    with redis.Redis.from_url(settings.redis_url) as store:
+        app = Celery("tests", set_as_current=False)
+        app.conf.update(celery_config(settings.redis_url))
+        app.send_task("rayfarm.nothing", queue="rayfarm.tests-of-tls")
+        assert store.llen("rayfarm.tests-of-tls") == 1
+        store.delete("rayfarm.tests-of-tls")
+        app.close()
+
+
+def test_others_are_not_told_where_this_machine_keeps_its_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv(CA_VARIABLE, "/etc/redis-ca.pem")
+    settings = Settings(data=tmp_path, redis_url="rediss://:secret@redis.example:6380/2?health_check_interval=30")
+    assert "ssl_ca_certs=/etc/redis-ca.pem" in settings.redis_url
+    assert "ssl_cert_reqs=required" in settings.redis_url
+    assert settings.worker_redis_url.startswith("rediss://:secret@redis.example:6380/2?")
+    assert "redis-ca" not in settings.worker_redis_url
+    assert "health_check_interval=30" in settings.worker_redis_url
+    plain = "redis://:secret@redis.example:6379/0"
+    assert trusting(plain) == as_told(plain) == plain

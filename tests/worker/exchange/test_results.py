@@ -1,0 +1,87 @@
+"""The way back to the service: bounded, and through a restart of Redis."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+import redis
+
+from tests.helpers import running_redis
+from worker.exchange.results import ResultStream
+from worker.protocol.contract import RESULTS, Result
+
+
+def test_a_result_arrives_as_it_was_sent(redis_url: str) -> None:
+    with redis.Redis.from_url(redis_url) as store:
+        store.delete(RESULTS)
+        assert ResultStream(redis_url).send(Result({"type": "batch", "batch": "b1"}, b"\x00\xff"))
+        [(_, fields)] = store.xrange(RESULTS)
+        assert Result.from_fields(fields) == Result({"type": "batch", "batch": "b1"}, b"\x00\xff")
+        store.delete(RESULTS)
+
+
+def test_a_full_stream_is_waited_for_and_at_last_given_up(redis_url: str) -> None:
+    with redis.Redis.from_url(redis_url) as store:
+        store.delete(RESULTS)
+        stream = ResultStream(redis_url, max_entries=2, patience_s=0.3)
+        assert stream.send(Result({"type": "a"}))
+        assert stream.send(Result({"type": "b"}))
+        assert not stream.send(Result({"type": "c"}))
+        assert store.xlen(RESULTS) == 2
+        store.delete(RESULTS)
+        assert stream.send(Result({"type": "c"}))
+        store.delete(RESULTS)
+
+
+def test_a_result_outlives_a_restart_of_redis(tmp_path: Path) -> None:
+    server = running_redis(tmp_path)
+    server.start()
+    try:
+        stream = ResultStream(server.url)
+        assert stream.send(Result({"type": "before"}))
+        server.stop()
+        with ThreadPoolExecutor() as pool:
+            sending = pool.submit(stream.send, Result({"type": "after"}))
+            time.sleep(0.5)
+            assert not sending.done()
+            server.start()  # in this thread: a server ends with the thread that started it
+            assert sending.result(10)
+        with redis.Redis.from_url(server.url) as store:
+            assert store.xlen(RESULTS) == 1
+    finally:
+        server.stop()
+
+
+@pytest.mark.parametrize("trouble", ["full", "read-only", "of another type"])
+def test_a_redis_that_refuses_is_waited_for_and_said_once(tmp_path: Path, trouble: str, caplog: pytest.LogCaptureFixture) -> None:
+    server = running_redis(tmp_path)
+    server.start()
+    try:
+        with redis.Redis.from_url(server.url) as store, ThreadPoolExecutor() as pool:
+            if trouble == "full":
+                store.config_set("maxmemory", "1")
+            elif trouble == "read-only":
+                store.replicaof("127.0.0.1", "1")
+            else:
+                store.set(RESULTS, "a text")
+            sending = pool.submit(ResultStream(server.url).send, Result({"type": "a"}))
+            time.sleep(1.0)
+            assert not sending.done()
+            store.config_set("maxmemory", "0")
+            store.replicaof("NO", "ONE")
+            if trouble == "of another type":
+                store.delete(RESULTS)
+            assert sending.result(10)
+            assert store.xlen(RESULTS) == 1
+    finally:
+        server.stop()
+    assert sum("a result waits" in line for line in caplog.messages) == 1
+
+
+def test_news_that_nobody_misses_are_not_waited_for() -> None:
+    begun = time.monotonic()
+    assert not ResultStream("redis://127.0.0.1:9/0").send(Result({"type": "prepare-progress"}), patience_s=0.0)
+    assert time.monotonic() - begun < 60

@@ -1,0 +1,85 @@
+"""A farm with a certificate of its own is believed by that certificate, and nobody else is."""
+
+from __future__ import annotations
+
+import datetime
+import http.server
+import ssl
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import NameOID
+
+from rayfarm.client import Client, ClientError
+from worker.exchange.errors import LinkError, RefusedError
+from worker.exchange.link import Link
+from worker.exchange.trust import TRUST_VARIABLE, trust
+
+
+def certificate(folder: Path, name: str) -> Path:
+    """One that signs itself, and its key beside it."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    now = datetime.datetime.now(datetime.UTC)
+    made = x509.CertificateBuilder().subject_name(subject).issuer_name(subject).public_key(key.public_key())
+    made = made.serial_number(x509.random_serial_number()).not_valid_before(now - datetime.timedelta(1))
+    signed = made.not_valid_after(now + datetime.timedelta(1)).sign(key, hashes.SHA256())
+    path = folder / f"{name}.pem"
+    path.write_bytes(signed.public_bytes(serialization.Encoding.PEM))
+    private = key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
+    path.with_suffix(".key").write_bytes(private)
+    return path
+
+
+@pytest.fixture
+def secure(tmp_path: Path) -> Iterator[tuple[str, Path]]:
+    """Something that speaks HTTPS, and its certificate, which is for another name."""
+    own = certificate(tmp_path, "farm.example")
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), http.server.BaseHTTPRequestHandler)
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(own, own.with_suffix(".key"))
+    server.socket = context.wrap_socket(server.socket, server_side=True)
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"https://127.0.0.1:{server.server_port}", own
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def test_only_the_certificate_that_is_told_is_believed(secure: tuple[str, Path], tmp_path: Path) -> None:
+    url, own = secure
+    with httpx.Client(verify=trust(str(own))) as client:
+        assert client.get(url).status_code == 501  # somebody answers
+    other = certificate(tmp_path, "other.example")
+    both = tmp_path / "both.pem"
+    both.write_bytes(other.read_bytes() + own.read_bytes())  # the first of a file counts, not all that signed it
+    for path in (other, both):
+        with (
+            httpx.Client(verify=trust(str(path))) as client,
+            pytest.raises(httpx.ConnectError, match="CERTIFICATE_VERIFY_FAILED"),
+        ):
+            client.get(url)
+    with httpx.Client(verify=trust("")) as client, pytest.raises(httpx.ConnectError, match="CERTIFICATE_VERIFY_FAILED"):
+        client.get(url)
+
+
+def test_workers_and_commands_are_told_by_the_environment(secure: tuple[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    url, own = secure
+    with pytest.raises(LinkError, match="CERTIFICATE_VERIFY_FAILED"):
+        Link(url, "token").join()
+    monkeypatch.setenv(TRUST_VARIABLE, str(own))
+    link = Link(url, "token")
+    with pytest.raises(LinkError, match="answers 501"):
+        link.join()
+    link.client.close()
+    monkeypatch.setenv(TRUST_VARIABLE, str(own.with_suffix(".key")))
+    for refused in (lambda: Link(url, "token").join(), lambda: Client(url)):
+        with pytest.raises((RefusedError, ClientError), match="certificate"):
+            refused()

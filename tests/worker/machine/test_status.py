@@ -1,0 +1,36 @@
+"""The board that slots write and the parent reads, across a real fork."""
+
+import subprocess
+import sys
+
+from tests.helpers import ROOT
+from worker.machine.status import SlotBoard
+
+
+def test_what_a_child_writes_the_parent_reads() -> None:
+    program = """
+import os
+from worker.machine.status import SlotBoard
+board = SlotBoard(2)
+if os.fork() == 0:
+    board.write(1, {"job": "j", "tile": [0, 0, 64, 64]}, 2e6)
+    os._exit(0)
+os.wait()
+print(board.read())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert done.stdout.strip() == "([{}, {'job': 'j', 'tile': [0, 0, 64, 64]}], 2000000.0)"
+
+
+def test_a_slot_keeps_its_speed_while_it_waits() -> None:
+    board = SlotBoard(2)
+    board.write(0, {"job": "a"}, 1e6)
+    board.write(0, {})
+    board.write(1, {}, 3e6)
+    assert board.read() == ([{}, {}], 2e6)
+
+
+def test_a_record_too_long_says_nothing_rather_than_half() -> None:
+    board = SlotBoard(1)
+    board.write(0, {"job": "x" * 1000})
+    assert board.read() == ([{}], 0.0)

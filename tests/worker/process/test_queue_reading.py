@@ -1,0 +1,36 @@
+"""What lies in a queue and is no message hurts no worker."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import kombu
+import pytest
+import redis
+from kombu.transport import redis as transport
+
+from worker.process.queue_reading import be_patient
+
+GARBAGE = (b"\xff\xfe", b"{", b"", b"{}", b"[1, 2]", b"7", b'{"properties": {}}', b'{"properties": 3}', b"[" * 100_000)
+
+
+@pytest.mark.parametrize("garbage", GARBAGE, ids=[str(each[:8]) for each in GARBAGE])
+def test_garbage_is_left_out_and_what_comes_behind_it_is_read(
+    redis_url: str, garbage: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(transport.Transport, "Channel", transport.Transport.Channel)  # as it was, for the tests that come
+    be_patient()
+    got: list[Any] = []
+    with redis.Redis.from_url(redis_url) as store, kombu.Connection(redis_url) as connection:
+        queue = kombu.Queue("garbage", durable=False)
+        store.delete("garbage")
+        store.lpush("garbage", garbage)
+        with connection.Producer() as producer:
+            producer.publish({"good": True}, routing_key="garbage", declare=[queue])
+        assert store.llen("garbage") == 2, "the garbage lies before it"
+        with connection.Consumer(queue, accept=["json"], callbacks=[lambda body, message: (got.append(body), message.ack())]):
+            while not got:
+                connection.drain_events(timeout=20)
+        assert store.llen("garbage") == 0
+    assert json.dumps(got) == '[{"good": true}]'

@@ -1,0 +1,81 @@
+"""A worker with Blender: what it says and takes, and what it makes of a .blend. A script stands in for Blender."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from renderer.blender.program import NAMED, look_at
+from renderer.errors import SceneError
+from worker import __main__ as command
+from worker.exchange.errors import RefusedError
+from worker.process.context import WorkerContext
+from worker.protocol.blends import blender_queue
+from worker.protocol.contract import Manifest, prepare_queue
+from worker.work import prepare
+
+
+@pytest.fixture
+def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Says that it is a Blender, and writes a scene with a picture."""
+    path = tmp_path / "bin" / "blender"
+    path.parent.mkdir()
+    path.write_text(
+        '#!/bin/sh\nif [ "$3" = --version ]; then echo "Blender 4.5.1"; exit 0; fi\n'
+        'for job; do :; done\nout=$(sed \'s/.*"out": "\\([^"]*\\)".*/\\1/\' "$job")\n'
+        'for name in blender-scene.yaml blender-world.exr report.json; do echo "{}" > "$out/$name"; done\n'
+    )
+    path.chmod(0o755)
+    look_at.cache_clear()
+    monkeypatch.setenv(NAMED, str(path))
+    return str(path)
+
+
+@pytest.fixture
+def options(monkeypatch: pytest.MonkeyPatch) -> Callable[..., argparse.Namespace]:
+    """What the command makes of its arguments."""
+
+    def make(*words: str) -> argparse.Namespace:
+        monkeypatch.setattr("sys.argv", ["worker", "--service", "http://farm.invalid", *words])
+        return command._options()
+
+    return make
+
+
+def test_a_worker_says_that_it_has_blender_and_takes_what_needs_it(
+    program: str, options: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert command._check(options()) is None
+    monkeypatch.delenv(NAMED)
+    found = command._check(options("--blender", program))
+    assert found is not None
+    assert found.version == "4.5.1"
+    assert "blender" in command._tags(options("--blender", program), "host", "kind")
+    assert "blender" not in command._tags(options(), "host", "kind")
+    link: Any = None
+    queues = WorkerContext("w", 1, "kind", "", link, link, link, blender=found).queues
+    assert blender_queue("kind") in queues
+    assert prepare_queue("kind") in queues
+    assert blender_queue("kind") not in WorkerContext("w", 1, "kind", "", link, link, link).queues
+    with pytest.raises(RefusedError, match="give --blender"):
+        command._check(options("--tag", "blender"))
+    with pytest.raises(RefusedError, match="There is no Blender at"):
+        command._check(options("--blender=/no/blender"))
+
+
+def test_what_blender_wrote_lies_beside_what_lights_it(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, written = tmp_path / "scene", tmp_path / "written"
+    (folder / "sky").mkdir(parents=True)
+    (folder / "a.blend").write_bytes(b"BLENDER-v405")
+    (folder / "sky" / "noon.exr").write_bytes(b"light")
+    opened = prepare._opened(folder, Manifest("s", "a.blend", [], "sky/noon.exr"), written)
+    assert opened == (written, ["blender-scene.yaml", "blender-world.exr"])
+    assert (written / "sky" / "noon.exr").read_bytes() == b"light"
+    monkeypatch.delenv(NAMED)
+    monkeypatch.setattr(prepare, "find", lambda: None)
+    with pytest.raises(SceneError, match=r"a\.blend: this worker has no Blender any more"):
+        prepare._opened(folder, Manifest("s", "a.blend", []), tmp_path / "again")

@@ -1,0 +1,26 @@
+"""A joint batch's words."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from renderer.settings import RenderSettings, Tile, View
+from worker.protocol.contract import RenderBatch
+from worker.protocol.joint import JointBatch, Piece
+
+
+def test_it_survives_the_way_and_each_piece_is_a_batch() -> None:
+    settings = RenderSettings(64, 64, View((0, 0, 4), (0, 0, 0)))
+    whole = RenderBatch("m", "job", 2, "a" * 64, Tile(0, 0, 64, 64), 8, 5, settings, 2)
+    joint = JointBatch(whole, (Piece("x", 8, 2), Piece("y", 10, 3)), 1.5)
+    there = JointBatch.from_json(json.loads(json.dumps(joint.to_json())) | {"news": 1})
+    assert there == joint
+    assert there.batch(1) == RenderBatch("y", "job", 2, "a" * 64, Tile(0, 0, 64, 64), 10, 3, settings, 2)
+
+
+@pytest.mark.parametrize("words", [None, [], {"pieces": []}, {"pieces": [["a", 1]]}, {"pieces": [], "whole": {}, "hold_s": 1}])
+def test_what_is_none_is_refused(words: object) -> None:
+    with pytest.raises((ValueError, TypeError, KeyError)):
+        JointBatch.from_json(words)

@@ -1,0 +1,33 @@
+"""Redis knows who lives, also of a worker that does not report itself."""
+
+from __future__ import annotations
+
+import time
+
+import redis
+
+from tests.helpers import wait_until
+from worker.heartbeat import Reporter
+from worker.protocol.contract import WorkerReport, worker_key
+from worker.protocol.lifeline import connected, lifeline
+
+
+def test_a_worker_lives_as_long_as_its_connection(redis_url: str, store: redis.Redis) -> None:
+    name = "a name with spaces, ümläuts\nand lines"
+    reporter = Reporter(redis_url)
+    assert connected(store, {name}) == set()
+    assert reporter.beat(WorkerReport(name, "host", 1, 2, "cpu", "kind", "ready", time.time()))
+    store.delete(worker_key(name))
+    assert connected(store, {name, "another"}) == {name}
+    reporter.redis.close()
+    wait_until(lambda: connected(store, {name, "another"}) == set(), 10, "Redis sees that the connection is closed")
+    assert " " not in lifeline(name)
+
+
+def test_where_redis_does_not_tell_nobody_lives(redis_url: str, store: redis.Redis) -> None:
+    store.execute_command("ACL SETUSER", "narrow", "on", ">narrow", "~*", "+@all", "-@dangerous")
+    try:
+        with redis.Redis.from_url(f"redis://narrow:narrow@{redis_url.rpartition('@')[2]}") as narrow:
+            assert connected(narrow, {"a"}) == set()
+    finally:
+        store.execute_command("ACL DELUSER", "narrow")

@@ -1,0 +1,100 @@
+"""Sums as bytes: every kind of plane comes back to the bit, and what is damaged is said to be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from renderer.film import ALBEDO, CHANNELS, COLOR, COLOR_HALF, MATERIAL, SAMPLES, Sums
+from renderer.settings import Tile
+from worker.protocol.sums import add_sums, check_sums, check_weight, pack_sums, unpack_sums
+
+TILE = Tile(0, 0, 7, 5)
+
+
+def sums_of(seed: int, bits: list[int]) -> Sums:
+    """Planes with values of so many bits; 0: all alike."""
+    random = np.random.default_rng(seed)
+    planes = [
+        random.integers(-(1 << b - 1), (1 << b - 1) - 1, (5, 7), endpoint=True) if b else np.full((5, 7), seed) for b in bits
+    ]
+    return np.array(planes, np.int64)
+
+
+@settings(max_examples=50)
+@given(
+    st.integers(0, 1 << 30), st.lists(st.sampled_from([0, 1, 8, 9, 16, 17, 32, 33, 63, 64]), min_size=CHANNELS, max_size=CHANNELS)
+)
+def test_what_is_packed_comes_back(seed: int, bits: list[int]) -> None:
+    sums = sums_of(seed, bits)
+    sums[COLOR_HALF] = sums[COLOR]
+    for packing in (1, 2):
+        data = pack_sums(sums, packing)
+        check_sums(data, TILE)
+        np.testing.assert_array_equal(unpack_sums(data, TILE), sums)
+        found = unpack_sums(data, TILE, planes=(4, MATERIAL))  # the first is a copy of one that is not asked for
+        np.testing.assert_array_equal(found[[4, MATERIAL]], sums[[4, MATERIAL]])
+        assert not found[[0, SAMPLES]].any()
+        add_sums(found, data, TILE, planes=(4, MATERIAL))
+        np.testing.assert_array_equal(found[[4, MATERIAL]], 2 * sums[[4, MATERIAL]])
+        assert not found[[0, SAMPLES]].any()
+        add_sums(found, data, TILE)
+        np.testing.assert_array_equal(found[[0, 4, SAMPLES]], sums[[0, 4, SAMPLES]] * [[[1]], [[3]], [[1]]])
+
+
+def test_planes_that_are_alike_take_no_room() -> None:
+    sums = np.zeros((CHANNELS, 5, 7), np.int64)
+    sums[COLOR] = sums_of(3, [24, 24, 24])
+    without = len(pack_sums(sums))
+    sums[COLOR_HALF] = sums[COLOR]
+    sums[ALBEDO] = 1 << 60
+    assert len(pack_sums(sums)) == without
+    assert without < 3 * 4 * 35 + 9 * CHANNELS + 2 + 30
+
+
+def test_planes_that_an_older_release_did_not_know_are_zero() -> None:
+    sums = sums_of(5, [20] * CHANNELS)
+    for packing in (1, 2):
+        old_planes = sums[:12]
+        old = pack_sums(old_planes, packing)
+        with pytest.raises(ValueError, match="sums of"):
+            unpack_sums(old, TILE)
+        found = unpack_sums(old, TILE, stored=True)
+        np.testing.assert_array_equal(found[:12], sums[:12])
+        assert not found[12:].any()
+        add_sums(found, old, TILE, stored=True)
+        np.testing.assert_array_equal(found[:12], 2 * old_planes)
+        assert not found[12:].any()
+
+
+def test_damaged_sums_are_found_out() -> None:
+    good = pack_sums(sums_of(7, [0, 20, 40, 8] * 5))
+    heads = 2 + 9 * CHANNELS
+    wrong = [b"", good[:1], good[:40], good[:-1], good + b"x", b"\x03" + good[1:]]
+    wrong += [good[:2] + b"\x09" + good[3:], good[:2] + b"\x07" + good[3:]]  # the first plane a copy, and of no known kind
+    wrong += [good[:heads] + bytes(len(good) - heads)]
+    for data in wrong:
+        for read in (check_sums, unpack_sums):
+            with pytest.raises(ValueError):
+                read(data, TILE)
+    for read in (check_sums, unpack_sums):
+        with pytest.raises(ValueError):
+            read(good, Tile(0, 0, 7, 6))
+
+
+@pytest.mark.parametrize("packing", [1, 2])
+def test_no_pixel_has_more_samples_than_there_are_or_fewer_than_none(packing: int) -> None:
+    sums = sums_of(9, [20] * CHANNELS)
+    for least, most, is_right in ((3, 3, True), (0, 3, True), (0, 4, False), (4, 4, False), (-1, 3, False), (-1, -1, False)):
+        sums[SAMPLES] = least
+        sums[SAMPLES, 4, 6] = most
+        for same in (sums[SAMPLES], sums[SAMPLES] + 1):
+            sums[COLOR][0] = same  # once the plane is said to be like another
+            data = pack_sums(sums, packing)
+            if is_right:
+                check_weight(data, TILE, 3)
+            else:
+                with pytest.raises(ValueError, match="samples of a pixel, of 3"):
+                    check_weight(data, TILE, 3)

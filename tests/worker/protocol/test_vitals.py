@@ -1,0 +1,34 @@
+"""What a worker tells of its machine."""
+
+from __future__ import annotations
+
+import psutil
+import pytest
+
+from worker.protocol import vitals
+from worker.protocol.vitals import Vitals
+
+
+def test_memory_is_as_the_system_says() -> None:
+    found = vitals.look()
+    assert found is not None
+    assert found.memory_total == psutil.virtual_memory().total
+    assert 0 < found.memory_used < found.memory_total
+    assert Vitals.from_bytes(found.to_bytes()) == found
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"[]",
+        b"null",
+        b"{}",
+        b'{"memory_used": 1}',
+        b'{"memory_used": true, "memory_total": 2}',
+        b'{"memory_used": -1, "memory_total": 2}',
+    ],
+)
+def test_nonsense_is_refused(data: bytes) -> None:
+    with pytest.raises(ValueError):
+        Vitals.from_bytes(data)

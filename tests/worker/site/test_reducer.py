@@ -1,0 +1,183 @@
+"""A site's reducer as a process: it adds up what workers send, knows a worker from anybody, and its death costs nothing."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
+from http.client import HTTPConnection
+from http.server import ThreadingHTTPServer
+from pathlib import Path
+
+import numpy as np
+import pytest
+import redis
+from tests.worker.test_site_sums import SUMS, TILE, sums
+
+from rayfarm.local.farm import free_port
+from tests.helpers import wait_until
+from tests.reducer import Reducing
+from tests.worker.bench import FakeService
+from worker.protocol.contract import RESULTS, Result
+from worker.protocol.result_bytes import result_bytes
+from worker.protocol.site import SIGNATURE_HEADER, SUMS_PATH, secret_key, signature, site_key
+from worker.protocol.sums import unpack_sums
+from worker.site import reducer as reducer_module
+from worker.site.link import SiteLink
+from worker.site.reducer import LARGEST, MOST_COMING
+
+
+@pytest.fixture
+def service(redis_url: str, store: redis.Redis) -> Iterator[str]:
+    handler = type("Handler", (FakeService,), {"redis_url": redis_url})
+    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+
+
+def arrived(store: redis.Redis, many: int) -> list[Result]:
+    wait_until(lambda: int(store.xlen(RESULTS)) >= many, 30, f"{many} results arrive")
+    found = [Result.from_fields(fields) for _, fields in store.xrange(RESULTS)]
+    store.delete(RESULTS)
+    return found
+
+
+def test_one_result_becomes_of_many_whoever_is_killed(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
+    port = free_port("127.0.0.1")
+    reducing = Reducing(store, service, "token", tmp_path, port=port)
+    link, another = SiteLink(redis_url), SiteLink(redis_url)
+    assert link.send(sums(0, 4, "alpha"))
+    assert link.send(sums(4, 8, "beta"))
+    (one,) = arrived(store, 1)
+    assert [part[4] for part in one.event["parts"]] == ["alpha", "beta"]
+    assert one.event["worker"] == "site attic"
+    assert np.array_equal(unpack_sums(one.sums or b"", TILE), 12 * SUMS)
+
+    long = 1e9  # for as long as it may
+    assert all(each.send(sums(0, 4, run=["attic", 0, 12, long])) for each in (link, another))
+    wait_until(lambda: (r := reducing.report()) is not None and r.in_hand == ["b0"], 20, "it says what it has")
+    reducing.kill()
+    assert not link.send(sums(4, 4)), "its worker sends by itself"
+    reducing = Reducing(store, service, "token", tmp_path, port=port)
+    (left,) = arrived(store, 1)
+    assert (left.event["first"], left.event["count"]) == (0, 4)
+
+    assert another.send(sums(0, 4, run=["attic", 0, 12, long])), "it looks up what to sign with now"
+    assert reducing.stop() == 0
+    assert len(arrived(store, 1)) == 1
+    assert not store.exists(site_key("attic"), secret_key("attic"))
+    assert not another.send(sums(0, 4))
+
+
+def test_a_second_one_takes_nothing_from_the_first(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
+    reducing = Reducing(store, service, "token", tmp_path)
+    try:
+        patient = {"run": ["attic", 0, 12, 1e9]}
+        assert SiteLink(redis_url).send(sums(0, 4, **patient))
+        with pytest.raises(AssertionError, match="has a reducer on this machine already"):
+            Reducing(store, service, "token", tmp_path)
+        assert SiteLink(redis_url).send(sums(4, 8, **patient))
+        (whole,) = arrived(store, 1)
+        assert whole.event["count"] == 12
+    finally:
+        reducing.kill()
+
+
+def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
+    reducing = Reducing(store, service, "token", tmp_path)
+    try:
+        report, secret = reducing.report(), store.get(secret_key("attic"))
+        assert report is not None
+        assert isinstance(secret, bytes)
+
+        def post(body: bytes, signed: str, path: str = SUMS_PATH) -> int:
+            connection = HTTPConnection("127.0.0.1", report.port, timeout=20)
+            connection.request("POST", path, body, {SIGNATURE_HEADER: signed})
+            status = connection.getresponse().status
+            connection.close()
+            return status
+
+        body = result_bytes(sums(0, 4))
+        assert post(body, "") == post(body, signature(b"another", body)) == post(body + b"!", signature(secret, body)) == 403
+        assert post(body, "\xe9") == 403, "no signature is of such letters"
+        assert post(body, signature(secret, body), "/") == 404
+        assert post(b"no result", signature(secret, b"no result")) == 409
+        with ExitStack() as held:  # many who say that much comes, and send nothing
+            for _ in range(MOST_COMING // LARGEST):
+                wire = held.enter_context(socket.create_connection(("127.0.0.1", report.port), timeout=20))
+                wire.sendall(f"POST {SUMS_PATH} HTTP/1.1\r\nContent-Length: {LARGEST}\r\n\r\n".encode())
+            wait_until(lambda: post(body, signature(secret, body)) == 503, 20, "there is room for no more")
+            assert SiteLink(redis_url).send(sums(4, 4)), "but for who says that it belongs here"
+        wait_until(lambda: post(body, signature(secret, body)) == 204, 30, "they have left, and there is room again")
+    finally:
+        reducing.kill()
+
+
+def test_who_trickles_is_not_waited_for_and_takes_nobodys_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Words that never end: of one address so many are let in, each for a bounded time."""
+    monkeypatch.setattr(reducer_module, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(reducer_module, "MOST_OF_ONE", 4)
+    server = reducer_module._Server(("127.0.0.1", 0), reducer_module._Handler)
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    stop = threading.Event()
+    with ExitStack() as held:
+        wires = [held.enter_context(socket.create_connection(server.server_address, timeout=20)) for _ in range(4)]  # type: ignore[arg-type]
+
+        def trickle() -> None:
+            while not stop.wait(0.05):
+                for wire in wires:
+                    with suppress(OSError):
+                        wire.send(b"X")
+
+        trickling = threading.Thread(target=trickle)
+        trickling.start()
+        try:
+            wait_until(lambda: len(server._here) == 4, 20, "all are let in")
+            begun = time.monotonic()
+            with socket.create_connection(server.server_address, timeout=20) as fifth:  # type: ignore[arg-type]
+                assert ended(fifth), "there is room for no more of this address"
+            assert all(map(ended, wires))
+            assert time.monotonic() - begun < 15.0
+            wait_until(lambda: not server._here, 20, "their room is free")
+        finally:
+            stop.set()
+            trickling.join()
+    with socket.create_connection(server.server_address, timeout=20) as next_one:  # type: ignore[arg-type]
+        next_one.sendall(b"POST /elsewhere HTTP/1.1\r\nContent-Length: 0\r\n\r\n")
+        assert next_one.recv(100).startswith(b"HTTP/1.0 404")
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def ended(wire: socket.socket) -> bool:
+    """Whether the other end closes it."""
+    with suppress(ConnectionError):
+        return not wire.recv(1)
+    return True
+
+
+def test_a_result_without_a_run_goes_to_the_service(redis_url: str) -> None:
+    result = sums(0, 4)
+    del result.event["run"]
+    assert not SiteLink(redis_url).send(result)
+
+
+@pytest.mark.parametrize(
+    ("token", "reduces", "said"), [("wrong", True, "does not know this token"), ("token", False, "older release")]
+)
+def test_where_it_is_of_no_use_it_ends_with_a_sentence(
+    redis_url: str, store: redis.Redis, tmp_path: Path, token: str, reduces: bool, said: str
+) -> None:
+    handler = type("Handler", (FakeService,), {"redis_url": redis_url, "reduces": reduces})
+    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    with pytest.raises(AssertionError, match=said):
+        Reducing(store, f"http://127.0.0.1:{server.server_port}", token, tmp_path)
+    server.shutdown()
+    server.server_close()

@@ -1,0 +1,32 @@
+"""The worker's log."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+import redis
+
+from worker.telemetry.logs import _in_a_line
+
+
+@pytest.mark.parametrize(
+    "error", [redis.OutOfMemoryError("maxmemory"), redis.ConnectionError("refused"), BrokenPipeError("gone")]
+)
+def test_what_redis_does_is_a_line(error: Exception) -> None:
+    record = logging.LogRecord(
+        "celery", logging.CRITICAL, "", 1, "Connection to %s lost\n", ("broker",), (type(error), error, None)
+    )
+    assert _in_a_line(record)
+    assert logging.Formatter().format(record) == f"Connection to broker lost ({error})"
+
+
+def test_a_fault_of_the_program_keeps_its_traceback() -> None:
+    try:
+        _ = 1 / 0
+    except ZeroDivisionError as error:
+        record = logging.LogRecord(
+            "worker", logging.ERROR, "", 1, "preparing failed", (), (type(error), error, error.__traceback__)
+        )
+    assert _in_a_line(record)
+    assert "Traceback" in logging.Formatter().format(record)

@@ -1,0 +1,90 @@
+"""Images that light scenes: what is taken, what is refused and with which words, and how they are shown."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813
+import pytest
+from PIL import Image
+
+from renderer.image import encode
+from renderer.presets import PRESETS
+from scenes import light_pictures
+from worker.machine.status import SlotBoard
+from worker.protocol.contract import BlobRef, ShowEnvironment
+from worker.work import environments
+from worker.work.asides import ENVIRONMENTS
+from worker.work.environments import small_picture
+
+
+def image(path: Path, pixels: np.ndarray) -> Path:
+    file = oiio.ImageOutput.create(str(path))
+    file.open(str(path), oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "float"))
+    file.write_image(pixels.astype(np.float32))
+    file.close()
+    return path
+
+
+@pytest.fixture
+def shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Shows a file; gives the event, and the picture's bytes."""
+    stored: list[bytes] = []
+
+    def store(path: Path) -> BlobRef:
+        stored.append(path.read_bytes())
+        return BlobRef("", "0" * 64, len(stored[-1]))
+
+    def show(path: Path) -> tuple[dict[str, Any], list[bytes]]:
+        worker: Any = SimpleNamespace(name="w", link=SimpleNamespace(store=store), board=SlotBoard(1))
+        worker.cache = SimpleNamespace(path=lambda sha256, size: path)
+        work = ShowEnvironment("work", "id", path.name, "0" * 64, path.stat().st_size, 64)
+        task = SimpleNamespace(request=SimpleNamespace(delivery_info={}))
+        return ENVIRONMENTS.event(task, worker, asdict(work)), stored
+
+    return show
+
+
+def test_an_image_is_shown_small(shown: Any, tmp_path: Path) -> None:
+    event, stored = shown(image(tmp_path / "sky.exr", np.full((16, 32, 3), 7.0)))
+    assert (event["type"], event["work"]) == ("environment-shown", "work")
+    assert stored[0][:2] == b"\xff\xd8", "a JPEG"
+
+
+@pytest.mark.parametrize(
+    ("pixels", "says"),
+    [(np.ones((16, 16, 3)), "twice as wide as high"), (np.zeros((8, 16, 3)), "black"), (None, "damaged")],
+)
+def test_what_lights_nothing_is_refused_with_a_sentence(shown: Any, tmp_path: Path, pixels: Any, says: str) -> None:
+    path = tmp_path / "sky.exr"
+    if pixels is None:
+        path.write_bytes(b"v/1\x01 is not all that it takes")
+    else:
+        image(path, pixels)
+    event, stored = shown(path)
+    assert event["type"] == "environment-failed"
+    assert event["error"].startswith("sky.exr: ")
+    assert says in event["error"]
+    assert not stored
+
+
+def test_a_lamp_does_not_darken_what_is_around_it() -> None:
+    pixels = np.full((64, 128, 3), 0.01, np.float32)
+    plain = small_picture(pixels, 32)
+    pixels[10, 10] = 1e6
+    lit = small_picture(pixels, 32)
+    np.testing.assert_allclose(np.median(lit), np.median(plain), rtol=0.1)
+    assert lit.shape == (16, 32, 3)
+    assert environments.small_picture(np.ones((2, 4, 3), np.float32), 32).shape == (16, 32, 3)
+
+
+def test_the_pictures_that_the_service_has_are_those_of_the_presets(tmp_path: Path) -> None:
+    assert {path.stem for path in light_pictures.FOLDER.iterdir()} == set(PRESETS)
+    for name in PRESETS:
+        encode.write(tmp_path / "now.jpg", small_picture(light_pictures.radiance(name), light_pictures.WIDTH))
+        now, kept = (np.asarray(Image.open(path), int) for path in (tmp_path / "now.jpg", light_pictures.FOLDER / f"{name}.jpg"))
+        assert np.abs(now - kept).mean() < 2, f"{name}: python -m scenes.light_pictures"

@@ -1,0 +1,219 @@
+"""What a worker prepares of a shot is what `rayfarm render --frame` renders, whichever frames it is given and in which order."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, BinaryIO
+
+import numpy as np
+import pytest
+
+from rayfarm.frame import Order
+from rayfarm.picture import Picture
+from rayfarm.stage import Stage
+from renderer.scene import compiled as compiled_file
+from renderer.scene.animation import Moment
+from renderer.scene.compile import compile_scene, summarise
+from renderer.scene.compiled import CompiledScene
+from renderer.scene.load import Shot
+from renderer.scene.parts import MANIFEST_STARTS
+from renderer.settings import View
+from tests.renderer.scene.builders import TRIANGLE, Gltf
+from worker.exchange.cache import BlobCache
+from worker.exchange.link import FarmAnswer, Link
+from worker.protocol.contract import BlobRef, Manifest, PrepareFrames
+from worker.work import frames
+
+FRAMES = [0, 12, 24, 6.5, 48, 60]
+
+
+def moving(camera: bool, thing: bool) -> Gltf:
+    """A camera and a triangle, each of which goes to the right within a second, or keeps still; another clip goes further."""
+    g = Gltf()
+    g.mesh(np.float32([(-5, -1, -5), (5, -1, -5), (0, -1, 5)]))
+    g.mesh(TRIANGLE)
+    g.root["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}]
+    g.node(camera=0, translation=[0, 0, 5])
+    targets = [node for node, moves in ((2, camera), (1, thing)) if moves]
+    if targets:
+        g.root["animations"] = []
+    seconds = g.array(np.float32([0, 1]))
+    for name, start, end in (("go", 0, 2), ("far", 3, 7)) if targets else ():
+        ways = [g.array(np.float32([(start, 0, z), (end, 0, z)])) for z in (5, 0)]
+        samplers = [{"input": seconds, "output": way} for way in ways]
+        channels = [{"sampler": int(node == 1), "target": {"node": node, "path": "translation"}} for node in targets]
+        g.root["animations"].append({"name": name, "samplers": samplers, "channels": channels})
+    return g
+
+
+class Bench:
+    """A scene's base as the service has it, and what a worker says of its frames."""
+
+    def __init__(self, folder: Path, scene: Gltf, **asked: Any) -> None:
+        self.scene = folder / "scene"
+        self.scene.mkdir()
+        (self.scene / "shot.glb").write_bytes(scene.glb())
+        self.out = folder / "out"
+        self.out.mkdir()
+        description = self.shot().at()
+        self.base = compile_scene(description)
+        summary = summarise(description, self.base)
+        self.asked = PrepareFrames("work", "job", "scene", [], "base", summary["cameras"][-1]["view"], **asked)
+
+    def shot(self) -> Shot:
+        return Shot(self.scene, "shot.glb")
+
+    def said(self, order: list[float]) -> dict[float, tuple[str | None, list[dict[str, Any]]]]:
+        """Of each frame: the hash of its own compiled scene, its view, and those that it has while the shutter is open."""
+        out = Path(tempfile.mkdtemp(dir=self.out))
+        stage = frames._Stage(self.shot(), self.asked, self.base, out)
+        found = {}
+        for frame in order:
+            said = stage.at(Moment(frame, self.asked.fps, self.asked.clip))
+            own = said["file"] and self.hash_of(compiled_file.load(Path(said["file"]), lambda sha256, _: next(out.rglob(sha256))))
+            found[frame] = own, [said["view"], *said["views"]]
+        return found
+
+    def hash_of(self, scene: CompiledScene) -> str:
+        compiled_file.save(scene, self.out / "whole")
+        return hashlib.sha256((self.out / "whole").read_bytes()).hexdigest()
+
+    def rendered(self, frame: float) -> tuple[str | None, list[dict[str, Any]]]:
+        """The same, as `rayfarm render --frame` has it."""
+        moment = Moment(frame, self.asked.fps, self.asked.clip)
+        camera = None if self.asked.camera is None else str(self.asked.camera)
+        compiled, summary = Stage(self.shot(), camera, shutter=self.asked.shutter).at(moment)
+        picture = Picture(({} if camera is None else {"camera": camera}) | self.asked.shutter)
+        order = Order(picture, [], False, 0.0, "neutral", None, 0, self.asked.turntable, None)
+        sha256 = self.hash_of(compiled)
+        settings = order.settings(summary, moment).to_json()
+        return None if sha256 == self.hash_of(self.base) else sha256, [settings["view"], *settings["views"]]
+
+
+@pytest.mark.parametrize(
+    ("camera", "thing", "asked"),
+    [
+        (True, False, {}),
+        (False, True, {}),
+        (False, True, {"camera": "auto"}),
+        (True, True, {"fps": 48.0, "clip": "far", "camera": 1}),
+        (False, False, {"turntable": 2.0}),
+        (True, False, {"turntable": 2.0, "clip": "far"}),
+        (True, True, {"shutter": {"shutter": 0.5}}),
+        (False, True, {"shutter": {"shutter": 2.0, "shutter_at": "trailing", "shutter_keys": 3}, "turntable": 2.0}),
+        (True, False, {"shutter": {"shutter": 1.0}, "turntable": 2.0}),
+    ],
+)
+def test_a_frame_is_prepared_as_its_still_is_rendered(tmp_path: Path, camera: bool, thing: bool, asked: dict[str, Any]) -> None:
+    bench = Bench(tmp_path, moving(camera, thing), **asked)
+    said = bench.said(FRAMES)
+    assert bench.said(FRAMES[::-1]) == said, "whichever were prepared before"
+    for frame in FRAMES:
+        sha256, view = bench.rendered(frame)
+        assert said[frame][0] == sha256
+        assert list(map(View.from_json, said[frame][1])) == list(map(View.from_json, view))
+    if "shutter" in asked:
+        assert len(said[12][1]) >= 3, "the camera moves"
+    if not thing and "clip" not in asked:
+        assert {sha256 for sha256, _ in said.values()} == {None}, "only the camera moves: nothing is compiled"
+
+
+def test_what_stands_still_again_is_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(tmp_path, moving(False, True))
+    compiled: list[int] = []
+    monkeypatch.setattr(frames, "compile_scene", lambda *given, **named: compiled.append(1) or compile_scene(*given, **named))
+    bench.said([24, 25, 30, 48])
+    assert len(compiled) == 1
+
+
+def test_a_view_of_ones_own_is_taken_as_it_is(tmp_path: Path) -> None:
+    view = {"eye": [1.0, 2.0, 3.0], "target": [0.0, 0.0, 0.0], "fov": 30.0, "focus": None}
+    bench = Bench(tmp_path, moving(True, False), view=view)
+    assert {tuple(view["eye"]) for _, (view,) in bench.said([0, 12]).values()} == {(1.0, 2.0, 3.0)}
+
+
+def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_path: Path) -> None:
+    for number in (0, 1, 3):
+        (tmp_path / f"smoke.{number}.obj").write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 %d 0\nf 1 2 3\n" % (number + 1))
+    (tmp_path / "scene.yaml").write_text("shapes: [{type: mesh, file: smoke.#.obj}]\n")
+    base = compile_scene(Shot(tmp_path, "scene.yaml").at())
+    auto = summarise(Shot(tmp_path, "scene.yaml").at(), base)["cameras"][-1]["view"]
+    work = PrepareFrames("work", "job", "scene", [0, 2, 4, 6], "base", auto)
+    said: list[dict[str, Any]] = []
+    frames._answer(tmp_path, Manifest("scene", "scene.yaml", []), work, base, tmp_path)({"frames": work.frames}, said.append)
+    assert [message["frame"] for message in said] == [0, 2, 4, 6]
+    assert ["failed" in message for message in said] == [False, False, True, False]
+    assert "smoke" in said[2]["failed"]
+    assert said[0]["file"] is None
+    assert said[3]["file"] is not None
+
+
+class Service(Link):
+    """A link whose service has the scene's files, and what is stored."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__("http://service.invalid", "")
+        self.folder = folder
+        self.stored: list[bytes] = []
+
+    def has(self, sha256: str) -> bool:
+        return any(hashlib.sha256(data).hexdigest() == sha256 for data in self.stored)
+
+    def fetch(self, sha256: str, out: BinaryIO) -> None:
+        out.write(next(p.read_bytes() for p in self.folder.iterdir() if hashlib.sha256(p.read_bytes()).hexdigest() == sha256))
+
+    def store(self, path: Path) -> BlobRef:
+        self.stored.append(path.read_bytes())
+        return BlobRef("", hashlib.sha256(self.stored[-1]).hexdigest(), len(self.stored[-1]))
+
+
+def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    upload = tmp_path / "upload"
+    upload.mkdir()
+    for number in (0, 1, 3):
+        (upload / f"smoke.{number}.obj").write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 %d 0\nf 1 2 3\n" % (number + 1))
+    (upload / "scene.yaml").write_text("shapes: [{type: mesh, file: smoke.#.obj}]\n")
+    description = Shot(upload, "scene.yaml").at()
+    base = compile_scene(description)
+    auto = summarise(description, base)["cameras"][-1]["view"]
+    files = [BlobRef(p.name, hashlib.sha256(p.read_bytes()).hexdigest(), p.stat().st_size) for p in sorted(upload.iterdir())]
+    service = Service(upload)
+    worker: Any = SimpleNamespace(link=service, cache=BlobCache(service, FarmAnswer("", "", ""), tmp_path / "cache"))
+    compiled_file.save(base, upload / "compiled")
+    sha256 = hashlib.sha256((upload / "compiled").read_bytes()).hexdigest()
+    said: list[tuple[str, Any]] = []
+    manifest, work = Manifest("scene", "scene.yaml", files), PrepareFrames("work", "job", "scene", [0, 2, 4, 6], sha256, auto)
+    frames.prepare_frames(worker, manifest, work, lambda kind, **more: said.append((kind, more.get("frame"))))
+    assert said == [("frame-prepared", 0), ("frame-prepared", 2), ("frame-failed", 4), ("frame-prepared", 6)]
+    manifests = [data for data in service.stored if data.startswith(MANIFEST_STARTS)]
+    assert len(manifests) == 2, "frame 0 is the scene as it was prepared"
+    assert len(set(service.stored)) == len(service.stored), "what frames share is sent once"
+
+    (opened,) = frames._open.values()
+    said.clear()
+    other = replace(work, work="another", job="another", frames=[6, 0])
+    frames.prepare_frames(worker, manifest, other, lambda kind, **more: said.append((kind, more.get("frame"))))
+    assert said == [("frame-prepared", 6), ("frame-prepared", 0)]
+    assert list(frames._open.values()) == [opened], "another job of the same scene finds it open"
+
+    said.clear()
+    has = service.has
+    monkeypatch.setattr(service, "has", lambda sha256: time.sleep(0.1) or has(sha256))  # so that the child is far ahead
+    for again in (other, replace(other, frames=[2, 6, 0])):
+        frames.prepare_frames(worker, manifest, again, lambda kind, **more: said.append((kind, more.get("frame"))))
+    assert said == [("frame-prepared", frame) for frame in (6, 0, 2, 6, 0)], "what comes again is not let go of"
+    monkeypatch.undo()
+    frames.forget_frames()
+
+    at = frames._Stage.at
+    monkeypatch.setattr(frames._Stage, "at", lambda stage, moment: os._exit(1) if moment.frame == 1 else at(stage, moment))
+    said.clear()
+    frames.prepare_frames(worker, manifest, work, lambda kind, **more: said.append((kind, more.get("frame"))))
+    assert said == [("frame-prepared", 0), ("frame-failed", 2), ("frames-returned", None)]
+    assert not frames._open

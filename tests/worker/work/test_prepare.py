@@ -1,0 +1,165 @@
+"""Preparing a scene, up to the bounded child (test_bounded) and around it: whose fault it is when it does not work."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, BinaryIO
+
+import numpy as np
+import pytest
+
+from renderer.film import CHANNELS
+from worker import tasks
+from worker.exchange.cache import BlobCache
+from worker.exchange.errors import LinkError, MachineError, RefusedError, TokenError, WorkError
+from worker.exchange.link import FarmAnswer, Link
+from worker.process import context
+from worker.protocol.contract import BlobRef, Manifest, Result, SceneInfo
+from worker.work import prepare
+
+SCENE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+SHA256 = hashlib.sha256(SCENE).hexdigest()
+MANIFEST = Manifest("scene", "scene.obj", [BlobRef("scene.obj", SHA256, len(SCENE))])
+SUMMARY: dict[str, Any] = {
+    "cameras": [], "counts": {}, "bounds": [], "animations": [], "variants": [], "warnings": [], "defaults": {},
+    "compiled": "compiled.safetensors", "lights_power": 0.0,
+}  # fmt: skip
+
+
+class Service(Link):
+    """A link whose service has one file, and is away as often as it is told to be."""
+
+    def __init__(self) -> None:
+        super().__init__("http://service.invalid", "")
+        self.fetched = 0
+        self.away = 0
+
+    def manifest(self, scene: str) -> Manifest:
+        return MANIFEST
+
+    def fetch(self, sha256: str, out: BinaryIO) -> None:
+        self.fetched += 1
+        out.write(SCENE)
+
+    def store(self, path: Path) -> BlobRef:
+        if self.away:
+            self.away -= 1
+            raise LinkError("no answer")
+        return BlobRef("", hashlib.sha256(path.read_bytes()).hexdigest(), path.stat().st_size)
+
+
+@pytest.fixture
+def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A worker whose reader takes the scene as it was uploaded, and nothing else."""
+    service = Service()
+    reads: list[bytes] = []
+
+    def reader(work: Callable[..., Any], *_: Any, **__: Any) -> dict[str, Any]:
+        return work(None)
+
+    def read(folder: Path, manifest: Manifest, out: Path, send: Any) -> dict[str, Any]:
+        reads.append((folder / manifest.main).read_bytes())
+        if reads[-1] != SCENE:
+            raise WorkError("scene.obj is damaged; export it anew")
+        (out / "compiled.safetensors").write_bytes(b"compiled")
+        return SUMMARY
+
+    monkeypatch.setattr(prepare, "run_bounded", reader)
+    monkeypatch.setattr(prepare, "_work", read)
+    monkeypatch.setattr("worker.patience.time.sleep", lambda seconds: None)
+    cache = BlobCache(service, FarmAnswer("", "", ""), tmp_path / "cache")
+    sent: list[Result] = []
+    board = SimpleNamespace(write=lambda *_: None)
+    results = SimpleNamespace(send=lambda result, patience_s=None: sent.append(result))
+    made = SimpleNamespace(name="w", kind="k", link=service, cache=cache, reads=reads, board=board, results=results, sent=sent)
+    monkeypatch.setattr(context, "_current", made)
+    return made
+
+
+def prepared(worker: Any) -> SceneInfo:
+    return prepare.prepare_scene(worker, MANIFEST, lambda step, part: None)
+
+
+def test_a_file_that_has_suffered_in_the_cache_is_fetched_anew_and_nobody_is_blamed(worker: Any) -> None:
+    path = worker.cache.path(SHA256)
+    path.write_bytes(SCENE.replace(b"1", b"7"))  # as long as before: only its hash tells
+    assert prepared(worker).kind == "k"
+    assert worker.reads[-1] == SCENE
+    assert worker.link.fetched == 2
+
+
+def test_a_file_that_was_uploaded_so_is_read_once(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def damaged(*_: Any) -> dict[str, Any]:
+        worker.reads.append(b"")
+        raise WorkError("scene.obj is damaged; export it anew")
+
+    monkeypatch.setattr(prepare, "_work", damaged)
+    with pytest.raises(WorkError, match="export it anew"):
+        prepared(worker)
+    assert worker.reads == [b""]
+
+
+def test_minutes_of_work_outlive_a_service_that_starts_anew(worker: Any) -> None:
+    worker.link.away = 3
+    prepared(worker)
+    assert len(worker.reads) == 1
+
+
+def full_disk(*_: Any, **__: Any) -> Any:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "scene.obj")
+
+
+def test_a_full_disk_is_the_machines_own_trouble(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "link", full_disk)
+    monkeypatch.setattr(shutil, "copyfile", full_disk)
+    with pytest.raises(MachineError, match="No space left"):
+        prepared(worker)
+
+
+def test_a_thumbnails_kernel_is_got_ready_before_as_slots_do_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    done: list[str] = []
+    monkeypatch.setattr(prepare, "edition_for", lambda settings, scene: "full")
+    monkeypatch.setattr(prepare, "warm_up", lambda settings, edition: done.append(edition))
+    film = np.ones((CHANNELS, 90, 160), np.int64)
+    monkeypatch.setattr(prepare, "render_frame", lambda *_, **__: (done.append("rendered"), film)[1])
+    summary = {"defaults": {}, "cameras": [{"view": {"eye": [0, 0, 1], "target": [0, 0, 0]}}]}
+    prepare._thumbnail(SimpleNamespace(), summary, tmp_path / "thumbnail.png")  # type: ignore[arg-type]
+    assert done == ["full", "rendered"]
+    assert (tmp_path / "thumbnail.png").is_file()
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "a\0b", "../up", "/etc/passwd", "scene.obj/inside"])
+def test_names_that_no_file_can_have_are_the_uploads(worker: Any, name: str) -> None:
+    files = [*MANIFEST.files, BlobRef(name, SHA256, len(SCENE))]
+    with pytest.raises(WorkError, match="rename it"):
+        prepare.prepare_scene(worker, Manifest("scene", "scene.obj", files), lambda step, part: None)
+
+
+@pytest.mark.parametrize(
+    ("error", "event"),
+    [
+        (LinkError("no answer"), "prepare-returned"),
+        (TokenError("does not know this token"), "prepare-returned"),
+        (MachineError("no room"), "prepare-returned"),
+        (RefusedError("answers 404"), "prepare-failed"),
+        (WorkError("scene.obj is damaged"), "prepare-failed"),
+        (ZeroDivisionError("a fault"), "prepare-failed"),
+    ],
+)
+def test_what_is_the_workers_own_is_handed_back(
+    worker: Any, monkeypatch: pytest.MonkeyPatch, error: Exception, event: str
+) -> None:
+    def fail(*_: Any) -> SceneInfo:
+        raise error
+
+    monkeypatch.setattr(tasks, "prepare_scene", fail)
+    monkeypatch.setattr(tasks, "LINK_PATIENCE_S", 0.0)
+    tasks._prepare(SimpleNamespace(request=SimpleNamespace(delivery_info={})), "scene")
+    assert [result.event["type"] for result in worker.sent] == ["prepare-started", event]
+    assert str(error) in worker.sent[-1].event["error"]

@@ -1,0 +1,128 @@
+"""A batch, by the function that a slot calls."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from renderer.arrays.edition import edition_of
+from renderer.render import render_batch
+from renderer.scene import compiled as compiled_file
+from renderer.settings import RenderSettings, Tile, View
+from tests.renderer.builders import emitter, scene, square
+from worker.exchange.cache import BlobCache
+from worker.exchange.errors import DamagedError, LinkError, MachineError, NotAFarmError, RefusedError, TokenError
+from worker.exchange.link import FarmAnswer, Link
+from worker.protocol.contract import RenderBatch
+from worker.protocol.sums import unpack_sums
+from worker.work import render as slot
+
+SETTINGS = RenderSettings(8, 8, View((0, 0, 4), (0, 0, 0)))
+TILE = Tile(0, 0, 8, 8)
+
+
+@pytest.fixture
+def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.setattr(slot, "is_warm", lambda settings, edition: True)
+    made = scene([emitter(1.0)], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),))
+    compiled_file.save(made, tmp_path / "compiled")
+    slot._open.clear()
+    return SimpleNamespace(name="w", link=object(), cache=SimpleNamespace(path=lambda sha256: tmp_path / "compiled"), made=made)
+
+
+def test_a_slot_says_when_it_gets_a_kernel_ready(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    batch = RenderBatch("b", "job", 0, "sha", TILE, 0, 2, SETTINGS)
+    told: list[Any] = []
+    monkeypatch.setattr(slot, "is_warm", lambda settings, edition: False)
+    monkeypatch.setattr(slot, "get_ready", lambda *arguments: told.append(arguments))
+    result = slot.render(worker, batch, told.append)
+    assert told == [True, (worker.link, SETTINGS, edition_of(worker.made)), False]
+    assert result.sums is not None
+    np.testing.assert_array_equal(unpack_sums(result.sums, TILE), render_batch(worker.made, SETTINGS, TILE, 0, 2).sums)
+
+    told.clear()
+    monkeypatch.setattr(slot, "is_warm", lambda settings, edition: True)
+    assert slot.render(worker, batch, told.append).sums == result.sums
+    assert told == []
+
+
+BATCH = RenderBatch("b", "job", 0, "0" * 64, TILE, 0, 2, SETTINGS)
+
+
+@pytest.mark.parametrize("trouble", [LinkError, DamagedError, TokenError, NotAFarmError, MachineError])
+def test_a_workers_own_trouble_hands_the_batch_back_after_patience(
+    worker: Any, monkeypatch: pytest.MonkeyPatch, trouble: type[Exception]
+) -> None:
+    asked: list[str] = []
+
+    def path(sha256: str) -> Path:
+        asked.append(sha256)
+        raise trouble("it is away")
+
+    worker.cache = SimpleNamespace(path=path)
+    monkeypatch.setattr("worker.patience.time.sleep", lambda seconds: None)
+    monkeypatch.setattr(slot, "PATIENCE_S", 1.05)
+    event = slot.render(worker, BATCH, lambda is_so: None).event
+    assert (event["type"], event["batch"], event["worker"]) == ("batch-returned", "b", "w")
+    assert "it is away" in event["error"]
+    assert len(asked) > 2
+
+
+def test_what_passes_is_waited_for(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    there = worker.cache.path("")
+    answers: list[Any] = [LinkError("away"), MachineError("full"), there]
+
+    def path(sha256: str) -> Path:
+        answer = answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    worker.cache = SimpleNamespace(path=path)
+    monkeypatch.setattr("worker.patience.time.sleep", lambda seconds: None)
+    assert slot.render(worker, BATCH, lambda is_so: None).event["type"] == "batch"
+
+
+def test_a_scene_that_the_service_does_not_have_is_a_failure(worker: Any) -> None:
+    def path(sha256: str) -> Path:
+        raise RefusedError("http://farm answers 404")
+
+    worker.cache = SimpleNamespace(path=path)
+    event = slot.render(worker, BATCH, lambda is_so: None).event
+    assert event["type"] == "batch-failed"
+    assert "answers 404" in event["error"]
+
+
+@pytest.mark.parametrize("damage", ["cut", "header", "empty", "gone"])
+def test_a_compiled_scene_that_has_suffered_on_this_disk_is_fetched_anew(tmp_path: Path, worker: Any, damage: str) -> None:
+    data = (tmp_path / "compiled").read_bytes()
+    sha256 = hashlib.sha256(data).hexdigest()
+
+    class Service(Link):
+        def fetch(self, sha256: str, out: Any) -> None:
+            out.write(data)
+
+    cache = BlobCache(Service("http://service.invalid", ""), FarmAnswer("", "", ""), tmp_path / "cache")
+    path = cache.path(sha256)
+    spoilt = {"cut": data[:-100], "header": b"\0" * 100 + data[100:], "empty": b"", "gone": b""}[damage]
+    path.write_bytes(spoilt)
+    if damage == "gone":  # between the look and the opening: another slot makes room
+        found, first = cache.path, iter([tmp_path / "nowhere"])
+        cache.path = lambda sha256, size=None: next(first, None) or found(sha256)  # type: ignore[method-assign]
+        path.write_bytes(data)
+    worker.cache = cache
+    event = slot.render(worker, RenderBatch(**{**vars(BATCH), "compiled": sha256}), lambda is_so: None).event
+    assert event["type"] == "batch", event
+    assert path.read_bytes() == data
+
+
+def test_a_batch_in_words_of_another_release_is_a_sentence(worker: Any) -> None:
+    event = slot.not_understood(worker, {"batch": "b", "job": "j"}, ValueError("RenderBatch lacks 'tile'")).event
+    assert event["type"] == "batch-failed"
+    assert "lacks 'tile'" in event["error"]
+    assert "same release" in event["error"]

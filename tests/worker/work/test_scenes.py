@@ -1,0 +1,140 @@
+"""Compiled scenes in parts, between a worker's cache and the service."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, BinaryIO
+
+import numpy as np
+import pytest
+
+from renderer.arrays.scene import flat
+from renderer.errors import SceneError
+from renderer.scene.compile import compile_scene
+from renderer.scene.kept import Kept
+from renderer.scene.parts import Saver
+from tests.renderer.scene.test_moving import zoo
+from worker.exchange.cache import BlobCache
+from worker.exchange.errors import MachineError, RefusedError
+from worker.exchange.link import FarmAnswer, Link
+from worker.protocol.contract import BlobRef
+from worker.work.scenes import discard_damaged, open_scene, store_scene
+
+
+class Service(Link):
+    """A link whose service is a dict; what was sent and fetched is counted."""
+
+    def __init__(self) -> None:
+        super().__init__("http://service.invalid", "")
+        self.blobs: dict[str, bytes] = {}
+        self.sent: list[str] = []
+        self.fetched: list[str] = []
+
+    def has(self, sha256: str) -> bool:
+        return sha256 in self.blobs
+
+    def store(self, path: Path) -> BlobRef:
+        data = path.read_bytes()
+        sha256 = hashlib.sha256(data).hexdigest()
+        self.blobs[sha256] = data
+        self.sent.append(sha256)
+        return BlobRef("", sha256, len(data))
+
+    def fetch(self, sha256: str, out: BinaryIO) -> None:
+        self.fetched.append(sha256)
+        if sha256 not in self.blobs:
+            raise RefusedError("there is no such file")
+        out.write(self.blobs[sha256])
+
+
+def worker(service: Service, folder: Path) -> Any:
+    return SimpleNamespace(link=service, cache=BlobCache(service, FarmAnswer("", "", ""), folder))
+
+
+@pytest.fixture
+def moments(tmp_path: Path) -> tuple[Service, list[BlobRef]]:
+    """Three moments, stored by one worker."""
+    service, kept = Service(), Kept()
+    out = tmp_path / "out"
+    out.mkdir()
+    saver, one = Saver(out), worker(service, tmp_path / "one")
+    refs = []
+    for angle in (0.0, 20.0, 33.0):
+        compiled = compile_scene(zoo(angle), kept=kept)
+        assert kept.cuts is not None
+        refs.append(store_scene(one, saver.save(compiled, kept.cuts)))
+    return service, refs
+
+
+def test_every_part_is_sent_once_and_fetched_once(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
+    service, refs = moments
+    assert len(service.sent) == len(set(service.sent))
+    assert set(service.sent) == {ref.sha256 for ref in refs} | {sha256 for ref in refs for sha256, _ in ref.parts}
+    other = worker(service, tmp_path / "other")
+    for angle, ref in zip((0.0, 20.0, 33.0), refs, strict=True):
+        opened = open_scene(other.cache, ref.sha256)
+        for name, array in flat(compile_scene(zoo(angle))).items():
+            np.testing.assert_array_equal(flat(opened)[name], array, err_msg=name)
+    assert sorted(service.fetched) == sorted(service.sent)
+    of_all = sum(len(service.blobs[ref.sha256]) + sum(size for _, size in ref.parts) for ref in refs)
+    assert sum(map(len, service.blobs.values())) < 0.6 * of_all
+
+
+@pytest.mark.parametrize("is_here", [True, False], ids=["from beside the manifest", "from the cache"])
+def test_a_part_that_went_meanwhile_is_sent_again(tmp_path: Path, is_here: bool) -> None:
+    service, kept = Service(), Kept()
+    out = tmp_path / "out"
+    out.mkdir()
+    saver, one = Saver(out), worker(service, tmp_path / "one")
+    for angle in (0.0, 20.0):
+        compiled = compile_scene(zoo(angle), kept=kept)
+        assert kept.cuts is not None
+        ref = store_scene(one, saver.save(compiled, kept.cuts))
+        sha256, _ = max(ref.parts, key=lambda part: part[1])
+        if angle == 0.0:
+            del service.blobs[sha256]  # with the only scene that was said to need it
+            (one.cache.folder / sha256[:2] / sha256 if is_here else out / sha256).unlink()
+    assert sha256 in service.blobs
+    assert service.sent.count(sha256) == 2
+
+
+def test_work_is_handed_back_where_a_part_is_nowhere(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
+    service, refs = moments
+    manifest = tmp_path / "out" / refs[2].sha256
+    sha256, _ = refs[2].parts[0]
+    for path in (tmp_path / "out" / sha256, tmp_path / "one" / sha256[:2] / sha256):
+        path.unlink()
+    del service.blobs[sha256]
+    with pytest.raises(MachineError, match="compiled again"):
+        store_scene(worker(service, tmp_path / "one"), manifest)
+
+
+def test_who_stored_it_need_not_fetch_it(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
+    service, refs = moments
+    open_scene(worker(service, tmp_path / "one").cache, refs[1].sha256)
+    assert service.fetched == []
+
+
+def test_a_part_that_has_suffered_is_fetched_anew(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
+    service, refs = moments
+    cache = worker(service, tmp_path / "one").cache
+    sha256, size = max(refs[0].parts, key=lambda part: part[1])
+    cache.path(sha256).write_bytes(b"cut")
+    open_scene(cache, refs[0].sha256)  # its size tells
+    assert service.fetched == [sha256]
+    data = bytearray(service.blobs[sha256])
+    data[size // 2] ^= 1
+    cache.path(sha256).write_bytes(data)
+    assert discard_damaged(cache, refs[0].sha256)  # nothing but its hash does
+    assert not discard_damaged(cache, refs[0].sha256)
+    assert cache.path(sha256).read_bytes() == service.blobs[sha256]
+
+
+def test_a_manifest_that_is_wrong_at_the_service_is_an_error(tmp_path: Path) -> None:
+    service = Service()
+    data = b'{"format": "what"}'
+    service.blobs[hashlib.sha256(data).hexdigest()] = data
+    with pytest.raises(SceneError, match="Prepare the scene again"):
+        open_scene(worker(service, tmp_path).cache, hashlib.sha256(data).hexdigest())

@@ -1,0 +1,53 @@
+"""A farm's motion vectors are those of `rayfarm render`, by whichever camera the request sees."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.worker.test_frames import moving
+
+from rayfarm.frame import Order, motion_of
+from rayfarm.picture import Picture
+from rayfarm.rendering import Clock
+from rayfarm.stage import Stage
+from renderer.frames import frame_key
+from renderer.scene.animation import Moment
+from renderer.scene.compile import compile_scene, summarise
+from renderer.scene.load import Shot
+from renderer.settings import View
+from worker.protocol.contract import FrameVectors, Manifest
+from worker.work import vectors
+
+OWN = View((1.0, 2.0, 6.0), (0.0, 0.0, 0.0))
+VIEWS = {
+    "its camera": ({}, {}),
+    "another clip": ({}, {"clip": "far"}),
+    "what frames it": ({"camera": "auto"}, {}),
+    "what frames another clip": ({"camera": "auto"}, {"clip": "far"}),
+    "one's own": ({"eye": OWN.eye, "target": OWN.target, "fov": OWN.fov}, {}),
+    "a turntable": ({}, {"turntable": 2.0, "fps": 12.0}),
+}
+
+
+@pytest.mark.parametrize("name", VIEWS)
+def test_they_are_those_of_the_command(tmp_path: Path, name: str) -> None:
+    (tmp_path / "shot.glb").write_bytes(moving(True, True).glb())
+    given, asked = VIEWS[name]
+    description = Shot(tmp_path, "shot.glb").at()
+    auto = summarise(description, compile_scene(description))["cameras"][-1]["view"]
+    picture = Picture({"size": "24x16", **given})
+    moment = Moment(6.5, asked.get("fps"), asked.get("clip"))
+    order = Order(picture, ["motion"], False, 0.0, "neutral", None, 0, asked.get("turntable"), None)
+    stage = Stage(Shot(tmp_path, "shot.glb"), picture.camera, threads=1)
+    expected = motion_of(stage, order, moment, Clock())
+    request: dict[str, Any] = {"camera": given.get("camera"), "view": asdict(OWN) if "eye" in given else None}
+    work = FrameVectors("work", "job", frame_key(6.5), "scene", 24, 16, auto, **request, **asked)
+    result = tmp_path / "vectors.f32"
+    vectors._work(tmp_path, Manifest("scene", "shot.glb", []), FrameVectors.from_json(asdict(replace(work))), result)
+    found = np.fromfile(result, "<f4").reshape(16, 24, 4)
+    assert np.abs(found).max() > 0.1
+    np.testing.assert_array_equal(found, expected)

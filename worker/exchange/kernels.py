@@ -1,0 +1,105 @@
+"""Nothing is compiled twice in a farm: a worker downloads a kernel of its kind before compiling it, and uploads what it
+compiled.
+
+Handing in is a process of its own, so that the first tile does not wait for it: `python -m worker.kernels --service URL
+--folder FOLDER --kernel NAME`, with the farm's token in RAYFARM_TOKEN.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+from renderer.artefact import ArtefactError, name_of, pack, unpack
+from worker.exchange.errors import LinkError, WorkerError
+from worker.exchange.link import Link
+from worker.machine.children import spawn_guard
+from worker.telemetry import logs
+
+__all__ = ["fetch_kernel", "hand_in", "hand_in_beside"]
+
+log = logging.getLogger(__name__)
+_PATIENCE_S, _PAUSE_S = 60.0, 1.0
+
+
+def fetch_kernel(link: Link, folder: Path, kernel: str) -> tuple[bool, str]:
+    """Fetch a kernel into this folder (renderer.jit.cache_folder), if the farm has it: whether it is there, and a sentence."""
+    with tempfile.TemporaryFile() as file:
+        try:
+            if not link.kernels(name_of(folder, kernel), file):
+                return False, f"the farm has no kernel {kernel} of this kind yet"
+            file.seek(0)
+            return True, f"fetched the farm's kernel {kernel} ({unpack(file, link.token, folder)} files)"
+        except (WorkerError, ArtefactError, OSError) as error:
+            return False, f"the farm's kernel {kernel} cannot be fetched: {error}"
+
+
+def hand_in(link: Link, folder: Path, kernel: str) -> None:
+    """Give the farm the kernel that lies in this folder, unless it has it. Raises WorkerError or OSError."""
+    name = name_of(folder, kernel)
+    if link.has_kernels(name):
+        return
+    with tempfile.TemporaryFile() as file:
+        pack(folder, kernel, link.token, file)
+        link.store_kernels(name, file)
+
+
+def hand_in_beside(link: Link, folder: Path, kernel: str) -> None:
+    """As `hand_in`, in a process beside this one that ends with it."""
+    command = [
+        sys.executable,
+        "-m",
+        "worker.exchange.kernels",
+        f"--service={link.service}",
+        f"--folder={folder}",
+        f"--kernel={kernel}",
+    ]
+    environment = {**os.environ, "RAYFARM_TOKEN": link.token}
+    guard = spawn_guard()
+
+    def stand_back() -> None:
+        guard()
+        os.nice(10)  # the worker has its first tile to render
+
+    process = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, preexec_fn=stand_back)
+    threading.Thread(target=process.wait, name="kernels handed in", daemon=True).start()  # else it stays as a zombie
+
+
+def main() -> int:
+    """Hand in, once; what cannot be done is said and forgotten: the next worker compiles."""
+    parser = argparse.ArgumentParser(prog="python -m worker.kernels", description="Gives a farm the kernels compiled here.")
+    parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
+    parser.add_argument("--folder", required=True, type=Path, help="where the kernels are")
+    parser.add_argument("--kernel", required=True, help="which of them: renderer.render.kernel_name")
+    options = parser.parse_args()
+    token = os.environ.get("RAYFARM_TOKEN", "")
+    logs.set_up()
+    try:
+        _hand_in_once_it_is_there(Link(options.service, token), options.folder, options.kernel)
+    except (WorkerError, OSError) as error:
+        log.warning("the kernels are not handed in: %s", error)
+        return 1
+    return 0
+
+
+def _hand_in_once_it_is_there(link: Link, folder: Path, kernel: str) -> None:
+    """As `hand_in`. The service of a farm that starts may be loading, or one that died be on its way back."""
+    until = time.monotonic() + _PATIENCE_S
+    while True:
+        try:
+            return hand_in(link, folder, kernel)
+        except LinkError:
+            if time.monotonic() > until:
+                raise
+        time.sleep(_PAUSE_S)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

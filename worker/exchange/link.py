@@ -1,0 +1,258 @@
+"""A worker's connection to the service: joins the farm, fetches manifests and blobs, stores blobs. Plain HTTP with the farm's
+token."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+from urllib.parse import urlsplit
+
+import httpx
+from redis.connection import ConnectionPool
+
+from worker.exchange.errors import DamagedError, LinkError, NotAFarmError, RefusedError, TokenError
+from worker.exchange.foreign import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
+from worker.exchange.trust import trust
+from worker.protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
+
+__all__ = ["FarmAnswer", "Link", "check_redis_url"]
+
+CHUNK = 1 << 20
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+TIMEOUT = httpx.Timeout(60.0, connect=10.0)
+ANSWER_S = 60.0  # for a whole answer in JSON, however slowly its bytes come
+PROBLEM = "application/problem+json"  # of the service itself, and not of a proxy before it
+MAY_PASS = (408, 425, 429)
+
+
+@dataclass(frozen=True)
+class FarmAnswer:
+    """What a worker is told when it joins. `instance`: the service's id; `data_dir`: its data folder on its own machine;
+    `reduces`: whether it understands sums of several workers (worker/protocol/site.py)."""
+
+    redis_url: str
+    instance: str
+    data_dir: str
+    reduces: bool = False
+
+
+class Link:
+    """One HTTP client of the service. Made anew in every process: connections do not survive a fork.
+
+    Every method raises Trouble (worker.errors) where the service is away, ill or not one, and RefusedError where it says no.
+    """
+
+    def __init__(self, service: str, token: str) -> None:
+        """Raises RefusedError where the address or the token cannot be one."""
+        self.service = service.rstrip("/")
+        self.token = token
+        self._client: httpx.Client | None = None
+        if not (token.isascii() and token.isprintable()):
+            raise RefusedError("The token has characters that no token has. Take the one that `rayfarm up` shows.")
+        if not is_address(self.service):
+            raise RefusedError(f"{service!r} is no address of a service; give one as http://host:8000")
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"service": self.service, "token": self.token, "_client": None}
+
+    @property
+    def client(self) -> httpx.Client:
+        """The connection pool, opened on first use."""
+        if self._client is None:
+            headers = {"Authorization": f"Bearer {self.token}"}
+            try:
+                verify = trust()
+            except (OSError, ValueError) as error:
+                raise RefusedError(f"The farm's certificate cannot be read: {error}.") from None
+            self._client = httpx.Client(
+                base_url=self.service, headers=headers, timeout=TIMEOUT, verify=verify, trust_env=not is_here(self.service)
+            )
+        return self._client
+
+    def forget_connections(self) -> None:
+        """After a fork: leave the parent's sockets to the parent and open new ones on the next use."""
+        self._client = None
+
+    def join(self) -> FarmAnswer:
+        """Ask to join the farm."""
+        data = self._object("/api/farm/join", "redis_url", "instance")
+        told = data["redis_url"]
+        try:
+            if not isinstance(told, str):
+                raise ValueError("it is no text")
+            redis_url = _reachable(told, self.service)
+            check_redis_url(redis_url)
+        except ValueError as error:
+            raise NotAFarmError(
+                not_a_farm(self.service, f"the redis_url that it tells workers is none ({error})")
+                + " If it is one, correct its RAYFARM_REDIS_URL or RAYFARM_PUBLIC_REDIS_URL."
+            ) from None
+        return FarmAnswer(redis_url, str(data["instance"]), str(data.get("data_dir") or ""), bool(data.get("reduces")))
+
+    def manifest(self, scene: str) -> Manifest:
+        """The files of an uploaded scene."""
+        data = self._object(f"/api/farm/scenes/{scene}/manifest", "scene", "main", "files")
+        try:
+            return Manifest.from_json(data)
+        except ValueError as error:
+            raise NotAFarmError(f"{self.service} sends a manifest that cannot be read ({error})") from None
+
+    def fetch(self, sha256: str, out: BinaryIO) -> None:
+        """Write a blob to `out`. Raises DamagedError where what arrives has another hash."""
+        digest = hashlib.sha256()
+        with self._stream("GET", f"/api/farm/blobs/{sha256}") as response:
+            for chunk in response.iter_bytes(CHUNK):
+                digest.update(chunk)
+                out.write(chunk)
+        if digest.hexdigest() != sha256:
+            raise DamagedError(f"blob {sha256[:12]} arrived damaged from {self.service}")
+
+    def means(self, job: str, frame: int, out: BinaryIO) -> tuple[str, int]:
+        """Write a frame's means (DenoiseFrame says how) to `out`; returns the film's version and number of samples."""
+        with self._stream("GET", f"/api/farm/films/{job}/{frame}") as response:
+            try:
+                about = response.headers[VERSION_HEADER], int(response.headers[SAMPLES_HEADER])
+            except (KeyError, ValueError) as error:
+                raise NotAFarmError(f"{self.service} does not say of what its means are") from error
+            for chunk in response.iter_bytes(CHUNK):
+                out.write(chunk)
+        return about
+
+    def store(self, path: Path) -> BlobRef:
+        """Store a file as a blob at the service, by its hash."""
+        with path.open("rb") as file:
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+            size = file.tell()
+            file.seek(0)
+            content = iter(lambda: file.read(CHUNK), b"")
+            with self._stream(
+                "PUT", f"/api/farm/blobs/{sha256}", content=content, headers={"Content-Length": str(size)}
+            ) as response:
+                self._body(response)
+        return BlobRef(path="", sha256=sha256, size=size)
+
+    def has(self, sha256: str) -> bool:
+        """Whether the service has a blob; then it keeps it until it must have been told what for, as one that is stored."""
+        try:
+            with self._stream("POST", f"/api/farm/blobs/{sha256}/keep"):
+                return True
+        except RefusedError:
+            return False
+
+    def kernels(self, name: str, out: BinaryIO) -> bool:
+        """Write the kernels of this name (renderer.artefact) to `out`; False where the farm has none."""
+        try:
+            with self._stream("GET", f"/api/farm/kernels/{name}") as response:
+                for chunk in response.iter_bytes(CHUNK):
+                    out.write(chunk)
+        except RefusedError:
+            return False
+        return True
+
+    def has_kernels(self, name: str) -> bool:
+        """Whether the farm has the kernels of this name."""
+        try:
+            with self._stream("HEAD", f"/api/farm/kernels/{name}"):
+                return True
+        except RefusedError:
+            return False
+
+    def store_kernels(self, name: str, file: BinaryIO) -> None:
+        """Give the farm the kernels of this name. Raises RefusedError where it does not take them."""
+        size = file.seek(0, os.SEEK_END)
+        file.seek(0)
+        content = iter(lambda: file.read(CHUNK), b"")
+        headers = {"Content-Length": str(size)}
+        with self._stream("PUT", f"/api/farm/kernels/{name}", content=content, headers=headers) as response:
+            self._body(response)
+
+    def _object(self, path: str, *needed: str) -> dict[str, Any]:
+        """The JSON object at `path`, which has these keys."""
+        with self._stream("GET", path) as response:
+            body = self._body(response)
+        try:
+            data = json.loads(body)
+        except (ValueError, RecursionError):
+            data = None
+        if not isinstance(data, dict) or any(name not in data for name in needed):
+            raise NotAFarmError(not_a_farm(self.service, kind_of_answer(body, response.headers.get("Content-Type", ""))))
+        return data
+
+    def _body(self, response: httpx.Response) -> bytes:
+        """The whole body, within bounds: what answers may be anything."""
+        deadline = time.monotonic() + ANSWER_S
+        body = bytearray()
+        for chunk in response.iter_bytes():
+            body += chunk
+            if len(body) > MAX_ANSWER:
+                raise NotAFarmError(not_a_farm(self.service, "what it sends does not end"))
+            if time.monotonic() > deadline:
+                raise LinkError(f"{self.service} takes longer than {ANSWER_S:.0f} s for a short answer")
+        return bytes(body)
+
+    @contextmanager
+    def _stream(self, method: str, path: str, **kwargs: Any) -> Iterator[httpx.Response]:
+        """A response that is a success, its body still to be read."""
+        try:
+            with self.client.stream(method, path, **kwargs) as response:
+                self._check(response)
+                yield response
+        except (httpx.HTTPError, httpx.StreamError, httpx.InvalidURL, UnicodeError) as error:
+            raise LinkError(f"no answer from {self.service} ({error or type(error).__name__})") from error
+
+    def _check(self, response: httpx.Response) -> None:
+        if response.is_success:
+            return
+        status, request = response.status_code, response.request
+        is_service = response.headers.get("Content-Type", "").startswith(PROBLEM)
+        if status == 403 and is_service and request.url.path.startswith("/api/farm/kernels/"):
+            raise RefusedError(self._detail(response) or f"{self.service} takes no kernels of this worker")
+        if status in (401, 403):
+            raise TokenError(
+                f"{self.service} does not know this token. Take the token that `rayfarm up` shows, or ask who runs the farm."
+                + ("" if is_service else " Where a login stands before the farm, it must let /api/farm/ through.")
+            )
+        said = f"{self.service} answers {status} to {request.method} {request.url.path}"
+        if is_service and (detail := self._detail(response)):
+            said += f": {detail}"
+        if response.is_redirect:
+            raise NotAFarmError(
+                f"{self.service} sends workers on to {response.headers.get('Location', 'another address')!r}. "
+                "Give the address that `rayfarm up` shows; where a login stands before the farm, it must let /api/farm/ through."
+            )
+        if status >= 500 or status in MAY_PASS:
+            raise LinkError(said)
+        if request.url.path == "/api/farm/join" or status < 400:
+            raise NotAFarmError(not_a_farm(self.service, f"it answers {status} to {request.method} {request.url.path}"))
+        raise RefusedError(said)
+
+    def _detail(self, response: httpx.Response) -> str:
+        try:
+            return str(json.loads(self._body(response))["detail"])
+        except (ValueError, KeyError, TypeError):
+            return ""
+
+
+def check_redis_url(url: str) -> None:
+    """Raises ValueError, with words that do not have the password, where this is no address of a Redis."""
+    try:
+        ConnectionPool.from_url(url).make_connection()
+    except (ValueError, TypeError):  # TypeError: a parameter behind the question mark that is none
+        raise ValueError("an address is redis://host:6379/0, rediss://... or unix://...") from None
+
+
+def _reachable(redis_url: str, service: str) -> str:
+    """Redis's address as seen from here: what the service calls its own machine is the machine that was reached."""
+    url, host = urlsplit(redis_url), urlsplit(service).hostname
+    if url.hostname not in LOOPBACK or host is None or host in LOOPBACK:
+        return redis_url
+    user, at, _ = url.netloc.rpartition("@")
+    port = "" if url.port is None else f":{url.port}"
+    return url._replace(netloc=f"{user}{at}{f'[{host}]' if ':' in host else host}{port}").geturl()

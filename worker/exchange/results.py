@@ -1,0 +1,69 @@
+"""The way back: appends events and sums to the RESULTS stream, through restarts of Redis and of the service."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+import redis
+from redis.backoff import ExponentialBackoff
+from redis.retry import Retry
+
+from worker.protocol.contract import RESULTS, Result
+
+__all__ = ["ResultStream"]
+
+# The service trims the stream after the merge. Where it does not come, workers wait at this many entries instead of
+# filling the broker's memory (a 64x64 batch packs to about 100 kB), and at last drop the result: it is handed out again.
+MAX_ENTRIES = 2000
+PATIENCE_S = 120.0
+
+log = logging.getLogger(__name__)
+
+
+class ResultStream:
+    """Appends results to the stream. Made anew in every process."""
+
+    def __init__(self, redis_url: str, max_entries: int = MAX_ENTRIES, patience_s: float = PATIENCE_S) -> None:
+        self.max_entries = max_entries
+        self.patience_s = patience_s
+        self._length = max_entries  # of the stream as it was last seen
+        self.redis = redis.Redis.from_url(
+            redis_url, socket_timeout=10, socket_connect_timeout=5, retry=Retry(ExponentialBackoff(cap=0.5, base=0.05), 2)
+        )
+
+    def send(self, result: Result, patience_s: float | None = None) -> bool:
+        """Append a result; False where neither Redis nor the service made room for it within `patience_s`.
+
+        patience_s: the stream's own unless told; 0 for news that nobody misses.
+        A retry after a lost answer may append a result twice; the film's merge takes it once.
+        """
+        fields = result.to_fields()
+        patience_s = self.patience_s if patience_s is None else patience_s
+        deadline = time.monotonic() + patience_s
+        pause = 0.05
+        waits = False
+        while True:
+            try:
+                if self._length >= self.max_entries:
+                    self._length = int(self.redis.xlen(RESULTS))
+                if self._length < self.max_entries:
+                    with self.redis.pipeline(transaction=False) as both:  # one way there and back
+                        both.xadd(RESULTS, fields)  # type: ignore[arg-type]
+                        both.xlen(RESULTS)
+                        self._length = int(both.execute()[1])
+                    if waits:
+                        log.warning("results are taken again")
+                    return True
+                why = f"{self.max_entries} results wait for the service"
+            except (redis.RedisError, OSError) as error:
+                why = f"Redis: {error}"
+            if time.monotonic() >= deadline:
+                if patience_s:
+                    log.warning("a result is dropped after %.0f s (%s); it will be rendered again", patience_s, why)
+                return False
+            if not waits:
+                waits = True
+                log.warning("a result waits (%s)", why)
+            time.sleep(pause)
+            pause = min(pause * 2, 1.0)

@@ -1,0 +1,8 @@
+"""The machine a worker runs on, and its own processes.
+
+children.py       children that die with their parent
+family.py         all processes of this worker
+presence.py       whether somebody is using the machine
+status.py         what each slot is doing, in shared memory
+pieces.py         the folder that slots share while they render a tile together
+"""

@@ -1,0 +1,230 @@
+"""What the slots of a worker share of joint batches: which pieces nobody has begun, and the sums of those that are rendered.
+
+It is a folder, so that it needs no process of its own and outlives any slot. Each piece is one file, and a slot claims it by
+renaming it, which only one slot can do. What a killed slot was rendering stays behind under its process id and is abandoned:
+its sums never existed, so the service hands that piece out again. What it was about to send is sent by another slot; if both
+did, the film takes it once.
+
+    SINCE.HOLD.MESSAGE/about        the message, as JSON
+                       todo-I       a piece that nobody has begun
+                       doing-I-PID  one that a slot renders
+                       done-I       its result, as worker/protocol/result_bytes.py packs it
+    sending.PID.MESSAGE.../done-I   results that this process adds up and sends
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import itertools
+import logging
+import os
+import re
+import shutil
+import tempfile
+import time
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from worker.protocol.contract import Result
+from worker.protocol.result_bytes import result_bytes, result_of
+
+__all__ = ["Pieces", "Taken"]
+
+PREFIX = "rayfarm-sums-"
+SENDING = "sending"
+STALE_S = 300.0  # since a message came: its pieces have long been handed out again
+
+_MESSAGE = re.compile(r"[\w-]{1,100}")
+
+log = logging.getLogger(__name__)
+
+
+class Taken(NamedTuple):
+    """A piece that this process has taken."""
+
+    folder: Path
+    number: int
+    about: bytes  # the message
+
+
+class Pieces:
+    """Made by the parent before it forks. Its methods raise OSError where the disk does not do as it is told."""
+
+    def __init__(self) -> None:
+        """Make the folder, and remove those that killed workers left."""
+        self.root = Path(tempfile.mkdtemp(prefix=PREFIX))
+        self._lock = (self.root / "lock").open("w")
+        fcntl.flock(self._lock, fcntl.LOCK_EX)  # its slots have it too: it ends with the last of them
+        self._numbers = itertools.count()
+        for other in self.root.parent.glob(f"{PREFIX}*"):
+            _remove_if_left(other)
+
+    def close(self) -> None:
+        """Remove the folder."""
+        shutil.rmtree(self.root, ignore_errors=True)
+        self._lock.close()
+
+    def begin(self, message: str, about: bytes, pieces: Iterable[int], hold_s: float) -> None:
+        """Lay out some of a message's pieces, by their numbers. Raises ValueError where its id is no file's name."""
+        if not _MESSAGE.fullmatch(message):
+            raise ValueError(f"{message!r} is no id of a message")
+        new = Path(tempfile.mkdtemp(prefix="new-", dir=self.root))
+        (new / "about").write_bytes(about)
+        for number in pieces:
+            (new / f"todo-{number:04}").touch()
+        new.rename(self.root / f"{time.time_ns():020}.{int(1000 * hold_s)}.{message}")
+
+    def take(self) -> Taken | None:
+        """The piece that has waited longest; None where none waits."""
+        for folder in self._groups():
+            for name in sorted(_names(folder, "todo-")):
+                number = int(name.partition("-")[2])
+                with contextlib.suppress(FileNotFoundError):  # another was faster
+                    (folder / name).rename(folder / f"doing-{number}-{os.getpid()}")
+                    return Taken(folder, number, (folder / "about").read_bytes())
+        return None
+
+    def put(self, taken: Taken, result: Result) -> None:
+        """Lay down the sums of a piece for whoever sends them."""
+        written = taken.folder / f"written-{taken.number}-{os.getpid()}"
+        written.write_bytes(result_bytes(result))
+        written.rename(taken.folder / f"done-{taken.number:04}")
+        self.let_go(taken)
+
+    def let_go(self, taken: Taken) -> None:
+        """The piece is no longer in hand: its sums are there, or nobody here will have them."""
+        with contextlib.suppress(FileNotFoundError):
+            (taken.folder / f"doing-{taken.number}-{os.getpid()}").unlink()
+
+    def ripe(self, at_once: bool = False) -> Iterator[list[Result]]:
+        """What is to be sent now, and by this process, in the order of the pieces: of a message whose pieces are all rendered or
+        of which one has waited too long (at_once: all there is). Once the next is asked for, it counts as sent."""
+        for left in [*self._left_by_the_dead()]:
+            yield from self._sent(left)
+        for folder in self._groups():
+            self._forget_the_dead(folder)
+            if at_once or _is_ripe(folder):
+                mine = self.root / f"{SENDING}.{os.getpid()}.{_message(folder)}.{next(self._numbers)}"
+                mine.mkdir()
+                for name in _names(folder, "done-"):
+                    with contextlib.suppress(FileNotFoundError):
+                        (folder / name).rename(mine / name)
+                yield from self._sent(mine)
+            self._tidy(folder)
+
+    def messages(self) -> list[str]:
+        """The messages of which something is here: pieces that wait or are rendered, or sums that are not sent."""
+        return sorted({_message(folder) for folder in [*self._groups(), *self._sending()]})
+
+    def waiting(self) -> int:
+        """How many pieces nobody has begun."""
+        return sum(len(_names(folder, "todo-")) for folder in self._groups())
+
+    def take_over(self, message: str) -> list[int] | None:
+        """Take back what nobody has begun of a message, and what those had in hand who have ended; None where it is not here."""
+        for folder in self._groups():
+            if _message(folder) == message:
+                dead = [name for name in _names(folder, "doing-") if not _is_alive(int(name.rpartition("-")[2]))]
+                return sorted([*_taken(folder, dead), *_taken(folder, _names(folder, "todo-"))])
+        return None
+
+    def withdraw(self) -> list[tuple[bytes, list[int]]]:
+        """Take back what nobody has begun: of each message its words, and the pieces' numbers."""
+        taken = []
+        for folder in self._groups():
+            if numbers := _taken(folder, sorted(_names(folder, "todo-"))):
+                taken.append(((folder / "about").read_bytes(), numbers))
+        return taken
+
+    def _groups(self) -> list[Path]:
+        """The messages' folders, the oldest first."""
+        return sorted(self.root / name for name in _names(self.root, *"0123456789"))
+
+    def _sending(self) -> list[Path]:
+        return [self.root / name for name in _names(self.root, f"{SENDING}.")]
+
+    def _sent(self, mine: Path) -> Iterator[list[Result]]:
+        if results := [found for name in sorted(_names(mine, "done-")) if (found := _read(mine / name)) is not None]:
+            yield results
+        shutil.rmtree(mine, ignore_errors=True)
+
+    def _left_by_the_dead(self) -> Iterator[Path]:
+        for folder in self._sending():
+            _, pid, message, _ = folder.name.split(".")
+            if not _is_alive(int(pid)):
+                mine = self.root / f"{SENDING}.{os.getpid()}.{message}.{next(self._numbers)}"
+                with contextlib.suppress(FileNotFoundError):
+                    folder.rename(mine)
+                    yield mine
+
+    def _forget_the_dead(self, folder: Path) -> None:
+        for name in _names(folder, "doing-"):
+            if not _is_alive(int(name.rpartition("-")[2])):
+                with contextlib.suppress(FileNotFoundError):
+                    (folder / name).unlink()
+
+    def _tidy(self, folder: Path) -> None:
+        """Remove a message's folder where nothing is left to do, or nobody waits for it any more."""
+        if not _names(folder, "todo-", "doing-", "done-") or time.time() - _since(folder) > STALE_S:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _is_ripe(folder: Path) -> bool:
+    done = _names(folder, "done-")
+    if not done or not _names(folder, "todo-", "doing-"):
+        return bool(done)
+    with contextlib.suppress(FileNotFoundError):
+        oldest = min((folder / name).stat().st_mtime for name in done)
+        return time.time() - oldest > int(folder.name.split(".")[1]) / 1000
+    return False
+
+
+def _names(folder: Path, *beginnings: str) -> list[str]:
+    with contextlib.suppress(FileNotFoundError):
+        return [path.name for path in folder.iterdir() if path.name.startswith(beginnings)]
+    return []
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass
+    return True
+
+
+def _taken(folder: Path, names: list[str]) -> list[int]:
+    """The pieces' numbers of those files that this process could remove."""
+    numbers = []
+    for name in names:
+        with contextlib.suppress(FileNotFoundError):
+            (folder / name).unlink()
+            numbers.append(int(name.split("-")[1]))
+    return numbers
+
+
+def _since(folder: Path) -> float:
+    return int(folder.name.partition(".")[0]) / 1e9
+
+
+def _message(folder: Path) -> str:
+    return folder.name.split(".")[2]
+
+
+def _read(path: Path) -> Result | None:
+    try:
+        return result_of(path.read_bytes())
+    except (OSError, ValueError) as error:
+        log.warning("sums of a piece are dropped, and will be rendered again: %s", error)
+        return None
+
+
+def _remove_if_left(folder: Path) -> None:
+    """Remove a folder whose worker has ended without doing so."""
+    with contextlib.suppress(OSError), (folder / "lock").open() as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,132 @@
+"""Whether somebody is using this machine: judged by the processor time of its other programs, by typing in its terminals, by
+what the desktop tells logind (under Wayland as under X11), and by the screen if `xprintidle` is installed and the worker runs
+in that session (X11 only).
+
+Not noticed are somebody who is only reading, if no desktop reports it, and a program that waits.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+from worker.machine.family import family
+
+__all__ = ["Presence"]
+
+BUSY_CORES = 0.5  # of other programs: more is somebody at work
+LOOK_EVERY_S = 5.0
+SCREEN_PATIENCE_S = 2.0
+TICK = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
+
+
+class Presence:
+    """Looks about every few seconds; `idle_s` says since when nobody was there."""
+
+    def __init__(self, proc: Path = Path("/proc"), dev: Path = Path("/dev")) -> None:
+        self._proc, self._dev = proc, dev
+        self._times: tuple[float, float, float] | None = None  # when, and processor seconds of all and of this worker
+        self._present = time.time()  # when somebody was there last: at the begin nobody knows better
+        self._looked = 0.0
+        self.by: tuple[str, ...] = ()
+
+    def idle_s(self, now: float | None = None) -> float:
+        """For how long nobody has worked here, as far as that is known."""
+        now = time.time() if now is None else now
+        if now - self._looked >= LOOK_EVERY_S:
+            self._looked = now
+            self._look(now)
+        return max(now - self._present, 0.0)
+
+    def _look(self, now: float) -> None:
+        seen = []
+        if (others := self._others(now)) is not None:
+            seen.append("load")
+            if others > BUSY_CORES:
+                self._present = now
+        if (typed := self._typed()) is not None:
+            seen.append("terminals")
+            self._present = max(self._present, min(typed, now))
+        if (desktop := _desktop(now)) is not None:
+            seen.append("desktop")
+            self._present = max(self._present, now - desktop)
+        if (screen := _screen()) is not None:
+            seen.append("screen")
+            self._present = max(self._present, now - screen)
+        self.by = tuple(seen)
+
+    def _others(self, now: float) -> float | None:
+        """Cores that other programs took since the last look; None where that is not known."""
+        try:
+            name, *ticks = (self._proc / "stat").read_text().split("\n", 1)[0].split()
+            user, low, system, _, _, irq, soft = map(int, ticks[:7])
+            every = (user + low + system + irq + soft) / TICK
+            own = sum(family(self._proc).values()) / TICK
+        except (OSError, ValueError):
+            return None
+        before, self._times = self._times, (now, every, own)
+        if name != "cpu" or before is None or now - before[0] < 1.0:
+            return None
+        return max(every - before[1] - (own - before[2]), 0.0) / (now - before[0])
+
+    def _typed(self) -> float | None:
+        """When something was last typed into a terminal; None where there are none."""
+        times = []
+        for folder, pattern in ((self._dev / "pts", "[0-9]*"), (self._dev, "tty[1-9]*")):
+            for path in folder.glob(pattern):
+                try:
+                    times.append(path.stat().st_atime)
+                except OSError:
+                    continue
+        return max(times, default=None)
+
+
+def _desktop(now: float) -> float | None:
+    """For how long nobody has been at any graphical session, by what their desktops tell logind (IdleHint); None where none does.
+
+    A desktop sets the hint some minutes after the last touch, and takes it back at the next. One that has never set it since its
+    session began may be of those that never do, and says nothing.
+    """
+    program = shutil.which("loginctl")
+    if program is None:
+        return None
+    idle: list[float] = []
+    for session in _said([program, "list-sessions", "--no-legend"]).splitlines():
+        if not session.split():
+            continue
+        asked = [option for name in ("Type", "Class", "State", "IdleHint", "IdleSinceHint") for option in ("-p", name)]
+        lines = _said([program, "show-session", session.split()[0], *asked]).splitlines()
+        told = dict(line.partition("=")[::2] for line in lines)
+        if (
+            told.get("Type") not in ("wayland", "x11", "mir")
+            or told.get("Class", "user") != "user"
+            or told.get("State") == "closing"
+        ):
+            continue
+        since = told.get("IdleSinceHint", "")
+        if since.isdigit() and int(since) > 0:
+            idle.append(max(now - int(since) / 1e6, 0.0) if told.get("IdleHint") == "yes" else 0.0)
+    return min(idle, default=None)
+
+
+def _said(command: list[str]) -> str:
+    """What a program prints; nothing where it fails or takes long."""
+    try:
+        return subprocess.run(command, capture_output=True, text=True, timeout=SCREEN_PATIENCE_S, check=True).stdout
+    except (OSError, UnicodeError, subprocess.SubprocessError):
+        return ""
+
+
+def _screen() -> float | None:
+    """For how long nobody has touched keyboard or mouse of this X session; None where that cannot be had."""
+    program = shutil.which("xprintidle")
+    if program is None or not os.environ.get("DISPLAY"):
+        return None
+    try:
+        said = subprocess.run([program], capture_output=True, text=True, timeout=SCREEN_PATIENCE_S, check=True).stdout
+        return int(said) / 1000
+    except (OSError, ValueError, subprocess.SubprocessError):
+        return None

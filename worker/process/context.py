@@ -1,0 +1,136 @@
+"""What every process of a worker knows: made by the parent before it forks, and the same in all its children."""
+
+from __future__ import annotations
+
+import os
+import platform
+import socket
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from renderer import denoise
+from renderer.blender.program import Blender
+from worker.exchange.cache import BlobCache
+from worker.exchange.link import Link
+from worker.exchange.results import ResultStream
+from worker.machine.pieces import Pieces
+from worker.machine.status import SlotBoard
+from worker.process.keeping import Keeping
+from worker.protocol.blends import blender_queue
+from worker.protocol.contract import WorkerReport, denoise_queue, prepare_queue, render_queue
+from worker.protocol.joint import help_queue
+from worker.protocol.view_parts import view_queue
+from worker.site.link import SiteLink
+from worker.telemetry.log_tail import LogTail
+
+__all__ = ["WorkerContext", "cpu_name", "current", "set_current"]
+
+
+@dataclass
+class WorkerContext:
+    """A worker: its name, what it renders with, and where it fetches and reports."""
+
+    name: str
+    slots: int
+    kind: str
+    redis_url: str
+    link: Link
+    cache: BlobCache
+    board: SlotBoard
+    pid: int = field(default_factory=os.getpid)
+    host: str = field(default_factory=socket.gethostname)
+    started: float = field(default_factory=time.time)
+    tail: LogTail | None = None  # of the log
+    keeping: Keeping | None = None  # what is asked of it at run time; the parent's
+    blender: Blender | None = None  # where it has one, to open .blend files
+    pieces: Pieces | None = None  # none where this machine has no folder for them
+    _results: ResultStream | None = None
+    _sites: SiteLink | None = None
+
+    @property
+    def queues(self) -> list[str]:
+        """What this worker takes tasks from."""
+        queues = [view_queue(self.kind), help_queue(self.name), render_queue(self.kind), prepare_queue(self.kind)]
+        queues += [blender_queue(self.kind)] if self.blender is not None else []
+        return [*queues, denoise_queue(self.kind)] if denoise.is_available() else queues
+
+    @property
+    def results(self) -> ResultStream:
+        """The stream of results; a connection of this process."""
+        if self._results is None:
+            self._results = ResultStream(self.redis_url)
+        return self._results
+
+    @property
+    def sites(self) -> SiteLink:
+        """The way to its site's reducer; a connection of this process."""
+        if self._sites is None:
+            self._sites = SiteLink(self.redis_url)
+        return self._sites
+
+    def report(self, is_paused: bool = False) -> WorkerReport:
+        """The worker of itself, ready or paused, and with what its slots do now."""
+        doing, speed = self.board.read()
+        slots = self.keeping.slots_now if self.keeping else self.slots
+        if slots < self.slots:  # what is in hand is shown in any case
+            doing = sorted(doing, key=bool, reverse=True)[: max(slots, sum(map(bool, doing)))]
+        return WorkerReport(
+            name=self.name,
+            host=self.host,
+            pid=self.pid,
+            slots=slots,
+            cpu=cpu_name(),
+            kind=self.kind,
+            state="paused" if is_paused else "ready",
+            started=self.started,
+            samples_per_s=speed,
+            current=doing,
+            denoises=denoise.is_available(),
+            frames=True,
+            blurs=True,
+            vectors=True,
+            several=True,
+            views=True,
+            explains=True,
+            adds=self.pieces is not None,
+            in_hand=self._in_hand(),
+        )
+
+    def _in_hand(self) -> list[str]:
+        try:
+            return self.pieces.messages() if self.pieces is not None else []
+        except OSError:
+            return []
+
+    def after_fork(self) -> None:
+        """Leave the parent's connections to the parent."""
+        self.link.forget_connections()
+        self._results = self._sites = None
+
+
+_current: WorkerContext | None = None
+
+
+def set_current(context: WorkerContext) -> None:
+    """Set by the parent before Celery starts."""
+    global _current
+    _current = context
+
+
+def current() -> WorkerContext:
+    """The worker that this process is part of."""
+    if _current is None:
+        raise RuntimeError("no worker runs in this process; start one with `python -m worker`")
+    return _current
+
+
+def cpu_name() -> str:
+    """The processor as its maker calls it."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()

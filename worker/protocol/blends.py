@@ -1,0 +1,43 @@
+"""Scenes that Blender has to open first: workers that have it take them from a queue of their own, and upload what it wrote.
+
+From then on the scene is what was written: any worker can prepare it and its frames, like any other scene.
+"""
+
+from __future__ import annotations
+
+from pathlib import PurePosixPath
+from typing import Any
+
+from renderer.formats import BLENDER, WITHOUT_BLENDER
+from worker.protocol.contract import BlobRef, prepare_queue
+
+__all__ = ["TAG", "WAITS", "blender_queue", "is_blend", "written_of"]
+
+TAG = "blender"  # which a worker's offer has where it has Blender
+WAITS = (
+    "Waits for a worker with Blender, which alone opens .blend files: none is connected. Start one: `rayfarm worker --blender`, "
+    f"or for a farm of this machine `rayfarm up --blender`. Or {WITHOUT_BLENDER}."
+)
+
+
+def is_blend(main: str) -> bool:
+    """Whether Blender has to open a scene's main file."""
+    return PurePosixPath(main).suffix.lower() == BLENDER
+
+
+def blender_queue(kind: str) -> str:
+    """The Celery queue for preparing scenes that Blender has to open, on workers of this kind that have it."""
+    return f"{prepare_queue(kind)}.{TAG}"
+
+
+def written_of(info: dict[str, Any] | None) -> tuple[str, list[BlobRef]] | None:
+    """Of what is known of a scene (SceneInfo as a dict): what Blender wrote of it, the main file and all; None where it did not.
+
+    Raises ValueError where it makes no sense.
+    """
+    blend = (info or {}).get("blend")
+    if not blend:
+        return None
+    if not isinstance(blend, dict) or not isinstance(blend.get("main"), str) or not isinstance(blend.get("files"), list):
+        raise ValueError("what Blender wrote of the scene cannot be made out")
+    return blend["main"], [BlobRef.from_json(ref) for ref in blend["files"]]

@@ -1,0 +1,161 @@
+"""What the service and a worker say to each other about views that somebody is looking at: no jobs, no films, nothing that
+stays.
+
+    service --- Celery task RENDER_VIEW --> worker     ViewParts, in a queue that a slot takes from before all others
+    service --- Celery task VIEW_FRAME ---> worker     ViewFrame, in the same
+    service --- key view_key(watch) ------> worker     the number of the view that is looked at; no key: nobody looks
+    worker ---- list VIEW_ANSWERS --------> service    ViewAnswer; the list expires where no service takes from it
+
+A slot compares the number before each part, so whatever a newer view has made stale is dropped at once. Answers have a list of
+their own: they are worthless to a restarted service, and need not wait for anybody's film.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from renderer.settings import RenderSettings, Tile
+from worker.protocol.contract import PrepareFrames
+
+__all__ = [
+    "ANSWERS_TTL_S",
+    "MAX_ANSWERS",
+    "RENDER_VIEW",
+    "VIEW_ANSWERS",
+    "VIEW_FRAME",
+    "VIEW_QUEUES",
+    "Part",
+    "ViewAnswer",
+    "ViewFrame",
+    "ViewParts",
+    "view_key",
+    "view_queue",
+]
+
+RENDER_VIEW = "rayfarm.render_view"
+VIEW_FRAME = "rayfarm.view_frame"
+VIEW_ANSWERS = "rayfarm:view-answers"
+VIEW_QUEUES = "rayfarm.view."
+ANSWERS_TTL_S = 20
+MAX_ANSWERS = 1000  # in the list: the oldest go, and are asked for again
+LONGEST_S = 3600.0
+_LENGTH = struct.Struct("<I")
+
+
+def view_queue(kind: str) -> str:
+    """The Celery queue for views, from which workers of this kind take first."""
+    return f"{VIEW_QUEUES}{kind}"
+
+
+def view_key(watch: str) -> str:
+    """The Redis key with the number of the view that this watcher looks at."""
+    return f"rayfarm:view:{watch}"
+
+
+@dataclass(frozen=True)
+class Part:
+    """Sample numbers first ... first + count - 1 of every pixel of a rectangle of a view."""
+
+    number: int
+    tile: Tile
+    first: int
+    count: int
+
+
+@dataclass(frozen=True)
+class ViewParts:
+    """Parts of a view, to be rendered in turn and each answered by itself."""
+
+    message: str  # unique for every time that parts are handed out
+    watch: str
+    view: int
+    compiled: str  # SHA-256 of the compiled scene's blob
+    settings: RenderSettings
+    parts: list[Part]
+    is_whole: bool = False  # whether all planes are wanted, and not colour and samples alone
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON-ready dict for the Celery message."""
+        parts = [[part.number, list(part.tile), part.first, part.count] for part in self.parts]
+        return {**vars(self), "settings": self.settings.to_json(), "parts": parts}
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> ViewParts:
+        """The message that `to_json` wrote. Raises ValueError, KeyError, TypeError, or SettingsError."""
+        return cls(
+            **{name: data[name] for name in ("message", "watch", "view", "compiled")},
+            settings=RenderSettings.from_json(data["settings"]),
+            parts=[Part(number, Tile(*tile), first, count) for number, tile, first, count in data["parts"]],
+            is_whole=bool(data.get("is_whole")),
+        )
+
+
+@dataclass(frozen=True)
+class ViewFrame:
+    """Frames of a scene that moves, prepared to be looked at as they are for jobs (PrepareFrames, whose job is the watch)."""
+
+    message: str
+    watch: str
+    view: int
+    work: PrepareFrames
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON-ready dict for the Celery message."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> ViewFrame:
+        """The message that `to_json` wrote. Raises ValueError, KeyError or TypeError."""
+        return cls(data["message"], data["watch"], data["view"], PrepareFrames.from_json(data["work"]))
+
+
+@dataclass(frozen=True)
+class ViewAnswer:
+    """What a worker has to say of a message. type:
+
+    begun      the message is in a slot's hands: message, worker
+    compiling  the kernel for it is got ready there, which may take minutes: message, worker
+    part       a part is rendered: number, seconds, with the sums beside
+    frame      a frame is prepared: frame, info (FrameInfo)
+    over       the message is done with: all of it is answered, or was stale
+    failed     it cannot be done: error (a sentence)
+    returned   the worker's own trouble, error: to be handed out again
+    """
+
+    type: str
+    watch: str
+    view: int
+    message: str
+    worker: str
+    more: dict[str, Any] = field(default_factory=dict)
+    sums: bytes = b""
+
+    @property
+    def seconds(self) -> float:
+        """That a part took. Raises ValueError, KeyError or TypeError where that is no time."""
+        seconds = float(self.more["seconds"])
+        if not 0.0 <= seconds <= LONGEST_S:
+            raise ValueError(f"a part took {seconds} s")
+        return seconds
+
+    def to_bytes(self) -> bytes:
+        """An element of the list: the length of a JSON object, it, and the sums."""
+        head = json.dumps({name: value for name, value in vars(self).items() if name != "sums"}).encode()
+        return _LENGTH.pack(len(head)) + head + self.sums
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> ViewAnswer:
+        """The answer that `to_bytes` wrote. Raises ValueError."""
+        try:
+            (length,) = _LENGTH.unpack_from(data)
+            head = json.loads(data[_LENGTH.size : _LENGTH.size + length])
+            answer = cls(**head, sums=data[_LENGTH.size + length :])
+        except (struct.error, TypeError, RecursionError) as error:
+            raise ValueError(f"no answer about a view: {error}") from None
+        texts = (answer.type, answer.watch, answer.message, answer.worker)
+        if not (all(isinstance(text, str) for text in texts) and isinstance(answer.view, int) and isinstance(answer.more, dict)):
+            raise ValueError("no answer about a view: its fields are of other types")
+        return answer

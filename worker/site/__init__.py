@@ -1,0 +1,8 @@
+"""A site: several machines that add up their sums of a tile before these travel.
+
+reducer.py        the process that adds up what a site's machines have rendered
+sums.py           the sums it holds, on disk
+adding.py         sums of one tile into one
+link.py           a worker's way to it
+timed.py          reads from a socket with a time limit
+"""

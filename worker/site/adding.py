@@ -1,0 +1,70 @@
+"""Adds results of consecutive batches up to one: integers add exactly, and a result costs the service about the same whatever
+is in it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from renderer.settings import Tile
+from worker.protocol.contract import Result
+from worker.protocol.sums import add_sums, pack_sums, unpack_sums
+
+__all__ = ["joined", "parts_of"]
+
+BAD_SHOWN = 64
+MOST_LINES = 20  # that were warned of
+
+
+def joined(results: Iterable[Result]) -> Iterator[Result]:
+    """Results of batches, each added to the one before it where its samples follow those."""
+    run: list[Result] = []
+    for result in results:
+        if run and _end(run[-1]) != (*_of(result), result.event["first"]):
+            yield _one(run)
+            run = []
+        run.append(result)
+    if run:
+        yield _one(run)
+
+
+def parts_of(event: dict[str, Any]) -> list[list[Any]]:
+    """The batches whose sums came with an event: batch, first, count, seconds, and who rendered it where that stands there."""
+    if event["type"] == "batches":
+        return [list(part) for part in event["parts"]]
+    return [[event[key] for key in ("batch", "first", "count", "seconds")]]
+
+
+def _one(run: list[Result]) -> Result:
+    if len(run) == 1:
+        return run[0]
+    first = run[0].event
+    tile = Tile(*first["tile"])
+    total = unpack_sums(run[0].sums or b"", tile)
+    for result in run[1:]:
+        add_sums(total, result.sums or b"", tile)
+    events = [result.event for result in run]
+    event: dict[str, Any] = {
+        **{key: first[key] for key in ("job", "frame", "tile", "first", "worker", "run") if key in first},
+        "type": "batches",
+        "count": sum(event["count"] for event in events),
+        "parts": [part for event in events for part in parts_of(event)],
+        "bad": [bad for event in events for bad in event["bad"]][:BAD_SHOWN],
+        "bad_count": sum(event["bad_count"] for event in events),
+    }
+    beside = {
+        "lines": [line for event in events for line in event.get("lines", ())][:MOST_LINES],
+        "took": dict(sum((Counter(event.get("took", {})) for event in events), Counter())),
+        "traceparents": [place for event in events for place in event.get("traceparents", ())],
+    }
+    event |= {name: value for name, value in beside.items() if value}
+    return Result(event, pack_sums(total))
+
+
+def _of(result: Result) -> tuple[Any, ...]:
+    return tuple(result.event[key] for key in ("job", "frame", "tile"))
+
+
+def _end(result: Result) -> tuple[Any, ...]:
+    return *_of(result), result.event["first"] + result.event["count"]

@@ -1,0 +1,100 @@
+"""A worker's connection to its site's reducer. If that is away, slow or refuses, sums go to the service as they would without
+it."""
+
+from __future__ import annotations
+
+import http.client
+import logging
+import time
+from typing import Any, NamedTuple
+
+import redis
+
+from worker.protocol.contract import Result
+from worker.protocol.joint import Run
+from worker.protocol.result_bytes import result_bytes
+from worker.protocol.site import (
+    ANNOUNCED_HEADER,
+    SIGNATURE_HEADER,
+    SUMS_PATH,
+    SiteReport,
+    announced,
+    secret_key,
+    signature,
+    site_key,
+)
+
+__all__ = ["SiteLink"]
+
+PATIENCE_S = 5.0  # with its answer: a slot waits meanwhile
+KNOWN_S = 10.0  # where it is
+AWAY_S = 5.0  # it is not asked again
+
+log = logging.getLogger(__name__)
+
+
+class _Where(NamedTuple):
+    address: str
+    port: int
+    secret: bytes
+
+
+class SiteLink:
+    """Of one process."""
+
+    def __init__(self, redis_url: str) -> None:
+        self._redis = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
+        self._known: dict[str, tuple[float, _Where | None]] = {}  # until when, and where
+
+    def send(self, result: Result) -> bool:
+        """Give sums to the reducer of the site that their run names; False where they are to be sent to the service."""
+        run = Run.of(result.event.get("run"))
+        if run is None or result.sums is None:
+            return False
+        where = self._where(run.site)
+        if where is None:
+            return False
+        try:
+            status = _post(where, result)
+            if status == http.HTTPStatus.FORBIDDEN and (where := self._where(run.site, anew=True)) is not None:
+                status = _post(where, result)  # it has another secret by now
+        except (OSError, http.client.HTTPException) as error:
+            self._leave(run.site, error)
+            return False
+        if status == http.HTTPStatus.NO_CONTENT:
+            return True
+        if status != http.HTTPStatus.CONFLICT:  # that is about these sums alone
+            self._leave(run.site, f"it answers {status}")
+        return False
+
+    def _leave(self, site: str, why: Any) -> None:
+        log.warning("sums go to the service, and not to the reducer of %s: %s", site, why)
+        self._known[site] = time.monotonic() + AWAY_S, None
+
+    def _where(self, site: str, anew: bool = False) -> _Where | None:
+        until, where = self._known.get(site, (0.0, None))
+        if time.monotonic() < until and not anew:
+            return where
+        where = None
+        try:
+            report, secret = list[Any](self._redis.mget([site_key(site), secret_key(site)]))
+            if report is not None and secret is not None:
+                said = SiteReport.from_bytes(report)
+                where = _Where(said.address, said.port, secret)
+        except (redis.RedisError, ValueError) as error:
+            log.debug("the reducer of %s is not known: %s", site, error)
+        self._known[site] = time.monotonic() + (AWAY_S if where is None else KNOWN_S), where
+        return where
+
+
+def _post(where: _Where, result: Result) -> int:
+    body = result_bytes(result)
+    connection = http.client.HTTPConnection(where.address, where.port, timeout=PATIENCE_S)
+    try:
+        signed = {SIGNATURE_HEADER: signature(where.secret, body), ANNOUNCED_HEADER: announced(where.secret, len(body))}
+        connection.request("POST", SUMS_PATH, body, signed)
+        answer = connection.getresponse()
+        answer.read()
+        return answer.status
+    finally:
+        connection.close()

@@ -1,0 +1,334 @@
+"""`python -m worker.reducer --service URL --name SITE`: adds up what the machines of a site have rendered of a tile, and sends
+it on as one result. `rayfarm site` starts one.
+
+It is not a record: whatever it loses is handed out again. Workers that cannot reach it send to the service themselves.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import fcntl
+import io
+import logging
+import os
+import secrets
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import redis
+
+from worker.exchange.errors import LinkError, RefusedError, Trouble, WorkerError
+from worker.exchange.link import FarmAnswer, Link
+from worker.exchange.redis_tls import trusting
+from worker.exchange.results import ResultStream
+from worker.protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, Result
+from worker.protocol.result_bytes import result_of
+from worker.protocol.site import (
+    ANNOUNCED_HEADER,
+    SECRET_S,
+    SIGNATURE_HEADER,
+    SITE_NAME,
+    SUMS_PATH,
+    SiteReport,
+    announced,
+    secret_key,
+    signature,
+    site_key,
+)
+from worker.site.sums import Full, SiteSums
+from worker.site.timed import Timed
+from worker.telemetry import logs
+from worker.telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
+
+__all__ = ["Reducer", "main"]
+
+EXIT_REFUSED = 3
+LOOK_EVERY_S = 0.05
+LARGEST = 64 << 20  # bytes of a result
+MOST_BYTES = 1 << 30  # that wait here
+MOST_COMING = 8 * LARGEST  # bytes that are being received of workers; and as many of which nobody knows yet whose they are
+MOST_AT_ONCE, MOST_OF_ONE = 1024, 256  # connections, and of them of one address
+FIRST_PAUSE_S, LAST_PAUSE_S = 0.2, 3.0
+PATIENCE_S = 10.0  # with a worker that sends: until it has said what, and again until it has sent that, if it is little
+SLOWEST = 1 << 20  # bytes a second, for what is more
+
+log = logging.getLogger("worker")
+
+
+class Reducer:
+    """Takes sums from many threads, and sends what is ripe from one."""
+
+    def __init__(self, name: str, sums: SiteSums, redis_url: str) -> None:
+        self.name = name
+        self.sums = sums
+        self.results = self.sent = self.bytes_in = self.bytes_out = 0
+        self._stream = ResultStream(redis_url)
+        self._store = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
+        self._secrets: list[tuple[float, bytes]] = []  # the newest first, and since when
+        self._started = time.time()
+        self._coming = [0, 0]  # bytes that are being received: of anybody, and of workers
+        self._count = threading.Lock()
+
+    def is_signed(self, body: bytes, said: str) -> bool:
+        """Whether a worker of the farm has sent this."""
+        return any(secrets.compare_digest(signature(secret, body).encode(), said.encode()) for _, secret in self._secrets)
+
+    def is_announced(self, size: int, said: str) -> bool:
+        """Whether a worker of the farm is about to send so much."""
+        return any(secrets.compare_digest(announced(secret, size).encode(), said.encode()) for _, secret in self._secrets)
+
+    @contextlib.contextmanager
+    def room(self, size: int, is_ours: bool = False) -> Iterator[bool]:
+        """Whether so many bytes may come now; within, they are counted. is_ours: a worker of the farm sends them."""
+        with self._count:
+            is_there = self._coming[is_ours] + size <= MOST_COMING
+            self._coming[is_ours] += size if is_there else 0
+        try:
+            yield is_there
+        finally:
+            with self._count:
+                self._coming[is_ours] -= size if is_there else 0
+
+    def take(self, body: bytes) -> None:
+        """Raises ValueError, Full or OSError where it does not."""
+        self.sums.take(result_of(body))
+        with self._count:
+            self.results += 1
+            self.bytes_in += len(body)
+
+    def send_ripe(self, at_once: bool = False) -> None:
+        """Send what is to be sent now."""
+        for results in self.sums.ripe(at_once):
+            for result in results:
+                self._stream.send(Result({**result.event, "worker": f"site {self.name}"}, result.sums))
+                self.sent += 1
+                self.bytes_out += len(result.sums or b"")
+
+    def report(self, address: str, port: int) -> None:
+        """Say that it is here, and what is signed with. Raises redis.RedisError."""
+        now = time.monotonic()
+        if not self._secrets or now - self._secrets[0][0] > SECRET_S:
+            self._secrets = [(now, secrets.token_bytes(32)), *self._secrets[:1]]
+        counts = (self.results, self.sent, self.bytes_in, self.bytes_out)
+        about = (self.name, socket.gethostname(), os.getpid(), address, port, self._started, self.sums.in_hand(), *counts)
+        with self._store.pipeline(transaction=False) as both:
+            both.set(secret_key(self.name), self._secrets[0][1], ex=HEARTBEAT_TTL_S)
+            both.set(site_key(self.name), SiteReport(*about).to_bytes(), ex=HEARTBEAT_TTL_S)
+            both.execute()
+
+    def leave(self) -> None:
+        """Let workers send to the service again."""
+        with contextlib.suppress(redis.RedisError):
+            self._store.delete(site_key(self.name), secret_key(self.name))
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+    request_queue_size = 512  # all machines of a site may come at once
+    reducer: Reducer
+
+    def __init__(self, *about: Any) -> None:
+        super().__init__(*about)
+        self._here: dict[int, str] = {}  # whose connections there are
+        self._lock = threading.Lock()
+
+    def verify_request(self, request: Any, client_address: Any) -> bool:
+        """Whether there is room for it: each takes a thread, and nobody may take those of all others."""
+        who = str(client_address[0])
+        with self._lock:
+            here = list(self._here.values())
+            if len(here) >= MOST_AT_ONCE or here.count(who) >= MOST_OF_ONE:
+                return False
+            self._here[id(request)] = who
+        return True
+
+    def shutdown_request(self, request: Any) -> None:
+        """It has ended, or there was no room for it."""
+        with self._lock:
+            self._here.pop(id(request), None)
+        super().shutdown_request(request)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A connection that breaks is the sender's to notice."""
+        log.debug("a connection of %s broke", client_address, exc_info=True)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Server
+
+    def setup(self) -> None:
+        """Read for a bounded time."""
+        super().setup()
+        self.rfile.close()
+        self._timed = Timed(self.connection, PATIENCE_S)
+        self.rfile = io.BufferedReader(self._timed, 1 << 16)
+
+    def do_POST(self) -> None:
+        try:
+            size = int(self.headers.get("Content-Length", ""))
+        except ValueError:
+            return self._answer(HTTPStatus.LENGTH_REQUIRED)
+        if self.path != SUMS_PATH or not 0 <= size <= LARGEST:
+            return self._answer(HTTPStatus.NOT_FOUND if self.path != SUMS_PATH else HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
+        is_ours = self.server.reducer.is_announced(size, self.headers.get(ANNOUNCED_HEADER, ""))
+        with self.server.reducer.room(size, is_ours) as is_there:
+            if not is_there:
+                return self._answer(HTTPStatus.SERVICE_UNAVAILABLE)
+            self._timed.allow(PATIENCE_S + size / SLOWEST)
+            return self._take(self.rfile.read(size), size)
+
+    def _take(self, body: bytes, size: int) -> None:
+        if len(body) != size:
+            return None
+        if not self.server.reducer.is_signed(body, self.headers.get(SIGNATURE_HEADER, "")):
+            return self._answer(HTTPStatus.FORBIDDEN)
+        try:
+            self.server.reducer.take(body)
+        except ValueError as error:
+            log.debug("sums are left to the service: %s", error)
+            return self._answer(HTTPStatus.CONFLICT)
+        except (Full, OSError) as error:
+            log.warning("sums are not taken: %s", error or "too many wait")
+            return self._answer(HTTPStatus.SERVICE_UNAVAILABLE)
+        return self._answer(HTTPStatus.NO_CONTENT)
+
+    def _answer(self, status: HTTPStatus) -> None:
+        self.close_connection = True
+        self.connection.settimeout(PATIENCE_S)
+        self.send_response(status)
+        self.send_header("Content-Length", "0")
+        self.end_headers()
+
+    def log_message(self, *_: Any) -> None:
+        """Workers say what does not go well."""
+
+
+def main() -> int:
+    """Take sums until a signal says to stop. Exit code 3: no farm is there, or it refuses; another try is of no use."""
+    options = _options()
+    if options.log_format:
+        os.environ[FORMAT_VARIABLE] = options.log_format
+    logs.set_up()
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    try:
+        return _work(options, stop)
+    except WorkerError as error:
+        log.error("%s", error) if by_json() else print(f"rayfarm site: {error}", file=sys.stderr)
+        return EXIT_REFUSED
+
+
+def _work(options: argparse.Namespace, stop: threading.Event) -> int:
+    if not SITE_NAME.fullmatch(options.name):
+        raise RefusedError(f"{options.name!r} is no name of a site; take small letters, digits and . _ -")
+    farm = _joined(Link(options.service, options.token), stop)
+    if farm is None:
+        return 0
+    folder = options.folder / options.name
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        alone = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)  # held until this process ends, however that is
+        fcntl.flock(alone, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        server = _Server((options.host, options.port), _Handler)
+        reducer = Reducer(options.name, SiteSums(folder, MOST_BYTES), trusting(farm.redis_url))
+    except BlockingIOError:
+        raise RefusedError(f"The site {options.name} has a reducer on this machine already. One of them is enough.") from None
+    except OSError as error:
+        raise RefusedError(f"It cannot begin: {error}. Look at --port, and whether {options.folder} can be written.") from None
+    server.reducer = reducer
+    address = options.address or _own_address(options.service)
+    threading.Thread(target=server.serve_forever, name="sums", daemon=True).start()
+    beating = threading.Thread(target=_beat, args=(reducer, address, server.server_port, stop), name="beat")
+    beating.start()
+    log.info("adding up sums of the site %s at %s:%d", options.name, address, server.server_port)
+    while not stop.wait(LOOK_EVERY_S):
+        _send(reducer)
+    beating.join()
+    server.shutdown()
+    _send(reducer, at_once=True)
+    return 0
+
+
+def _send(reducer: Reducer, at_once: bool = False) -> None:
+    try:
+        reducer.send_ripe(at_once)
+    except OSError as error:
+        log.warning("sums are lost, and will be rendered again: %s", error)
+
+
+def _beat(reducer: Reducer, address: str, port: int, stop: threading.Event) -> None:
+    said = ""
+    while True:
+        try:
+            reducer.report(address, port)
+            said = ""
+        except redis.RedisError as error:
+            if str(error) != said:
+                said = str(error)
+                log.warning("Redis does not answer: %s", error)
+        if stop.wait(HEARTBEAT_EVERY_S):
+            reducer.leave()
+            return
+
+
+def _joined(link: Link, stop: threading.Event) -> FarmAnswer | None:
+    """Join as soon as the service is there. Raises WorkerError where another try is of no use."""
+    pause, said = FIRST_PAUSE_S, ""
+    while not stop.is_set():
+        try:
+            farm = link.join()
+            if not farm.reduces:
+                raise RefusedError(
+                    f"{link.service} is of an older release, which takes no sums of a site. Run this release there."
+                )
+            return farm
+        except LinkError as error:
+            if str(error) != said:
+                said = str(error)
+                log.info("waiting: %s", said)
+            stop.wait(pause)
+            pause = min(pause * 1.5, LAST_PAUSE_S)
+        except Trouble as error:
+            raise RefusedError(str(error)) from None
+    return None
+
+
+def _own_address(service: str) -> str:
+    """This machine's address on its way to the service."""
+    url = urlsplit(service)
+    with contextlib.suppress(OSError):
+        family, kind, _, _, where = socket.getaddrinfo(url.hostname, url.port or 80, type=socket.SOCK_DGRAM)[0]
+        with socket.socket(family, kind) as asked:
+            asked.connect(where)
+            return str(asked.getsockname()[0])
+    return socket.gethostname()
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m worker.reducer", description="A site's reducer; `rayfarm site` starts one.")
+    parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
+    parser.add_argument("--token", default=os.environ.get("RAYFARM_TOKEN", ""), help="a worker's token; $RAYFARM_TOKEN")
+    parser.add_argument("--name", required=True, help="the site's; its workers are started with --site NAME")
+    parser.add_argument("--host", default="0.0.0.0", help="where it listens; everywhere unless told")
+    parser.add_argument("--port", type=int, default=8010, help="0: any that is free")
+    parser.add_argument(
+        "--address", default="", help="what workers reach it by; this machine's on its way to the farm unless told"
+    )
+    parser.add_argument("--folder", type=Path, required=True, help="where sums lie until they are sent")
+    parser.add_argument("--log-format", choices=FORMATS, help=f"json: each line of the log an object; ${FORMAT_VARIABLE}")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,214 @@
+"""The sums that a site's reducer holds and has not sent, in a folder, so that the successor of a killed reducer can send what
+that one had acknowledged.
+
+    SINCE-NUMBER/FIRST      a result, as result_bytes.py packs it; all of a folder are of one run (worker.protocol.joint.Run)
+    sending-SINCE-NUMBER/   the same, about to be sent or sent: as it is, so that what goes twice is twice the same
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import logging
+import shutil
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from renderer.settings import Tile
+from worker.protocol.contract import Result
+from worker.protocol.joint import Run
+from worker.protocol.result_bytes import result_bytes, result_of
+from worker.protocol.sums import check_sums, check_weight
+from worker.site.adding import joined, parts_of
+
+__all__ = ["Full", "SiteSums"]
+
+SENDING = "sending-"
+STALE_S = 300.0  # what an earlier life left has long been handed out again
+LONGEST_HOLD_S = 60.0
+MOST_PARTS = 2048  # of a run
+RUNS_KNOWN = 4096  # of which some was sent and some has not come
+
+_Key = tuple[Any, ...]
+
+log = logging.getLogger(__name__)
+
+
+class Full(Exception):  # noqa: N818 - it says how it is, and is nobody's error
+    """No more can be taken until some was sent."""
+
+
+@dataclass
+class _Group:
+    """What is there of one run."""
+
+    folder: Path
+    run: Run
+    since: float
+    missing: int  # samples that the reducer has not seen yet
+    size: int = 0
+    spans: dict[int, int] = field(default_factory=dict)  # first -> count
+    batches: list[str] = field(default_factory=list)
+
+
+class SiteSums:
+    """Safe to use from several threads; `ripe` from one of them."""
+
+    def __init__(self, folder: Path, most_bytes: int, clock: Callable[[], float] = time.monotonic) -> None:
+        """Take up what lies in the folder. Raises OSError."""
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        self._folder = folder
+        self._most_bytes = most_bytes
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._numbers = itertools.count()
+        self._groups: dict[_Key, _Group] = {}
+        self._sending: dict[Path, _Group] = {}
+        self._left: OrderedDict[_Key, int] = OrderedDict()  # samples that had not come when the others of their run were sent
+        for left in sorted(folder.iterdir()):
+            self._take_up(left)
+
+    @property
+    def size(self) -> int:
+        """Bytes of what is there."""
+        return sum(group.size for group in [*self._groups.values(), *self._sending.values()])
+
+    def in_hand(self) -> list[str]:
+        """The batches whose sums are here."""
+        with self._lock:
+            return [batch for group in [*self._groups.values(), *self._sending.values()] for batch in group.batches]
+
+    def take(self, result: Result) -> None:
+        """Keep sums until those of their run are there. Raises ValueError where they are none or do not fit to what is here,
+        Full, and OSError."""
+        run, result = _checked(result)
+        event = result.event
+        data = result_bytes(result)
+        with self._lock:
+            if self.size + len(data) > self._most_bytes:
+                raise Full
+            key = (event["job"], event["frame"], *event["tile"], run)
+            group = self._groups.get(key)
+            ids = [part[0] for part in parts_of(event)]
+            if group is not None:
+                if set(ids) <= set(group.batches):
+                    return  # it came twice
+                if any(
+                    first < event["first"] + event["count"] and event["first"] < first + n for first, n in group.spans.items()
+                ):
+                    raise ValueError("these samples are here by another batch")
+            else:
+                group = self._begin(run, self._left.pop(key, run.count))
+            try:
+                written = group.folder / "new"
+                written.write_bytes(data)
+                written.rename(group.folder / f"{event['first']:012}")
+            except OSError:  # a full disk: what was written of it is in the way
+                with contextlib.suppress(OSError):
+                    written.unlink(missing_ok=True)
+                    if not group.spans:
+                        group.folder.rmdir()
+                if not group.spans:
+                    self._left[key] = group.missing
+                raise
+            group.spans[event["first"]] = event["count"]
+            group.missing -= event["count"]
+            group.batches += ids
+            group.size += len(data)
+            self._groups[key] = group
+
+    def ripe(self, at_once: bool = False) -> Iterator[list[Result]]:
+        """What is to be sent now, of each run by itself: whole, or one of it has waited too long (at_once: all there is). Once
+        the next is asked for, it counts as sent."""
+        with self._lock:
+            for key, group in list(self._groups.items()):
+                if at_once or group.missing <= 0 or self._clock() - group.since > group.run.hold_s:
+                    del self._groups[key]
+                    if group.missing > 0:
+                        self._left[key] = group.missing
+                        while len(self._left) > RUNS_KNOWN:
+                            self._left.popitem(last=False)
+                    folder = group.folder.with_name(SENDING + group.folder.name)
+                    group.folder.rename(folder)
+                    self._sending[folder] = replace(group, folder=folder)
+        for folder in list(self._sending):
+            if results := _results_in(folder):
+                yield list(joined(results))
+            shutil.rmtree(folder, ignore_errors=True)
+            with self._lock:
+                del self._sending[folder]
+
+    def _begin(self, run: Run, missing: int) -> _Group:
+        folder = self._folder / f"{time.time_ns():020}-{next(self._numbers)}"
+        folder.mkdir(mode=0o700)
+        return _Group(folder, run, self._clock(), missing)
+
+    def _take_up(self, left: Path) -> None:
+        """What an earlier life has left is sent as it lies there."""
+        name = left.name.removeprefix(SENDING)
+        try:
+            is_stale = time.time() - int(name.partition("-")[0]) / 1e9 > STALE_S
+        except ValueError:
+            is_stale = True
+        found = [] if is_stale else _results_in(left)
+        if not found:
+            shutil.rmtree(left, ignore_errors=True)
+            return
+        folder = left.with_name(SENDING + name)
+        left.rename(folder)
+        batches = [part[0] for result in found for part in parts_of(result.event)]
+        size = sum(len(result.sums or b"") for result in found)
+        self._sending[folder] = _Group(folder, Run("", 0, 0, 0.0), self._clock(), 0, size, {}, batches)
+
+
+def _checked(result: Result) -> tuple[Run, Result]:
+    """Sums, each batch with who rendered it, and the run that they are of. Raises ValueError."""
+    try:
+        event = {name: value for name, value in result.event.items() if name != "run"}
+        run = Run.of(result.event["run"])
+        first, count, worker = int(event["first"]), int(event["count"]), str(event["worker"])
+        tile = Tile(*map(int, event["tile"]))
+        parts: list[list[Any]] = [
+            [str(batch), int(at), int(n), float(seconds), worker] for batch, at, n, seconds in parts_of(event)
+        ]
+        if run is None or event["type"] not in ("batch", "batches") or not 0 < len(parts) <= MOST_PARTS or not worker:
+            raise ValueError("no sums of a run")
+        if not (isinstance(event["job"], str) and isinstance(event["frame"], int) and isinstance(event["bad"], list)):
+            raise ValueError("no sums of a job")
+        if not (0 <= run.first <= first < first + count <= run.first + run.count and 0 < tile.w * tile.h <= 1 << 24):
+            raise ValueError("these samples are not of their run")
+        end = first
+        for _, at, n, *_ in parts:
+            if at != end or n < 1:
+                raise ValueError("its batches do not follow each other")
+            end += n
+        if end != first + count:
+            raise ValueError("its batches are not all of its samples")
+        check_sums(result.sums or b"", tile)
+        check_weight(result.sums or b"", tile, count)  # added to others', nobody could say whose fault it is
+        event |= {"type": "batches", "parts": parts, "bad_count": int(event["bad_count"])}
+        event.pop("batch", None), event.pop("seconds", None)
+    except (KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise ValueError(f"no sums: {error!r}") from None
+    return run._replace(hold_s=min(run.hold_s, LONGEST_HOLD_S)), Result(event, result.sums)
+
+
+def _results_in(folder: Path) -> list[Result]:
+    """Those of one run; none where somebody has cleared the folder: they are rendered again."""
+    try:
+        return [found for path in sorted(folder.iterdir()) if (found := _read(path)) is not None]
+    except OSError as error:
+        log.warning("sums are lost, and will be rendered again: %s", error)
+        return []
+
+
+def _read(path: Path) -> Result | None:
+    with contextlib.suppress(OSError, ValueError):
+        if path.name != "new":  # not all of it was written, or nobody was told that it was
+            return result_of(path.read_bytes())
+    return None

@@ -1,0 +1,49 @@
+"""A worker's log: lines on standard error, or JSON objects (worker/telemetry/log_lines.py).
+
+A failure of Redis or the network is one line too, not a page of the libraries' internals.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+
+import redis
+
+from worker.telemetry.log_lines import JsonLines, as_json, by_json, level
+from worker.telemetry.log_tail import LogTail
+from worker.telemetry.overheard import Listener
+
+__all__ = ["set_up"]
+
+TEXT = "%(asctime)s %(levelname)s %(message)s"
+
+
+def set_up() -> tuple[LogTail, JsonLines | None]:
+    """Log to standard error, from here on and in every slot; returns the end of the log, and what formats objects."""
+    tail = LogTail()
+    tail.setFormatter(logging.Formatter(TEXT))
+    lines = as_json("worker") if by_json() else None
+    root = logging.getLogger()
+    if lines is None:
+        handler = logging.StreamHandler(sys.stderr)
+        handler.setFormatter(logging.Formatter(TEXT))
+        root.addHandler(handler)
+        root.setLevel(level())
+        logging.getLogger("httpx").setLevel(logging.WARNING)
+    root.addHandler(tail)
+    root.addHandler(Listener())
+    for each in root.handlers:
+        each.addFilter(_in_a_line)
+    return tail, lines
+
+
+def _in_a_line(record: logging.LogRecord) -> bool:
+    """Celery shows where in itself a connection was lost, every time; what happened is enough to act on."""
+    error = record.exc_info[1] if record.exc_info else None
+    if isinstance(error, (redis.RedisError, OSError)):
+        said = record.getMessage().rstrip()
+        record.msg = said if str(error) in said else f"{said} ({error})"
+        record.args = ()
+        record.exc_info = record.exc_text = None
+    return True

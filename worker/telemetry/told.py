@@ -1,0 +1,60 @@
+"""What a task is about: the ids in its message, for the lines logged during the task and for its span."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from worker.telemetry import tracing
+from worker.telemetry.log_lines import about
+
+__all__ = ["Steps", "named", "told_about"]
+
+# What messages call it, and what lines do.
+NAMES = {"job": "job", "batch": "batch", "frame": "frame", "scene": "scene", "work": "work", "watch": "view"}
+LONGEST = 200
+
+
+def named(message: Any) -> dict[str, Any]:
+    """The ids in a message; of another release it may be anything."""
+    if isinstance(message, str):
+        return {"scene": message[:LONGEST]}
+    if not isinstance(message, Mapping):
+        return {}
+    found = {name: message.get(key) for key, name in NAMES.items()}
+    return {name: value for name, value in found.items() if isinstance(value, (int, str)) and len(str(value)) <= LONGEST}
+
+
+class Steps:
+    """What is told of a piece of work on its way, as spans one behind the other within it."""
+
+    def __init__(self) -> None:
+        self._name: str | None = None
+        self._begun = 0.0
+
+    def now(self, name: str | None) -> None:
+        """It goes on to this; None: it is done."""
+        if name != self._name:
+            if self._name is not None:
+                tracing.record(self._name.lower(), self._begun, time.time(), tracing.here())
+            self._name, self._begun = name, time.time()
+
+
+def told_about(task: Callable[[Any, Any], None], span: str) -> Callable[..., None]:
+    """A task (its arguments are one message, by name), whose lines say what it is about, and whose span that is.
+
+    The span's parent comes with Celery's message; without one there is no span. span: empty where batches have their own.
+    """
+
+    @functools.wraps(task)
+    def run(self: Any, *positional: Any, **arguments: Any) -> None:
+        (message,) = (*positional, *arguments.values())
+        parent = tracing.where(getattr(self.request, tracing.HEADER, None)) if tracing.is_on() else None
+        ids = named(message)
+        with about(**ids), tracing.within(parent), tracing.span(span, **ids) if span else contextlib.nullcontext():
+            task(self, message)
+
+    return run

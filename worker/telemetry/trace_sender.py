@@ -1,0 +1,82 @@
+"""`python -m worker.trace_sender SERVICE INSTANCE VERSION`: sends spans from standard input, one per line, to a collector.
+
+It uses OpenTelemetry's own exporter (OTLP over HTTP), batching and samplers, and so supports all of their environment
+variables. It ends with its input.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from typing import Any
+
+from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
+from opentelemetry.sdk.resources import Resource
+from opentelemetry.sdk.trace import ReadableSpan, TracerProvider
+from opentelemetry.sdk.trace.export import BatchSpanProcessor
+from opentelemetry.sdk.trace.sampling import Decision
+from opentelemetry.sdk.util.instrumentation import InstrumentationScope
+from opentelemetry.trace import Link, SpanContext, SpanKind, Status, StatusCode, TraceFlags
+
+from worker.telemetry.log_lines import as_json, by_json
+from worker.telemetry.tracing import Where, where
+
+__all__ = ["main", "read_span"]
+
+
+def main() -> int:
+    """Send until the input ends, and then what is left."""
+    for each in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(each, signal.SIG_IGN)  # whoever writes decides when it is over
+    service, instance, version = sys.argv[1:4]
+    if by_json():
+        as_json(service.removeprefix("rayfarm-"))
+    attributes = {"service.name": os.environ.get("OTEL_SERVICE_NAME") or service}
+    resource = Resource.create(attributes | {"service.version": version, "service.instance.id": instance})
+    scope = InstrumentationScope("rayfarm", version)
+    provider = TracerProvider(resource=resource)
+    processor = BatchSpanProcessor(OTLPSpanExporter())
+    for line in sys.stdin.buffer:
+        try:
+            span = read_span(json.loads(line), resource, scope)
+        except (ValueError, KeyError, TypeError):
+            continue
+        # By the trace's number alone, so that all processes agree without asking each other.
+        decision = (
+            provider.sampler.should_sample(None, span.context.trace_id, span.name).decision if span.context else Decision.DROP
+        )
+        if decision is Decision.RECORD_AND_SAMPLE:
+            processor.on_end(span)
+    processor.shutdown()
+    provider.shutdown()
+    return 0
+
+
+def read_span(said: dict[str, Any], resource: Resource, scope: InstrumentationScope) -> ReadableSpan:
+    """The span that a line says. Raises ValueError, KeyError or TypeError."""
+    error = said.get("error")
+    return ReadableSpan(
+        said["name"],
+        context=_context(where(said["own"])),
+        parent=_context(where(said["parent"])) if said.get("parent") else None,
+        resource=resource,
+        attributes=said["attributes"],
+        links=[Link(_context(where(link))) for link in said["links"]],
+        kind=SpanKind.INTERNAL,
+        status=Status(StatusCode.ERROR, error) if error is not None else Status(StatusCode.UNSET),
+        start_time=round(said["begun"] * 1e9),
+        end_time=round(said["ended"] * 1e9),
+        instrumentation_scope=scope,
+    )
+
+
+def _context(place: Where | None) -> SpanContext:
+    if place is None:
+        raise ValueError("no place of a span")
+    return SpanContext(int(place.trace, 16), int(place.span, 16), is_remote=False, trace_flags=TraceFlags(TraceFlags.SAMPLED))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,192 @@
+"""Traces, if OTEL_EXPORTER_OTLP_ENDPOINT asks for them: spans of what service and workers do, propagated by W3C's traceparent.
+
+Without it nothing is imported and nothing is done. With it a span is one line written into a pipe, and a separate process
+(trace_sender.py) runs OpenTelemetry's own exporter: it may have to wait for its collector, which must not slow down a batch,
+and it uses a thread, which a slot must not have because it forks (worker/work/bounded.py). A full pipe loses spans and blocks
+nobody.
+
+The trace ids of a job and a scene follow from their own ids, so nothing has to remember them across a restart.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib.util
+import json
+import logging
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import Any
+
+from worker.machine.children import spawn_guard
+
+__all__ = ["HEADER", "Where", "begin", "end", "here", "is_on", "record", "root_of", "span", "where", "within"]
+
+HEADER = "traceparent"
+ENDPOINTS = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")
+PARENT = re.compile(r"[0-9a-f]{2}-([0-9a-f]{32})-([0-9a-f]{16})-[0-9a-f]{2}")
+PIPE_BUF = 4096  # bytes that several processes can write at once without mixing them up
+LONGEST = 500  # characters of an attribute
+FLUSH_S = 5.0
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Where:
+    """A span's place: its trace and its own number, in hexadecimal."""
+
+    trace: str
+    span: str
+
+    def __str__(self) -> str:
+        """As a message carries it: W3C Trace Context, level 1."""
+        return f"00-{self.trace}-{self.span}-01"
+
+
+_here: ContextVar[Where | None] = ContextVar("here", default=None)
+_sender: subprocess.Popen[bytes] | None = None
+_pipe: int | None = None
+
+
+def is_on() -> bool:
+    """Whether spans are taken."""
+    return _pipe is not None
+
+
+def begin(service: str, instance: str, version: str) -> None:
+    """Take spans from here on, where that is asked for, in this process and those that it forks. instance: which of several."""
+    global _sender, _pipe
+    if _pipe is not None or not _is_asked():
+        return
+    if not _has_packages():
+        log.warning("OTEL_EXPORTER_OTLP_ENDPOINT asks for traces, which need more packages: pip install 'rayfarm[otel]'")
+        return
+    command = [sys.executable, "-m", "worker.telemetry.trace_sender", service, instance, version]
+    _sender = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, preexec_fn=spawn_guard())
+    assert _sender.stdin is not None
+    _pipe = os.dup(_sender.stdin.fileno())
+    _sender.stdin.close()
+    os.set_blocking(_pipe, False)
+
+
+def end() -> None:
+    """Send what was taken, for a few seconds at most, and take no more."""
+    global _sender, _pipe
+    if _pipe is not None:
+        os.close(_pipe)
+    sender, _sender, _pipe = _sender, None, None
+    if sender is not None:
+        try:
+            sender.wait(FLUSH_S)
+        except subprocess.TimeoutExpired:
+            sender.kill()
+            sender.wait()
+
+
+def root_of(what: str, id: str) -> Where:
+    """The first span of the trace of a `job` or a `scene`."""
+    digest = hashlib.sha256(f"rayfarm {what} {id}".encode()).hexdigest()
+    return Where(digest[:32], digest[32:48])
+
+
+def where(traceparent: Any) -> Where | None:
+    """What a message's traceparent says; None where it says nothing that makes sense."""
+    found = PARENT.fullmatch(traceparent) if isinstance(traceparent, str) else None
+    if found is None or not int(found[1], 16) or not int(found[2], 16):
+        return None
+    return Where(found[1], found[2])
+
+
+def here() -> Where | None:
+    """The span that this thread is in."""
+    return _here.get()
+
+
+@contextlib.contextmanager
+def within(parent: Where | None) -> Iterator[None]:
+    """What is done within belongs to a span of another process."""
+    before = _here.set(parent)
+    try:
+        yield
+    finally:
+        _here.reset(before)
+
+
+@contextlib.contextmanager
+def span(name: str, parent: Where | None = None, **attributes: Any) -> Iterator[dict[str, Any]]:
+    """What is done within, as a child of `parent`, or of the span that this thread is in; of neither: it is none.
+
+    Attributes may be added to the dict that it gives. An exception is the span's error, and goes on.
+    """
+    parent = parent or _here.get()
+    if _pipe is None or parent is None:
+        yield attributes
+        return
+    own, error = Where(parent.trace, os.urandom(8).hex()), None
+    before, begun = _here.set(own), time.time()
+    try:
+        yield attributes
+    except BaseException as fault:
+        error = f"{type(fault).__name__}: {fault}"
+        raise
+    finally:
+        _here.reset(before)
+        record(name, begun, time.time(), parent, own=own, error=error, **attributes)
+
+
+def record(
+    name: str,
+    begun: float,
+    ended: float,
+    parent: Where | None,
+    *,
+    own: Where | None = None,
+    links: Sequence[Where | None] = (),
+    error: str | None = None,
+    **attributes: Any,
+) -> None:
+    """A span whose times (unix seconds) are known. own: its place, where others know of it; links: what it has to do with."""
+    if _pipe is None or (parent is None and own is None):
+        return
+    place = own or Where(parent.trace if parent else "", os.urandom(8).hex())
+    said: dict[str, Any] = {"name": name, "begun": begun, "ended": ended, "own": str(place), "error": error and error[:LONGEST]}
+    said["parent"] = str(parent) if parent is not None else None
+    said["links"] = [str(link) for link in links if link is not None][:32]
+    known = {f"rayfarm.{key}": value for key, value in attributes.items() if value is not None}
+    said["attributes"] = {key: value[:LONGEST] if isinstance(value, str) else value for key, value in known.items()}
+    line = json.dumps(said, default=str).encode() + b"\n"
+    if len(line) > PIPE_BUF:
+        line = json.dumps(said | {"attributes": {}, "links": [], "error": "" if error else None}).encode() + b"\n"
+    _write(line)
+
+
+def _write(line: bytes) -> None:
+    global _pipe
+    try:
+        if _pipe is not None:
+            os.write(_pipe, line)
+    except BlockingIOError:
+        return
+    except OSError:  # whoever sends them is gone
+        _pipe = None
+
+
+def _has_packages() -> bool:
+    try:
+        return importlib.util.find_spec("opentelemetry.exporter.otlp.proto.http") is not None
+    except ModuleNotFoundError:
+        return False
+
+
+def _is_asked() -> bool:
+    off = os.environ.get("OTEL_SDK_DISABLED", "").strip().lower() == "true"
+    none = os.environ.get("OTEL_TRACES_EXPORTER", "otlp").strip().lower() == "none"
+    return not off and not none and any(os.environ.get(name, "").strip() for name in ENDPOINTS)

@@ -1,0 +1,81 @@
+"""The tasks that make something for a reader of the service: a denoised frame, motion vectors, an environment's thumbnail.
+
+Each answers with one event, whatever happens: that it is made, or a sentence that says why not.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from worker.exchange.errors import WorkerError, WorkError
+from worker.process import context
+from worker.process.context import WorkerContext
+from worker.protocol.contract import DenoiseFrame, FrameVectors, Result, ShowEnvironment
+from worker.work.deaths import DEATHS_ALLOWED, deaths_of
+from worker.work.denoise import denoise_frame
+from worker.work.environments import show_environment
+from worker.work.slot import InHand
+from worker.work.vectors import frame_vectors
+
+__all__ = ["DENOISING", "ENVIRONMENTS", "MOTION_VECTORS", "Aside"]
+
+log = logging.getLogger(__name__)
+
+Work = TypeVar("Work", DenoiseFrame, FrameVectors, ShowEnvironment)
+
+
+@dataclass(frozen=True)
+class Aside(Generic[Work]):
+    """One kind of them.
+
+    read: a message; raises ValueError. make: does the work, and returns what its event says of it; may raise anything. made,
+    failed: the events' types. shown_as: what the slot says it has in hand. task: completes "could not".
+    """
+
+    read: Callable[[Any], Work]
+    make: Callable[[WorkerContext, Work], dict[str, Any]]
+    made: str
+    failed: str
+    shown_as: str
+    task: str
+
+    def __call__(self, task: Any, message: dict[str, Any]) -> None:
+        """The Celery task."""
+        worker = context.current()
+        worker.results.send(Result(self.event(task, worker, message)))
+
+    def event(self, task: Any, worker: WorkerContext, message: dict[str, Any]) -> dict[str, Any]:
+        """What came of a message."""
+        try:
+            work = self.read(message)
+        except ValueError as error:
+            return self._failure(worker, message.get("work"), str(error))
+        with InHand(worker, {self.shown_as: work.job, "frame": work.frame}):
+            if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
+                sentence = f"the worker process died {DEATHS_ALLOWED} times while it tried to {self.task}"
+                return self._failure(worker, work.work, sentence)
+            try:
+                return {"type": self.made, "work": work.work, "worker": worker.name, **self.make(worker, work)}
+            except WorkError as error:
+                sentence = str(error)
+            except WorkerError as error:
+                sentence = f"{worker.name} could not {self.task}: {error}"
+            except OSError as error:
+                sentence = f"{worker.name} has no room to {self.task}: {error}"
+            except Exception as error:
+                log.exception("could not %s", self.task)
+                sentence = f"{worker.name} could not {self.task} ({type(error).__name__}: {error})"
+            return self._failure(worker, work.work, sentence)
+
+    def _failure(self, worker: WorkerContext, work: Any, error: str) -> dict[str, Any]:
+        return {"type": self.failed, "work": work, "worker": worker.name, "error": error}
+
+
+DENOISING = Aside(DenoiseFrame.from_json, denoise_frame, "denoised", "denoise-failed", "denoise", "denoise the picture")
+MOTION_VECTORS = Aside(FrameVectors.from_json, frame_vectors, "vectors-made", "vectors-failed", "vectors", "make motion vectors")
+ENVIRONMENTS = Aside(
+    ShowEnvironment.from_json, show_environment, "environment-shown", "environment-failed", "environment", "read the image"
+)

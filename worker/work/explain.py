@@ -1,0 +1,132 @@
+"""Explains a pixel: renders its samples again, with the settings of its job, and follows the paths of a few of them."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+from collections.abc import Callable
+from typing import Any
+
+import redis
+
+from renderer.errors import RayfarmError
+from renderer.pixel_paths import MODELS, PixelPath, PixelPaths, bounce_of, pixel_paths
+from renderer.render import edition_for, is_warm
+from renderer.replay import Lamp, Vertex
+from renderer.scene.compiled import CompiledScene
+from worker.exchange.errors import RefusedError, Trouble
+from worker.exchange.patience import patiently
+from worker.exchange.ready import get_ready
+from worker.process.context import WorkerContext
+from worker.protocol.explained import ANSWER_TTL_S, ExplainPixel, explained_key
+from worker.work.frames import see_frame
+from worker.work.render import mapped_scene
+
+__all__ = ["explain_pixel", "say", "told"]
+
+PATIENCE_S = 5.0  # with a service that is away: somebody waits
+
+log = logging.getLogger(__name__)
+
+
+def say(worker: WorkerContext, message: str, type: str, **more: Any) -> None:
+    """An answer; lost where Redis is away: then whoever asked has been told so."""
+    try:
+        with worker.results.redis.pipeline(transaction=False) as at_once:
+            at_once.rpush(explained_key(message), json.dumps({"type": type, "worker": worker.name, **more}))
+            at_once.expire(explained_key(message), ANSWER_TTL_S)
+            at_once.execute()
+    except (redis.RedisError, OSError) as error:
+        log.warning("an explanation is lost: %s", error)
+
+
+def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable[[bool], None]) -> None:
+    """Answer the question. compiling: told when the scene's kernel is got ready, and is."""
+    say(worker, work.message, "begun")
+    try:
+        scene = _scene(worker, work)
+        edition = edition_for(work.settings, scene)
+        if not is_warm(work.settings, edition):
+            compiling(True)
+            say(worker, work.message, "compiling")
+            get_ready(worker.link, work.settings, edition)
+            compiling(False)
+        found = pixel_paths(scene, work.settings, work.x, work.y, work.count, work.sample)
+        say(worker, work.message, "done", explained=told(scene, found))
+    except Trouble as error:
+        say(worker, work.message, "returned", error=f"{worker.name} hands it back: {error}")
+    except RefusedError as error:
+        say(worker, work.message, "failed", error=f"{worker.name} cannot fetch the scene: {error}")
+    except RayfarmError as error:
+        say(worker, work.message, "failed", error=str(error))
+    except MemoryError:
+        say(worker, work.message, "failed", error=f"{worker.name} has too little memory for this scene")
+    except Exception as error:  # whatever it is, it is this pixel's fault and not the worker's end
+        log.exception("explaining a pixel of job %s failed", work.job)
+        say(worker, work.message, "failed", error=f"{worker.name} could not follow it ({type(error).__name__}: {error})")
+
+
+def _scene(worker: WorkerContext, work: ExplainPixel) -> CompiledScene:
+    if work.moment is not None:
+        moment = work.moment
+        manifest = patiently(lambda: worker.link.manifest(moment.scene), PATIENCE_S)
+        found = see_frame(worker, manifest, moment)
+        if found is not None:
+            return found
+    return patiently(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
+
+
+def told(scene: CompiledScene, found: PixelPaths) -> dict[str, Any]:
+    """An explanation as JSON: numbers that are none become null."""
+    paths = [_path(scene, path) for path in found.paths]
+    return {"samples": found.samples, "sums": list(found.sums), "finite": found.finite, "paths": paths}
+
+
+def _path(scene: CompiledScene, path: PixelPath) -> dict[str, Any]:
+    vertices = path.replay.vertices
+    following = [*vertices[1:], None]
+    lines = [
+        _vertex(scene, vertex, beyond) | {"spot": list(spot), "light": vertex.lamp and _lamp(vertex.lamp, lamp)}
+        for vertex, beyond, spot, lamp in zip(vertices, following, path.spots, path.lamps, strict=True)
+    ]
+    value = path.replay.value
+    about = {"chosen": path.chosen, "sample": path.sample, "value": value and list(value), "end": path.replay.end}
+    return {**about, "time": path.replay.time, "vertices": lines}
+
+
+def _vertex(scene: CompiledScene, vertex: Vertex, beyond: Vertex | None) -> dict[str, Any]:
+    model = None if vertex.material is None else MODELS.get(int(scene.material_kind[vertex.material]))
+    return {
+        **{name: getattr(vertex, name) for name in ("kind", "object", "material", "survival")},
+        "distance": _number(vertex.distance),
+        "point": vertex.point and _numbers(vertex.point),
+        "normal": vertex.normal and _numbers(vertex.normal),
+        "direction": _numbers(vertex.direction),
+        "throughput": _numbers(vertex.throughput),
+        "emitted": _numbers(vertex.emitted),
+        "emitted_weight": vertex.share,
+        "direct": _numbers(vertex.direct),
+        "model": model,
+        "bounce": bounce_of(vertex, beyond),
+        "pdf": beyond and beyond.pdf and _number(beyond.pdf),
+    }
+
+
+def _lamp(lamp: Lamp, spot: Any) -> dict[str, Any]:
+    return {
+        "point": lamp.point and _numbers(lamp.point),
+        "direction": _numbers(lamp.direction),
+        "pdf": _number(lamp.pdf),
+        "weight": lamp.share,
+        "brought": _numbers(lamp.brought),
+        "spot": list(spot),
+    }
+
+
+def _numbers(values: Any) -> list[float | None]:
+    return [_number(value) for value in values]
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,58 @@
+"""A scene's files in a folder of this machine, and how much memory may be spent on them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path, PurePosixPath
+
+from worker.exchange.errors import MachineError, WorkError, is_of_machine
+from worker.process.context import WorkerContext
+from worker.process.keeping import memory_limit
+from worker.protocol.contract import Manifest
+
+__all__ = ["memory_budget", "place_files"]
+
+
+def place_files(worker: WorkerContext, manifest: Manifest, folder: Path) -> None:
+    """Lay the files of a scene into a folder. Raises as `prepare_scene`."""
+    for file in manifest.files:
+        _place(worker.cache.path(file.sha256, file.size), folder, file.path)
+
+
+def _place(blob: Path, folder: Path, name: str) -> None:
+    """Put a blob under its uploaded name: linked where the file system allows it, else copied."""
+    parts = PurePosixPath(name).parts
+    if not parts or name.startswith("/") or ".." in parts or "\0" in name:
+        raise WorkError(f"{name!r} is a path that climbs out of the upload; rename it.")
+    target = folder.joinpath(*parts)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            os.link(blob, target)
+        except OSError:
+            shutil.copyfile(blob, target)
+    except OSError as error:
+        if is_of_machine(error):
+            raise
+        if not blob.is_file():
+            raise MachineError("the scene's files do not stay in the cache while they are needed; give it more room") from error
+        raise WorkError(f"{name!r} cannot be the name of a file here ({error.strerror}); rename it.") from error
+
+
+def memory_budget() -> int:
+    """Bytes that preparing one scene may take: $RAYFARM_PREPARE_MEMORY_MB, else three quarters of what is free now; never more
+    than the worker itself may use.
+
+    Raises ValueError where the variable is no number.
+    """
+    limit = memory_limit() or (1 << 60)
+    if named := os.environ.get("RAYFARM_PREPARE_MEMORY_MB"):
+        return min(int(named) << 20, limit)
+    try:
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return min(max(int(line.split()[1]) * 1024 * 3 // 4, 1 << 30), limit)
+    except OSError:
+        pass
+    return min(8 << 30, limit)

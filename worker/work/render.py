@@ -1,0 +1,111 @@
+"""Renders a batch: maps the compiled scene, lets the kernel sum the samples, and returns the sums."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Any
+
+from renderer.errors import RayfarmError
+from renderer.render import edition_for, is_warm, render_batch
+from renderer.scene.compiled import CompiledScene
+from worker.exchange.errors import RefusedError, Trouble
+from worker.exchange.patience import patiently
+from worker.exchange.ready import get_ready
+from worker.process.context import WorkerContext
+from worker.protocol.contract import RenderBatch, Result
+from worker.protocol.reproduce import batch_command
+from worker.protocol.sums import pack_sums
+from worker.telemetry.overheard import step
+from worker.work.scenes import open_scene
+
+__all__ = ["batch_event", "failure", "mapped_scene", "not_understood", "render", "returned"]
+
+# How long a batch waits in its slot for a service that is away: less than the service waits for a batch that is in hand.
+PATIENCE_S = 30.0
+TRACE_LINES, TRACE_CHARACTERS = 6, 1500
+
+# Mapped scenes that a slot keeps open. They cost address space; their pages are shared with every other slot.
+OPEN_SCENES = 8
+
+_open: OrderedDict[str, CompiledScene] = OrderedDict()
+
+
+def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool], None]) -> Result:
+    """The batch's exact sums, or the reason why there are none. compiling: told when the scene's kernel is got ready, and is."""
+    try:
+        with step("open scene"):
+            scene = patiently(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
+        edition = edition_for(batch.settings, scene)
+        if not is_warm(batch.settings, edition):
+            compiling(True)
+            with step("kernel"):
+                get_ready(worker.link, batch.settings, edition)
+            compiling(False)
+        begun = time.perf_counter()
+        with step("trace paths", first=batch.first, count=batch.count, tile=list(batch.tile)):
+            sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count)
+    except Trouble as error:
+        return returned(worker, batch, f"{worker.name} hands a batch back: {error}")
+    except RefusedError as error:
+        return failure(worker, batch, f"{worker.name} cannot fetch the scene: {error}")
+    except RayfarmError as error:
+        return failure(worker, batch, str(error))
+    except MemoryError:
+        return failure(worker, batch, f"{worker.name} has too little memory for this scene")
+    except Exception as error:  # whatever it is, it is this batch's fault and not the worker's end
+        last = "".join(traceback.format_exception(error)[-TRACE_LINES:])[-TRACE_CHARACTERS:]
+        return failure(worker, batch, f"{type(error).__name__}: {error}", last)
+    event = {
+        **batch_event(worker, batch, "batch"),
+        "seconds": time.perf_counter() - begun,
+        "bad": [list(bad) for bad in sums.bad],
+        "bad_count": sums.bad_count,
+    }
+    return Result(event, pack_sums(sums.sums, batch.packing))
+
+
+def failure(worker: WorkerContext, batch: RenderBatch, error: str, trace: str = "") -> Result:
+    """The event of a batch that could not be rendered. trace: the last lines of a program's error."""
+    command = batch_command(batch.settings, batch.tile, batch.first, batch.count)
+    return Result({**batch_event(worker, batch, "batch-failed"), "error": error, "reproduce": command, "trace": trace})
+
+
+def returned(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:
+    """The event of a batch that this worker cannot render now, by no fault of its scene."""
+    return Result({**batch_event(worker, batch, "batch-returned"), "error": error})
+
+
+def not_understood(worker: WorkerContext, batch: dict[str, Any], error: Exception) -> Result:
+    """The event of a batch in words that this worker does not know; RenderBatch.to_json says them."""
+    event = {key: batch.get(key) for key in ("batch", "job", "frame", "tile", "first", "count")}
+    sentence = f"{worker.name} does not understand the batch ({error}). Run the same release of Rayfarm on all machines."
+    return Result({"type": "batch-failed", **event, "worker": worker.name, "error": sentence, "reproduce": None})
+
+
+def batch_event(worker: WorkerContext, batch: RenderBatch, kind: str) -> dict[str, Any]:
+    """What every event about a batch says."""
+    return {
+        "type": kind,
+        "batch": batch.batch,
+        "job": batch.job,
+        "frame": batch.frame,
+        "tile": list(batch.tile),
+        "first": batch.first,
+        "count": batch.count,
+        "worker": worker.name,
+    }
+
+
+def mapped_scene(worker: WorkerContext, sha256: str) -> CompiledScene:
+    """The compiled scene, mapped once per slot."""
+    scene = _open.get(sha256)
+    if scene is None:
+        scene = open_scene(worker.cache, sha256)
+        _open[sha256] = scene
+        if len(_open) > OPEN_SCENES:
+            _open.popitem(last=False)
+    _open.move_to_end(sha256)
+    return scene

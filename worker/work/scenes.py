@@ -1,0 +1,87 @@
+"""Compiled scenes at the service and in this machine's cache: one file, or a manifest and its parts (renderer/scene/parts.py)."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Collection
+from pathlib import Path
+
+from renderer.errors import SceneError
+from renderer.scene.compiled import CompiledScene, load
+from renderer.scene.parts import Part, parts_of
+from worker.exchange.cache import BlobCache
+from worker.exchange.errors import MachineError, RefusedError, is_of_machine
+from worker.exchange.patience import patiently
+from worker.process.context import WorkerContext
+from worker.protocol.contract import BlobRef
+
+__all__ = ["discard_damaged", "open_scene", "store", "store_scene"]
+
+STORE_PATIENCE_S = 60.0
+
+
+def store(worker: WorkerContext, path: Path) -> BlobRef:
+    """Stored with patience: what came of minutes of work is not thrown away because the service starts anew."""
+    return patiently(lambda: worker.link.store(path), STORE_PATIENCE_S)
+
+
+def store_scene(worker: WorkerContext, path: Path, there: Collection[str] = ()) -> BlobRef:
+    """Stores what `renderer.scene.compiled.save` or a Saver wrote: of it and of the parts beside it, what the service lacks.
+
+    there: the hashes of parts that stay at the service in any case: it is not asked for them.
+    This machine's cache has them too, for a later moment that shares them: the service may have let go of them by then. Raises
+    Trouble where one that an earlier moment had is nowhere any more.
+    """
+    parts = parts_of(path)
+    for part in parts:
+        if part.sha256 not in there:
+            _store_part(worker, path.parent / part.sha256, part)
+    is_there: bool = bool(parts) and patiently(lambda: worker.link.has(path.name), STORE_PATIENCE_S)
+    if is_there:
+        ref = BlobRef("", path.name, path.stat().st_size)
+    else:
+        ref = store(worker, path)
+    worker.cache.adopt(path, ref.sha256)
+    return BlobRef(ref.path, ref.sha256, ref.size, tuple(parts))
+
+
+def _store_part(worker: WorkerContext, path: Path, part: Part) -> None:
+    if not patiently(lambda: worker.link.has(part.sha256), STORE_PATIENCE_S):
+        store(worker, path if path.is_file() else _from_cache(worker, part))
+    if path.is_file():
+        worker.cache.adopt(path, part.sha256)
+
+
+def _from_cache(worker: WorkerContext, part: Part) -> Path:
+    try:
+        return worker.cache.path(part.sha256, part.size)
+    except RefusedError as error:
+        raise MachineError("a part of a compiled scene is gone; it is compiled again") from error
+
+
+def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
+    """The compiled scene, mapped; where one of the cache's files has suffered, it is fetched anew once.
+
+    Raises SceneError where it is none, Trouble or RefusedError where it cannot be had.
+    """
+    try:
+        return load(cache.path(sha256), cache.path)
+    except SceneError:
+        if not discard_damaged(cache, sha256):
+            raise
+    except FileNotFoundError:
+        pass  # another slot made room in between
+    except OSError as error:
+        if not is_of_machine(error):
+            raise
+        raise MachineError(f"the cached scene cannot be read ({error.strerror})") from error
+    return load(cache.path(sha256), cache.path)
+
+
+def discard_damaged(cache: BlobCache, sha256: str) -> bool:
+    """Remove of a scene's fetched files those whose bytes have changed on this disk; whether there were any."""
+    found = cache.discard_damaged(sha256)
+    with contextlib.suppress(SceneError, OSError):
+        for part in parts_of(cache.path(sha256)):
+            found |= cache.discard_damaged(part.sha256)
+    return found

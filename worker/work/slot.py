@@ -1,0 +1,74 @@
+"""What a slot has in hand, as its worker reports it."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Self
+
+from billiard import current_process
+
+from worker.process.context import WorkerContext
+from worker.protocol.contract import RenderBatch, Result
+from worker.telemetry import tracing
+from worker.telemetry.log_lines import ids
+from worker.telemetry.overheard import overhear
+from worker.telemetry.told import named
+from worker.work.render import render
+
+__all__ = ["InHand", "at_work", "slot"]
+
+log = logging.getLogger(__name__)
+
+
+def slot() -> int:
+    """This process's slot: its place in the prefork pool, taken over by whoever replaces it."""
+    return int(getattr(current_process(), "index", 0) or 0)
+
+
+class InHand:
+    """While this context lasts, the slot says that it is busy with something.
+
+    speed: samples a second, if it was rendering; set by whoever measured it.
+    """
+
+    def __init__(self, worker: WorkerContext, doing: dict[str, Any]) -> None:
+        self._worker = worker
+        self._doing = doing
+        self.speed = 0.0
+
+    def __enter__(self) -> Self:
+        self._worker.board.write(slot(), self._doing)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._worker.board.write(slot(), {}, self.speed)
+
+    def compiling(self, is_so: bool) -> None:
+        """Say whether a kernel is being made ready first."""
+        self._worker.board.write(slot(), self._doing | {"compiling": is_so})
+
+
+@contextmanager
+def at_work(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[Callable[[], Result]]:
+    """While it lasts, the slot says that it has this batch in hand; what is yielded renders it."""
+    about = {key: getattr(work, key) for key in ("batch", "job", "frame", "first", "count")}
+    with InHand(worker, {**about, "tile": list(work.tile), "message": message}) as hand:
+
+        def do() -> Result:
+            # A piece that another slot shared out comes without a message of the service.
+            parent = tracing.here() or tracing.root_of("job", work.job)
+            with overhear() as heard, tracing.span("batch", parent, **named(vars(work))):
+                result = render(worker, work, hand.compiling)
+                if tracing.is_on():
+                    result.event["traceparents"] = [str(tracing.here())]
+            result.event.update(heard.told())
+            if result.sums is not None:
+                hand.speed = work.tile.w * work.tile.h * work.count / max(result.event.get("seconds", 0.0), 1e-6)
+            if log.isEnabledFor(logging.DEBUG):
+                about_it = ids(**{name: result.event.get(name) for name in ("first", "count", "seconds", "error")})
+                log.debug("%s", result.event["type"], extra=about_it)
+            return result
+
+        yield do

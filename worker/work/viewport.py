@@ -1,0 +1,139 @@
+"""Renders parts of views that somebody is looking at, and prepares the frames that they show."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import redis
+
+from renderer.errors import RayfarmError
+from renderer.film import COLOR, SAMPLES
+from renderer.render import edition_for, is_warm, render_batch
+from worker.exchange.errors import RefusedError, Trouble
+from worker.exchange.patience import patiently
+from worker.exchange.ready import get_ready
+from worker.process.context import WorkerContext
+from worker.protocol.sums import pack_sums
+from worker.protocol.view_parts import (
+    ANSWERS_TTL_S,
+    MAX_ANSWERS,
+    VIEW_ANSWERS,
+    Part,
+    ViewAnswer,
+    ViewFrame,
+    ViewParts,
+    view_key,
+)
+from worker.work.frames import prepare_frames
+from worker.work.render import mapped_scene
+
+__all__ = ["Answering", "prepare_view_frame", "render_view"]
+
+PATIENCE_S = 5.0  # with a service that is away: somebody looks
+
+log = logging.getLogger(__name__)
+
+
+class Answering:
+    """The way back of one message; lost where Redis is away: whoever looks is answered when it is asked for again."""
+
+    def __init__(self, worker: WorkerContext, work: ViewParts | ViewFrame) -> None:
+        self._redis = worker.results.redis
+        self._about = (work.watch, work.view, work.message, worker.name)
+        self._key, self._view = view_key(work.watch), str(work.view).encode()
+
+    def send(self, type: str, sums: bytes = b"", **more: Any) -> None:
+        """Say something of the message."""
+        answer = ViewAnswer(type, *self._about, more, sums).to_bytes()
+        try:
+            with self._redis.pipeline(transaction=False) as at_once:
+                at_once.rpush(VIEW_ANSWERS, answer)
+                at_once.ltrim(VIEW_ANSWERS, -MAX_ANSWERS, -1)
+                at_once.expire(VIEW_ANSWERS, ANSWERS_TTL_S)
+                at_once.execute()
+        except (redis.RedisError, OSError) as error:
+            log.warning("an answer about a view is lost: %s", error)
+
+    def is_wanted(self) -> bool:
+        """Whether the view is the one that is looked at."""
+        try:
+            return bool(self._redis.get(self._key) == self._view)
+        except (redis.RedisError, OSError):
+            return False
+
+
+def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[bool], None]) -> float:
+    """Render parts until all are done or the view is stale; samples a second, 0 where none was rendered.
+
+    compiling: told when the scene's kernel is got ready, and is.
+    """
+    answering = Answering(worker, work)
+    if not answering.is_wanted():
+        return 0.0
+    answering.send("begun")
+    samples, seconds = 0, 0.0
+    try:
+        scene = patiently(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
+        edition = edition_for(work.settings, scene)
+        if not is_warm(work.settings, edition):
+            compiling(True)
+            answering.send("compiling")
+            get_ready(worker.link, work.settings, edition)
+            compiling(False)
+        for part in work.parts:
+            if not answering.is_wanted():
+                break
+            begun = time.perf_counter()
+            sums = render_batch(scene, work.settings, part.tile, part.first, part.count).sums
+            taken = time.perf_counter() - begun
+            answering.send("part", pack_sums(sums if work.is_whole else _seen(sums)), number=part.number, seconds=taken)
+            samples, seconds = samples + _samples(part), seconds + taken
+        answering.send("over")
+    except Trouble as error:
+        answering.send("returned", error=f"{worker.name} hands a view back: {error}")
+    except RefusedError as error:
+        answering.send("returned", error=f"{worker.name} cannot fetch the scene: {error}")
+    except RayfarmError as error:
+        answering.send("failed", error=str(error))
+    except MemoryError:
+        answering.send("failed", error=f"{worker.name} has too little memory for this scene.")
+    except Exception as error:  # whatever it is, it is this view's fault and not the worker's end
+        log.exception("a view failed")
+        answering.send("failed", error=f"{worker.name} could not render the view ({type(error).__name__}: {error}).")
+    return samples / seconds if seconds else 0.0
+
+
+def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
+    """Prepare the frames of a view, and answer for each."""
+    answering = Answering(worker, work)
+    if not answering.is_wanted():
+        return
+    answering.send("begun")
+
+    def answer(kind: str, **more: Any) -> None:
+        answering.send({"frame-prepared": "frame", "frame-failed": "failed"}.get(kind, "returned"), **more)
+
+    try:
+        manifest = patiently(lambda: worker.link.manifest(work.work.scene), PATIENCE_S)
+        prepare_frames(worker, manifest, work.work, answer)
+        answering.send("over")
+    except (Trouble, RefusedError) as error:
+        answering.send("returned", error=f"{worker.name} hands a frame back: {error}")
+    except Exception as error:
+        log.exception("a frame of a view failed")
+        answering.send("failed", error=f"{worker.name} could not prepare the frame ({type(error).__name__}: {error}).")
+
+
+def _seen(sums: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """The sums with nothing in the planes that a view does not show: packed, those take no room."""
+    seen = np.zeros_like(sums)
+    seen[COLOR], seen[SAMPLES] = sums[COLOR], sums[SAMPLES]
+    return seen
+
+
+def _samples(part: Part) -> int:
+    return part.tile.w * part.tile.h * part.count
