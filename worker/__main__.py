@@ -29,10 +29,10 @@ from worker.exchange.cache import BlobCache, default_cache_dir
 from worker.exchange.errors import RefusedError, WorkerError
 from worker.exchange.link import Link, check_redis_url
 from worker.exchange.ready import get_ready
+from worker.joining import Joining
 from worker.machine.pieces import Pieces
 from worker.machine.status import SlotBoard
 from worker.process.context import WorkerContext, cpu_name
-from worker.joining import Joining
 from worker.process.keeping import Keeping
 from worker.protocol import blends
 from worker.protocol.contract import WorkerReport
