@@ -25,7 +25,8 @@ from sqlalchemy import select
 from starlette.concurrency import run_in_threadpool
 
 from renderer.frames import MAX_FRAME, frame_key
-from service.api.describe import frames_out, snapshot
+from service.api.describe import snapshot
+from service.api.describe_frames import frames_out
 from service.api.lookup import no_job
 from service.api.schemas import FrameOut
 from service.errors import FarmError

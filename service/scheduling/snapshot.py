@@ -31,6 +31,8 @@ class JobNumbers:
     eta_s: float | None
     samples_per_s: float
     frames: Mapping[int, FrameNumbers] = field(default_factory=dict)
+    states: Mapping[str, int] = field(default_factory=dict)  # how many of these are in each
+    failed: tuple[int, ...] = ()  # their keys
     noise: float | None = None  # the greatest of its frames, of a shot
     forecast: float | None = None  # and at its end
     handed_back: str | None = None  # why a worker gave its batch back, where none was rendered since
@@ -50,6 +52,7 @@ class JobNumbers:
             job.eta_s,
             job.samples_per_s,
             job.frame_numbers(),
+            *job.states(),
             job.noise_now if job.shot else None,
             job.forecast if job.shot else None,
             job.handed_back,

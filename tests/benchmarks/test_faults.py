@@ -53,12 +53,12 @@ def test_only_time_without_anything_to_do_uses_up_patience() -> None:
         clock[0] += seconds
         return patience.is_over
 
-    idle = Patience(10.0, lambda: [], lambda: clock[0])
+    idle = Patience(10.0, list, lambda: clock[0])
     assert not after(9.9, idle)
     assert after(1.2, idle)
 
     busy = [0.0]
-    patience = Patience(10.0, lambda: [], lambda: clock[0])
+    patience = Patience(10.0, list, lambda: clock[0])
     patience._busy = lambda: {1: busy[0], 2: 0.0}  # type: ignore[method-assign]
     for _ in range(7):  # it starts, on a machine that has no time for it
         busy[0] += 10.0
@@ -66,7 +66,7 @@ def test_only_time_without_anything_to_do_uses_up_patience() -> None:
     assert not after(9.0, patience)
     assert after(2.0, patience)  # eleven seconds, in which it did nothing
 
-    patience = Patience(10.0, lambda: [], lambda: clock[0])
+    patience = Patience(10.0, list, lambda: clock[0])
     patience._busy = lambda: {1: clock[0]}  # type: ignore[method-assign]
     assert not after(80.0, patience)
     assert after(1.1, patience)  # nor is it waited for without end
