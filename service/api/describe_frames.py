@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import cast
+from itertools import islice
+from typing import Any, cast
 
 from pydantic_core import to_json
 from sqlalchemy import select
@@ -13,6 +14,7 @@ from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_number
 from renderer.settings import RenderSettings
 from service.api.schemas import BadSampleOut, FrameOut, FrameState
+from service.api.shot_sums import live_numbers
 from service.errors import FarmError
 from service.scheduling.active_frame import FrameNumbers
 from service.scheduling.engine import Engine
@@ -29,6 +31,7 @@ __all__ = [
     "frames_json",
     "latest",
     "one_frame",
+    "plain_frames",
     "still_numbers",
 ]
 
@@ -58,6 +61,11 @@ def frame_numbers(
 
     page: from which one on, and at most how many."""
     known = engine.snapshot.jobs.get(job.id)
+    if live_numbers(job, known) is not None and known is not None:
+        chosen = (
+            known.frames.items() if keys is None else ((key, known.frames[key]) for key in sorted({*keys} & known.frames.keys()))
+        )
+        return list(islice(chosen, page[0], None if page[1] is None else page[0] + page[1]))
     columns = [getattr(Frame, name) for name in ("number", *RECORDED)]
     query = select(*columns).where(Frame.job == job.id).order_by(Frame.number).offset(page[0]).limit(page[1])
     if keys is not None:
@@ -68,38 +76,36 @@ def frame_numbers(
     return [(number, latest(job, known, number, numbers)) for number, numbers in rows]
 
 
-def frames_out(job: Job, session: Session, engine: Engine, keys: Iterable[int] | None = None) -> list[FrameOut]:
-    """The same, as the API has them."""
-    return [one_frame(job, key, numbers) for key, numbers in frame_numbers(job, session, engine, keys)]
-
-
 def frames_json(
     job: Job, session: Session, engine: Engine, state: str | None = None, page: tuple[int, int | None] = (0, None)
 ) -> bytes:
-    """The same, as the JSON of FrameOuts: of a hundred thousand, making each would take seconds. state: those in it alone."""
+    """The same, as JSON. state: those in it alone."""
     is_paged = state is None
     found = frame_numbers(job, session, engine, page=page if is_paged else (0, None))
     if state is not None:
         first, most = page
         found = [each for each in found if each[1].state == state][first : None if most is None else first + most]
+    return to_json(plain_frames(job, found))
+
+
+def plain_frames(job: Job, found: Recorded) -> list[dict[str, Any]]:
+    """What FrameOuts say, made so: of a hundred thousand, to check each would take seconds."""
     size = job.settings or {}
     pixels = size.get("width", 1) * size.get("height", 1)
-    return to_json(
-        [
-            {
-                "number": frame_number(key),
-                "state": n.state,
-                "samples": n.samples,
-                "spp": round(n.samples / pixels, 3),
-                "bad_samples": n.bad_samples,
-                "bad": [],
-                "progress": n.progress,
-                "noise": n.noise,
-                "error": n.error,
-            }
-            for key, n in found
-        ]
-    )
+    return [
+        {
+            "number": frame_number(key),
+            "state": n.state,
+            "samples": n.samples,
+            "spp": round(n.samples / pixels, 3),
+            "bad_samples": n.bad_samples,
+            "bad": [],
+            "progress": n.progress,
+            "noise": n.noise,
+            "error": n.error,
+        }
+        for key, n in found
+    ]
 
 
 def latest(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers) -> FrameNumbers:
@@ -112,7 +118,7 @@ def latest(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers)
 
 def frame_out(job: Job, session: Session, engine: Engine, key: int) -> FrameOut | None:
     """One of them, with the first of its bad samples; None where the job has no such frame."""
-    found = next((f for f in frames_out(job, session, engine, [key]) if frame_key(f.number) == key), None)
+    found = next((one_frame(job, *each) for each in frame_numbers(job, session, engine, [key]) if each[0] == key), None)
     if found is not None:
         found.bad = bad_samples_of(job, found, engine)
     return found

@@ -20,7 +20,7 @@ from service.scheduling.snapshot import JobNumbers
 from service.shot import Shot
 from service.store.models import ACTIVE, Frame, FrameChange, Job
 
-__all__ = ["ShotSums", "sums_of"]
+__all__ = ["ShotSums", "live_numbers", "sums_of"]
 
 MOST_NAMED = 500  # jobs in one query
 REMEMBERED = 20_000  # jobs that are over
@@ -71,9 +71,9 @@ def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Sessio
     asked: list[Job] = []
     changing = set(session.scalars(select(FrameChange.job))) if jobs else set()
     for job in jobs:
-        known = live.get(job.id) if job.state in ACTIVE and job.id not in changing else None
+        known = None if job.id in changing else live_numbers(job, live.get(job.id))
         remembered = _memory.get(job) if job.state not in ACTIVE and job.id not in live and job.id not in changing else None
-        if known is not None and known.frames:
+        if known is not None:
             found[job.id] = _of_engine(job, known)
         elif remembered is not None:
             found[job.id] = remembered
@@ -92,6 +92,13 @@ def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Sessio
     return found
 
 
+def live_numbers(job: Job, known: JobNumbers | None) -> JobNumbers | None:
+    """The engine's numbers of a shot where they count: it is being rendered, and as what is asked for now."""
+    shot = Shot.of(job.shot)
+    is_as_asked = known is not None and shot is not None and known.revision == shot.revision
+    return known if is_as_asked and known is not None and known.frames and job.state in ACTIVE else None
+
+
 def _of_engine(job: Job, known: JobNumbers) -> ShotSums:
     first = next(iter(known.frames))
     shot = Shot.of(job.shot)
@@ -108,7 +115,7 @@ def _recorded(jobs: Sequence[Job], session: Session) -> dict[str, ShotSums]:
     columns = (Frame.job, Frame.state, *counts, *sums, func.max(Frame.noise))
     rows: dict[str, list[Any]] = {}
     for job_id, *row in session.execute(select(*columns).where(Frame.job.in_(ids)).group_by(Frame.job, Frame.state)):
-        rows.setdefault(job_id, []).append(row)
+        rows.setdefault(str(job_id), []).append(row)
     first_of = select(Frame.job, func.min(Frame.number).label("first")).where(Frame.job.in_(ids)).group_by(Frame.job).subquery()
     names = [getattr(Frame, name) for name in ("job", "number", *FrameNumbers._fields)]
     firsts = select(*names).join(first_of, (Frame.job == first_of.c.job) & (Frame.number == first_of.c.first))

@@ -302,7 +302,7 @@ def _write_shot(session: Session, job: ActiveJob, asked: Shot) -> None:
     else:
         names = (*NUMBERS, "state", "error")
     given = update(Frame).where(Frame.job == bindparam("of"), Frame.number == bindparam("key"))
-    values = {name: bindparam(f"new_{name}", type_=getattr(Frame, name).type) for name in names}
+    values: dict[str, Any] = {name: bindparam(f"new_{name}", type_=getattr(Frame, name).type) for name in names}
     values["settings"] = func.coalesce(values["settings"], Frame.settings)  # of one that was over it is not known any more
     given = given.values(values)
     rows = [_row(job, job.frames[key], names) for key in changed]

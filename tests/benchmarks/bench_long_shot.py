@@ -150,6 +150,7 @@ def run(service: Service, measured: Measured, options: argparse.Namespace) -> No
     measured("PATCH more of 100", lambda: patch(more=1, frames="100-199"))
     measured("PATCH all again", lambda: patch(again=f"0-{last}"))
     measured("PATCH order", lambda: patch(order="breadth-first"))
+    patch(order="in-turn")
     measured("PATCH one first", lambda: patch(first=last))
     with service.worker():
         measured(

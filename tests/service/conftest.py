@@ -46,6 +46,7 @@ ON_BOTH: dict[str, tuple[str, ...]] = {
         "test_deleting_a_job_removes_its_film",
     ),
     "scheduling/test_shots.py": ("test_a_shot_in_two_jobs_has_the_digests_of_one",),
+    "scheduling/test_long_shots.py": ("test_what_is_done_in_parts", "test_a_job_whose_deletion"),
     "scheduling/test_history.py": (),
     "scheduling/test_database_faults.py": ("test_a_database_that_is_away_at_the_start_is_a_sentence",),
     "keeping/test_retention.py": ("test_the_oldest_films_go_until_the_rest_fits",),
