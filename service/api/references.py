@@ -22,7 +22,7 @@ from service.api.one_file import UPLOAD_FORM, check_room, only_file, read_one
 from service.api.visit import InProject, IntoProject, VisitDependency
 from service.errors import Invalid
 from service.farm import Farm, FarmDependency
-from service.intake.projects import Owner
+from service.intake.projects import Owner, serving
 from service.intake.references import SUFFIXES, keep_reference
 from service.store.models import Reference
 from service.watching import film_picture
@@ -57,7 +57,7 @@ class ReferenceOut(BaseModel):
 def list_references(farm: FarmDependency, visit: VisitDependency, project: InProject = None) -> list[ReferenceOut]:
     """All of them, the newest first. With a project: its own, and those of none."""
     seen = select(Reference).where(visit.sight.clause(Reference.project))
-    seen = seen if project is None else seen.where(Reference.project.in_(["", project]))
+    seen = seen if project is None else seen.where(serving(Reference.project, project))
     with farm.sessions() as session:
         return [_out(row) for row in session.scalars(seen.order_by(Reference.created.desc(), Reference.id))]
 
