@@ -17,6 +17,7 @@ import contextlib
 import json
 import time
 from collections import deque
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -25,11 +26,12 @@ from sqlalchemy import select
 from starlette.concurrency import run_in_threadpool
 
 from renderer.frames import MAX_FRAME, frame_key
-from service.api.describe import frames_out, snapshot
+from service.api.describe import snapshot
+from service.api.describe_frames import frame_numbers, plain_frames
 from service.api.lookup import no_job
-from service.api.schemas import FrameOut
 from service.errors import FarmError
 from service.farm import Farm, FarmDependency
+from service.scheduling.active_frame import FrameNumbers
 from service.store.films import Film
 from service.store.models import ACTIVE, Frame, Job
 from service.watching import tile_packet
@@ -41,6 +43,7 @@ router = APIRouter()
 
 MAX_UNACKNOWLEDGED = 2  # rounds
 SPEAK_EVERY_S = 5.0
+FRAMES_TOLD = 2000  # frames in one message
 FRAMES_REST = 20  # times as long as it takes to look at them, a watcher waits for the frames of a shot
 NOT_FOUND = 4404
 GONE = 4410
@@ -88,7 +91,7 @@ class _Watcher:
         self._rounds: deque[int] = deque()  # the last packet's number of every round that is not acknowledged
         self._spoke = 0.0
         self._state_at = 0.0
-        self._told: dict[float, FrameOut] = {}  # of a shot: what was said of its frames
+        self._told: dict[int, FrameNumbers] = {}  # of a shot: what was said of its frames
         self._frames_at = 0.0  # not before
 
     async def receive(self) -> None:
@@ -187,13 +190,11 @@ class _Watcher:
         if state["shot"] is not None and now < self._frames_at and state["state"] in ACTIVE:
             self._listener.changed["job", self._job] = None  # it is looked at again
         elif state["shot"] is not None:
-            frames, taken_s = await self._farm.shared.told(self._job, "frames", partial(_frames, self._farm, self._job))
-            changed = [frame for frame in frames if self._told.get(frame.number) != frame]
-            self._told = {frame.number: frame for frame in frames}
+            job, frames, taken_s = await self._farm.shared.told(self._job, "frames", partial(_frames, self._farm, self._job))
             self._frames_at = now + FRAMES_REST * taken_s
-            if changed:
-                listed = [frame.model_dump() for frame in changed]
-                await self._socket.send_text(json.dumps({"type": "frames", "frames": listed}))
+            before, self._told = self._told, frames
+            for text in await run_in_threadpool(_frames_told, job, before, frames):
+                await self._socket.send_text(text)
         return True
 
     async def _send_round(self, film: Film) -> None:
@@ -220,13 +221,20 @@ def _first_frame(farm: Farm, id: str) -> int | None:
         return session.scalar(select(Frame.number).where(Frame.job == id).order_by(Frame.number).limit(1))
 
 
-def _frames(farm: Farm, id: str) -> tuple[list[FrameOut], float]:
+def _frames(farm: Farm, id: str) -> tuple[Job | None, dict[int, FrameNumbers], float]:
     """The frames of a shot, and seconds of the processor that it took to look at them."""
     begun = time.thread_time()
     with farm.sessions() as session:
         job = session.get(Job, id)
-        found = [] if job is None else frames_out(job, session, farm.engine)
-    return found, time.thread_time() - begun
+        found = {} if job is None else dict(frame_numbers(job, session, farm.engine))
+    return job, found, time.thread_time() - begun
+
+
+def _frames_told(job: Job | None, before: Mapping[int, FrameNumbers], now: Mapping[int, FrameNumbers]) -> list[str]:
+    """Messages about the frames that have changed, some frames in each."""
+    changed = [(key, numbers) for key, numbers in now.items() if before.get(key) != numbers]
+    some = (changed[at : at + FRAMES_TOLD] for at in range(0, len(changed), FRAMES_TOLD))
+    return [json.dumps({"type": "frames", "frames": plain_frames(job, part)}) for part in some] if job is not None else []
 
 
 def _job(farm: Farm, id: str) -> Job | None:
