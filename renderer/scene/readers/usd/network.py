@@ -8,6 +8,8 @@ from typing import Any
 from pxr import UsdShade
 
 from renderer.scene.description import UvTransform
+from renderer.scene.readers.usd.arnold import PREFIX as ARNOLD
+from renderer.scene.readers.usd.arnold import follow_arnold
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.nodes import follow_coordinates, follow_node
 from renderer.scene.readers.usd.notes import Notes
@@ -51,6 +53,8 @@ class Network:
             return Input(self._follow(shader.GetInput("fallback"), srgb, depth + 1).value, None, self._varname(shader, depth))
         if kind.startswith("ND_"):
             return follow_node(self, shader, kind, output, srgb, depth, self._follow)
+        if kind.startswith(ARNOLD):
+            return follow_arnold(self, shader, kind, output, srgb, depth, self._follow)
         self.notes.add("Shaders of these kinds are not known here, and left out", kind or "one without a kind")
         return Input()
 
