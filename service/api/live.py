@@ -28,6 +28,7 @@ from starlette.concurrency import run_in_threadpool
 from renderer.frames import MAX_FRAME, frame_key
 from service.api.describe import snapshot
 from service.api.describe_frames import frame_numbers, plain_frames
+from service.api.heard import heard
 from service.api.lookup import no_job
 from service.errors import FarmError
 from service.farm import Farm, FarmDependency
@@ -86,6 +87,7 @@ class _Watcher:
         self._listener = listener
         self._film: Film | None = None
         self._snapshot = snapshot
+        self._wanted: tuple[int, bool] | None = None  # the frame to be watched from now on, and whether all of its tiles are
         self._have: list[Any] | None = None  # samples of every tile, as the watcher says: what differs is to be noted
         self._sequence = 0
         self._rounds: deque[int] = deque()  # the last packet's number of every round that is not acknowledged
@@ -96,18 +98,16 @@ class _Watcher:
 
     async def receive(self) -> None:
         """Take in acknowledgements, and which frame is watched, until the watcher leaves. Anything else is left out."""
-        while True:
-            message = await self._socket.receive()
-            if message["type"] == "websocket.disconnect":
-                raise WebSocketDisconnect(message["code"])
-            text = message.get("text") or ""
+        async for text in heard(self._socket):
             tiles = MOST_TILES if self._film is None else len(self._film.tiles)
             if len(text) > MOST_TEXT + TILE_TEXT * tiles:
                 continue
             try:
                 said = json.loads(text)
                 if "frame" in said:
-                    self._turn_to(float(said["frame"]), said.get("snapshot") is not False)
+                    self._wanted = _frame(float(said["frame"])), said.get("snapshot") is not False
+                    self._have = None
+                    self._listener.wake()
                     continue
                 if "have" in said:
                     self._have = list(said["have"])
@@ -121,16 +121,14 @@ class _Watcher:
                     self._rounds.popleft()
                 self._listener.wake()
 
-    def _turn_to(self, frame: float, snapshot: bool) -> None:
-        """Watch another frame. Raises ValueError."""
-        if not 0 <= frame <= MAX_FRAME or not (2 * frame).is_integer():
-            raise ValueError(f"there is no frame {frame}")
-        self._listener.frame = frame_key(frame)
+    def _turn(self) -> None:
+        """Watch the frame that was asked for last: whoever runs through them passes most by."""
+        if self._wanted is None:
+            return
+        (self._listener.frame, self._snapshot), self._wanted = self._wanted, None
         self._listener.tiles.clear()
-        self._snapshot, self._have = snapshot, None
         if self._film is not None:
             self._begin(self._film)
-        self._listener.wake()
 
     def _begin(self, film: Film) -> None:
         """Note all tiles, where the watcher wants them."""
@@ -153,6 +151,7 @@ class _Watcher:
                 self._film = await run_in_threadpool(_film, self._farm, self._job)
                 if self._film is not None:
                     self._begin(self._film)
+            self._turn()
             if self._film is not None and self._have is not None:
                 have, self._have = self._have, None
                 with contextlib.suppress(FarmError):  # what cannot be looked at now is noted when it changes
@@ -214,6 +213,13 @@ class _Watcher:
             self._sequence += 1
             await self._socket.send_bytes(tile_packet.packet(film, frame, tile, self._sequence, spp, words))
         self._spoke = time.monotonic()
+
+
+def _frame(number: float) -> int:
+    """Its key. Raises ValueError."""
+    if not 0 <= number <= MAX_FRAME or not (2 * number).is_integer():
+        raise ValueError(f"there is no frame {number}")
+    return frame_key(number)
 
 
 def _first_frame(farm: Farm, id: str) -> int | None:

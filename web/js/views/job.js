@@ -196,7 +196,7 @@ function heading(job, title, chip, actions) {
 function details(job, life) {
   /** @type {[string, import("../base/dom.js").Child][]} */
   const rows = [
-    [t("Scene"), h("a", { href: linkTo("scenes", job.scene) }, job.name)],
+    [t("Scene"), sceneLink(job, life)],
     ...shotRows(job, life),
     [t("Light"), lightWords(job.environment, scenes.value?.find(({ id }) => id === job.scene)) || t("The scene's own")],
     [t("Size"), `${job.width}×${job.height}`],
@@ -223,6 +223,13 @@ function details(job, life) {
         .map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))),
     ),
   );
+}
+
+/** A job may be called otherwise than its scene. @param {Job} job @param {Disposer} life */
+function sceneLink(job, life) {
+  const link = h("a", { href: linkTo("scenes", job.scene) });
+  life.add(scenes.subscribe((all) => setText(link, all?.find(({ id }) => id === job.scene)?.name ?? job.name)));
+  return link;
 }
 
 /** @param {Job} job the frame that the address names @returns {number | undefined} */

@@ -19,6 +19,7 @@ from renderer.scene.textures import UNMOVED
 __all__ = ["Network"]
 
 MAX_DEPTH = 32
+_NOTHING = Input()
 _UV_SETS = 2
 
 
@@ -31,10 +32,17 @@ class Network:
     time: Any
     user: str
     uvs: list[str] = field(default_factory=list)
+    _surface: Any = None  # the shader that was asked last, whose inputs are looked up at once
+    _inputs: dict[str, Any] = field(default_factory=dict)
 
     def input(self, shader: Any, name: str, srgb: bool = False) -> Input:
         """What an input of a shader is; without anything where it is not set. srgb: how a texture is encoded unless told."""
-        return self._follow(shader.GetInput(name), srgb, 0)
+        prim = shader.GetPrim()
+        if prim != self._surface:
+            self._surface = prim
+            self._inputs = {str(each.GetBaseName()): each for each in shader.GetInputs()}
+        source = self._inputs.get(name)
+        return _NOTHING if source is None else self._follow(source, srgb, 0)
 
     def _follow(self, source: Any, srgb: bool, depth: int) -> Input:
         if not source or depth > MAX_DEPTH:

@@ -120,7 +120,8 @@ def _surface(material: Any) -> tuple[Any, str]:
     outputs = {
         str(output.GetBaseName()).removesuffix(_SURFACE).removesuffix(":"): output for output in material.GetSurfaceOutputs()
     }
-    for context in sorted(outputs, key=lambda name: _CONTEXTS.index(name) if name in _CONTEXTS else len(_CONTEXTS)):
+    last = len(_CONTEXTS)
+    for context in sorted(outputs, key=lambda name: _CONTEXTS.index(name) if name in _CONTEXTS else last):
         shader = material.ComputeSurfaceSource(context)[0]
         if not shader:
             continue
