@@ -10,7 +10,7 @@ import pytest
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.load import Shot
-from tests.renderer.scene.fbx_text import arnold, camera, fbx, light, material, node, texture
+from tests.renderer.scene.fbx_text import arnold, camera, fbx, light, material, node, stack, texture
 
 KIT = Path(__file__).parents[2] / "data" / "fbx"
 Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from Blender's world
@@ -269,3 +269,24 @@ def test_a_camera_with_depth_of_field_is_named(scene):
         objects = node(51, "view", "Camera") + camera(61, UseDepthOfField=said, FocusDistance=120.0)
         warnings = scene("a.fbx", fbx(objects, [(61, 51), (51, 0)])).warnings
         assert any("1 cameras with depth of field" in w for w in warnings) == said
+
+
+def test_of_several_stacks_the_first_that_moves_is_shown_and_the_others_are_named(scene):
+    """As Blender has it: Mixamo's and 3ds Max's files begin with a take in which nothing moves."""
+    parts = stack(100, "Take 001"), stack(110, "walk", 240), stack(120, "run", 480)
+    text = fbx("".join(objects for objects, _ in parts), [link for _, links in parts for link in links])
+
+    def far(clip=None):
+        description = scene("a.fbx", text, moment=Moment(12, 24, clip))
+        return description.instances[0].transform[0, 3], description
+
+    shown, description = far()
+    assert shown == pytest.approx(1.2)
+    assert [clip.name for clip in description.clips] == ["walk", "run", "Take 001"]
+    assert [w for w in description.warnings if "clip" in w] == [
+        "a.fbx: shows the animation 'walk'; as its clip you may choose run, Take 001."
+    ]
+    still, description = far("run")
+    assert still == pytest.approx(2.4)
+    assert not any("clip" in w for w in description.warnings)
+    assert far("Take 001")[0] == 0

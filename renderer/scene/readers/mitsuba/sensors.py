@@ -96,13 +96,13 @@ def add_integrator(source: Element, document: Document, description: SceneDescri
     if inner is not None:
         add_integrator(inner, document, description)
         return
+    if source.flag("hide_emitters", False):
+        document.ignore(f"{source.what}: lights that it hides are seen here")
     if source.type == "direct":
         description.defaults["integrator"] = "direct"
         return
     if source.type not in ("path", "volpath", "volpathmis"):
         document.ignore(f"{source.what}: rendered by path tracing")
-    if source.flag("hide_emitters", False):
-        document.ignore(f"{source.what}: lights that it hides are seen here")
     depth = int(source.number("max_depth", -1))
     description.defaults["max_depth"] = _UNBOUNDED if depth < 0 else min(max(depth, 1), MAX_DEPTH)
 
