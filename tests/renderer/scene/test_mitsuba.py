@@ -99,6 +99,10 @@ def test_a_spectrum_that_is_flat_is_grey_and_a_red_one_red() -> None:
             BALL.format('<bsdf type="plastic"><boolean name="nonlinear" value="true"/></bsdf>') * 2,
             r"^nonlinear of .*plastic.*\(2 t",
         ),
+        (
+            BALL.format("") + '<sensor type="perspective"><film type="hdrfilm"><rfilter type="lanczos"/></film></sensor>',
+            "lanczos.*B",
+        ),
         (BALL.format('<medium type="homogeneous" name="interior"/>'), "Participating media are not rendered"),
         (BALL.format('<emitter type="directionalarea"/>'), r"The emitter \(directionalarea\) of a shape \(sphere\) is not"),
         (BALL.format('<bsdf type="twosided"><bsdf type="diffuse"/><bsdf type="plastic"/></bsdf>'), "for each side"),
