@@ -98,11 +98,11 @@ def is_junk(name: str) -> bool:
     return any(part.startswith(".") or part in ("__MACOSX", "Thumbs.db", "desktop.ini") for part in parts)
 
 
-def pick_main(names: list[str]) -> tuple[str, list[str]]:
+def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list[str]]:
     """The scene file among the names, and warnings where others could have been meant.
 
     The best suffix wins, then the shallowest path, then a name that does not say it is an auxiliary, then the shortest, then
-    the alphabet. Raises SceneError where none is a scene.
+    the alphabet; but before all others the preferred one, if it is a scene. Raises SceneError where none is.
     """
     readers = [format.reader for format in FORMATS]
     # A USD scene's layers may be of all of USD's kinds: the kind does not tell which is at the top.
@@ -122,7 +122,7 @@ def pick_main(names: list[str]) -> tuple[str, list[str]]:
         raise SceneError(
             f"No scene file among what was given ({listed}). A scene is one of {', '.join(SCENE_SUFFIXES)}, or a .zip with one."
         )
-    found.sort()
+    found.sort(key=lambda each: (each[-1] != preferred, each))
     main = found[0][-1]
     rivals = [f[-1] for f in found[1:] if f[0] == found[0][0] and not _is_included(f[-1])]
     # What a scene may be made of is none; beside a file that names no others, every scene is one.

@@ -13,9 +13,8 @@ from service.scheduling.looks import Looks
 from service.scheduling.plan import FramePlan, Range
 from service.store.coverage import Coverage
 from service.store.films import Film
-from service.store.models import Frame
 
-__all__ = ["FIRST_LOOK", "OF_NOISE", "ActiveFrame", "FrameNumbers"]
+__all__ = ["FIRST_LOOK", "OF_NOISE", "ActiveFrame", "FrameNumbers", "FrameRow"]
 
 FIRST_LOOK = 8  # samples: with fewer the noise says little
 LOOK_AGAIN = 4  # times as many
@@ -34,12 +33,33 @@ class FrameNumbers(NamedTuple):
     error: str | None
 
 
+class FrameRow(NamedTuple):
+    """What the engine needs of a frame's row. settings: None also of one that is over."""
+
+    number: int
+    samples: int
+    target: int
+    bad_samples: int
+    state: str
+    error: str | None
+    noise: float | None
+    spp: int | None
+    compiled: dict[str, Any] | None
+    settings: dict[str, Any] | None
+
+
 class ActiveFrame:
     """One frame in the hands of the scheduler. Only the engine's thread changes it."""
 
+    __slots__ = (
+        *("_due", "_focus", "_is_measured", "_is_told_anew", "_json", "_measured", "_plan", "_recorded", "_share", "_sums"),
+        *("bad_samples", "ceiling", "compiled", "error", "film", "is_idle", "is_preparing", "key", "noise", "noise_asked"),
+        *("on_change", "own", "settings", "spp", "state"),
+    )
+
     def __init__(
         self,
-        row: Frame,
+        row: FrameRow,
         film: Film,
         settings: RenderSettings | None,
         compiled: dict[str, str],
@@ -67,7 +87,6 @@ class ActiveFrame:
         self.ceiling = spp
         self.is_idle = False  # nothing of it can be handed out before something comes back
         self.is_preparing = False
-        self.has_changed = False  # since it was written down
         self._is_measured = is_measured
         self._measured: dict[int, tuple[int, float]] = {}  # of a tile: with how many samples, and its noise then
         self._is_told_anew = False
@@ -167,11 +186,12 @@ class ActiveFrame:
         """A batch did not come back."""
         self.plan.lose(batch)
         self.is_idle = False
+        self._changed()
 
     def settle(self, batch: Range) -> None:
         """Let the plan look at the film for what came back. Raises FilmWaits or FilmLost."""
         self.plan.settle(batch)
-        self.is_idle, self.has_changed = False, True
+        self.is_idle = False
         if self.state == "queued":
             self.state = "running"
         self._changed()
@@ -213,16 +233,20 @@ class ActiveFrame:
             if self._measured.get(tile, (0, 0.0))[0] != covered:
                 self._measure(tile, covered)
         self.noise = self._whole_noise()
+        self._changed()
         return math.inf if self.noise is None else self.noise
 
     def fail(self, error: str) -> None:
         """It cannot be rendered."""
-        self.state, self.error, self.has_changed = "failed", error, True
+        self.state, self.error = "failed", error
         self._changed()
 
     def finish(self) -> None:
         """It has all that was asked for."""
-        self.state, self.has_changed = "finished", True
+        self.state = "finished"
+        if self._plan is not None:  # what it has is in the film, and a long shot has many of these
+            self._recorded = self._plan.samples, self._plan.target_samples
+            self._plan, self._measured, self._due = None, {}, {}
         self._changed()
 
     def _changed(self) -> None:

@@ -157,11 +157,12 @@ class FilmFile:
             self._database.execute(PART, (*row, checksum(row)))
         return True
 
-    def forget(self, frame: int) -> None:
-        """Remove the rows of a frame, and its bad samples."""
+    def forget(self, frames: Iterable[int]) -> None:
+        """Remove the rows of some frames, and their bad samples."""
         with film_faults(), self._transaction():
-            self._database.execute("DELETE FROM part WHERE frame = ?", (frame,))
-            self._database.execute("DELETE FROM bad_sample WHERE frame = ?", (frame,))
+            for frame in frames:
+                self._database.execute("DELETE FROM part WHERE frame = ?", (frame,))
+                self._database.execute("DELETE FROM bad_sample WHERE frame = ?", (frame,))
 
     def row(self, frame: int, tile: int, first: int) -> Row | None:
         """A row as it was written; None where it is not that any more. Raises FilmLost where the file cannot be read there."""

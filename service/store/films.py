@@ -12,7 +12,7 @@ import hashlib
 import json
 import logging
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import partial
 from itertools import compress
 from pathlib import Path
@@ -35,6 +35,7 @@ from worker.protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
 __all__ = ["Film", "Part"]
 
 FOLD_AT = 8  # rows of a tile, or where they are kept apart of a worker
+FORGOTTEN_AT_ONCE = 100  # frames
 MOST_APART = 64  # rows of a tile: with more workers than that they are folded all the same
 
 log = logging.getLogger(__name__)
@@ -198,14 +199,21 @@ class Film:
         for key in claims.coverage:
             self._fold(*key)
 
-    def forget(self, frame: int) -> None:
-        """Remove all samples of a frame."""
+    def has_only(self, frames: Collection[int]) -> bool:
+        """Whether all samples are of these frames."""
+        with self._lock:
+            self._known()
+            return all(frame in frames for frame, _ in self._coverage)
+
+    def forget(self, *frames: int) -> None:
+        """Remove all samples of these frames."""
         with self._lock:
             self.load()
             if self._file is None:
                 return
             self._in_doubt = True
-            self._file.forget(frame)
+            for at in range(0, len(frames), FORGOTTEN_AT_ONCE):
+                self._file.forget(frames[at : at + FORGOTTEN_AT_ONCE])
             self._take_in(self._file)
 
     def heal(self) -> int:

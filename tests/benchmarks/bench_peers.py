@@ -18,6 +18,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,7 @@ from tests.benchmarks.peers.surroundings import MissingPeerError, find_llvm
 from tests.benchmarks.peers.threads import thread_lines
 from tests.helpers import ROOT
 
-ROWS: dict[str, Callable[[Sizes, Path], Iterator[Line]]] = {
+ROWS: dict[str, Callable[..., Iterator[Line]]] = {
     "samples": sample_lines,
     "error": error_lines,
     "cycles": cycles_lines,
@@ -52,6 +53,7 @@ ROWS: dict[str, Callable[[Sizes, Path], Iterator[Line]]] = {
     "cold": cold_lines,
     "scaling": scaling_lines,
 }
+_HELD_AGAINST_CONVERGED = ("error", "cycles")
 LONG_FILE = 10_000_000  # triangles
 BUSY = 0.3  # of a core, that others use
 
@@ -70,20 +72,21 @@ def main() -> int:
     report = Report(_machine(), options.quick)
     warm_up()
     for row in options.rows:
-        _measure(row, sizes, report)
+        _measure(row, sizes, report, options.out / "references")
         report.write(options.out)
     print("\n" + report.text())
     print(f"Written to {options.out}")
     return 1 if report.missing else 0
 
 
-def _measure(row: str, sizes: Sizes, report: Report) -> None:
+def _measure(row: str, sizes: Sizes, report: Report, references: Path) -> None:
     """A row's lines into the report; one that fails does not keep the others from being measured."""
+    lines = partial(ROWS[row], kept=references) if row in _HELD_AGAINST_CONVERGED else ROWS[row]
     begun = time.perf_counter()
     print(f"{row} ...", flush=True)
     try:
         with tempfile.TemporaryDirectory(prefix="rayfarm-peers-") as folder:
-            for line in ROWS[row](sizes, Path(folder)):
+            for line in lines(sizes, Path(folder)):
                 report.lines.append(line)
                 print(f"  {line.name}: {line.value:.3g} after {time.perf_counter() - begun:.0f} s", flush=True)
     except MissingPeerError as error:

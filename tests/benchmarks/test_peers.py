@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,9 @@ import pytest
 import farm
 from tests.benchmarks.peers.measure import Line, Taken, geometric_mean, race, ratio_line, relative_error
 from tests.benchmarks.peers.meshes import displaced_sphere, torus
+from tests.benchmarks.peers.references import References
 from tests.benchmarks.peers.report import Report
+from tests.benchmarks.peers.sizes import QUICK
 from tests.benchmarks.peers.surroundings import find_llvm
 from tests.benchmarks.peers.targets import TABLE
 from tests.helpers import ROOT
@@ -83,6 +86,29 @@ def test_the_report_says_what_falls_short() -> None:
     assert "error-time, many lights: 7, at least 8 is asked for" in text
     assert "1 of 4 reached" in text
     assert "not measured: rays: Embree is away" in text
+
+
+def test_a_converged_picture_is_made_once(tmp_path: Path) -> None:
+    made = []
+
+    def picture(spp: int, seed: int) -> np.ndarray:
+        made.append((spp, seed))
+        return np.full((2, 2, 3), float(seed))
+
+    few, more = replace(QUICK, reference_spp=512), replace(QUICK, reference_spp=1024)
+    first = References(few, tmp_path).of("a case, lit", "mitsuba 3", picture)
+    assert made == [(256, 1000), (256, 1001)]
+    np.testing.assert_array_equal(first, 1000.5)
+    np.testing.assert_array_equal(References(few, tmp_path).of("a case, lit", "mitsuba 3", picture), first)
+    assert len(made) == 2
+    for sizes, case, side in (
+        (more, "a case, lit", "mitsuba 3"),
+        (few, "another", "mitsuba 3"),
+        (few, "a case, lit", "mitsuba 4"),
+    ):
+        count = len(made)
+        References(sizes, tmp_path).of(case, side, picture)
+        assert len(made) > count
 
 
 @pytest.mark.parametrize("make", [displaced_sphere, torus])

@@ -7,6 +7,7 @@ import pytest
 
 from blender.rayfarm_addon.scene.files import MAIN, NAME, scene_files
 from blender.rayfarm_addon.scene.gltf import object_names
+from blender.rayfarm_addon.scene.ids import ids_of
 from blender.rayfarm_addon.scene.model import TO_Y_UP, Material, Mesh, Node, Scene, TextureUse
 from blender.rayfarm_addon.scene.placing import decompose
 from blender.rayfarm_addon.scene.view import Lens, shot_of
@@ -143,3 +144,23 @@ def test_a_pixel_looks_where_the_projection_says(shift, border) -> None:
         )
         ours = ours[0] + 2 * slope * shot.view.get("shift_x", 0.0), ours[1] + 2 * slope * shot.view.get("shift_y", 0.0)
         np.testing.assert_allclose(ours, wanted, atol=1e-7)
+
+
+def test_pass_indices_are_those_of_the_farms_numbers(tmp_path) -> None:
+    """Things that some rays pass by have materials of their own at the farm."""
+    scene = Scene(meshes={"a": mesh("a")}, materials={"red": Material("red", number=11), "blue": Material("blue", number=12)})
+    flags = ({}, {"unseen": True}, {"shadeless": True}, {"shadeless": True}, {"unseen": True, "shadeless": True}, {})
+    for i, hidden in enumerate(flags):
+        scene.nodes.append(Node(f"{i}", "a", ("blue" if i % 2 else "red",), turned(0, i), number=30 + i, **hidden))
+    scene.lamp_materials["lamp"] = {"color": 0, "emission": 1.0, "lamp": True}
+    scene.lamps.append({"type": "sphere", "name": "lamp", "material": "lamp", "center": [0, 5, 0], "radius": 0.1})
+    written(scene, tmp_path)
+    found, ids = read(tmp_path, MAIN), ids_of(scene)
+    numbers = np.array([i.material if i.material is not None else found.meshes[i.mesh].material for i in found.instances])
+    objects = np.array(number_objects(found).instance) + 1
+    wanted = {f"{NAME}/{node.name}": (node.number, scene.materials[node.materials[0]].number) for node in scene.nodes}
+    told = list(zip(ids.object(objects), ids.material(numbers + 1, objects), strict=True))
+    assert told == [wanted[instance.name] for instance in found.instances]
+    scene.materials["blue"].gltf = {"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}}}
+    ids = ids_of(scene)  # where glass is, the farm alone knows which of it has no inside
+    assert list(ids.material(np.full(len(objects), 99), objects)) == [wanted[instance.name][1] for instance in found.instances]

@@ -10,6 +10,7 @@ import { showHelp } from "./shell/help-dialog.js";
 import { emptyPage } from "./shell/hints.js";
 import { tellOfEnds } from "./shell/notify.js";
 import { linkTo, onNavigate } from "./shell/router.js";
+import { followScroll, scrollToPlace } from "./shell/scroll-memory.js";
 import { buildShell } from "./shell/shell.js";
 import { addShortcuts } from "./shell/shortcuts.js";
 import { clearPageErrors, showError } from "./shell/tray.js";
@@ -57,6 +58,7 @@ function start() {
   /** @type {View | null} */
   let shown = null;
 
+  followScroll();
   onNavigate(({ path }) => {
     const first = shown === null;
     shown?.dispose();
@@ -64,7 +66,7 @@ function start() {
     shown = viewFor(path);
     fill(main, shown.element);
     markSection(SECTION_OF[path[0] ?? ""] ?? path[0] ?? "");
-    scrollTo(0, 0);
+    scrollToPlace();
     // A screen reader starts to read the new view; at the start the browser's own focus stays.
     if (!first) main.focus({ preventScroll: true });
   });

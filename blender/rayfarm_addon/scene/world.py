@@ -19,6 +19,13 @@ from .painted import Painter
 
 __all__ = ["read_world"]
 
+# By kind, whether the world is there for rays; and how that is said.
+RAYS = {
+    "camera": "by the camera",
+    "diffuse": "by what it lights",
+    "glossy": "in reflections",
+    "transmission": "through glass",
+}
 QUARTER = -90.0  # from the farm's middle to Blender's
 
 
@@ -28,6 +35,7 @@ def read_world(scene: Scene, world: Any) -> World:
         return World([0.0] * 3)
     if not world.use_nodes or world.node_tree is None:
         return World([float(c) for c in world.color])
+    _tell(scene, world)
     source = _background(scene, output_of(world.node_tree))
     if source is None:
         return World([0.0] * 3)
@@ -52,6 +60,15 @@ def read_world(scene: Scene, world: Any) -> World:
         return painted
     scene.warn("World: what makes its colour is not read; a plain colour stands for it.")
     return World([float(c) * strength for c in at.socket.default_value[:3]] if at is not None else [0.0] * 3)
+
+
+def _tell(scene: Scene, world: Any) -> None:
+    hidden = [words for kind, words in RAYS.items() if not getattr(getattr(world, "cycles_visibility", None), kind, True)]
+    if hidden:
+        scene.warn(f"World: is seen {', '.join(hidden)} here, though not in Blender.")
+    output = world.node_tree.get_output_node("CYCLES") or world.node_tree.get_output_node("ALL")
+    if output is not None and output.inputs["Volume"].is_linked:
+        scene.warn("World: its volume is left out.")
 
 
 def _background(scene: Scene, source: Source | None) -> Source | None:

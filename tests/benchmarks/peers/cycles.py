@@ -14,27 +14,31 @@ import numpy as np
 from renderer.image.read import read as read_image
 from renderer.scene.load import read
 from tests.benchmarks.peers.asking import Peer
-from tests.benchmarks.peers.contestants import Rayfarm, converged
+from tests.benchmarks.peers.contestants import Rayfarm
 from tests.benchmarks.peers.files import textured_objects
 from tests.benchmarks.peers.measure import Line, Taken, error_line, race, ratio_line, relative_error, taken
+from tests.benchmarks.peers.references import OURS, References
 from tests.benchmarks.peers.scenes import DEPTH, Case
 from tests.benchmarks.peers.sizes import Sizes
 from tests.benchmarks.peers.surroundings import python_with_bpy
 
 __all__ = ["cycles_lines"]
 
+_NAME = "textured objects"
 _WHITE = (1.0, 1.0, 1.0)
 _ONES = 5  # pictures of one sample, of which the quickest counts
 
 
-def cycles_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Samples a second, and the error in the same time."""
+def cycles_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterator[Line]:
+    """Samples a second, and the error in the same time. kept: as of `error_lines`."""
     glb = textured_objects(folder / "objects.glb", sizes.small_mesh // 8, sizes.texture)
     description = read(folder, glb.name)
-    ours = Rayfarm(Case("textured objects", description, description.cameras[0].view), sizes.picture, environment=_WHITE)
+    case = Case(_NAME, description, description.cameras[0].view)
+    ours, references = Rayfarm(case, sizes.picture, environment=_WHITE), References(sizes, kept)
     spp = sizes.spp
     with Peer(python_with_bpy(), "cycles_peer") as cycles:
-        version = cycles.ask("load", glb=str(glb), size=sizes.picture, max_depth=DEPTH, sky=_WHITE)["version"]
+        told = {"glb": str(glb), "max_depth": DEPTH, "sky": _WHITE}
+        version = cycles.ask("load", size=sizes.picture, **told)["version"]
 
         def picture(count: int, seed: int) -> np.ndarray:
             path = folder / "cycles.exr"
@@ -43,13 +47,13 @@ def cycles_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
 
         def they(seed: int) -> Taken:
             """For spp samples, by what spp more take than one."""
-            told = cycles.ask("render", samples=1 + spp, seed=seed)
-            return Taken(told["wall"] - one["wall"], told["cpu"] - one["cpu"])
+            took = cycles.ask("render", samples=1 + spp, seed=seed)
+            return Taken(took["wall"] - one["wall"], took["cpu"] - one["cpu"])
 
         ours.picture(1, 0)
         picture(1, 0)
         ones = [cycles.ask("render", samples=1, seed=seed) for seed in range(_ONES)]
-        one = {clock: min(told[clock] for told in ones) for clock in ("wall", "cpu")}
+        one = {clock: min(took[clock] for took in ones) for clock in ("wall", "cpu")}
         run = race(lambda number: taken(lambda: ours.picture(spp, 1 + number)), they, sizes.rounds)
         total = sizes.picture**2 * spp / 1e6
         rates = [[total / seconds for seconds in side] for side in run.seconds]
@@ -58,8 +62,10 @@ def cycles_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
 
         in_time = max(1, round(spp * statistics.median(run.ratios)))
         seeds = range(1, 1 + sizes.rounds)
-        truth = converged(picture, sizes.reference_spp)
+        cycles.ask("load", size=sizes.error_picture, **told)
+        truth = references.of(_NAME, f"cycles {version}", picture)
         peers = [relative_error(picture(spp, seed), truth) for seed in seeds]
-    truth = converged(ours.picture, sizes.reference_spp)
+    ours = Rayfarm(case, sizes.error_picture, environment=_WHITE)
+    truth = references.of(_NAME, OURS, ours.picture)
     errors = [relative_error(ours.picture(in_time, seed), truth) for seed in seeds]
     yield error_line("cycles", "error in the same time", errors, peers, our_samples=in_time, peer_samples=spp)

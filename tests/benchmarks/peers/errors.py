@@ -10,8 +10,9 @@ import statistics
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.benchmarks.peers.contestants import Mitsuba, Rayfarm, converged
+from tests.benchmarks.peers.contestants import Mitsuba, Rayfarm
 from tests.benchmarks.peers.measure import Line, error_line, race, relative_error, taken
+from tests.benchmarks.peers.references import OURS, References
 from tests.benchmarks.peers.scenes import CASES, Case
 from tests.benchmarks.peers.sizes import Sizes
 
@@ -20,19 +21,21 @@ __all__ = ["error_lines"]
 _NOT_ASKED = ("large mesh, rough plastic",)  # its noise is the diffuse one's
 
 
-def error_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Two lines a scene."""
+def error_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterator[Line]:
+    """Two lines a scene. kept: the folder that keeps converged pictures from run to run."""
     for name, make in CASES.items():
         if name not in _NOT_ASKED:
-            yield from _lines(name, make(sizes), sizes, folder)
+            yield from _lines(name, make(sizes), References(sizes, kept), folder)
 
 
-def _lines(name: str, case: Case, sizes: Sizes, folder: Path) -> Iterator[Line]:
+def _lines(name: str, case: Case, references: References, folder: Path) -> Iterator[Line]:
+    sizes = references.sizes
     spp = sizes.error_spp
     in_time = max(1, round(spp * _times_faster(case, sizes, folder)))
     ours, theirs = Rayfarm(case, sizes.error_picture), Mitsuba(case, sizes.error_picture, "multijitter", folder)
     seeds = range(1, 1 + sizes.rounds)
-    their_truth, our_truth = (converged(side.picture, sizes.reference_spp) for side in (theirs, ours))
+    their_truth = references.of(name, f"mitsuba {theirs.mi.__version__}", theirs.picture)
+    our_truth = references.of(name, OURS, ours.picture)
     peers = [relative_error(theirs.picture(spp, seed), their_truth) for seed in seeds]
     means = {"our_mean": float(our_truth.mean()), "peer_mean": float(their_truth.mean())}
     for row, count in (("error-time", in_time), ("error-samples", spp)):

@@ -29,7 +29,7 @@ import { t } from "../base/words.js";
 
 /** @type {Light[]} */
 const ALWAYS = [
-  { id: "own", label: t("Its own"), help: t("As the scene's file says.") },
+  { id: "own", label: t("Its own"), help: t("As the file has it; where it has none, a soft studio light.") },
   { id: "color", label: t("One colour"), help: t("The same light from every direction.") },
 ];
 /** @type {Light} */

@@ -48,6 +48,7 @@ export function progressPanel() {
   const bar = progressBar(t("Progress of the picture"));
   const elapsed = h("dd");
   const left = h("dd");
+  const leftRow = h("div", null, h("dt", null, t("Left")), left);
   const speed = h("dd");
   const message = h("p", { class: "quiet small", role: "status", hidden: true });
   const error = h("div", { class: "notice error", role: "alert", hidden: true });
@@ -70,10 +71,9 @@ export function progressPanel() {
         ? latest.eta_s == null
           ? "…"
           : clock(latest.eta_s - since)
-        : latest.state === "finished"
-          ? "0:00"
-          : "–",
+        : "–",
     );
+    leftRow.hidden = latest.state === "finished";
   };
   return {
     element: h(
@@ -84,11 +84,9 @@ export function progressPanel() {
       h(
         "dl",
         { class: "figures number" },
-        [
-          [t("Elapsed"), elapsed],
-          [t("Left"), left],
-          [t("Samples/s"), speed],
-        ].map(([name, value]) => h("div", null, h("dt", null, name), value)),
+        h("div", null, h("dt", null, t("Elapsed")), elapsed),
+        leftRow,
+        h("div", null, h("dt", null, t("Samples/s")), speed),
       ),
       taken,
       message,

@@ -2,7 +2,7 @@
 
 import { ApiError, deleteScene, getInfo } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
-import { adoptScene } from "../news/farm.js";
+import { adoptScene, scenes } from "../news/farm.js";
 import { bytes } from "../base/format.js";
 import { chosenProject } from "../base/project.js";
 import { filesOfDrop, filesOfList, titleOf } from "./gather-files.js";
@@ -10,7 +10,7 @@ import { icon } from "../base/icons.js";
 import { areImages, hasLight, offerLight } from "./light-drop.js";
 import { addEnvironment } from "../news/environments.js";
 import { mayChange } from "../news/projects.js";
-import { go } from "./router.js";
+import { go, here } from "./router.js";
 import { Card, announce, showError } from "./tray.js";
 import { upload } from "../news/upload.js";
 import { filesFor, rivals, whichScene } from "./which-scene.js";
@@ -18,6 +18,9 @@ import { t } from "../base/words.js";
 
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
 /** @typedef {import("../base/types.js").Scene} Scene */
+
+/** What a sentence says of a scene that lacks a file. */
+export const LACKS = /; add (it|them)/;
 
 /** @param {NamedFile[]} files */
 async function start(files) {
@@ -27,6 +30,11 @@ async function start(files) {
     return;
   }
   const sent = files.map(({ file }) => file);
+  const lacking = sceneThatLacks(sent);
+  if (lacking) {
+    await add(lacking, files);
+    return;
+  }
   if (areImages(sent)) {
     if (!offerLight(sent)) explainImages(sent);
     return;
@@ -60,12 +68,34 @@ async function start(files) {
  * @param {Scene} base
  */
 export function addFiles(base) {
-  pick({ folder: false }, async (files) => {
-    const scene = files.length ? await send(files, { base: base.id }) : null;
-    if (!scene || scene.id === base.id) return;
-    go("scenes", scene.id);
-    if (base.status === "failed") await deleteScene(base.id); // it could never be rendered
-  });
+  pick({ folder: false }, (files) => add(base, files));
+}
+
+/** @param {Scene} base @param {NamedFile[]} files */
+async function add(base, files) {
+  const scene = files.length ? await send(files, { base: base.id }) : null;
+  if (!scene || scene.id === base.id) return;
+  go("scenes", scene.id);
+  if (base.status === "failed") await deleteScene(base.id); // it could never be rendered
+}
+
+/** The scene that is open, where it says that it lacks each of these files. @param {File[]} files */
+function sceneThatLacks(files) {
+  const { path } = here();
+  const scene = path[0] === "scenes" ? scenes.value?.find(({ id }) => id === path[1]) : undefined;
+  const sentences = scene ? [scene.error ?? "", ...scene.warnings].filter((sentence) => LACKS.test(sentence)).join(" ") : "";
+  return scene && sentences && files.every(({ name }) => sentences.includes(name)) ? scene : null;
+}
+
+/**
+ * Of an upload with several scenes, shows another one.
+ *
+ * @param {Scene} base
+ * @param {string} main its file
+ */
+export async function showOther(base, main) {
+  const scene = await send([], { base: base.id, main });
+  if (scene) go("scenes", scene.id);
 }
 
 /**

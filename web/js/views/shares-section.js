@@ -43,7 +43,7 @@ export function sharesSection(life) {
   const table = h(
     "table",
     { class: "shares number" },
-    h("thead", null, h("tr", null, [t("Whose"), t("Weight"), t("Slots at most"), t("Slots now"), t("Jobs"), ""].map((head) => h("th", { scope: "col" }, head)))),
+    h("thead", null, h("tr", null, [t("Whose"), t("Weight"), t("Slots at most"), t("Slots now"), t("Jobs")].map((head) => h("th", { scope: "col" }, head)), h("td", null))),
     body,
   );
   const renew = async () => {

@@ -1,0 +1,44 @@
+"""Converged pictures, kept from run to run: they take longer than all that is held against them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from renderer.jit import kind
+from tests.benchmarks.peers.contestants import converged
+from tests.benchmarks.peers.sizes import Sizes
+
+__all__ = ["OURS", "References"]
+
+OURS = f"ours {kind()}"  # a side that is another one with each change of what renders
+_MADE_BY = ("contestants.py", "cycles.py", "files.py", "meshes.py", "scenes.py")
+
+
+@dataclass(frozen=True)
+class References:
+    """Those of a run. folder: where they are kept; None: nowhere."""
+
+    sizes: Sizes
+    folder: Path | None
+
+    def of(self, case: str, side: str, picture: Callable[[int, int], np.ndarray]) -> np.ndarray:
+        """The converged picture of a case, (h, w, 3). side: who renders it, in which version."""
+        if self.folder is None:
+            return converged(picture, self.sizes.reference_spp)
+        path = self.folder / f"{case.replace(' ', '-').replace(',', '')}-{side.split()[0]}-{self._name(case, side)}.npy"
+        if not path.exists():
+            self.folder.mkdir(parents=True, exist_ok=True)
+            part = path.with_suffix(".part.npy")
+            np.save(part, converged(picture, self.sizes.reference_spp))
+            part.replace(path)
+        return np.asarray(np.load(path))
+
+    def _name(self, case: str, side: str) -> str:
+        """Of all that the picture follows from."""
+        sources = [(Path(__file__).parent / name).read_text() for name in _MADE_BY]
+        return hashlib.sha256("\0".join([case, side, repr(self.sizes), *sources]).encode()).hexdigest()[:16]
