@@ -47,6 +47,7 @@ FORMATS = (
     Format(".yml", "yaml", is_mesh_file=False, names_files=True, moves=True),
     Format(".glb", "gltf", names_files=True, has_variants=True, moves=True, has_lines=True),
     Format(".gltf", "gltf", names_files=True, has_variants=True, moves=True, has_lines=True),
+    Format(".vrm", "gltf", names_files=True, has_variants=True, moves=True, has_lines=True),
     *(Format(suffix, "usd", names_files=True, has_variants=True, moves=True) for suffix in (".usdz", ".usd", ".usda", ".usdc")),
     Format(".fbx", "fbx", names_files=True, moves=True),
     Format(".pbrt", "pbrt", is_mesh_file=False, names_files=True, moves=True),
