@@ -39,8 +39,7 @@ def test_in_by_a_link_out_and_in_by_a_password(service: Service, watched: Watche
         expect(page.get_by_role("navigation")).to_be_hidden()
         assert watched.errors == []
 
-        page.goto("about:blank")
-        page.goto(f"{service.url}/#/login?code={code}")
+        page.goto(f"{service.url}/#/login?code={code}")  # in the same tab: nothing but the address changes
         expect(page.get_by_role("heading", name="anna")).to_be_visible()
         assert code not in page.url
         assert page.evaluate("[document.cookie, document.referrer]") == ["", ""]

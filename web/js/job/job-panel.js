@@ -68,7 +68,7 @@ export function progressPanel() {
     setText(
       left,
       latest.state === "running"
-        ? latest.eta_s == null
+        ? latest.eta_s == null || latest.message // it does not go on: what it takes so cannot be foretold
           ? "…"
           : clock(latest.eta_s - since)
         : "–",
