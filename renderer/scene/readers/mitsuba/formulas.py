@@ -34,7 +34,9 @@ _FACES = (
 def rectangle(name: str) -> Mesh:
     """-1..1 in x and y, towards +Z."""
     mesh = shapes.quad(name)
-    return _held(replace(mesh, uvs=(mesh.positions[:, :2] + 1) / 2), np.tile(np.array([1, 0, 0], np.float32), (4, 1)))
+    return _held(
+        replace(mesh, uvs=((mesh.positions[:, :2] + 1) / 2).astype(np.float32)), np.tile(np.array([1, 0, 0], np.float32), (4, 1))
+    )
 
 
 def cube(name: str) -> Mesh:
