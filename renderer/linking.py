@@ -11,7 +11,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompileResult
+from numba.core.compiler import compile_result
 from numba.core.compiler_machinery import AnalysisPass, register_pass
 
 __all__ = ["ChooseLibrary", "part_of", "stay_apart"]
@@ -129,20 +129,17 @@ def part_of(context: Any, kept: Any) -> Any:
     library.own_name, own, library.beneath = code
     library._final_module = library._shared_module = llvm.parse_bitcode(own)
     library._finalized = True
-    return CompileResult(
+    return compile_result(
         typing_context=context.typing_context,
         target_context=context,
         entry_point=context.get_executable(library, descriptor, environment),
-        typing_error=None,
         type_annotation=annotation,
         signature=signature,
         objectmode=objectmode,
         lifted=lifted,
         fndesc=descriptor,
         library=library,
-        call_helper=None,
         environment=environment,
-        metadata=None,
         reload_init=reload_init,
         referenced_envs=environments,
     )
