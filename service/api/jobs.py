@@ -197,7 +197,8 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency, visit: VisitDepe
             if of_shot is not None and not of_shot.fits(job, session):
                 continue  # it was changed since
             is_long = _change(job, change, of_shot, is_anew, session, farm, visit)
-            answer = None if is_long or of_shot is not None else job_out(job, session, farm.engine)
+            # A shot's frames are added up for it, which takes its time where they are many.
+            answer = None if job.shot is not None else job_out(job, session, farm.engine)
         break
     else:
         raise Conflict("The shot is being changed by others at the same time. Try again.")

@@ -39,7 +39,10 @@ class ShotChange:
             session.expunge(job)
         farm.frame_changes.carry_out(id)
         with farm.sessions() as session:
-            rows = session.execute(select(Frame.number, Frame.spp, Frame.state).where(Frame.job == id).order_by(Frame.number))
+            query = select(Frame.number, Frame.spp, Frame.state).where(Frame.job == id).order_by(Frame.number)
+            if wish.is_about_failures:
+                query = query.where(Frame.state == "failed")
+            rows = session.execute(query)
             frames = {number: FrameNow(spp, state) for number, spp, state in rows}
         before = _columns(job)
         steps = change_shot(job, shot, frames, wish)

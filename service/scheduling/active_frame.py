@@ -34,7 +34,7 @@ class FrameNumbers(NamedTuple):
 
 
 class FrameRow(NamedTuple):
-    """What the engine needs of a frame's row. settings: None also of one that is over."""
+    """What the engine needs of a frame's row. has_settings: those that it is rendered with are written down."""
 
     number: int
     samples: int
@@ -45,7 +45,7 @@ class FrameRow(NamedTuple):
     noise: float | None
     spp: int | None
     compiled: dict[str, Any] | None
-    settings: dict[str, Any] | None
+    has_settings: bool
 
 
 class ActiveFrame:
@@ -54,28 +54,31 @@ class ActiveFrame:
     __slots__ = (
         *("_due", "_focus", "_is_measured", "_is_told_anew", "_json", "_measured", "_plan", "_recorded", "_share", "_sums"),
         *("bad_samples", "ceiling", "compiled", "error", "film", "is_idle", "is_preparing", "key", "noise", "noise_asked"),
-        *("on_change", "own", "settings", "spp", "state"),
+        *("_settings", "_stored", "on_change", "own", "spp", "state"),
     )
 
     def __init__(
         self,
         row: FrameRow,
         film: Film,
-        settings: RenderSettings | None,
+        settings: RenderSettings | Callable[[], RenderSettings] | None,
         compiled: dict[str, str],
         spp: int,
         noise: float | None,
         is_measured: bool = False,
         share: int | None = None,
     ) -> None:
-        """settings: at its moment, None where that is not known yet. compiled: kind of worker -> SHA-256 of its scene.
+        """settings: at its moment, None where that is not known yet; or how to get them once they are needed.
+
+        compiled: kind of worker -> SHA-256 of its scene.
 
         is_measured: its noise is looked at while it is rendered, also where no noise level ends it.
         share: samples a pixel that it is expected to come to, where `spp` is only the most that it may get.
         """
         self.key = row.number
         self.film = film
-        self.settings = settings
+        self._settings = settings if isinstance(settings, RenderSettings) else None
+        self._stored = None if isinstance(settings, RenderSettings) else settings
         self.compiled = compiled
         self.own = dict(row.compiled or {})  # kind -> BlobRef of what was compiled for this frame alone
         self.spp = spp
@@ -98,6 +101,17 @@ class ActiveFrame:
         self._sums: tuple[int, int] | None = None  # samples and target, while they are as the plan has them
         self._json: tuple[RenderSettings, dict[str, Any]] | None = None
         self.on_change: Callable[[int], None] = lambda key: None  # told when its state or numbers may have changed
+
+    @property
+    def settings(self) -> RenderSettings | None:
+        """At its moment; None where that is not known yet. Raises FarmError."""
+        if self._stored is not None:
+            self._settings, self._stored = self._stored(), None
+        return self._settings
+
+    @settings.setter
+    def settings(self, settings: RenderSettings) -> None:
+        self._settings, self._stored = settings, None
 
     @property
     def plan(self) -> FramePlan:
@@ -255,11 +269,11 @@ class ActiveFrame:
 
     @property
     def settings_json(self) -> dict[str, Any] | None:
-        """Its settings for its row; made once."""
-        if self.settings is None:
+        """Its settings for its row, made once; None where the row has them, or they are not known yet."""
+        if self._settings is None:
             return None
-        if self._json is None or self._json[0] is not self.settings:
-            self._json = self.settings, self.settings.to_json()
+        if self._json is None or self._json[0] is not self._settings:
+            self._json = self._settings, self._settings.to_json()
         return self._json[1]
 
     def _told(self, tile: int) -> float:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 from renderer.settings import MAX_SPP, RenderSettings, Tile
 from service.scheduling.active_frame import ActiveFrame, FrameNumbers, FrameRow
@@ -46,8 +47,18 @@ class Trouble:
 class ActiveJob:
     """One job in the hands of the scheduler. Only the engine's thread changes it; others read its numbers."""
 
-    def __init__(self, row: Job, frames: Sequence[FrameRow], film: Film, compiled: dict[str, str], of_scene: set[str]) -> None:
-        """compiled: kind of worker -> SHA-256 of the scene compiled for it, as it is at its beginning.
+    def __init__(
+        self,
+        row: Job,
+        frames: Sequence[FrameRow],
+        film: Film,
+        compiled: dict[str, str],
+        of_scene: set[str],
+        settings_of: Callable[[int], RenderSettings],
+    ) -> None:
+        """settings_of: of a frame whose row has its settings.
+
+        compiled: kind of worker -> SHA-256 of the scene compiled for it, as it is at its beginning.
 
         of_scene: the hashes of all blobs that the scene refers to: they stay, whatever becomes of frames.
         """
@@ -57,6 +68,7 @@ class ActiveJob:
         self.created = row.created
         self.request = row.request
         self.film = film
+        self._settings_of = settings_of
         self.compiled = compiled
         self.of_scene = of_scene
         self.scene_words: list[str] = []  # options that say what was asked of the scene beside its files
@@ -115,7 +127,9 @@ class ActiveJob:
             frame.state = "queued"  # the job's state is the frame's
             frame.plan  # noqa: B018 - a film that cannot be read is found out now
             return frame
-        settings = None if row.settings is None else RenderSettings.from_json(row.settings)
+        settings = (
+            partial(self._settings_of, row.number) if row.has_settings and row.state not in ("finished", "failed") else None
+        )
         own = {kind: str(ref["sha256"]) for kind, ref in (row.compiled or {}).items()} if settings is not None else {}
         if row.state == "finished" and self.film.samples(row.number) < row.samples:
             row = row._replace(state="queued")  # a power cut has taken the latest of the film

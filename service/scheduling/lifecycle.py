@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 from renderer.errors import SettingsError
@@ -174,7 +175,7 @@ class Lifecycle:
         if row.doubted:
             self._records.believed(row.id)
         compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
-        job = ActiveJob(resolved, frames, film, compiled, scene.blobs)
+        job = ActiveJob(resolved, frames, film, compiled, scene.blobs, partial(self._records.frame_settings, row.id))
         job.verify = self._scheduler.verify if verify is None else verify
         job.checks = self._scheduler.checks
         job.looks = self._scheduler.looks

@@ -10,11 +10,13 @@ from contextlib import suppress
 from dataclasses import asdict, replace
 from typing import Any
 
-from sqlalchemy import bindparam, case, delete, func, null, or_, select, type_coerce, update
+from sqlalchemy import bindparam, delete, func, or_, select, update
 from sqlalchemy.orm import Session, aliased
 
 from renderer.errors import SettingsError
 from renderer.frames import frame_number, frames_text
+from renderer.settings import RenderSettings
+from service.errors import Conflict
 from service.intake.resolve import resolve
 from service.scheduling.active_frame import ActiveFrame, FrameRow
 from service.scheduling.active_job import ActiveJob
@@ -152,13 +154,19 @@ class Records:
 
     def frames(self, job: str) -> list[FrameRow]:
         """The frames of a job, in their order."""
-        over = Frame.state.in_(("finished", "failed"))
-        columns = [getattr(Frame, name) for name in FrameRow._fields if name != "settings"]
-        # What a frame was rendered with is most of its row, and needed no more once it is over.
-        settings = type_coerce(case((over, null()), else_=Frame.settings), Frame.settings.type)
+        columns = [getattr(Frame, name) for name in FrameRow._fields if name != "has_settings"]
         with self._sessions() as session:
-            rows = session.execute(select(*columns, settings).where(Frame.job == job).order_by(Frame.number))
+            # Settings are most of a row: they are read when they are needed.
+            rows = session.execute(select(*columns, Frame.settings.is_not(None)).where(Frame.job == job).order_by(Frame.number))
             return [FrameRow._make(row) for row in rows]
+
+    def frame_settings(self, job: str, frame: int) -> RenderSettings:
+        """What a frame is rendered with, as its row says. Raises Conflict, SettingsError."""
+        with self._sessions() as session:
+            found = session.scalar(select(Frame.settings).where(Frame.job == job, Frame.number == frame))
+        if found is None:
+            raise Conflict("The record of a frame of this job is damaged. Have its frames rendered again.")
+        return RenderSettings.from_json(found)
 
     def frames_change(self, job: str) -> bool:
         """Whether something is being done to its frames: then it is noted as changed once that is over."""

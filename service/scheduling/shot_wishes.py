@@ -35,7 +35,12 @@ class ShotWish:
     @property
     def is_about_frames(self) -> bool:
         """Whether it cannot be fulfilled without a look at the frames."""
-        return self.state == "running" or replace(self, state=None) != ShotWish()
+        return self.state == "running" or not self.is_about_failures
+
+    @property
+    def is_about_failures(self) -> bool:
+        """Whether no other frames matter to it than those that failed."""
+        return replace(self, state=None) == ShotWish()
 
 
 class FrameNow(NamedTuple):
