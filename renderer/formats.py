@@ -47,6 +47,7 @@ FORMATS = (
     Format(".yml", "yaml", is_mesh_file=False, names_files=True, moves=True),
     Format(".glb", "gltf", names_files=True, has_variants=True, moves=True, has_lines=True),
     Format(".gltf", "gltf", names_files=True, has_variants=True, moves=True, has_lines=True),
+    Format(".vrm", "gltf", names_files=True, has_variants=True, moves=True, has_lines=True),
     *(Format(suffix, "usd", names_files=True, has_variants=True, moves=True) for suffix in (".usdz", ".usd", ".usda", ".usdc")),
     Format(".fbx", "fbx", names_files=True, moves=True),
     Format(".pbrt", "pbrt", is_mesh_file=False, names_files=True, moves=True),
@@ -72,6 +73,7 @@ WITHOUT_BLENDER = (
 )
 
 # What other programs keep their scenes in, and how to get out of each what can be read.
+_UNPACK = "Unpack it, and give the folder or a .zip of it"
 _BY_BLENDER = "In Blender, choose File > Import for it, then File > Export > glTF 2.0"
 FOREIGN = {
     ".max": "In 3ds Max, choose File > Export > glTF (2023 and later)",
@@ -80,7 +82,7 @@ FOREIGN = {
     ".skp": "In SketchUp, choose File > Export > 3D Model, and COLLADA (.dae) or glTF there",
     **dict.fromkeys((".step", ".stp", ".iges", ".igs"), "Export STL or glTF from the CAD program"),
     ".abc": _BY_BLENDER.replace("for it", "> Alembic"),
-    **dict.fromkeys((".rar", ".7z", ".tar", ".gz"), "Unpack it, and give the folder or a .zip of it"),
+    **dict.fromkeys((".rar", ".7z", ".tar", ".gz"), _UNPACK),
 }
 
 # What a name holds where the file stands for another one: the cage of a subdivision surface, a shape for collisions.
@@ -116,7 +118,8 @@ def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list
     if not found:
         for name in sorted(names):
             if advice := FOREIGN.get(PurePosixPath(name).suffix.lower()):
-                raise SceneError(f"{name[:200]} cannot be read here. {advice}; give what that writes.")
+                then = "" if advice == _UNPACK else "; give what that writes"
+                raise SceneError(f"{name[:200]} cannot be read here. {advice}{then}.")
         listed = ", ".join(sorted(names)[:5]) or "nothing"
         raise SceneError(
             f"No scene file among what was given ({listed}). A scene is one of {', '.join(SCENE_SUFFIXES)}, or a .zip with one."

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -11,10 +13,13 @@ from blender.rayfarm_addon.scene.ids import ids_of
 from blender.rayfarm_addon.scene.model import TO_Y_UP, Material, Mesh, Node, Scene, TextureUse
 from blender.rayfarm_addon.scene.placing import decompose
 from blender.rayfarm_addon.scene.view import Lens, shot_of
+from blender.rayfarm_addon.scene.world import read_world
 from renderer.scene.animation import Moment, Shutter
 from renderer.scene.load import Shot, read
 from renderer.scene.moving import while_open
 from renderer.scene.objects import number_objects
+from tests.blender.fake_nodes import Node as Sky
+from tests.blender.fake_nodes import linked
 
 TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
 
@@ -164,3 +169,30 @@ def test_pass_indices_are_those_of_the_farms_numbers(tmp_path) -> None:
     scene.materials["blue"].gltf = {"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}}}
     ids = ids_of(scene)  # where glass is, the farm alone knows which of it has no inside
     assert list(ids.material(np.full(len(objects), 99), objects)) == [wanted[instance.name][1] for instance in found.instances]
+
+
+@pytest.mark.parametrize(
+    ("kind", "has_sun", "strength"), [("NISHITA", True, 4.9), ("HOSEK_WILKIE", False, 0.085), ("PREETHAM", False, 0.65)]
+)
+def test_a_sky_is_the_scene_files_own(kind: str, has_sun: bool, strength: float, tmp_path) -> None:
+    """Blender's brightness: 49 times ours where it has a sun; a request could not say of what size that is."""
+    node = Sky("TEX_SKY", {"Vector": None}, ("Color",), sky_type=kind, sun_direction=(0.0, 0.5, 0.75**0.5))
+    node.sun_elevation, node.sun_rotation, node.sun_size, node.sun_disc = np.radians(60), np.radians(30), np.radians(2), True
+    node.air_density, node.dust_density, node.ozone_density = 1.0, 2.0, 3.0
+    shines = Sky("BACKGROUND", {"Color": None, "Strength": 0.1}, ("Background",))
+    output = linked(linked(node, shines, "Color"), Sky("OUTPUT_WORLD", {"Surface": None, "Volume": None}, ()), "Surface")
+    tree = SimpleNamespace(get_output_node=lambda engine: output)
+    scene = Scene(meshes={"a": mesh("a")}, nodes=[Node("a", "a", (), np.eye(4))])
+    scene.world = read_world(scene, SimpleNamespace(use_nodes=True, node_tree=tree))
+    assert ["its sky" in sentence for sentence in scene.warnings] == [True]
+    written(scene, tmp_path)
+    environment = read(tmp_path, MAIN).environment
+    assert environment is not None
+    assert environment.sky is not None
+    np.testing.assert_allclose(np.multiply(environment.color, environment.strength), strength)
+    assert environment.sky.sun == has_sun
+    assert environment.sky.sun_elevation == pytest.approx(60)
+    if has_sun:
+        told = [getattr(environment.sky, name) for name in ("sun_azimuth", "sun_size", "air", "dust", "ozone")]
+        assert told == pytest.approx([30, 2, 1, 2, 3])
+        assert environment.sky.ground_albedo == (0, 0, 0)

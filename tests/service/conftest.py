@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from argon2 import PasswordHasher
 
 TOKEN = "the farm's token"
+OVER = ("finished", "failed", "cancelled")
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 # The files, here, whose tests with a service are run on either database, and the beginnings of the names of those that are so
 # without --long: what asks the database for something that the others do not.
@@ -135,7 +136,8 @@ class Service:
         return self.http.patch(f"/api/jobs/{id}", json=change).raise_for_status().json()
 
     def wait_for(self, id: str, state: str, timeout: float = 20.0) -> dict[str, Any]:
-        until(lambda: self.job(id)["state"] == state, f"job {state}", timeout, lambda: self.job(id))
+        rarely = 0.25 if state in OVER else 0.1  # what is over stays so
+        until(lambda: self.job(id)["state"] == state, f"job {state}", timeout, lambda: self.job(id), rarely)
         return self.job(id)
 
     def digest(self, id: str) -> str:
@@ -172,14 +174,18 @@ def place_database(data: Path) -> None:
         path.write_bytes(_made_database())
 
 
-def until(true: Callable[[], bool], what: str, timeout: float = 20.0, say: Callable[[], Any] = lambda: "") -> None:
-    """Wait until something is true. Mostly asked for over HTTP: so not so often after a while, as others need the processor."""
+def until(
+    true: Callable[[], bool], what: str, timeout: float = 20.0, say: Callable[[], Any] = lambda: "", rarely: float = 0.1
+) -> None:
+    """Wait until something is true. Mostly asked for over HTTP: so after a while only every `rarely` seconds: asking is a
+    fifth of what such a test takes of the processor.
+    """
     deadline = time.monotonic() + timeout
     pause = 0.02
     while not true():
         assert time.monotonic() < deadline, f"waited {timeout} s until {what}: {say()}"
         time.sleep(pause)
-        pause = min(1.3 * pause, 0.1)
+        pause = min(1.3 * pause, rarely)
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ import { followTallies } from "./news/job-list.js";
 import { showHelp } from "./shell/help-dialog.js";
 import { emptyPage } from "./shell/hints.js";
 import { tellOfEnds } from "./shell/notify.js";
-import { linkTo, onNavigate } from "./shell/router.js";
+import { here, linkTo, onNavigate } from "./shell/router.js";
 import { followScroll, scrollToPlace } from "./shell/scroll-memory.js";
 import { buildShell } from "./shell/shell.js";
 import { addShortcuts } from "./shell/shortcuts.js";
@@ -86,6 +86,8 @@ const fault = (error) =>
 addEventListener("error", (event) => event.error && fault(event.error));
 addEventListener("unhandledrejection", (event) => fault(event.reason));
 
+// A link that lets in, opened in a tab that shows this page already, changes the address alone.
+addEventListener("hashchange", () => here().path[0] === "login" && location.reload());
 const code = takeCode();
 const must = await mustLogIn();
 if (code !== null || must) {

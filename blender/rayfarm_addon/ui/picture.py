@@ -43,7 +43,7 @@ def requested(settings: Any, spp: int) -> dict[str, Any]:
 def light_of(world: World) -> Light:
     """The world as a request has it."""
     image = None if world.image is None else (world.image.name, world.image.content)
-    return Light(world.color, image, world.sky, world.strength, world.rotation)
+    return Light(world.color, image, world.sky is not None, world.strength, world.rotation)
 
 
 def _border(render: Any, size: tuple[int, int]) -> tuple[int, int, int, int] | None:

@@ -16,6 +16,7 @@ from .prepared import prepare
 from .rays import note_rays, passed_by, with_rays
 from .settings import note_settings, settings_of
 from .simplified import simplify
+from .stills import as_stills
 from .surfaces import note_surfaces
 from .world import write_world
 
@@ -50,6 +51,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
     _note_left_out(shown, notes)
     _note_hair(shown, notes)
     solid = [thing for thing in shown if thing.type in MESHES]
+    as_stills(bpy, _materials(solid), notes)
     surfaces = simplify(bpy, solid, addon, notes)
     bake(bpy, scene, solid, notes)
     note_surfaces(_materials(solid), notes)

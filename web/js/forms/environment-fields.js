@@ -255,7 +255,7 @@ async function sent(file) {
   try {
     return await addEnvironment(file, {
       signal: abort.signal,
-      progress: (done, all) => setText(line, done < all ? t("{done} of {all}", { done: bytes(done), all: bytes(all) }) : t("A worker looks at it …")),
+      progress: (done, all) => setText(line, done < all ? t("{done} of {all}", { done: bytes(done), all: bytes(all) }) : t("A worker checks it …")),
     });
   } catch (error) {
     if (!abort.signal.aborted) showError(t("{name} was not taken", { name: file.name }), error);

@@ -68,7 +68,7 @@ export function progressPanel() {
     setText(
       left,
       latest.state === "running"
-        ? latest.eta_s == null
+        ? latest.eta_s == null || latest.message // it does not go on: what it takes so cannot be foretold
           ? "…"
           : clock(latest.eta_s - since)
         : "–",
@@ -125,7 +125,7 @@ export function progressPanel() {
         fill(
           bad,
           h("p", null, badSentence(job)),
-          replay && h("p", null, t("To see how the first came about:")),
+          replay && h("p", null, t("To follow the first one:")),
           replay && command(replay),
         );
       }
@@ -140,7 +140,7 @@ function badSentence({ bad_samples: n, frames }) {
     .slice(0, BAD_NAMED)
     .map(({ x, y, sample }) => t("pixel {x}, {y} sample {sample}", { x, y, sample }));
   const first = where.length ? t(" First: {places}.", { places: where.join("; ") }) : "";
-  return tn(n, "{n} sample came out as no number and was left out.", "{n} samples came out as no number and were left out.") + first;
+  return tn(n, "{n} sample was not a number and was left out.", "{n} samples were not numbers and were left out.") + first;
 }
 
 /** @param {Job} job @returns {number} of all pixels, with which it began */
@@ -194,7 +194,7 @@ export function actionsPanel() {
   more.append(number);
   more.title = t("As many again: the same picture as if all had been asked for at once");
   const keep = button("keep", t("Keep"), (job) => change(job, { pinned: !job.pinned }, t("The job was not changed")));
-  keep.title = t("Stays whatever its age: its picture, and its scene's files");
+  keep.title = t("Never deleted automatically: its picture, and its scene's files");
   const element = h("div", { class: "row actions for-submit" }, resume, pause, cancel, more, keep);
   return {
     element,

@@ -27,7 +27,7 @@ export function stageNotices(stage, job, life) {
   const update = () => {
     const { state, samples, message } = job();
     waiting.hidden = samples > 0 || !(state === "queued" || ENDED.includes(state));
-    setText(why, ENDED.includes(state) ? t("Nothing of it was rendered.") : said(message) || t("Waits for its first samples."));
+    setText(why, ENDED.includes(state) ? t("Nothing was rendered.") : said(message) || t("Waits for its first samples."));
   };
   update();
   return { update };

@@ -9,6 +9,7 @@ import { filesOfDrop, filesOfList, titleOf } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { areImages, hasLight, offerLight } from "./light-drop.js";
 import { addEnvironment } from "../news/environments.js";
+import { said } from "../base/said.js";
 import { mayChange } from "../news/projects.js";
 import { go, here } from "./router.js";
 import { Card, announce, showError } from "./tray.js";
@@ -26,7 +27,7 @@ export const LACKS = /; add (it|them)/;
 async function start(files) {
   if (!files.length) {
     const { formats } = await getInfo();
-    showError(t("Nothing to upload"), t("There is no file in what was dropped. A scene is one of {formats}.", { formats: formats.join(" ") }));
+    showError(t("Nothing to upload"), t("There was no file in what you dropped. A scene is one of {formats}.", { formats: formats.join(" ") }));
     return;
   }
   const sent = files.map(({ file }) => file);
@@ -45,7 +46,7 @@ async function start(files) {
     for (const [suffix, advice] of Object.entries(foreign)) {
       const at = paths.findIndex((path) => path.endsWith(suffix));
       if (at < 0) continue;
-      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), t("{advice}; drop what that writes.", { advice }));
+      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), advice.startsWith("Unpack") ? `${said(advice)}.` : t("{advice}; drop what that writes.", { advice: said(advice) }));
       return;
     }
   }
@@ -146,7 +147,7 @@ async function send(files, fields = {}) {
     if (!abort.signal.aborted)
       showError(t("{title} was not taken", { title }), error, {
         // The service's own sentences say what to do; a lost connection has none.
-        remedy: error instanceof ApiError && error.status === 0 ? t("Drop it again once the service is back.") : undefined,
+        remedy: error instanceof ApiError && error.status === 0 ? t("Drop it again when the service is back.") : undefined,
         action: { label: t("Choose other files"), run: () => choose({ folder: false }) },
       });
     return null;
@@ -163,12 +164,12 @@ function explainImages(files) {
   const keep = () => {
     const abort = new AbortController();
     addEnvironment(file, { progress: () => {}, signal: abort.signal }).then(
-      () => announce(t("{name} is among the lights of every scene now", { name })),
+      () => announce(t("{name} is now among the lights of every scene", { name })),
       (error) => showError(t("{name} was not taken", { name }), error),
     );
   };
   showError(t("{name} is no scene", { name }), isLight ? t("It can light one: open a scene, and drop it there.") : t("Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it."), {
-    action: isLight ? { label: t("Keep it among the lights"), run: keep } : undefined,
+    action: isLight ? { label: t("Add it to the lights"), run: keep } : undefined,
   });
 }
 

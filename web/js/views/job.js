@@ -74,7 +74,7 @@ export function jobView(id) {
             emptyPage(
               wasThere ? "trash" : "image",
               wasThere ? t("This picture was deleted") : t("This picture is not here"),
-              !wasThere && h("p", null, error.status === 404 ? t("It was deleted, or its address is not whole.") : error.message),
+              !wasThere && h("p", null, error.status === 404 ? t("It was deleted, or its address is incomplete.") : error.message),
               h("a", { href: linkTo("jobs") }, t("To the jobs")),
             ),
           );

@@ -38,7 +38,7 @@ export function sceneView(id) {
   const gone = ({ message, status }) =>
     fill(
       element,
-      emptyPage("cube", t("This scene is not here"), h("p", null, status === 404 ? t("It was deleted, or its address is not whole.") : message), h("a", { href: linkTo() }, t("To the scenes"))),
+      emptyPage("cube", t("This scene is not here"), h("p", null, status === 404 ? t("It was deleted, or its address is incomplete.") : message), h("a", { href: linkTo() }, t("To the scenes"))),
     );
 
   let asked = false;
@@ -130,7 +130,7 @@ function ready(page, scene, life) {
       adoptJob(job);
       go("jobs", job.id);
     } catch (error) {
-      showError(t("The picture was not started"), error);
+      showError(t("The job could not be started"), error);
     }
   };
   const like = (jobs.value ?? []).find(({ id }) => id === here().params.get("like")) ?? null;

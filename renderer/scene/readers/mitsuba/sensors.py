@@ -87,6 +87,8 @@ def _film(source: Element, document: Document, description: SceneDescription, is
         named = next(iter(film.of("rfilter")), None) if film is not None else None
         if named is not None and named.type in _FILTERS:
             description.defaults["filter"] = _FILTERS[named.type]
+        elif named is not None and named.type != "gaussian":  # which Blackman and Harris's is much like
+            document.ignore(f"{named.what}: pixels are filtered after Blackman and Harris")
     return width, height
 
 
