@@ -14,10 +14,11 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import FunctionPass, PassManager, _pass_registry, register_pass
 from numba.core.ir_utils import get_definition, guard
-from numba.core.typed_passes import AnnotateTypes, IRLegalization, NopythonTypeInference
-from numba.core.untyped_passes import InlineInlinables
+from numba.core.typed_passes import IRLegalization, NopythonTypeInference
+from numba.core.untyped_passes import InlineClosureLikes, InlineInlinables
 from numba.extending import intrinsic
 
+from renderer.left_out import LEFT_OUT, InlineClosures, Legalize
 from renderer.linking import ChooseLibrary
 from renderer.reference import Reference
 from renderer.typed_before import TypeOnce
@@ -66,22 +67,20 @@ class _Steps(PassManager):
 
 class Compiler(CompilerBase):
     """Numba's own, with that step after the templates are written into their callers, and before branches are pruned; operations
-    are typed once.
-
-    Nothing is annotated: nobody reads it, and it is kept with the machine code.
+    are typed once, and steps are left out that find nothing.
     """
 
     def define_pipelines(self) -> list[Any]:
         """The steps of one way to compile."""
         steps = _Steps("nopython")
-        own = {NopythonTypeInference: TypeOnce}
+        own = {NopythonTypeInference: TypeOnce, InlineClosureLikes: InlineClosures, IRLegalization: Legalize}
         steps.passes = [
             (own.get(step, step), said)
             for step, said in DefaultPassBuilder.define_nopython_pipeline(self.state).passes
-            if step is not AnnotateTypes
+            if step not in LEFT_OUT
         ]
         steps.add_pass_after(KnowWhatIsAbsent, InlineInlinables)
-        steps.add_pass_after(ChooseLibrary, IRLegalization)
+        steps.add_pass_after(ChooseLibrary, Legalize)
         steps.finalize()
         return [steps]
 

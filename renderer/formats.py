@@ -47,6 +47,7 @@ FORMATS = (
     Format(".yml", "yaml", is_mesh_file=False, names_files=True, moves=True),
     Format(".glb", "gltf", names_files=True, has_variants=True, moves=True, has_lines=True),
     Format(".gltf", "gltf", names_files=True, has_variants=True, moves=True, has_lines=True),
+    Format(".vrm", "gltf", names_files=True, has_variants=True, moves=True, has_lines=True),
     *(Format(suffix, "usd", names_files=True, has_variants=True, moves=True) for suffix in (".usdz", ".usd", ".usda", ".usdc")),
     Format(".fbx", "fbx", names_files=True, moves=True),
     Format(".pbrt", "pbrt", is_mesh_file=False, names_files=True, moves=True),
@@ -72,6 +73,7 @@ WITHOUT_BLENDER = (
 )
 
 # What other programs keep their scenes in, and how to get out of each what can be read.
+_UNPACK = "Unpack it, and give the folder or a .zip of it"
 _BY_BLENDER = "In Blender, choose File > Import for it, then File > Export > glTF 2.0"
 FOREIGN = {
     ".max": "In 3ds Max, choose File > Export > glTF (2023 and later)",
@@ -80,7 +82,7 @@ FOREIGN = {
     ".skp": "In SketchUp, choose File > Export > 3D Model, and COLLADA (.dae) or glTF there",
     **dict.fromkeys((".step", ".stp", ".iges", ".igs"), "Export STL or glTF from the CAD program"),
     ".abc": _BY_BLENDER.replace("for it", "> Alembic"),
-    **dict.fromkeys((".rar", ".7z", ".tar", ".gz"), "Unpack it, and give the folder or a .zip of it"),
+    **dict.fromkeys((".rar", ".7z", ".tar", ".gz"), _UNPACK),
 }
 
 # What a name holds where the file stands for another one: the cage of a subdivision surface, a shape for collisions.
@@ -97,11 +99,11 @@ def is_junk(name: str) -> bool:
     return any(part.startswith(".") or part in ("__MACOSX", "Thumbs.db", "desktop.ini") for part in parts)
 
 
-def pick_main(names: list[str]) -> tuple[str, list[str]]:
+def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list[str]]:
     """The scene file among the names, and warnings where others could have been meant.
 
     The best suffix wins, then the shallowest path, then a name that does not say it is an auxiliary, then the shortest, then
-    the alphabet. Raises SceneError where none is a scene.
+    the alphabet; but before all others the preferred one, if it is a scene. Raises SceneError where none is.
     """
     readers = [format.reader for format in FORMATS]
     # A USD scene's layers may be of all of USD's kinds: the kind does not tell which is at the top.
@@ -116,12 +118,13 @@ def pick_main(names: list[str]) -> tuple[str, list[str]]:
     if not found:
         for name in sorted(names):
             if advice := FOREIGN.get(PurePosixPath(name).suffix.lower()):
-                raise SceneError(f"{name[:200]} cannot be read here. {advice}; give what that writes.")
+                then = "" if advice == _UNPACK else "; give what that writes"
+                raise SceneError(f"{name[:200]} cannot be read here. {advice}{then}.")
         listed = ", ".join(sorted(names)[:5]) or "nothing"
         raise SceneError(
             f"No scene file among what was given ({listed}). A scene is one of {', '.join(SCENE_SUFFIXES)}, or a .zip with one."
         )
-    found.sort()
+    found.sort(key=lambda each: (each[-1] != preferred, each))
     main = found[0][-1]
     rivals = [f[-1] for f in found[1:] if f[0] == found[0][0] and not _is_included(f[-1])]
     # What a scene may be made of is none; beside a file that names no others, every scene is one.

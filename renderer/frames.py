@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
 from renderer.errors import SettingsError
@@ -21,6 +21,7 @@ __all__ = [
 ]
 
 MAX_FRAMES = 100_000
+MOST_RUNS = 200  # written one by one
 MOST_NAMED = 2 * MAX_FRAMES  # those that are named again included
 MAX_FRAME = 10_000_000
 _NUMBER = r"(\d{1,8}(?:\.[05])?)"
@@ -74,15 +75,38 @@ def frame_text(frame: float) -> str:
     return f"{frame:g}" if frame < 1e5 else f"{frame:.1f}".removesuffix(".0")
 
 
-def frames_text(frames: list[float]) -> str:
-    """Frames as a person would write them: runs of whole numbers as ranges."""
+def frames_text(frames: Iterable[float]) -> str:
+    """Frames as a person would write them: runs of whole numbers as ranges; where that is long, also those in equal steps."""
+    numbers = sorted(frames)
     runs: list[list[float]] = []
-    for frame in sorted(frames):
+    for frame in numbers:
         if runs and frame == runs[-1][1] + 1:
             runs[-1][1] = frame
         else:
             runs.append([frame, frame])
-    return ",".join(frame_text(a) if a == b else f"{frame_text(a)}-{frame_text(b)}" for a, b in runs)
+    if len(runs) <= MOST_RUNS:
+        return ",".join(_run_text(a, b) for a, b in runs)
+    return ",".join(_run_text(*run) for run in _steps(numbers))
+
+
+def _run_text(first: float, last: float, step: float = 1) -> str:
+    if first == last:
+        return frame_text(first)
+    return f"{frame_text(first)}-{frame_text(last)}{f'x{frame_text(step)}' if step != 1 else ''}"
+
+
+def _steps(numbers: list[float]) -> Iterator[tuple[float, float, float]]:
+    """Runs of at least three in equal steps, and what is between them one by one: first, last and step."""
+    at = 0
+    while at < len(numbers):
+        end = at + 1
+        step = numbers[end] - numbers[at] if end < len(numbers) else 1
+        while end < len(numbers) and numbers[end] - numbers[end - 1] == step:
+            end += 1
+        if end - at < 3 or step == 0:
+            end = at + 1
+        yield numbers[at], numbers[end - 1], step if end > at + 1 else 1
+        at = end
 
 
 def numbers_of(pattern: str, names: Iterable[str]) -> list[int]:

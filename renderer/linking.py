@@ -11,11 +11,13 @@ from typing import Any
 
 import llvmlite.binding as llvm
 from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import compile_result
 from numba.core.compiler_machinery import AnalysisPass, register_pass
 
-__all__ = ["ChooseLibrary", "stay_apart"]
+__all__ = ["ChooseLibrary", "part_of", "stay_apart"]
 
 _APART = ".apart"  # the name of a library whose function is never merged into its callers ends so, in files too
+_PART = "part"  # of what was kept
 _ENVIRONMENT = "_ZN08NumbaEnv"  # the names of what a function knows of Python begin so
 
 
@@ -26,37 +28,124 @@ def stay_apart(library: Any) -> None:
 
 
 class _Kernel(JITCodeLibrary):
-    """A function that Python calls: functions that stay apart are linked when its own code is optimised."""
+    """A function that Python calls: functions that stay apart are linked when its own code is optimised.
+
+    counts: whether it has arrays of its own, whose references are counted. beneath: the code of those that stay apart, by their
+    names, each after all that it calls itself.
+    """
+
+    counts = False
+    beneath: dict[str, Any]
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """By themselves, before anything is linked: only what Numba knows how to leave out then."""
+        if self.counts:
+            super()._optimize_functions(ll_module)
+        ll_module.data_layout = self._codegen._data_layout
+
+    def _optimize_final_module(self) -> None:
+        if self.counts:
+            super()._optimize_final_module()
+            return
+        passes = self._codegen._pass_builder()
+        passes.getModulePassManager().run(self._final_module, passes)
 
     def finalize(self) -> None:
         """As Numba's, but for that order."""
         self._raise_if_finalized()
-        linked = dict.fromkeys(self._linking_libraries)
-        for library in linked:
+        self.beneath = {}
+        for library in dict.fromkeys(self._linking_libraries):
             self._reload_init.update(library._reload_init)
-        for library in (library for library in linked if not library.name.endswith(_APART)):
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+            if isinstance(library, _Part):
+                self.beneath.update(library.beneath)
+            if library.name.endswith(_APART):
+                self.beneath[library.own_name] = library._get_module_for_linking()
+            else:
+                self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         self._optimize_final_module()
-        for library in (library for library in linked if library.name.endswith(_APART)):
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
-        self._final_module.verify()
         self._finalize_final_module()
+
+    def _finalize_final_module(self) -> None:
+        for module in reversed(self.beneath.values()):  # what nothing before it calls is left out
+            self._final_module.link_in(llvm.parse_bitcode(module) if isinstance(module, bytes) else module, preserve=True)
+        self._final_module.verify()
+        super()._finalize_final_module()
 
 
 class _Part(_Kernel):
-    """A function that only others of ours call: it is there to be linked. In place of its machine code there are its environments
-    alone, into which Numba writes.
+    """A function that only others of ours call: it is there to be linked, and never becomes machine code by itself.
+
+    What Numba calls its environment, by which it would know of Python's objects, is there for nobody.
     """
 
+    @property
+    def codegen(self) -> Any:
+        """What Numba tells the environment to."""
+        return _Nobody
+
+    def _optimize_final_module(self) -> None:
+        for variable in self._environments():
+            variable.linkage = "linkonce_odr"  # left out where it is not used
+        super()._optimize_final_module()
+        if any(self._environments()):
+            raise NotImplementedError(f"{self.name} asks for something of Python's while it runs")
+
+    def _environments(self) -> list[Any]:
+        return [variable for variable in self._final_module.global_variables if variable.name.startswith(_ENVIRONMENT)]
+
     def _finalize_final_module(self) -> None:
-        whole = self._final_module
-        names = [variable.name for variable in whole.global_variables if variable.name.startswith(_ENVIRONMENT)]
-        text = "\n".join(
-            [str(self._codegen._create_empty_module(self.name)), *(f'@"{n}" = common global i8* null' for n in names)]
-        )
-        self._final_module = llvm.parse_assembly(text)
-        super()._finalize_final_module()
-        self._final_module = whole
+        self._finalize_dynamic_globals()
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == llvm.Linkage.external:
+                self.own_name = function.name
+                function.linkage = "linkonce_odr"  # each caller has its copy, or none where it is merged
+        self._shared_module = self._final_module
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """None: there is no machine code of it."""
+        return 0
+
+    def serialize_using_object_code(self) -> tuple[str, str, Any]:
+        """What is kept of it."""
+        self.beneath = {name: each if isinstance(each, bytes) else each.as_bitcode() for name, each in self.beneath.items()}
+        return self.name, _PART, (self.own_name, self._final_module.as_bitcode(), self.beneath)
+
+
+class _Nobody:
+    @staticmethod
+    def set_env(name: str, environment: Any) -> None:
+        """Nothing."""
+
+
+def part_of(context: Any, kept: Any) -> Any:
+    """A part, as Numba knows it, out of what was kept; None of a kernel."""
+    (name, kind, code), descriptor, environment, signature, objectmode, lifted, annotation, reload_init, environments = kept
+    if kind != _PART:
+        return None
+    for function in reload_init:
+        function()
+    library = _Part(context.codegen(), name)
+    library.own_name, own, library.beneath = code
+    library._final_module = library._shared_module = llvm.parse_bitcode(own)
+    library._finalized = True
+    return compile_result(
+        typing_context=context.typing_context,
+        target_context=context,
+        entry_point=context.get_executable(library, descriptor, environment),
+        typing_error=None,
+        type_annotation=annotation,
+        signature=signature,
+        objectmode=objectmode,
+        lifted=lifted,
+        fndesc=descriptor,
+        library=library,
+        call_helper=None,
+        environment=environment,
+        metadata=None,
+        reload_init=reload_init,
+        referenced_envs=environments,
+    )
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
@@ -72,5 +161,6 @@ class ChooseLibrary(AnalysisPass):
         """Whether anything was changed, as Numba asks of its passes."""
         kind = _Part if state.flags.no_cpython_wrapper else _Kernel
         state.library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.counts = state.flags.nrt
         state.library.enable_object_caching()
         return False

@@ -15,8 +15,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from numba.core.caching import FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.serialize import dumps
+
+from renderer.linking import part_of
 
 __all__ = ["SUFFIX", "Kept", "noted"]
 
@@ -41,11 +43,21 @@ def noted() -> Iterator[set[Path]]:
         _noted = None
 
 
+class _Results(CompileResultCacheImpl):
+    """Numba's, but for the functions that only others of ours call."""
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """The function, out of what was kept of it."""
+        return part_of(target_context, payload) or super().rebuild(target_context, payload)
+
+
 class Kept(FunctionCache):
     """A function's machine code. Numba's, but for the files.
 
     is_kernel: whether Python calls it, so that it is `noted`.
     """
+
+    _impl_class = _Results
 
     def __init__(self, function: Any, is_kernel: bool) -> None:
         super().__init__(function)

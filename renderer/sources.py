@@ -22,6 +22,8 @@ ROOT = Path(__file__).parent
 MACHINE_CODE = (
     "jit.py",
     "absent.py",
+    "left_out.py",
+    "quicker.py",
     "typed_before.py",
     "linking.py",
     "machine_code.py",

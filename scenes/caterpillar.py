@@ -22,7 +22,7 @@ from scene_text import Scene, Shape, sphere, text_of
 __all__ = ["files"]
 
 HERE = Path(__file__).parent
-COMMENT = "A shot of four seconds: a top runs around a toy caterpillar, which looks after it as far as its neck turns."
+COMMENT = "A shot of four seconds: a top runs around a toy caterpillar, which watches it as far as its neck turns."
 GENERATOR = "scenes/caterpillar.py"
 MOMENTS = np.arange(FRAMES) / FPS
 

@@ -1,6 +1,6 @@
 """How the caterpillar and the top of the folder caterpillar/ move: four seconds that end where they begin.
 
-The top runs around the caterpillar, which looks after it as far as its neck turns, and then waits for it on the other side.
+The top runs around the caterpillar, which watches it as far as its neck turns, and then waits for it on the other side.
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ from service.access.redis_users import RedisUsers
 from service.errors import CannotStart, Conflict, FarmError
 from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
+from service.keeping.deleting import Deleting
 from service.keeping.doubts import Doubts
 from service.keeping.patrol import Patrol
 from service.keeping.retention import Retention, Rules
@@ -79,6 +80,8 @@ class Farm:
             settings.data / "films", settings.film_cache_bytes, self.snapshots, self.owning.epoch, self.owning.guard
         )
         self.kernels = KernelStore(settings.data / "kernels", settings.token)
+        self.deleting = Deleting(self.sessions, self.garbage, self.reserve, self.changed)
+        self.frame_changes = self.deleting.frames
         self.broadcast = Broadcast()
         self.shared = Shared(self.broadcast, settings.live_bytes)
         self.pictures = Pool(settings.picture_bytes)
@@ -126,6 +129,7 @@ class Farm:
         self.redis_users.start()
         self.desk.start()
         self.outbox.start()
+        self.frame_changes.start()
         self.patrol.start()
         self.doubts.start()
         self.retention.start()
@@ -135,6 +139,7 @@ class Farm:
         self.broadcast.close()
         self.redis_users.stop()
         self.outbox.stop()
+        self.frame_changes.stop()
         self.patrol.stop()
         self.doubts.stop()
         self.retention.stop()

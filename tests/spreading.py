@@ -24,6 +24,7 @@ SHARE_THE_FARM = (
 WITHOUT_A_FARM = tuple(
     f"tests/e2e/test_{name}.py"
     for name in (
+        "again",
         "assets",
         "jobs",
         "login",
@@ -32,6 +33,8 @@ WITHOUT_A_FARM = tuple(
         "projects",
         "queue",
         "queue_form",
+        "said",
+        "scene_grid",
         "settings_form",
         "shot_form",
     )

@@ -83,6 +83,7 @@ def test_the_wheel_says_what_it_is(wheel: Path) -> None:
     assert "License-Expression: Apache-2.0\n" in said
 
 
+@pytest.mark.long
 def test_the_source_archive_makes_the_same_wheel(wheel: Path, tmp_path: Path) -> None:
     with tarfile.open(next(wheel.parent.glob("rayfarm-*.tar.gz"))) as archive:
         archive.extractall(tmp_path / "source", filter="data")

@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 from service.access.roles import Caller
 from service.errors import NoRoom, NotFound, OverQuota
 from service.store.database import Sessions
-from service.store.models import ACTIVE, Environment, Frame, Job, Key, Quota, Reference, Scene, Spent, User
+from service.store.models import ACTIVE, Environment, Frame, FrameChange, Job, Key, Quota, Reference, Scene, Spent, User
 
 __all__ = ["DAY_S", "MOST", "NO_LIMITS", "Allowance", "Limits", "Quotas", "spend"]
 
@@ -159,8 +159,9 @@ class Quotas:
             .join(Job, Frame.job == Job.id)
             .where(_is(Job, whose), (Job.created > since) | Job.state.in_(ACTIVE))
         )
+        coming = select(func.sum(cast(FrameChange.samples, Float))).join(Job, FrameChange.job == Job.id).where(_is(Job, whose))
         gone = select(func.sum(Spent.samples)).where(_is(Spent, whose), Spent.created > since)
-        return min(int(session.scalar(of_jobs) or 0) + int(session.scalar(gone) or 0), MOST)
+        return min(sum(int(session.scalar(each) or 0) for each in (of_jobs, coming, gone)), MOST)
 
     def _frees_after(self, whose: str, session: Session) -> float:
         oldest = session.scalar(select(func.min(Job.created)).where(_is(Job, whose), Job.created > time.time() - DAY_S))
@@ -172,7 +173,7 @@ def spend(jobs: Iterable[Job], session: Session) -> None:
     since = time.time() - DAY_S
     session.execute(delete(Spent).where(Spent.created < since))
     for job in jobs:
-        if job.user is not None and job.created > since:
+        if job.user is not None and job.created > since and session.get(Spent, job.id) is None:
             samples = session.scalar(select(func.sum(Frame.samples)).where(Frame.job == job.id))
             session.add(Spent(job=job.id, user=job.user, key=job.key, created=job.created, samples=int(samples or 0)))
 

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import logging
 import time
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from renderer.errors import SettingsError
-from renderer.frames import frame_key, frame_number, frames_text
-from renderer.settings import RenderSettings
+from renderer.frames import frame_number, frames_text
+from service.api.describe_frames import RECORDED, Recorded, bad_samples_of, latest, one_frame, still_numbers
 from service.api.queue_fields import WaitOut, waits_of, waits_sentence, warning_of
 from service.api.schemas import (
-    BadSampleOut,
-    FrameOut,
     FrameState,
     JobOut,
     MeasuredOut,
@@ -27,8 +23,8 @@ from service.api.schemas import (
     ShotOut,
     TakenOut,
 )
+from service.api.shot_sums import ShotSums, sums_of
 from service.api.worker_fields import worker_out
-from service.errors import FarmError
 from service.scheduling.active_frame import FrameNumbers
 from service.scheduling.engine import Engine
 from service.scheduling.needs import Needs
@@ -36,16 +32,12 @@ from service.scheduling.snapshot import JobNumbers, Snapshot
 from service.scheduling.workers import Roster
 from service.shot import Shot
 from service.store.models import ACTIVE, Frame, Job, Scene
-from worker.protocol.reproduce import sample_command
 
-__all__ = ["UNREADABLE", "frame_out", "frames_out", "job_out", "jobs_out", "scene_out", "snapshot"]
+__all__ = ["UNREADABLE", "job_out", "jobs_out", "scene_out", "snapshot"]
 
 log = logging.getLogger(__name__)
 
-BAD_SHOWN = 16
 MOST_NAMED = 500  # jobs in one query
-Recorded = list[tuple[int, FrameNumbers]]  # the frames of a job: their keys, and how far they are
-_RECORDED = FrameNumbers._fields  # of a frame's row
 UNREADABLE = (
     "The record of this {what} cannot be read: it is damaged, or another release of Rayfarm wrote it. "
     "Delete it, or go back to that release."
@@ -81,15 +73,17 @@ def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapsh
     whoever looks at the engine last finds them in neither.
     """
     view = view or engine.snapshot
-    recorded = _recorded([job.id for job in jobs], session)
+    shots = {job.id for job in jobs if job.shot is not None}
+    recorded = _recorded([job.id for job in jobs if job.id not in shots], session)
+    sums = sums_of([job for job in jobs if job.id in shots], view.jobs, session)
     waits = waits_of(jobs, session)
-    return [_one_out(job, recorded.get(job.id, []), engine, view, waits.get(job.id, [])) for job in jobs]
+    return [_one_out(job, recorded.get(job.id, []), sums.get(job.id), engine, view, waits.get(job.id, [])) for job in jobs]
 
 
 def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
-    """The frames of jobs as they were last written down, by job."""
+    """The frames of stills as they were last written down, by job."""
     found: dict[str, Recorded] = {}
-    columns = [getattr(Frame, name) for name in ("job", "number", *_RECORDED)]
+    columns = [getattr(Frame, name) for name in ("job", "number", *RECORDED)]
     for at in range(0, len(jobs), MOST_NAMED):
         query = select(*columns).where(Frame.job.in_(jobs[at : at + MOST_NAMED])).order_by(Frame.job, Frame.number)
         for job, number, *numbers in session.execute(query):
@@ -97,11 +91,11 @@ def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
     return found
 
 
-def _one_out(job: Job, recorded: Recorded, engine: Engine, view: Snapshot, waits: list[WaitOut]) -> JobOut:
+def _one_out(job: Job, recorded: Recorded, sums: ShotSums | None, engine: Engine, view: Snapshot, waits: list[WaitOut]) -> JobOut:
     try:
-        out = _job_out(job, recorded, view, waits)
+        out = _job_out(job, recorded, sums, view, waits)
         for frame in out.frames if job.shot is None else ():
-            frame.bad = _bad_samples(job, frame, engine)
+            frame.bad = bad_samples_of(job, frame, engine)
         return out
     except Exception as error:
         log.warning("job %s cannot be described: %r", job.id, error)
@@ -109,7 +103,7 @@ def _one_out(job: Job, recorded: Recorded, engine: Engine, view: Snapshot, waits
         plain = Job(
             **{name: getattr(job, name) for name in known}, state="failed", error=UNREADABLE.format(what="job"), request={}
         )
-        return _job_out(plain, recorded, view, [])
+        return _job_out(plain, recorded, None, view, [])
 
 
 def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
@@ -145,17 +139,18 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
     )
 
 
-def _job_out(job: Job, recorded: Recorded, view: Snapshot, waits: list[WaitOut]) -> JobOut:
+def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snapshot, waits: list[WaitOut]) -> JobOut:
     known = view.jobs.get(job.id)
     live = known if job.state in ACTIVE else None
     shot = Shot.of(job.shot)
     about: ShotOut | None = None
-    if shot is None:
-        frames = _still_frames(job, recorded, known, live is not None)
+    if shot is None or of_shot is None:
+        frames = [one_frame(job, *each) for each in still_numbers(job, recorded, known, live is not None)]
         sums = _Sums(sum(f.samples for f in frames), sum(f.bad_samples for f in frames), sum(f.progress for f in frames))
     else:
-        frames = [_frame_out(job, key, _latest(job, known, key, numbers)) for key, numbers in recorded[:1]]
-        sums, about = _shot_out(job, shot, recorded, known)
+        first = of_shot.first
+        frames = [] if first is None else [one_frame(job, first[0], latest(job, known, *first))]
+        sums, about = _shot_out(job, shot, of_shot, known)
     size = job.settings or job.request
     return JobOut(
         **{
@@ -211,93 +206,18 @@ class _Sums:
     progress: float
 
 
-def _still_frames(job: Job, recorded: Recorded, known: JobNumbers | None, is_live: bool) -> list[FrameOut]:
-    state = job.state if job.state in ("running", "finished", "failed") else "queued"
-    found = []
-    for key, f in recorded:
-        numbers = FrameNumbers(state, f.samples, f.target, f.bad_samples, f.progress, f.noise, None)
-        # The engine writes its numbers down once a second, and once more a moment after a job was cancelled: until then what
-        # the database has of a job that is over may be less than what was told of it before.
-        if known is not None and (is_live or known.samples > f.samples):
-            numbers = numbers._replace(samples=known.samples, bad_samples=known.bad_samples, progress=known.progress)
-        found.append(_frame_out(job, key, numbers))
-    return found
-
-
-def frames_out(job: Job, session: Session, engine: Engine, keys: Iterable[int] | None = None) -> list[FrameOut]:
-    """The frames of a job, or those of these keys, with the engine's latest numbers."""
-    known = engine.snapshot.jobs.get(job.id)
-    if job.shot is None:
-        return _still_frames(job, _recorded([job.id], session).get(job.id, []), known, job.state in ACTIVE)
-    columns = [getattr(Frame, name) for name in ("number", *_RECORDED)]
-    query = select(*columns).where(Frame.job == job.id).order_by(Frame.number)
-    if keys is not None:
-        query = query.where(Frame.number.in_(list(keys)))
-    rows = session.execute(query)
-    return [_frame_out(job, f.number, _latest(job, known, f.number, FrameNumbers(*f[1:]))) for f in rows]
-
-
-def _latest(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers) -> FrameNumbers:
-    """How far a frame of a shot is. For a moment after a job was cancelled the database has less than was told before."""
-    live = known.frames.get(key) if known is not None else None
-    if live is None or (job.state not in ACTIVE and live.samples <= recorded.samples):
-        return recorded
-    return live
-
-
-def frame_out(job: Job, session: Session, engine: Engine, key: int) -> FrameOut | None:
-    """One of them, with the first of its bad samples; None where the job has no such frame."""
-    found = next((f for f in frames_out(job, session, engine, [key]) if frame_key(f.number) == key), None)
-    if found is not None:
-        found.bad = _bad_samples(job, found, engine)
-    return found
-
-
-def _frame_out(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
-    size = job.settings or {}
-    return FrameOut(
-        number=frame_number(key),
-        state=cast(FrameState, numbers.state),
-        samples=numbers.samples,
-        spp=round(numbers.samples / (size.get("width", 1) * size.get("height", 1)), 3),
-        bad_samples=numbers.bad_samples,
-        bad=[],
-        progress=numbers.progress,
-        noise=numbers.noise,
-        error=numbers.error,
-    )
-
-
-def _shot_out(job: Job, shot: Shot, recorded: Recorded, known: JobNumbers | None) -> tuple[_Sums, ShotOut]:
-    if known is not None and job.state in ACTIVE:
-        now = [(frame_number(key), known.frames[key]) for key in sorted(known.frames)]
-    else:
-        now = [(frame_number(key), _latest(job, known, key, numbers)) for key, numbers in recorded]
-    noises = [each.noise for _, each in now if each.state != "failed"]
-    noise = max((n for n in noises if n is not None), default=None) if None not in noises else None
+def _shot_out(job: Job, shot: Shot, now: ShotSums, known: JobNumbers | None) -> tuple[_Sums, ShotOut]:
     about = ShotOut(
-        frames=frames_text([number for number, _ in now]),
-        count=len(now),
+        frames=now.frames,
+        count=now.count,
         **{name: getattr(shot, name) for name in ("fps", "clip", "turntable", "order", "every")},
         first=None if shot.first is None else frame_number(shot.first),
-        states=cast("dict[FrameState, int]", dict(Counter(each.state for _, each in now))),
-        failed=frames_text([number for number, each in now if each.state == "failed"]),
-        noise=noise,
-        forecast=noise if job.state == "finished" else known.forecast if known is not None else None,
+        states=cast("dict[FrameState, int]", dict(now.states)),
+        failed=frames_text(map(frame_number, now.failed)),
+        noise=now.noise,
+        forecast=now.noise if job.state == "finished" else known.forecast if known is not None else None,
     )
-    samples, bad = sum(each.samples for _, each in now), sum(each.bad_samples for _, each in now)
-    return _Sums(samples, bad, sum(each.progress for _, each in now)), about
-
-
-def _bad_samples(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut]:
-    if not frame.bad_samples or job.settings is None or job.tile_size is None:
-        return []
-    try:
-        settings = RenderSettings.from_json(job.settings)
-        bad = engine.films.open(job.id, settings, job.tile_size).bad_samples(frame_key(frame.number))[1]
-    except (FarmError, SettingsError):
-        return []  # the job is being deleted, its film is broken or of another release: the job's error says so
-    return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b)) for b in bad[:BAD_SHOWN]]
+    return _Sums(now.samples, now.bad_samples, now.progress), about
 
 
 def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, Any] | None:

@@ -22,7 +22,7 @@ from service.api.one_file import UPLOAD_FORM, check_room, only_file, read_one
 from service.api.visit import InProject, IntoProject, VisitDependency
 from service.errors import Conflict
 from service.farm import Farm, FarmDependency
-from service.intake.projects import id_in
+from service.intake.projects import id_in, serving
 from service.store.models import ACTIVE, Environment, Job
 from service.store.room import full_disk
 from worker.protocol.contract import BlobRef, ShowEnvironment
@@ -71,7 +71,7 @@ def list_environments(farm: FarmDependency, visit: VisitDependency, project: InP
     ]
     with farm.sessions() as session:
         seen = select(Environment).where(visit.sight.clause(Environment.project))
-        seen = seen if project is None else seen.where(Environment.project.in_(["", project]))
+        seen = seen if project is None else seen.where(serving(Environment.project, project))
         rows = session.scalars(seen.order_by(Environment.created.desc(), Environment.id))
         return [*presets, *map(_out, rows)]
 

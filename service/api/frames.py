@@ -20,11 +20,12 @@ from starlette.concurrency import run_in_threadpool
 from renderer import aovs
 from renderer import film as film_math
 from renderer.errors import SettingsError
-from renderer.frames import frame_key, frame_text
+from renderer.frames import MAX_FRAMES, frame_key, frame_text
 from renderer.image import tonemap
 from renderer.settings import Tile
-from service.api.describe import frame_out, frames_out
+from service.api.describe_frames import frame_out, frames_json
 from service.api.file_names import named, picture_name
+from service.api.heads import headers_alone, is_head
 from service.api.lookup import Number, find_film, find_job, no_frame
 from service.api.motion import motion_of
 from service.api.schemas import FrameOut, FrameState
@@ -77,12 +78,18 @@ class Digest(BaseModel):
 
 
 @router.get("", response_model=list[FrameOut])
-def list_frames(id: str, farm: FarmDependency, state: FrameState | None = None) -> list[FrameOut]:
-    """All frames of a job, in their order: the state, samples, noise and error of each."""
+def list_frames(
+    id: str,
+    farm: FarmDependency,
+    state: FrameState | None = None,
+    limit: int | None = Query(None, ge=1, le=MAX_FRAMES, description="at most so many; all unless told"),
+    offset: int = Query(0, ge=0, le=MAX_FRAMES, description="from which one on, counted from 0"),
+) -> Response:
+    """The frames of a job, in their order: the state, samples, noise and error of each."""
     job = find_job(id, farm)
     with farm.sessions() as session:
-        found = frames_out(job, session, farm.engine)
-    return [frame for frame in found if state is None or frame.state == state]
+        body = frames_json(job, session, farm.engine, state, (offset, limit))
+    return Response(body, media_type="application/json")
 
 
 @router.get("/{n}", response_model=FrameOut)
@@ -122,7 +129,8 @@ async def image(
     PictureWish(extension, planes, in_layers, width=width).check()
     job = await run_in_threadpool(find_job, id, farm)
     film, version, samples = await run_in_threadpool(_state, id, n, farm)
-    denoised = await _denoised(id, n, film, samples, farm) if denoise else None
+    asks_head = is_head(request)
+    denoised = await _denoised(id, n, film, samples, farm) if denoise and not asks_head else None
     if denoised is not None:
         version, samples = denoised.version, denoised.samples
     key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {tonemap_curve} {width}"
@@ -131,13 +139,17 @@ async def image(
     known = request.headers.get("if-none-match", "")
     if headers["ETag"] in known or known.strip() == "*":
         return Response(status_code=304, headers=headers)
+    kind = "denoised" if denoise else "layers" if in_layers else planes[0] if planes else ""
+    headers["Content-Disposition"] = named(picture_name(job, n, samples, kind, extension))
+    if asks_head:
+        if denoise:
+            del headers["ETag"]  # which is that of the picture that is denoised by then
+        return headers_alone(headers, MEDIA[extension])
     blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
     motion = await motion_of(job, n, film, farm) if aovs.MOTION in planes else None
     wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob, motion)
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.make((id, n, headers["ETag"]), memory(film, wish), picture, film, frame_key(n), wish, folder)
-    kind = "denoised" if denoise else "layers" if in_layers else planes[0] if planes else ""
-    headers["Content-Disposition"] = named(picture_name(job, n, samples, kind, extension))
     headers["Content-Length"] = str(made.size)
     if made.span is not None:
         headers["X-Span"] = ",".join(f"{value:.6g}" for value in made.span)
@@ -152,13 +164,15 @@ async def film(id: str, n: Number, request: Request, farm: FarmDependency) -> Re
     headers = {"ETag": f'"{version}{"-gzip" if gzip else ""}"', "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
     if headers["ETag"] in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
+    if gzip:
+        headers["Content-Encoding"] = "gzip"
+    if is_head(request):
+        return headers_alone(headers, "application/octet-stream")
     folder = farm.settings.data / "tmp"
     most = film_packet.memory(film)
     key = (id, n, "film", headers["ETag"])
     made = await farm.pictures.make(key, most, film_packet.film_packet, film, frame_key(n), folder, gzip)
     headers["Content-Length"] = str(made.size)
-    if gzip:
-        headers["Content-Encoding"] = "gzip"
     return StreamingResponse(made.pieces(), media_type="application/octet-stream", headers=headers)
 
 

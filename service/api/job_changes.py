@@ -9,7 +9,6 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.access.projects import only_looks
-from service.access.quotas import spend
 from service.api.job_list import MOST_JOBS
 from service.api.lookup import find_job, no_job
 from service.api.schemas import JobState
@@ -18,9 +17,9 @@ from service.api.visit import Visit
 from service.errors import FarmError
 from service.farm import Farm
 from service.scheduling.wishes import begins_anew, set_state, wait_no_longer_in_vain
-from service.store.models import FINAL, Frame, Job
+from service.store.models import FINAL, Job
 
-__all__ = ["ChangesIn", "ChangesOut", "change_many", "delete_many", "may_begin_anew"]
+__all__ = ["ChangesIn", "ChangesOut", "change_many", "may_begin_anew"]
 
 AT_A_TIME = 100  # in one transaction: the engine waits for a moment only, and for a longer one all jobs stand still
 
@@ -78,7 +77,7 @@ def change_many(changes: ChangesIn, farm: Farm, visit: Visit) -> ChangesOut:
     for at in range(0, len(ids), AT_A_TIME):
         some = ids[at : at + AT_A_TIME]
         if changes.state == "deleted":
-            answer.changed += delete_many(some, farm)
+            answer.changed += [WasOut(**each._asdict()) for each in farm.deleting.delete(some)]
         else:
             _change(some, changes, farm, visit, answer)
     known = {each.id for each in answer.changed} | {each.id for each in answer.refused}
@@ -116,29 +115,6 @@ def _change(ids: list[str], changes: ChangesIn, farm: Farm, visit: Visit, answer
     for each in changed:
         farm.changed("job", each.id)
     answer.changed += changed
-
-
-def delete_many(ids: list[str], farm: Farm) -> list[WasOut]:
-    """Delete jobs and their pictures; those that are being rendered are stopped. Returns those that were there."""
-    deleted: list[WasOut] = []
-
-    def forget(session: Session) -> set[str]:
-        own: set[str] = set()
-        deleted.clear()
-        spend(_rows(ids, session), session)
-        for frame in session.scalars(select(Frame).where(Frame.job.in_(ids))):
-            own |= frame.blobs
-            session.delete(frame)
-        session.flush()
-        for job in _rows(ids, session):
-            deleted.append(WasOut(id=job.id, state=job.state, priority=job.priority))
-            session.delete(job)
-        return own
-
-    farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
-    for each in deleted:
-        farm.changed("job", each.id)  # which removes the film, once it is out of its hands
-    return deleted
 
 
 def may_begin_anew(id: str, farm: Farm) -> bool:

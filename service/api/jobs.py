@@ -2,40 +2,39 @@
 
 from __future__ import annotations
 
-import hashlib
+import logging
 import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any, get_args
 
-from fastapi import APIRouter, Header, Query, Request, Response
-from fastapi.responses import PlainTextResponse
-from pydantic import BaseModel, Field, TypeAdapter
-from sqlalchemy import select
+from fastapi import APIRouter, Header, Query, Response
+from pydantic import TypeAdapter
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from renderer.errors import SettingsError
-from renderer.frames import frame_key
+from renderer.frames import frame_key, frame_number, frames_text
 from service.api.describe import job_out, jobs_out
-from service.api.job_changes import ChangesIn, ChangesOut, change_many, delete_many, may_begin_anew
+from service.api.job_changes import ChangesIn, ChangesOut, change_many, may_begin_anew
 from service.api.job_list import MOST_JOBS, Choice, Order
 from service.api.lookup import find_job, no_job
 from service.api.problem import Problem
 from service.api.queue_fields import needs_of, wait_for, wait_for_fewer
 from service.api.repeats import Key, earlier, kept_key, repeat
 from service.api.schemas import JobIn, JobOut, JobPatch, JobState
-from service.api.visit import VisitDependency
+from service.api.shot_change import ShotChange
+from service.api.visit import Visit, VisitDependency
 from service.clock import deadline_of
-from service.errors import Conflict, NotFound
+from service.errors import Conflict, FarmError, NotFound
 from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
 from service.keeping.reuse import Begun
-from service.scheduling.history import History
-from service.scheduling.shot_wishes import ShotWish, change_shot
+from service.scheduling.shot_wishes import ShotWish
 from service.scheduling.wishes import ask_for_samples, focus_on, set_state, wait_no_longer_in_vain
 from service.shot import IN_TURN, Shot
+from service.store.frame_changes import Step, apply_at_once, begin, is_short
 from service.store.models import FINAL, Frame, Job, Scene
 from service.store.room import need_room
 from worker.telemetry import tracing
@@ -43,32 +42,10 @@ from worker.telemetry import tracing
 __all__ = ["router"]
 
 
-class HistoryPoint(BaseModel):
-    """A moment of rendering."""
-
-    seconds: float = Field(description="of rendering, pauses left out")
-    spp: float = Field(description="samples of a pixel; of a shot those of all frames together")
-    noise: float | None = Field(description="relative; of a shot the greatest of its frames; null while it is not known")
-
-
-class HistoryEvent(BaseModel):
-    """Something that happened."""
-
-    at: float = Field(description="unix time")
-    kind: str = Field(
-        description="begun, picture (every tile has a sample), worker, left, paused, resumed, lost, failed, healed, late, in-time"
-    )
-    words: str = Field(description="of whom, or why")
-
-
-class HistoryOut(BaseModel):
-    """How a job came to its picture; some hundred points and events at most."""
-
-    points: list[HistoryPoint]
-    events: list[HistoryEvent]
-
-
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])
+log = logging.getLogger(__name__)
+
+TRIES = 20  # of changing a shot that others change as well
 _JOBS = TypeAdapter(list[JobOut])
 
 Traced = Annotated[str | None, Header(include_in_schema=False)]  # W3C Trace Context, of whoever asks
@@ -84,6 +61,7 @@ def create_job(
     traceparent: Traced = None,
 ) -> JobOut:
     """Ask for a picture of a scene. A scene that is still being prepared is waited for; with a full disk none is taken."""
+    keys = _keys(request)
     asked = request.model_dump(mode="json", exclude=_left_out(request))
     if (first := earlier(idempotency_key, visit.user, farm)) is not None:
         return repeat(first, asked, farm, response, visit.sight)
@@ -107,7 +85,7 @@ def create_job(
         spp=request.spp,
         noise=request.noise,
         seconds=request.seconds,
-        shot=_shot(request).to_json() if request.is_shot else None,
+        shot=_shot(request, keys).to_json() if request.is_shot else None,
         idempotency_key=kept_key(idempotency_key, visit.user),
         user=visit.user,
         key=visit.token,
@@ -118,21 +96,24 @@ def create_job(
     try:
         with (
             farm.lighting.held(rendered),
-            _begun(job, _keys(request), request.fresh or bool(request.verify), farm) as begun,
+            _begun(job, keys, request.fresh or bool(request.verify), farm) as begun,
             farm.sessions.begin() as session,
         ):
             scene = session.get(Scene, request.scene, with_for_update=True)
             _check(job, scene, farm)
-            farm.quotas.check_job(visit.caller, session, _samples_of(job, len(_keys(request))))
+            farm.quotas.check_job(visit.caller, session, _samples_of(job, len(keys)))
             session.add(job)
             session.flush()
             wait_for(job, request.after, session)
-            target = _samples_of(job, 1)  # which quotas count from now on, also while nothing of it is rendered
-            session.add_all(
-                Frame(job=job.id, number=key, **{"samples": 0, "target": target, **begun.get(key, {})}) for key in _keys(request)
-            )
-            session.flush()
-            answer = job_out(job, session, farm.engine)
+            # which quotas count from now on, also while nothing of it is rendered
+            frames = [Step.of("add", keys, target=_samples_of(job, 1))]
+            if is_long := not is_short(frames):
+                begin(job.id, frames, session)
+            else:
+                apply_at_once(job, frames, session, begun)
+                answer = job_out(job, session, farm.engine)
+        if is_long:
+            answer = _laid_out(job.id, farm, begun)
     except IntegrityError:
         if (first := earlier(idempotency_key, visit.user, farm)) is None:
             raise
@@ -195,34 +176,6 @@ def get_job(id: str, farm: FarmDependency) -> JobOut:
         return job_out(find_job(id, farm), session, farm.engine, view)
 
 
-@router.get("/{id}/log", response_class=PlainTextResponse)
-def job_log(id: str, farm: FarmDependency, request: Request) -> Response:
-    """What happened to a job, line by line: its scene prepared, batches handed out, back, lost, failed, and by which workers.
-
-    The newest 256 kB. Lines begin with the time (UTC); below errors, further in, stand the last lines of their traces.
-    """
-    find_job(id, farm)
-    text = farm.engine.logs.text(id)
-    tag = f'"{hashlib.sha256(text).hexdigest()[:32]}"'
-    headers = {"ETag": tag, "Cache-Control": "no-cache"}
-    if tag in request.headers.get("if-none-match", ""):
-        return Response(status_code=304, headers=headers)
-    return PlainTextResponse(text, headers=headers)
-
-
-@router.get("/{id}/history", response_model=HistoryOut)
-def job_history(id: str, farm: FarmDependency) -> HistoryOut:
-    """How a job came to its picture: noise and samples against the time of rendering, and what happened."""
-    job = find_job(id, farm)
-    size = job.settings or {}
-    pixels = max(int(size.get("width", 1)) * int(size.get("height", 1)), 1)
-    history = History.of(farm.records.history(id))
-    return HistoryOut(
-        points=[HistoryPoint(seconds=s or 0.0, spp=(n or 0.0) / pixels, noise=e) for s, n, e in history.points],
-        events=[HistoryEvent(at=at, kind=kind, words=words) for at, kind, words in history.events],
-    )
-
-
 @router.patch("/{id}", response_model=JobOut)
 def change_job(id: str, change: JobPatch, farm: FarmDependency, visit: VisitDependency) -> JobOut:
     """Pause, go on, cancel, change the priority, or ask for more samples. Cancelling keeps the picture so far.
@@ -234,60 +187,86 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency, visit: VisitDepe
     """
     is_anew = change.state == "running" and may_begin_anew(id, farm)
     farm.lit_again(id)
-    with farm.sessions.begin() as session:
-        job = session.get(Job, id, with_for_update=True)
-        if job is None:
-            raise no_job(id)
-        state, samples = job.state, _samples_of(job, 1)
-        if change.priority is not None:
-            job.priority = change.priority
-        if change.pinned is not None:
-            job.pinned = change.pinned
-        if change.name is not None:
-            job.name = change.name or _name_of_scene(job, session)
-        if change.note is not None:
-            job.note = change.note or None
-        shot = Shot.of(job.shot)
-        if shot is not None:
-            frames = {frame.number: frame for frame in session.scalars(select(Frame).where(Frame.job == id))}
-            wish = ShotWish(**change.model_dump(include=set(ShotWish.__dataclass_fields__)))
-            session.add_all(change_shot(job, shot, frames, wish))
-        elif change.is_of_frames:
-            raise Conflict("The job is a still: it has no frames to choose from. Make a new job, with frames.")
-        elif change.spp is not None or change.more is not None:
-            frame = session.get(Frame, (id, 0))
-            ask_for_samples(job, change.spp, change.more, frame.samples if frame else 0)
-        if "focus" in change.model_fields_set:
-            focus_on(job, change.focus)
-        if "max_slots" in change.model_fields_set:
-            job.max_slots = change.max_slots
-        if "deadline" in change.model_fields_set:
-            job.deadline, job.late = None if change.deadline is None else deadline_of(change.deadline), None
-        if change.needs is not None:
-            job.needs = needs_of(change.needs)
-        if change.after is not None:
-            wait_for_fewer(id, change.after, session)
-        if change.state is not None:
-            set_state(job, change.state, is_anew)
-        is_more = change.spp is not None or change.more is not None or change.extend is not None or change.again is not None
-        if is_more or (state in FINAL and job.state not in FINAL):
-            more = max(0, _samples_of(job, 1) - samples)
-            with session.no_autoflush:  # as it was before: it does not count itself
-                farm.quotas.check_job(visit.caller, session, more, is_new=state in FINAL)
-        if change.state == "running":
-            wait_no_longer_in_vain([id], session)
-        session.flush()
-        answer = job_out(job, session, farm.engine)
+    wish = ShotWish(**change.model_dump(include=set(ShotWish.__dataclass_fields__)))
+    for _ in range(TRIES):
+        of_shot = ShotChange.of(id, wish, farm)
+        with farm.sessions.begin() as session:
+            job = session.get(Job, id, with_for_update=True)
+            if job is None:
+                raise no_job(id)
+            if of_shot is not None and not of_shot.fits(job, session):
+                continue  # it was changed since
+            is_long = _change(job, change, of_shot, is_anew, session, farm, visit)
+            # A shot's frames are added up for it, which takes its time where they are many.
+            answer = None if job.shot is not None else job_out(job, session, farm.engine)
+        break
+    else:
+        raise Conflict("The shot is being changed by others at the same time. Try again.")
     farm.changed("job", id)
-    return answer
+    if answer is not None:
+        return answer
+    return _laid_out(id, farm) if is_long else get_job(id, farm)
+
+
+def _change(
+    job: Job, change: JobPatch, of_shot: ShotChange | None, is_anew: bool, session: Session, farm: Farm, visit: Visit
+) -> bool:
+    """Within a transaction; whether something is left to be carried out."""
+    is_long = False
+    state, samples = job.state, _samples_of(job, 1)
+    if change.priority is not None:
+        job.priority = change.priority
+    if change.pinned is not None:
+        job.pinned = change.pinned
+    if change.name is not None:
+        job.name = change.name or _name_of_scene(job, session)
+    if change.note is not None:
+        job.note = change.note or None
+    if of_shot is not None:
+        is_long = of_shot.give(job, session)
+    elif job.shot is None and change.is_of_frames:
+        raise Conflict("The job is a still: it has no frames to choose from. Make a new job, with frames.")
+    elif job.shot is None and (change.spp is not None or change.more is not None):
+        frame = session.get(Frame, (job.id, 0))
+        ask_for_samples(job, change.spp, change.more, frame.samples if frame else 0)
+    if "focus" in change.model_fields_set:
+        focus_on(job, change.focus)
+    if "max_slots" in change.model_fields_set:
+        job.max_slots = change.max_slots
+    if "deadline" in change.model_fields_set:
+        job.deadline, job.late = None if change.deadline is None else deadline_of(change.deadline), None
+    if change.needs is not None:
+        job.needs = needs_of(change.needs)
+    if change.after is not None:
+        wait_for_fewer(job.id, change.after, session)
+    if change.state is not None:
+        set_state(job, change.state, is_anew)
+    is_more = change.spp is not None or change.more is not None or change.extend is not None or change.again is not None
+    if is_more or (state in FINAL and job.state not in FINAL):
+        more = max(0, _samples_of(job, 1) - samples)
+        with session.no_autoflush:  # as it was before: it does not count itself
+            farm.quotas.check_job(visit.caller, session, more, is_new=state in FINAL)
+    if change.state == "running":
+        wait_no_longer_in_vain([job.id], session)
+    session.flush()
+    return is_long
 
 
 @router.delete("/{id}", status_code=204)
 def delete_job(id: str, farm: FarmDependency) -> None:
     """Delete a job and its pictures; one that is being rendered is stopped."""
-
-    if not delete_many([id], farm):
+    if not farm.deleting.delete([id]):
         raise no_job(id)
+
+
+def _laid_out(id: str, farm: Farm, begun: Begun | None = None) -> JobOut:
+    """A job, once what is to be done to its frames is done. What the database or the disk cannot take now is done later."""
+    try:
+        farm.frame_changes.carry_out(id, begun)
+    except FarmError as error:
+        log.warning("job %s: its frames are written down later: %s", id, error)
+    farm.changed("job", id)
+    return get_job(id, farm)
 
 
 def _left_out(request: JobIn) -> set[str]:
@@ -322,11 +301,12 @@ def _keys(request: JobIn) -> list[int]:
     return sorted(map(frame_key, request.numbers()))
 
 
-def _shot(request: JobIn) -> Shot:
+def _shot(request: JobIn, keys: list[int]) -> Shot:
     """As it is asked for; where only a time ends it, all frames are to have their share of that."""
     only_time = request.seconds is not None and request.spp is None and request.noise is None
     order = request.order or ("breadth-first" if only_time else IN_TURN)
-    return Shot(request.fps, request.clip, request.turntable, order, request.every)
+    frames = frames_text(map(frame_number, keys))
+    return Shot(request.fps, request.clip, request.turntable, order, request.every, frames=frames)
 
 
 def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:

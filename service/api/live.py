@@ -17,6 +17,7 @@ import contextlib
 import json
 import time
 from collections import deque
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -25,11 +26,13 @@ from sqlalchemy import select
 from starlette.concurrency import run_in_threadpool
 
 from renderer.frames import MAX_FRAME, frame_key
-from service.api.describe import frames_out, snapshot
+from service.api.describe import snapshot
+from service.api.describe_frames import frame_numbers, plain_frames
+from service.api.heard import heard
 from service.api.lookup import no_job
-from service.api.schemas import FrameOut
 from service.errors import FarmError
 from service.farm import Farm, FarmDependency
+from service.scheduling.active_frame import FrameNumbers
 from service.store.films import Film
 from service.store.models import ACTIVE, Frame, Job
 from service.watching import tile_packet
@@ -41,6 +44,7 @@ router = APIRouter()
 
 MAX_UNACKNOWLEDGED = 2  # rounds
 SPEAK_EVERY_S = 5.0
+FRAMES_TOLD = 2000  # frames in one message
 FRAMES_REST = 20  # times as long as it takes to look at them, a watcher waits for the frames of a shot
 NOT_FOUND = 4404
 GONE = 4410
@@ -83,28 +87,27 @@ class _Watcher:
         self._listener = listener
         self._film: Film | None = None
         self._snapshot = snapshot
+        self._wanted: tuple[int, bool] | None = None  # the frame to be watched from now on, and whether all of its tiles are
         self._have: list[Any] | None = None  # samples of every tile, as the watcher says: what differs is to be noted
         self._sequence = 0
         self._rounds: deque[int] = deque()  # the last packet's number of every round that is not acknowledged
         self._spoke = 0.0
         self._state_at = 0.0
-        self._told: dict[float, FrameOut] = {}  # of a shot: what was said of its frames
+        self._told: dict[int, FrameNumbers] = {}  # of a shot: what was said of its frames
         self._frames_at = 0.0  # not before
 
     async def receive(self) -> None:
         """Take in acknowledgements, and which frame is watched, until the watcher leaves. Anything else is left out."""
-        while True:
-            message = await self._socket.receive()
-            if message["type"] == "websocket.disconnect":
-                raise WebSocketDisconnect(message["code"])
-            text = message.get("text") or ""
+        async for text in heard(self._socket):
             tiles = MOST_TILES if self._film is None else len(self._film.tiles)
             if len(text) > MOST_TEXT + TILE_TEXT * tiles:
                 continue
             try:
                 said = json.loads(text)
                 if "frame" in said:
-                    self._turn_to(float(said["frame"]), said.get("snapshot") is not False)
+                    self._wanted = _frame(float(said["frame"])), said.get("snapshot") is not False
+                    self._have = None
+                    self._listener.wake()
                     continue
                 if "have" in said:
                     self._have = list(said["have"])
@@ -118,16 +121,14 @@ class _Watcher:
                     self._rounds.popleft()
                 self._listener.wake()
 
-    def _turn_to(self, frame: float, snapshot: bool) -> None:
-        """Watch another frame. Raises ValueError."""
-        if not 0 <= frame <= MAX_FRAME or not (2 * frame).is_integer():
-            raise ValueError(f"there is no frame {frame}")
-        self._listener.frame = frame_key(frame)
+    def _turn(self) -> None:
+        """Watch the frame that was asked for last: whoever runs through them passes most by."""
+        if self._wanted is None:
+            return
+        (self._listener.frame, self._snapshot), self._wanted = self._wanted, None
         self._listener.tiles.clear()
-        self._snapshot, self._have = snapshot, None
         if self._film is not None:
             self._begin(self._film)
-        self._listener.wake()
 
     def _begin(self, film: Film) -> None:
         """Note all tiles, where the watcher wants them."""
@@ -150,6 +151,7 @@ class _Watcher:
                 self._film = await run_in_threadpool(_film, self._farm, self._job)
                 if self._film is not None:
                     self._begin(self._film)
+            self._turn()
             if self._film is not None and self._have is not None:
                 have, self._have = self._have, None
                 with contextlib.suppress(FarmError):  # what cannot be looked at now is noted when it changes
@@ -187,13 +189,11 @@ class _Watcher:
         if state["shot"] is not None and now < self._frames_at and state["state"] in ACTIVE:
             self._listener.changed["job", self._job] = None  # it is looked at again
         elif state["shot"] is not None:
-            frames, taken_s = await self._farm.shared.told(self._job, "frames", partial(_frames, self._farm, self._job))
-            changed = [frame for frame in frames if self._told.get(frame.number) != frame]
-            self._told = {frame.number: frame for frame in frames}
+            job, frames, taken_s = await self._farm.shared.told(self._job, "frames", partial(_frames, self._farm, self._job))
             self._frames_at = now + FRAMES_REST * taken_s
-            if changed:
-                listed = [frame.model_dump() for frame in changed]
-                await self._socket.send_text(json.dumps({"type": "frames", "frames": listed}))
+            before, self._told = self._told, frames
+            for text in await run_in_threadpool(_frames_told, job, before, frames):
+                await self._socket.send_text(text)
         return True
 
     async def _send_round(self, film: Film) -> None:
@@ -215,18 +215,32 @@ class _Watcher:
         self._spoke = time.monotonic()
 
 
+def _frame(number: float) -> int:
+    """Its key. Raises ValueError."""
+    if not 0 <= number <= MAX_FRAME or not (2 * number).is_integer():
+        raise ValueError(f"there is no frame {number}")
+    return frame_key(number)
+
+
 def _first_frame(farm: Farm, id: str) -> int | None:
     with farm.sessions() as session:
         return session.scalar(select(Frame.number).where(Frame.job == id).order_by(Frame.number).limit(1))
 
 
-def _frames(farm: Farm, id: str) -> tuple[list[FrameOut], float]:
+def _frames(farm: Farm, id: str) -> tuple[Job | None, dict[int, FrameNumbers], float]:
     """The frames of a shot, and seconds of the processor that it took to look at them."""
     begun = time.thread_time()
     with farm.sessions() as session:
         job = session.get(Job, id)
-        found = [] if job is None else frames_out(job, session, farm.engine)
-    return found, time.thread_time() - begun
+        found = {} if job is None else dict(frame_numbers(job, session, farm.engine))
+    return job, found, time.thread_time() - begun
+
+
+def _frames_told(job: Job | None, before: Mapping[int, FrameNumbers], now: Mapping[int, FrameNumbers]) -> list[str]:
+    """Messages about the frames that have changed, some frames in each."""
+    changed = [(key, numbers) for key, numbers in now.items() if before.get(key) != numbers]
+    some = (changed[at : at + FRAMES_TOLD] for at in range(0, len(changed), FRAMES_TOLD))
+    return [json.dumps({"type": "frames", "frames": plain_frames(job, part)}) for part in some] if job is not None else []
 
 
 def _job(farm: Farm, id: str) -> Job | None:

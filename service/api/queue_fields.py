@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session
 from service.api.strict import Strict
 from service.clock import deadline_of
 from service.errors import Conflict, NotFound
+from service.intake.projects import serves
 from service.scheduling.needs import Needs
 from service.store.models import ACTIVE, Job, Wait
 
@@ -134,7 +135,7 @@ def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
     """
     for id in dict.fromkeys(after):
         other = session.get(Job, id)
-        if other is None or other.project not in ("", job.project):
+        if other is None or not serves(other.project, job.project):
             raise NotFound(f"after: there is no job {id[:60]!r}. A job can come after those that are there.")
         if other.state in ACTIVE:
             session.add(Wait(job=job.id, other=id))

@@ -16,12 +16,13 @@ from starlette.concurrency import run_in_threadpool
 
 from renderer.image import tonemap
 from service.api.file_names import named
+from service.api.heads import headers_alone, is_head
 from service.api.lookup import no_reference
 from service.api.one_file import UPLOAD_FORM, check_room, only_file, read_one
 from service.api.visit import InProject, IntoProject, VisitDependency
 from service.errors import Invalid
 from service.farm import Farm, FarmDependency
-from service.intake.projects import Owner
+from service.intake.projects import Owner, serving
 from service.intake.references import SUFFIXES, keep_reference
 from service.store.models import Reference
 from service.watching import film_picture
@@ -56,7 +57,7 @@ class ReferenceOut(BaseModel):
 def list_references(farm: FarmDependency, visit: VisitDependency, project: InProject = None) -> list[ReferenceOut]:
     """All of them, the newest first. With a project: its own, and those of none."""
     seen = select(Reference).where(visit.sight.clause(Reference.project))
-    seen = seen if project is None else seen.where(Reference.project.in_(["", project]))
+    seen = seen if project is None else seen.where(serving(Reference.project, project))
     with farm.sessions() as session:
         return [_out(row) for row in session.scalars(seen.order_by(Reference.created.desc(), Reference.id))]
 
@@ -102,6 +103,7 @@ def reference_film(id: Id, request: Request, farm: FarmDependency) -> Response:
 async def reference_image(
     id: Id,
     extension: Literal["png", "exr", "jpg", "hdr"],
+    request: Request,
     farm: FarmDependency,
     exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
     tonemap_curve: str = Query(
@@ -112,6 +114,9 @@ async def reference_image(
     if tonemap_curve not in tonemap.CURVES:
         raise Invalid(f"tonemap: {tonemap_curve[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
     row = await run_in_threadpool(_find, id, farm)
+    headers = {**KEPT, "Content-Disposition": named(f"{row.name.rpartition('.')[0]}.{extension}")}
+    if is_head(request):
+        return headers_alone(headers, MEDIA[extension])
     made = await farm.pictures.make(
         ("reference", id, extension, exposure, tonemap_curve),
         film_picture.memory(row.width, row.height),
@@ -119,8 +124,7 @@ async def reference_image(
             farm.blobs.serve(row.film["sha256"]).chunks, extension, exposure, tonemap_curve, farm.settings.data / "tmp"
         ),
     )
-    headers = {**KEPT, "Content-Length": str(made.size)}
-    headers["Content-Disposition"] = named(f"{row.name.rpartition('.')[0]}.{extension}")
+    headers["Content-Length"] = str(made.size)
     return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)
 
 

@@ -64,7 +64,7 @@ async def upload(
 ) -> SceneOut:
     """Upload a scene: one file, many with their folders in the names, or a zip. The same files again are the same scene.
 
-    With `base`, in that scene's project unless told.
+    With `base`, in that scene's project unless told; with `main` beside it, another of its files is the one that is shown.
     """
     await check_room(request, farm, visit)
     owner = Owner(await run_in_threadpool(farm.access.projects.check, project, visit.sight), visit.user, visit.token)

@@ -13,6 +13,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from service.api.heads import as_get
 from service.api.hosts import Hosts, name_of
 from service.api.problem import Problem, response
 from service.settings import Settings
@@ -105,12 +106,12 @@ def is_beyond(length: str, limit: int) -> bool:
 
 
 def _head_as_get(scope: Scope) -> Scope:
-    """Let every GET of the API be asked for its headers alone (RFC 9110, 9.1); the server drops the body of the answer.
+    """Let every GET of the API be asked for its headers alone.
 
     Only the endless stream of events stays out: its answer would never be complete.
     """
     if scope["method"] == "HEAD" and scope["path"] != "/api/events":
-        return {**scope, "method": "GET"}
+        return as_get(scope)
     return scope
 
 

@@ -8,21 +8,22 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
 
 from renderer import aovs
 from renderer.errors import SettingsError
-from renderer.frames import frame_key, frame_name, parse_frames
+from renderer.frames import frame_key, frame_name, frame_number, parse_frames
 from renderer.image import tonemap
-from service.api.describe import frames_out
+from service.api.describe_frames import frame_numbers
 from service.api.file_names import named, title_of
+from service.api.heads import headers_alone, is_head
 from service.api.lookup import find_job
 from service.api.motion import motion_of
-from service.api.schemas import FrameOut
 from service.errors import Conflict, Invalid
 from service.farm import Farm, FarmDependency
+from service.scheduling.active_frame import FrameNumbers
 from service.shot import Shot
 from service.store.films import Film
 from service.store.models import FINAL, Job, Scene
@@ -45,6 +46,7 @@ Curve = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description=
 @router.get("/frames.zip", response_class=Response, responses={200: {"content": {"application/zip": {}}}})
 async def frames_zip(
     id: str,
+    request: Request,
     farm: FarmDependency,
     format: Literal["exr", "png", "jpg"] = "exr",
     which: Literal["finished", "all", "coming"] = "finished",
@@ -61,9 +63,11 @@ async def frames_zip(
     job = await run_in_threadpool(find_job, id, farm)
     found = await run_in_threadpool(_chosen, job, frames, farm)
     film = await run_in_threadpool(_film, job, farm)
-    if which != "coming" and not any(_is_wanted(frame, which) for frame in found):
+    if which != "coming" and not any(_is_wanted(frame, which) for frame in found.values()):
         raise Conflict("No frame is finished yet. Ask for which=all, or wait for each by which=coming.")
     headers = {"Content-Disposition": named(f"{_title(job, frames)}.{format}.zip", "attachment"), "Cache-Control": "no-store"}
+    if is_head(request):
+        return headers_alone(headers, "application/zip")
     stream = _zipped(job, film, wish, frames, which, farm)
     return StreamingResponse(stream, media_type="application/zip", headers=headers)
 
@@ -75,6 +79,7 @@ async def frames_zip(
 )
 async def get_movie(
     id: str,
+    request: Request,
     farm: FarmDependency,
     extension: Literal["mp4", "webm", "webp"],
     frames: str | None = Frames,
@@ -86,48 +91,50 @@ async def get_movie(
     """The frames that have samples as a film: H.264, AV1, or an animated WebP; tone mapped as a png is."""
     wish = PictureWish(extension, exposure=exposure, curve=_curve(tonemap_curve), width=width)
     job = await run_in_threadpool(find_job, id, farm)
-    shown = [frame for frame in await run_in_threadpool(_chosen, job, frames, farm) if frame.samples]
+    chosen = await run_in_threadpool(_chosen, job, frames, farm)
+    shown = {key: frame.samples for key, frame in chosen.items() if frame.samples}
     if not shown:
         raise Conflict("No frame has samples yet. Try again in a moment.")
     film = await run_in_threadpool(_film, job, farm)
     speed = await run_in_threadpool(_fps, job, farm) if fps is None else fps
-    keys = [frame_key(frame.number) for frame in shown]
-    content = tuple((frame.number, frame.samples) for frame in shown)
+    keys, content = list(shown), tuple(shown.items())
+    headers = {"Content-Disposition": named(f"{_title(job, frames)}.{extension}"), "Cache-Control": "no-cache"}
+    headers["X-Frames"] = str(len(keys))
+    if is_head(request):
+        return headers_alone(headers, MOVIE_MEDIA[extension])
     make = partial(movie, film, keys, wish, speed, farm.settings.data / "tmp")
     made = await farm.pictures.make((id, "movie", wish, speed, content), movie_memory(film, wish), make)
-    headers = {"Content-Disposition": named(f"{_title(job, frames)}.{extension}"), "Cache-Control": "no-cache"}
-    headers |= {"Content-Length": str(made.size), "X-Frames": str(len(keys))}
+    headers["Content-Length"] = str(made.size)
     return StreamingResponse(made.pieces(), media_type=MOVIE_MEDIA[extension], headers=headers)
 
 
 async def _zipped(job: Job, film: Film, wish: PictureWish, frames: str | None, which: str, farm: Farm) -> AsyncIterator[bytes]:
     stream = ZipStream()
     folder = farm.settings.data / "tmp"
-    done: set[float] = set()
+    done: set[int] = set()
     with farm.broadcast.listen(job.id) as listener:
         while True:
             now = await run_in_threadpool(find_job, job.id, farm)
             found = await run_in_threadpool(_chosen, now, frames, farm)
-            for frame in found:
-                if frame.number in done or not _is_wanted(frame, which):
+            for key, frame in found.items():
+                if key in done or not _is_wanted(frame, which):
                     continue
-                done.add(frame.number)
-                key = frame_key(frame.number)
+                done.add(key)
                 if aovs.MOTION in wish.planes:
-                    wish = replace(wish, motion=await motion_of(now, frame.number, film, farm))
+                    wish = replace(wish, motion=await motion_of(now, frame_number(key), film, farm))
                 about = (job.id, "zip", key, film.version(key), wish)
                 made = await farm.pictures.make(about, memory(film, wish), picture, film, key, wish, folder)
-                name = frame_name(f"{_title(job)}.####.{wish.extension}", frame.number)
+                name = frame_name(f"{_title(job)}.####.{wish.extension}", frame_number(key))
                 async for piece in iterate_in_threadpool(stream.file(name, made)):
                     yield piece
-            is_over = now.state in FINAL or all(frame.state in ("finished", "failed") for frame in found)
+            is_over = now.state in FINAL or all(frame.state in ("finished", "failed") for frame in found.values())
             if which != "coming" or is_over or farm.broadcast.closing:
                 break
             await listener.wait(LOOK_EVERY_S)
     yield stream.end()
 
 
-def _is_wanted(frame: FrameOut, which: str) -> bool:
+def _is_wanted(frame: FrameNumbers, which: str) -> bool:
     return frame.samples > 0 if which == "all" else frame.state == "finished"
 
 
@@ -148,14 +155,15 @@ def _curve(name: str) -> str:
     return name
 
 
-def _chosen(job: Job, frames: str | None, farm: Farm) -> list[FrameOut]:
-    with farm.sessions() as session:
-        found = frames_out(job, session, farm.engine)
+def _chosen(job: Job, frames: str | None, farm: Farm) -> dict[int, FrameNumbers]:
+    """By their keys, in order."""
     try:
-        numbers = None if frames is None else set(parse_frames(frames))
+        keys = None if frames is None else set(map(frame_key, parse_frames(frames)))
     except SettingsError as error:
         raise Invalid(f"{error}.") from None
-    return [frame for frame in found if numbers is None or frame.number in numbers]
+    with farm.sessions() as session:
+        found = frame_numbers(job, session, farm.engine)
+    return {key: frame for key, frame in found if keys is None or key in keys}
 
 
 def _film(job: Job, farm: Farm) -> Film:

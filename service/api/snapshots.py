@@ -13,6 +13,7 @@ from starlette.concurrency import run_in_threadpool
 
 from renderer.image import tonemap
 from service.api.file_names import named, picture_name
+from service.api.heads import headers_alone, is_head
 from service.api.lookup import find_job
 from service.errors import Invalid, NotFound
 from service.farm import Farm, FarmDependency
@@ -82,13 +83,15 @@ async def snapshot_image(
     headers = {"ETag": _etag(id, found, f"{extension} {exposure} {tonemap_curve}"), "Cache-Control": "no-cache"}
     if headers["ETag"] in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
+    headers["Content-Disposition"] = named(picture_name(job, 0, found.samples, "", extension))
+    if is_head(request):
+        return headers_alone(headers, MEDIA[extension])
     width, height = (int((job.settings or {}).get(name, 0)) for name in ("width", "height"))
     made = await farm.pictures.make(
         (id, "snapshot", headers["ETag"]),
         film_picture.memory(width, height),
         lambda: film_picture.picture(_packed(id, spp, farm)[1], extension, exposure, tonemap_curve, farm.settings.data / "tmp"),
     )
-    headers["Content-Disposition"] = named(picture_name(job, 0, found.samples, "", extension))
     headers["Content-Length"] = str(made.size)
     return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)
 

@@ -35,6 +35,7 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import Field, ValidationError
 from starlette.concurrency import run_in_threadpool
 
+from service.api.heard import heard
 from service.api.lookup import find_scene
 from service.api.schemas import JobIn
 from service.errors import FarmError, NotFound
@@ -121,12 +122,9 @@ class _Viewer:
 
     async def receive(self) -> None:
         """Take in messages until the page leaves."""
-        while True:
-            message = await self._socket.receive()
-            if message["type"] == "websocket.disconnect":
-                raise WebSocketDisconnect(message["code"])
+        async for text in heard(self._socket):
             try:
-                self._hear(message.get("text") or "")
+                self._hear(text)
             except ValidationError as error:
                 first = error.errors()[0]
                 self._refuse(f"{'.'.join(map(str, first['loc'])) or 'the message'}: {first['msg'].removeprefix('Value error, ')}")

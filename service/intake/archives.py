@@ -21,6 +21,8 @@ __all__ = ["expand"]
 RATIO_FREE_BYTES = 16 << 20  # small files may shrink as well as they like
 DIRECTORY_BYTES_A_FILE = 512  # on average, of its entry in the zip's directory
 
+WINDOWS = 0  # the system that made an entry, as the format numbers them
+
 
 def expand(
     archive: BinaryIO,
@@ -38,16 +40,17 @@ def expand(
     """
     try:
         with zipfile.ZipFile(cast(BinaryIO, _Archive(archive, name, max_files))) as file:
-            everything = [entry for entry in file.infolist() if not entry.is_dir()]
-            for entry in everything:
-                safe_name(entry.orig_filename)
-            entries = [entry for entry in everything if not is_junk(entry.filename)]
+            everything = [
+                (_path(entry), entry) for entry in file.infolist() if not entry.is_dir() and entry.filename[-1:] != "\\"
+            ]
+            found = [(path, entry) for path, entry in everything if not is_junk(path)]
+            entries = [entry for _, entry in found]
             _judge(entries, name, max_files, max_bytes, max_ratio)
             left = max_bytes
-            for entry in entries:
+            for path, entry in found:
                 writer = _extract(file, entry, name, store, left, max_ratio, check_disk)
                 left -= writer.size
-                yield safe_name(entry.filename), writer
+                yield path, writer
     except DAMAGED as error:
         raise _damaged(name, error) from error
     except OSError as error:
@@ -72,6 +75,12 @@ class _Archive:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._file, name)
+
+
+def _path(entry: zipfile.ZipInfo) -> str:
+    """Where it lies. Old programs of Windows write their own separator of folders. Raises Invalid."""
+    name = entry.orig_filename
+    return safe_name(name.replace("\\", "/") if entry.create_system == WINDOWS and "/" not in name else name)
 
 
 def _damaged(name: str, error: Exception) -> Invalid:

@@ -19,7 +19,7 @@ from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
 from service.errors import Invalid, NotFound
-from service.intake.projects import Owner
+from service.intake.projects import Owner, serves
 from service.intake.record import record
 from service.intake.uploads import Upload, changed, light_text, sky_text
 from service.store.database import Sessions
@@ -189,7 +189,7 @@ class Lighting:
     def _image(self, id: str, project: str) -> BlobRef:
         with self._sessions() as session:
             found = session.get(Environment, id)
-        if found is None or found.project not in ("", project):
+        if found is None or not serves(found.project, project):
             raise Invalid(f"environment: there is no image {id[:60]!r}. GET /api/environments lists those that are there.")
         ref = BlobRef.from_json(found.file)
         suffix = PurePosixPath(found.name).suffix.lower()

@@ -119,7 +119,8 @@ def keep(
             files[name] = writer
         _refuse_files_as_folders(files)
         if find is not None and "base" in form.fields:
-            return _added(partial(find, form.fields["base"].strip()), files, store, garbage, settings, record)
+            main = form.fields.get("main", "").strip()
+            return _added(partial(find, form.fields["base"].strip()), files, main, store, garbage, settings, record)
         main, environment = _choose(form, files, notes)
         chosen = _strip_common_folder(files, main)
         if environment is not None and environment in files:
@@ -137,13 +138,15 @@ def keep(
 def _added(
     find: Callable[[], Scene],
     files: dict[str, BlobWriter],
+    asked: str,
     store: BlobStore,
     garbage: Garbage,
     settings: Settings,
     record: Callable[[Upload], T],
 ) -> T:
-    """A scene with more files, or others of the same names: what was missing need not be sent with all the rest."""
-    if not files or all(writer.size == 0 for writer in files.values()):
+    """A scene with more files, or others of the same names, or another of its files as the one that is shown: what was missing
+    need not be sent with all the rest. asked: the scene's file as the form names it; empty: as before."""
+    if not asked and all(writer.size == 0 for writer in files.values()):
         raise Invalid("The upload is empty. Choose the files that are to be added.")
     scene = find()
     kept = [ref for ref in (BlobRef(**ref) for ref in scene.files) if ref.path not in files]
@@ -157,8 +160,24 @@ def _added(
         find()  # where it is deleted by now, its files may be
         sent = [BlobRef(path, writer.commit(), writer.size) for path, writer in files.items()]
         refs = sorted((*kept, *sent), key=lambda ref: ref.path)
-        id = _id(refs, scene.main, scene.environment, scene.variant)
-        return record(Upload(id, scene.name, scene.main, scene.environment, refs, scene.notes, scene.variant))
+        main, notes, variant, name = scene.main, scene.notes, scene.variant, scene.name
+        if asked:
+            main, notes = _chosen([ref.path for ref in refs], asked)
+            variant = variant if main == scene.main else None
+            name = PurePosixPath(main).stem if name == PurePosixPath(scene.main).stem else name
+        id = _id(refs, main, scene.environment, variant)
+        return record(Upload(id, name, main, scene.environment, refs, notes, variant))
+
+
+def _chosen(names: list[str], asked: str) -> tuple[str, list[str]]:
+    """The file of a scene that is to be shown, and what there is to say about the others. asked: also with the folders that all
+    files of the upload shared. Raises Invalid."""
+    path = f"/{safe_name(asked)}"
+    known = max((name for name in names if path.endswith(f"/{name}")), key=len, default=None)
+    main, notes = (None, []) if known is None else pick_main(names, known)
+    if main is None or main != known:
+        raise Invalid(f"main: the scene has no scene file {asked[:200]}.")
+    return main, notes
 
 
 def changed(scene: Scene, light: str | BlobRef | None = None, variant: str | None = None) -> Upload:

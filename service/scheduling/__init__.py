@@ -11,6 +11,7 @@ Jobs and frames
     active_job.py     a job that is being rendered
     active_frame.py   a frame of it: its plan, its noise
     agenda.py         which frame is next
+    turns.py          the frames in that order, kept up as they change
     plan.py           which tile of a frame is next, and how many samples of it
     totals.py         sums over all frames of a job
     waiting.py        jobs that wait for other jobs

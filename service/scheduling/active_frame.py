@@ -13,9 +13,8 @@ from service.scheduling.looks import Looks
 from service.scheduling.plan import FramePlan, Range
 from service.store.coverage import Coverage
 from service.store.films import Film
-from service.store.models import Frame
 
-__all__ = ["FIRST_LOOK", "OF_NOISE", "ActiveFrame", "FrameNumbers"]
+__all__ = ["FIRST_LOOK", "OF_NOISE", "ActiveFrame", "FrameNumbers", "FrameRow"]
 
 FIRST_LOOK = 8  # samples: with fewer the noise says little
 LOOK_AGAIN = 4  # times as many
@@ -34,28 +33,52 @@ class FrameNumbers(NamedTuple):
     error: str | None
 
 
+class FrameRow(NamedTuple):
+    """What the engine needs of a frame's row. has_settings: those that it is rendered with are written down."""
+
+    number: int
+    samples: int
+    target: int
+    bad_samples: int
+    state: str
+    error: str | None
+    noise: float | None
+    spp: int | None
+    compiled: dict[str, Any] | None
+    has_settings: bool
+
+
 class ActiveFrame:
     """One frame in the hands of the scheduler. Only the engine's thread changes it."""
 
+    __slots__ = (
+        *("_due", "_focus", "_is_measured", "_is_told_anew", "_json", "_measured", "_plan", "_recorded", "_share", "_sums"),
+        *("bad_samples", "ceiling", "compiled", "error", "film", "is_idle", "is_preparing", "key", "noise", "noise_asked"),
+        *("_settings", "_stored", "on_change", "own", "spp", "state"),
+    )
+
     def __init__(
         self,
-        row: Frame,
+        row: FrameRow,
         film: Film,
-        settings: RenderSettings | None,
+        settings: RenderSettings | Callable[[], RenderSettings] | None,
         compiled: dict[str, str],
         spp: int,
         noise: float | None,
         is_measured: bool = False,
         share: int | None = None,
     ) -> None:
-        """settings: at its moment, None where that is not known yet. compiled: kind of worker -> SHA-256 of its scene.
+        """settings: at its moment, None where that is not known yet; or how to get them once they are needed.
+
+        compiled: kind of worker -> SHA-256 of its scene.
 
         is_measured: its noise is looked at while it is rendered, also where no noise level ends it.
         share: samples a pixel that it is expected to come to, where `spp` is only the most that it may get.
         """
         self.key = row.number
         self.film = film
-        self.settings = settings
+        self._settings = settings if isinstance(settings, RenderSettings) else None
+        self._stored = None if isinstance(settings, RenderSettings) else settings
         self.compiled = compiled
         self.own = dict(row.compiled or {})  # kind -> BlobRef of what was compiled for this frame alone
         self.spp = spp
@@ -67,7 +90,6 @@ class ActiveFrame:
         self.ceiling = spp
         self.is_idle = False  # nothing of it can be handed out before something comes back
         self.is_preparing = False
-        self.has_changed = False  # since it was written down
         self._is_measured = is_measured
         self._measured: dict[int, tuple[int, float]] = {}  # of a tile: with how many samples, and its noise then
         self._is_told_anew = False
@@ -79,6 +101,17 @@ class ActiveFrame:
         self._sums: tuple[int, int] | None = None  # samples and target, while they are as the plan has them
         self._json: tuple[RenderSettings, dict[str, Any]] | None = None
         self.on_change: Callable[[int], None] = lambda key: None  # told when its state or numbers may have changed
+
+    @property
+    def settings(self) -> RenderSettings | None:
+        """At its moment; None where that is not known yet. Raises FarmError."""
+        if self._stored is not None:
+            self._settings, self._stored = self._stored(), None
+        return self._settings
+
+    @settings.setter
+    def settings(self, settings: RenderSettings) -> None:
+        self._settings, self._stored = settings, None
 
     @property
     def plan(self) -> FramePlan:
@@ -167,11 +200,12 @@ class ActiveFrame:
         """A batch did not come back."""
         self.plan.lose(batch)
         self.is_idle = False
+        self._changed()
 
     def settle(self, batch: Range) -> None:
         """Let the plan look at the film for what came back. Raises FilmWaits or FilmLost."""
         self.plan.settle(batch)
-        self.is_idle, self.has_changed = False, True
+        self.is_idle = False
         if self.state == "queued":
             self.state = "running"
         self._changed()
@@ -213,16 +247,20 @@ class ActiveFrame:
             if self._measured.get(tile, (0, 0.0))[0] != covered:
                 self._measure(tile, covered)
         self.noise = self._whole_noise()
+        self._changed()
         return math.inf if self.noise is None else self.noise
 
     def fail(self, error: str) -> None:
         """It cannot be rendered."""
-        self.state, self.error, self.has_changed = "failed", error, True
+        self.state, self.error = "failed", error
         self._changed()
 
     def finish(self) -> None:
         """It has all that was asked for."""
-        self.state, self.has_changed = "finished", True
+        self.state = "finished"
+        if self._plan is not None:  # what it has is in the film, and a long shot has many of these
+            self._recorded = self._plan.samples, self._plan.target_samples
+            self._plan, self._measured, self._due = None, {}, {}
         self._changed()
 
     def _changed(self) -> None:
@@ -231,11 +269,11 @@ class ActiveFrame:
 
     @property
     def settings_json(self) -> dict[str, Any] | None:
-        """Its settings for its row; made once."""
-        if self.settings is None:
+        """Its settings for its row, made once; None where the row has them, or they are not known yet."""
+        if self._settings is None:
             return None
-        if self._json is None or self._json[0] is not self.settings:
-            self._json = self.settings, self.settings.to_json()
+        if self._json is None or self._json[0] is not self._settings:
+            self._json = self._settings, self._settings.to_json()
         return self._json[1]
 
     def _told(self, tile: int) -> float:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 from renderer.settings import MAX_SPP, RenderSettings, Tile
-from service.scheduling.active_frame import ActiveFrame, FrameNumbers
+from service.scheduling.active_frame import ActiveFrame, FrameNumbers, FrameRow
 from service.scheduling.agenda import Agenda
 from service.scheduling.history import History
 from service.scheduling.looks import Looks
@@ -19,7 +20,7 @@ from service.scheduling.shares import share_of
 from service.scheduling.totals import Totals
 from service.shot import IN_TURN, Shot
 from service.store.films import Film
-from service.store.models import Frame, Job, blobs_of
+from service.store.models import Job, blobs_of
 from worker.protocol.contract import render_queue
 
 __all__ = ["FAILURES_ALLOWED", "LOSSES_ALLOWED", "ActiveJob", "Trouble"]
@@ -46,8 +47,18 @@ class Trouble:
 class ActiveJob:
     """One job in the hands of the scheduler. Only the engine's thread changes it; others read its numbers."""
 
-    def __init__(self, row: Job, frames: Sequence[Frame], film: Film, compiled: dict[str, str], of_scene: set[str]) -> None:
-        """compiled: kind of worker -> SHA-256 of the scene compiled for it, as it is at its beginning.
+    def __init__(
+        self,
+        row: Job,
+        frames: Sequence[FrameRow],
+        film: Film,
+        compiled: dict[str, str],
+        of_scene: set[str],
+        settings_of: Callable[[int], RenderSettings],
+    ) -> None:
+        """settings_of: of a frame whose row has its settings.
+
+        compiled: kind of worker -> SHA-256 of the scene compiled for it, as it is at its beginning.
 
         of_scene: the hashes of all blobs that the scene refers to: they stay, whatever becomes of frames.
         """
@@ -57,6 +68,7 @@ class ActiveJob:
         self.created = row.created
         self.request = row.request
         self.film = film
+        self._settings_of = settings_of
         self.compiled = compiled
         self.of_scene = of_scene
         self.scene_words: list[str] = []  # options that say what was asked of the scene beside its files
@@ -79,12 +91,16 @@ class ActiveJob:
         self.started = row.started is not None
         self.served = 0  # when it was given a batch last, as a place in the order of all batches
         self.frames = {frame.number: self._frame(frame) for frame in frames}
+        self.focus: list[int] | None = None
         self.focus_on(row.focus)
         self._totals = Totals(self.frames)
         self.history = History()
         order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN, 1)
         self.agenda = Agenda(self.frames, order, every, row.spp, {f.number: f.spp for f in frames if f.spp})
         self.agenda.first = self.shot.first if self.shot else None
+        for frame in self.frames.values():
+            frame.on_change = self._note
+        self._without_picture = list(self.frames.values())  # those that may not have a sample of every tile yet, at its end
         self.trouble: dict[Range, Trouble] = {}
         self.handed_back: str | None = None  # why a worker gave a batch back, where none was rendered since
         self.rests_until = 0.0
@@ -99,19 +115,24 @@ class ActiveJob:
         self._clock = time.monotonic()
         self._rated = (self._clock, self.samples)
         self._numbers: Mapping[int, FrameNumbers] = {}
+        self._states: Counter[str] = Counter()  # how many of these are in each
+        self._failed: set[int] = set()
         self._touched = set(self.frames)
+        self.unwritten: set[int] = set()  # frames that have changed since they were written down
 
-    def _frame(self, row: Frame) -> ActiveFrame:
+    def _frame(self, row: FrameRow) -> ActiveFrame:
         assert self.spp is not None
         if self.shot is None:
             frame = ActiveFrame(row, self.film, self.settings, self.compiled, self.spp, self.noise, True)
             frame.state = "queued"  # the job's state is the frame's
             frame.plan  # noqa: B018 - a film that cannot be read is found out now
             return frame
-        settings = None if row.settings is None else RenderSettings.from_json(row.settings)
+        settings = (
+            partial(self._settings_of, row.number) if row.has_settings and row.state not in ("finished", "failed") else None
+        )
         own = {kind: str(ref["sha256"]) for kind, ref in (row.compiled or {}).items()} if settings is not None else {}
         if row.state == "finished" and self.film.samples(row.number) < row.samples:
-            row.state = "queued"  # a power cut has taken the latest of the film
+            row = row._replace(state="queued")  # a power cut has taken the latest of the film
         if self.shot.order == "noisiest-first":
             most = min(MAX_SPP, max(64 * self.spp, self.spp))
             return ActiveFrame(row, self.film, settings, own, most, self.noise, True, share=min(self.spp, most))
@@ -133,7 +154,9 @@ class ActiveJob:
     @property
     def has_first_wave(self) -> bool:
         """Whether every tile of every frame has a sample; frames that failed are left out."""
-        return all(frame.has_first_wave for frame in self.frames.values() if frame.state != "failed")
+        while (left := self._without_picture) and (left[-1].has_first_wave or left[-1].state == "failed"):
+            left.pop()
+        return not left
 
     @property
     def samples(self) -> int:
@@ -148,7 +171,7 @@ class ActiveJob:
     @property
     def bad_samples(self) -> int:
         """How many samples were left out."""
-        return sum(frame.bad_samples for frame in self.frames.values())
+        return self._totals.renewed().bad_samples
 
     @property
     def progress(self) -> float:
@@ -160,18 +183,12 @@ class ActiveJob:
     @property
     def noise_now(self) -> float | None:
         """The greatest noise of its frames; None while that of one is not known."""
-        found = [frame.noise for frame in self.frames.values() if frame.state != "failed"]
-        known = [noise for noise in found if noise is not None]
-        return max(known, default=None) if len(known) == len(found) else None
+        return self._totals.renewed().noise.value
 
     @property
     def forecast(self) -> float | None:
         """The greatest noise at which its frames will end; None while that is not known."""
-        if self.agenda.forecast is not None or self.noise_now is None:
-            return self.agenda.forecast
-        left = [frame for frame in self.frames.values() if frame.state != "failed"]
-        ends = [(f.noise or 0.0) * (f.samples / max(f.target_samples, 1)) ** 0.5 for f in left]
-        return max(ends, default=None)
+        return self.agenda.forecast if self.agenda.forecast is not None else self._totals.renewed().ends.value
 
     @property
     def eta_s(self) -> float | None:
@@ -207,14 +224,29 @@ class ActiveJob:
     def frame_numbers(self) -> Mapping[int, FrameNumbers]:
         """How far each frame is. Never changed: what is made anew is another mapping, with new entries for what has changed."""
         if self._touched:
-            self._numbers = {**self._numbers, **{key: self.frames[key].numbers() for key in self._touched}}
+            now = {key: self.frames[key].numbers() for key in self._touched}
+            for key, numbers in now.items():
+                if (before := self._numbers.get(key)) is not None:
+                    self._states[before.state] -= 1
+                self._states[numbers.state] += 1
+                (self._failed.add if numbers.state == "failed" else self._failed.discard)(key)
+            self._numbers = {**self._numbers, **now}
             self._touched = set()
         return self._numbers
 
+    def states(self) -> tuple[Mapping[str, int], tuple[int, ...]]:
+        """How many of those frames are in each state, and which have failed, in their order."""
+        return +self._states, tuple(sorted(self._failed))
+
     def touch(self, frame: ActiveFrame) -> None:
-        """A frame has changed otherwise than by a batch that came back."""
-        frame.has_changed = True
-        self._touched.add(frame.key)
+        """A frame has changed."""
+        self._note(frame.key)
+
+    def _note(self, key: int) -> None:
+        self._totals.note(key)
+        self.agenda.turns.note(key)
+        self._touched.add(key)
+        self.unwritten.add(key)
 
     def aim_s(self, batch_seconds: float, slots: int) -> float:
         """How long what is handed out at a time is to take.
@@ -242,6 +274,7 @@ class ActiveJob:
                 return batch
             if not self.agenda.passed(frame):
                 frame.is_idle = True
+                self._note(frame.key)
                 self._unsettled_frame(frame)  # its film may have had all from the beginning: nothing will come back then
         return None
 
@@ -289,7 +322,7 @@ class ActiveJob:
     def _unsettled_frame(self, frame: ActiveFrame) -> None:
         if self.shot is not None:
             self.agenda.settled(frame)
-        self._touched.add(frame.key)
+        self._note(frame.key)
 
     def fail(self, frame: ActiveFrame, error: str) -> None:
         """A frame cannot be rendered; the others go on. Raises FilmWaits or FilmLost."""
@@ -307,19 +340,24 @@ class ActiveJob:
     def release(self, all_frames: bool = False) -> Counter[str]:
         """Let go of what was compiled for frames that need it no more; the hashes of those blobs, and how many had each."""
         gone: Counter[str] = Counter()
-        for frame in self.frames.values():
+        for frame in self.agenda.turns.owning():
             for kind in [kind for kind in frame.own if all_frames or frame.is_over or kind not in frame.compiled]:
                 gone.update(blobs_of([frame.own.pop(kind)]))
                 frame.compiled.pop(kind, None)
-                frame.has_changed = True
+                self._note(frame.key)
         return gone
+
+    def compiled_for(self, kind: str, sha256: str) -> None:
+        """Its scene is prepared for a kind of workers."""
+        self.compiled[kind] = sha256
+        if self.shot is None:  # whose frame is rendered from just that
+            self.agenda.turns.note(*self.frames)
 
     def finish_frames(self) -> None:
         """The job is over: so are its frames, but for those that failed."""
         for frame in self.frames.values():
             if self.shot is not None and not frame.is_over:
                 frame.finish()
-                self._touched.add(frame.key)
 
     def asks_for(self, spp: int, noise: float | None, seconds: float | None) -> bool:
         """Whether this is other than what the job is rendered for now."""
@@ -335,6 +373,7 @@ class ActiveJob:
 
     def focus_on(self, focus: Sequence[int] | None) -> None:
         """Let a rectangle (x, y, w, h) of every frame be rendered first; None: no more."""
+        self.focus = None if focus is None else list(focus)
         for frame in self.frames.values():
             frame.focus_on(None if focus is None else Tile(*focus))
 

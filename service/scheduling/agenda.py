@@ -13,6 +13,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from service.scheduling.active_frame import ActiveFrame
+from service.scheduling.turns import Turn, Turns
 
 __all__ = ["Agenda", "shares"]
 
@@ -33,7 +34,7 @@ class Agenda:
         self._rank = dict(zip(frames, _ranks(len(frames), order, every), strict=True))
         self._pilot = max(1, min(PILOT, spp // 2))
         self._pending: set[int] = set()
-        self.first: int | None = None
+        self._first: int | None = None
         self.forecast: float | None = None  # the noise at which the shot ends
         self.new_goals: dict[int, int] = {}  # to be written down before anything of them is handed out
         for key, frame in frames.items():
@@ -43,28 +44,30 @@ class Agenda:
                     self._pending.add(key)
             elif order == "breadth-first":
                 frame.ceiling = 1
+        self.turns = Turns(frames, self.turn)
+
+    @property
+    def first(self) -> int | None:
+        """The frame that goes before all others."""
+        return self._first
+
+    @first.setter
+    def first(self, key: int | None) -> None:
+        self.turns.note(*(each for each in (self._first, key) if each is not None and each in self._frames))
+        self._first = key
 
     def next(self, kind: str) -> ActiveFrame | None:
         """The frame that workers of a kind render next; None where no frame that is ready has work."""
-        ready = (f for f in self._frames.values() if not f.is_idle and not f.is_over and kind in f.compiled)
-        return min(ready, key=self.turn, default=None)
-
-    def lacking(self, kind: str) -> list[ActiveFrame]:
-        """The frames that are not prepared for workers of a kind, in the order in which they are needed."""
-        return sorted(
-            (f for f in self._frames.values() if not f.is_over and kind not in f.compiled and not f.is_idle), key=self.turn
-        )
+        return self.turns.ready(kind)
 
     def overtakes(self, frame: ActiveFrame, kind: str) -> bool:
         """Whether a frame goes on only because one whose turn it is is not prepared yet."""
         if self._order not in ROUNDS:
             return False
-        turn = self.turn(frame)
-        return any(
-            self.turn(f) < turn for f in self._frames.values() if not f.is_over and not f.is_idle and kind not in f.compiled
-        )
+        first = self.turns.first_lacking(kind)
+        return first is not None and first < self.turn(frame)
 
-    def turn(self, frame: ActiveFrame) -> tuple[float, ...]:
+    def turn(self, frame: ActiveFrame) -> Turn:
         """The less, the sooner."""
         rank = self._rank[frame.key]
         before = 0.0 if frame.key == self.first else 1.0

@@ -235,6 +235,7 @@ class Answers:
                     with_bad.add(each.batch.frame)
         for frame in with_bad:
             job.frames[frame].bad_samples = job.film.bad_count(frame)
+            job.touch(job.frames[frame])
         if arrived:
             job.tick(job.state == "running")
             for frame, changed in tiles.items():

@@ -13,12 +13,12 @@ __all__ = ["alone", "held", "more"]
 
 def held(jobs: Iterable[ActiveJob]) -> dict[str, int]:
     """The blobs of what is compiled for frames of these jobs, and their sizes."""
-    return {sha256: size for job in jobs for frame in job.frames.values() for sha256, size in _of_frame(job, frame)}
+    return {sha256: size for job in jobs for frame in job.agenda.turns.owning() for sha256, size in _of_frame(job, frame)}
 
 
 def alone(job: ActiveJob, frame: ActiveFrame) -> int:
     """The bytes that no other frame of the job needs."""
-    others = {sha256 for other in job.frames.values() if other is not frame for sha256, _ in _of_frame(job, other)}
+    others = {sha256 for other in job.agenda.turns.owning() if other is not frame for sha256, _ in _of_frame(job, other)}
     return _sum_without(_of_frame(job, frame), others)
 
 

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 from renderer.errors import SettingsError
@@ -135,14 +136,15 @@ class Lifecycle:
             job.needs = needs
         if row.deadline != job.deadline:
             job.deadline, job.expected, job.urgency = row.deadline, None, math.inf
-        job.focus_on(row.focus)
+        if job.focus != row.focus:
+            job.focus_on(row.focus)
         if shot is None and row.spp and job.asks_for(row.spp, row.noise, row.seconds):
             self._scheduler.withdraw(job)
             job.ask(row.spp, row.noise, row.seconds)
 
     def _take_up(self, row: Job) -> None:
         """Begin or go on with a job, as soon as its scene is ready and what it comes after is finished."""
-        if self._waiting.holds(row.id):
+        if self._waiting.holds(row.id) or self._records.frames_change(row.id):
             return
         scene = self._records.scene(row.stage)
         if scene is None:
@@ -159,10 +161,13 @@ class Lifecycle:
             return  # it was deleted a moment ago, which is applied next
         film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
         shot = Shot.of(row.shot)
-        if shot is not None and shot.anew:
-            for key in shot.anew:
-                film.forget(key)
-            self._records.forgot(row.id, shot.anew)
+        if shot is not None and (anew := shot.anew_keys):
+            if film.has_only(set(anew)):
+                self._films.delete(row.id)  # a moment's work, however large it is
+                film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
+            else:
+                film.forget(*anew)
+            self._records.forgot(row.id, anew)
         verify = row.request.get("verify")
         film.keeps_apart = (self._scheduler.verify if verify is None else verify) > 0
         for worker in self._scheduler.distrusted.union(row.doubted or ()):
@@ -170,7 +175,7 @@ class Lifecycle:
         if row.doubted:
             self._records.believed(row.id)
         compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
-        job = ActiveJob(resolved, frames, film, compiled, scene.blobs)
+        job = ActiveJob(resolved, frames, film, compiled, scene.blobs, partial(self._records.frame_settings, row.id))
         job.verify = self._scheduler.verify if verify is None else verify
         job.checks = self._scheduler.checks
         job.looks = self._scheduler.looks
@@ -305,7 +310,7 @@ class Lifecycle:
         for id in self._records.jobs_of(scene):
             if id in self._scheduler.jobs:
                 job = self._scheduler.jobs[id]
-                job.compiled[info.kind] = info.compiled.sha256
+                job.compiled_for(info.kind, info.compiled.sha256)
                 job.of_scene |= blobs_of([asdict(info.compiled)])
             else:
                 self._changes.note("job", id)

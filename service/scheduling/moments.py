@@ -138,22 +138,21 @@ class Moments:
 
     def _chosen(self, job: ActiveJob, kind: str) -> list[ActiveFrame]:
         """The frames to hand out together now: none where enough of them are ready."""
-        lacking = [frame for frame in job.agenda.lacking(kind) if not frame.is_preparing]
-        if not lacking:
-            return []
-        seconds = self._seconds.get(job.id)
+        turns, seconds = job.agenda.turns, self._seconds.get(job.id)
         most = MOST_AT_ONCE if self._sizes.get(job.id) else MOST_WITHOUT_ROOM
         together = 1 if seconds is None else max(1, min(most, int(AIM_S / max(seconds, 1e-6))))
         ahead = max(AHEAD, 2 * self._workers.roster.slots(kind), 2 * together)
-        turn = job.agenda.turn(lacking[0])
-        open = [frame for frame in job.frames.values() if not frame.is_over and not frame.is_idle]
-        ready = sum(frame.is_preparing or (kind in frame.compiled and job.agenda.turn(frame) < turn) for frame in open)
+        lacking = turns.lacking(kind, together)
+        if not lacking:
+            return []
+        in_hand = sum(not frame.is_over and not frame.is_idle for frame in turns.preparing())
+        ready = in_hand + turns.ready_before(kind, job.agenda.turn(lacking[0]), ahead)
         return lacking[: min(together, ahead - ready)] if ready < ahead else []
 
     def _make_room(self, job: ActiveJob, kind: str, wanted: ActiveFrame, busy: set[tuple[str, int]]) -> int | None:
         """Let go of what is needed later than a frame: so many bytes. None where the frame has to wait."""
         turn = job.agenda.turn(wanted)
-        idle = [f for f in job.frames.values() if f.own.keys() & f.compiled.keys() and (job.id, f.key) not in busy]
+        idle = [f for f in job.agenda.turns.owning() if f.own.keys() & f.compiled.keys() and (job.id, f.key) not in busy]
         later = [f for f in idle if f.is_idle or job.agenda.turn(f) > turn]
         if later:
             victim = max(later, key=job.agenda.turn)
@@ -165,7 +164,7 @@ class Moments:
 
     def _taken(self, jobs: list[ActiveJob]) -> int:
         """Bytes of what is compiled for frames, and will be for those in hand."""
-        awaited = sum(self._sizes.get(job.id, 0) * sum(f.is_preparing for f in job.frames.values()) for job in jobs)
+        awaited = sum(self._sizes.get(job.id, 0) * len(job.agenda.turns.preparing()) for job in jobs)
         return awaited + sum(held(jobs).values())
 
     def _send(self, job: ActiveJob, kind: str, frames: list[ActiveFrame], auto: dict[str, object]) -> None:

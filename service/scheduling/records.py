@@ -5,28 +5,33 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
 from typing import Any
 
-from sqlalchemy import delete, func, or_, select, update
+from sqlalchemy import bindparam, delete, func, or_, select, update
 from sqlalchemy.orm import Session, aliased
 
 from renderer.errors import SettingsError
+from renderer.frames import frame_number, frames_text
+from renderer.settings import RenderSettings
+from service.errors import Conflict
 from service.intake.resolve import resolve
+from service.scheduling.active_frame import ActiveFrame, FrameRow
 from service.scheduling.active_job import ActiveJob
 from service.scheduling.shares import Terms
 from service.shot import Shot
 from service.store.blends import blend_of, is_to_be_opened
 from service.store.database import Sessions
-from service.store.models import ACTIVE, FINAL, Environment, Frame, Job, Reference, Scene, ShareTerms, Wait
+from service.store.models import ACTIVE, FINAL, Environment, Frame, FrameChange, Job, Reference, Scene, ShareTerms, Wait
 from service.store.models import WorkerTerms as Asked
 from worker.protocol.contract import SceneInfo
 from worker.protocol.terms import Terms as WorkerTerms
 
 __all__ = ["Records"]
 
-MOST_NAMED = 500  # in one query; with more, all are read
+NUMBERS = ("samples", "target", "bad_samples", "progress", "noise", "compiled", "settings")  # of a frame, that the engine tells
 AS_TOLD = {"synchronize_session": False}  # no row was read that would have to know of it
 
 
@@ -147,10 +152,26 @@ class Records:
             query = select(Job.id).where(Job.state.in_(ACTIVE), Job.deadline < now, Job.late.is_(None))
             return list(session.scalars(query))
 
-    def frames(self, job: str) -> list[Frame]:
+    def frames(self, job: str) -> list[FrameRow]:
         """The frames of a job, in their order."""
+        columns = [getattr(Frame, name) for name in FrameRow._fields if name != "has_settings"]
         with self._sessions() as session:
-            return list(session.scalars(select(Frame).where(Frame.job == job).order_by(Frame.number)))
+            # Settings are most of a row: they are read when they are needed.
+            rows = session.execute(select(*columns, Frame.settings.is_not(None)).where(Frame.job == job).order_by(Frame.number))
+            return [FrameRow._make(row) for row in rows]
+
+    def frame_settings(self, job: str, frame: int) -> RenderSettings:
+        """What a frame is rendered with, as its row says. Raises Conflict, SettingsError."""
+        with self._sessions() as session:
+            found = session.scalar(select(Frame.settings).where(Frame.job == job, Frame.number == frame))
+        if found is None:
+            raise Conflict("The record of a frame of this job is damaged. Have its frames rendered again.")
+        return RenderSettings.from_json(found)
+
+    def frames_change(self, job: str) -> bool:
+        """Whether something is being done to its frames: then it is noted as changed once that is over."""
+        with self._sessions() as session:
+            return session.get(FrameChange, job) is not None
 
     def is_to_be_opened(self, scene: Scene) -> bool:
         """Whether Blender has to open a scene's file before it can be prepared."""
@@ -193,8 +214,7 @@ class Records:
                 _write_still(session, job)
             else:
                 _write_shot(session, job, job.shot)
-        for frame in job.frames.values():
-            frame.has_changed = False
+        job.unwritten.clear()
         job.history.has_changed = False
 
     def forgot(self, id: str, keys: list[int]) -> None:
@@ -203,13 +223,15 @@ class Records:
             row = session.get(Job, id, with_for_update=True)
             shot = Shot.of(row.shot) if row is not None else None
             if row is not None and shot is not None:
-                row.shot = replace(shot, anew=[key for key in shot.anew if key not in keys]).to_json()
+                left = set(shot.anew_keys).difference(keys)
+                row.shot = replace(shot, anew=frames_text(map(frame_number, left))).to_json()
 
     def goals(self, job: ActiveJob) -> None:
         """Write down what a round gives each frame of a job."""
         with self._sessions.begin() as session:
-            for key, goal in job.agenda.new_goals.items():
-                session.execute(update(Frame).where(Frame.job == job.id, Frame.number == key).values(spp=goal))
+            goals = [{"of": job.id, "key": key, "goal": goal} for key, goal in job.agenda.new_goals.items()]
+            row = update(Frame).where(Frame.job == bindparam("of"), Frame.number == bindparam("key"))
+            session.connection().execute(row.values(spp=bindparam("goal")), goals)
 
     def finished(self, job: ActiveJob, measured: dict[str, float | None] | None = None) -> bool:
         """A job has all that was asked for: of a shot, all but the frames that failed; where all of them did, it has failed.
@@ -275,20 +297,37 @@ def _write_still(session: Session, job: ActiveJob) -> None:
 
 def _write_shot(session: Session, job: ActiveJob, asked: Shot) -> None:
     """Those of its frames that have changed."""
-    changed = {frame.key: frame for frame in job.frames.values() if frame.has_changed}
-    if not changed:
+    if not job.unwritten:
         return
     row = session.get(Job, job.id)
     shot = Shot.of(row.shot) if row is not None else None
-    is_known = shot is not None and shot.revision == asked.revision
-    query = select(Frame).where(Frame.job == job.id)
-    if len(changed) <= MOST_NAMED:
-        query = query.where(Frame.number.in_(changed))
-    for frame in session.scalars(query):
-        if (each := changed.get(frame.number)) is not None:
-            frame.samples, frame.target = each.samples, each.target_samples
-            frame.bad_samples, frame.progress = each.bad_samples, each.progress
-            frame.noise, frame.compiled = each.noise, each.own or None
-            frame.settings = each.settings_json
-            if is_known:  # else somebody has asked for something else, and the frame is what that made of it
-                frame.state, frame.error = each.state, each.error
+    changed = list(job.unwritten)
+    if shot is None or shot.revision != asked.revision:
+        # Somebody has asked for something else: the frames are what that made of them, and those anew have nothing.
+        anew = set(shot.anew_keys) if shot is not None else set()
+        changed = [key for key in changed if key not in anew]
+        names: tuple[str, ...] = NUMBERS
+    else:
+        names = (*NUMBERS, "state", "error")
+    given = update(Frame).where(Frame.job == bindparam("of"), Frame.number == bindparam("key"))
+    values: dict[str, Any] = {name: bindparam(f"new_{name}", type_=getattr(Frame, name).type) for name in names}
+    values["settings"] = func.coalesce(values["settings"], Frame.settings)  # of one that was over it is not known any more
+    given = given.values(values)
+    rows = [_row(job, job.frames[key], names) for key in changed]
+    if rows:
+        session.connection().execute(given, rows)
+
+
+def _row(job: ActiveJob, frame: ActiveFrame, names: Sequence[str]) -> dict[str, Any]:
+    now = {
+        "samples": frame.samples,
+        "target": frame.target_samples,
+        "bad_samples": frame.bad_samples,
+        "progress": frame.progress,
+        "noise": frame.noise,
+        "compiled": frame.own or None,
+        "settings": frame.settings_json,
+        "state": frame.state,
+        "error": frame.error,
+    }
+    return {"of": job.id, "key": frame.key, **{f"new_{name}": now[name] for name in names}}

@@ -31,6 +31,9 @@ class JobNumbers:
     eta_s: float | None
     samples_per_s: float
     frames: Mapping[int, FrameNumbers] = field(default_factory=dict)
+    states: Mapping[str, int] = field(default_factory=dict)  # how many of these are in each
+    failed: tuple[int, ...] = ()  # their keys
+    revision: int = 0  # of the shot that it is rendered as
     noise: float | None = None  # the greatest of its frames, of a shot
     forecast: float | None = None  # and at its end
     handed_back: str | None = None  # why a worker gave its batch back, where none was rendered since
@@ -50,6 +53,8 @@ class JobNumbers:
             job.eta_s,
             job.samples_per_s,
             job.frame_numbers(),
+            *job.states(),
+            job.shot.revision if job.shot else 0,
             job.noise_now if job.shot else None,
             job.forecast if job.shot else None,
             job.handed_back,

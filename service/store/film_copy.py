@@ -71,7 +71,7 @@ class FilmCopy:
                         taken[frame] = self._copy(database, frame)
         except BaseException:
             for frame in frames:
-                self._file.forget(frame)
+                self._file.forget([frame])
             raise
         self._has_any = self._has_any or bool(taken)
         return taken

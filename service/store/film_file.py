@@ -9,6 +9,7 @@ import sqlite3
 import weakref
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,10 +17,11 @@ from service.errors import FarmError
 from service.store.film_faults import another_has_it, damaged, film_faults
 from service.store.film_version import FilmShape, Row, bring_up_to_date, checksum, is_up_to_date, is_whole, select_rows, spans
 
-__all__ = ["FilmFile", "Head"]
+__all__ = ["FilmFile", "Head", "head_spans"]
 
 LOCK_PATIENCE_S = 0.1  # the engine's thread waits no longer for one film
 MAX_BAD_KEPT = 1000
+FORGOTTEN_AT_ONCE = 100  # frames
 BAD_SHOWN = 64
 
 TUNED = ("page_size=32768", "journal_mode=WAL", "synchronous=NORMAL", "wal_autocheckpoint=2000", "secure_delete=OFF")
@@ -157,11 +159,13 @@ class FilmFile:
             self._database.execute(PART, (*row, checksum(row)))
         return True
 
-    def forget(self, frame: int) -> None:
-        """Remove the rows of a frame, and its bad samples."""
-        with film_faults(), self._transaction():
-            self._database.execute("DELETE FROM part WHERE frame = ?", (frame,))
-            self._database.execute("DELETE FROM bad_sample WHERE frame = ?", (frame,))
+    def forget(self, frames: Iterable[int]) -> None:
+        """Remove the rows of some frames, and their bad samples; of many, some at a time."""
+        left = iter([(frame,) for frame in frames])
+        while some := list(islice(left, FORGOTTEN_AT_ONCE)):
+            with film_faults(), self._transaction():
+                self._database.executemany("DELETE FROM part WHERE frame = ?", some)
+                self._database.executemany("DELETE FROM bad_sample WHERE frame = ?", some)
 
     def row(self, frame: int, tile: int, first: int) -> Row | None:
         """A row as it was written; None where it is not that any more. Raises FilmLost where the file cannot be read there."""
@@ -238,3 +242,11 @@ def _sums(row: tuple[Any, ...]) -> bytes:
         raise damaged(f"samples from {row[2]} on of tile {row[1]} are not what was written")
     sums: bytes = row[5]
     return sums
+
+
+def head_spans(head: Head) -> list[tuple[int, int]]:
+    """The runs of samples that are in a row: first and count. Raises FilmLost."""
+    try:
+        return spans(head.first, head.count, head.ranges)
+    except (ValueError, TypeError) as error:
+        raise damaged(str(error)) from error

@@ -12,7 +12,7 @@ import hashlib
 import json
 import logging
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import partial
 from itertools import compress
 from pathlib import Path
@@ -24,7 +24,7 @@ from service.store.added import added_up
 from service.store.claims import Claims
 from service.store.coverage import Coverage
 from service.store.film_faults import FilmClosed, damaged, film_faults, incomplete
-from service.store.film_file import FilmFile, Head
+from service.store.film_file import FilmFile, Head, head_spans
 from service.store.film_moment import FilmMoment
 from service.store.film_version import FilmShape, Row, spans
 from service.store.parts import Part, joined_parts
@@ -198,14 +198,19 @@ class Film:
         for key in claims.coverage:
             self._fold(*key)
 
-    def forget(self, frame: int) -> None:
-        """Remove all samples of a frame."""
+    def has_only(self, frames: Collection[int]) -> bool:
+        """Whether all samples are of these frames."""
+        self._known()
+        return all(frame in frames for frame, _ in list(self._coverage))
+
+    def forget(self, *frames: int) -> None:
+        """Remove all samples of these frames."""
         with self._lock:
             self.load()
             if self._file is None:
                 return
             self._in_doubt = True
-            self._file.forget(frame)
+            self._file.forget(frames)
             self._take_in(self._file)
 
     def heal(self) -> int:
@@ -241,7 +246,7 @@ class Film:
         assert self._file is not None
         self._file.remove(heads)
         for head in heads:
-            for first, count in _spans(head):
+            for first, count in head_spans(head):
                 self._file.forget_bad(head.frame, self.tiles[head.tile], first, count)
         self._take_in(self._file)
         return sum(head.count * self.tiles[head.tile].w * self.tiles[head.tile].h for head in heads)
@@ -381,7 +386,7 @@ class Film:
         if sums is None:
             rows = self._file.sums(frame, tile) if is_whole_tile else self._file.sums_of(heads)
             sums = added_up(rows, self.tiles[tile])
-        runs = Coverage(span for head in heads for span in _spans(head)).ranges
+        runs = Coverage(span for head in heads for span in head_spans(head)).ranges
         ranges = json.dumps([[start, end - start] for start, end in runs]) if len(runs) > 1 else None
         workers = senders_text({worker for head in heads for worker in senders_of(head.workers)})
         total, bad = sum(head.count for head in heads), sum(head.bad for head in heads)
@@ -390,10 +395,3 @@ class Film:
             self._rows[where] = [*(head for head in self._rows[where] if head not in heads), made]
         else:
             self._in_doubt = True
-
-
-def _spans(head: Head) -> list[tuple[int, int]]:
-    try:
-        return spans(head.first, head.count, head.ranges)
-    except (ValueError, TypeError) as error:
-        raise damaged(str(error)) from error

@@ -15,6 +15,7 @@ __all__ = [
     "Delivery",
     "Environment",
     "Frame",
+    "FrameChange",
     "Job",
     "Key",
     "Member",
@@ -253,6 +254,17 @@ class Frame(Base):
         """The hashes of the blobs that it refers to."""
         compiled = self.compiled if isinstance(self.compiled, dict) else {}
         return blobs_of([ref for ref in compiled.values() if isinstance(ref, dict)])
+
+
+class FrameChange(Base):
+    """What is being done to the frames of a long shot: service/store/frame_changes.py. The row goes when all is done."""
+
+    __tablename__ = "frame_changes"
+
+    job: Mapped[str] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
+    steps: Mapped[list[dict[str, Any]]] = mapped_column(JSON)  # frame_changes.Step each
+    done: Mapped[int] = mapped_column(Integer)  # of the frames that its steps name, all together
+    samples: Mapped[int] = mapped_column(BigInteger)  # that frames come to which are not written down yet, for quotas
 
 
 class User(Base):

@@ -23,6 +23,7 @@ import time
 from pathlib import Path
 
 import psutil
+import pytest
 import redis
 
 from rayfarm.client import ClientError
@@ -61,7 +62,7 @@ class Campaign:
             try:
                 ground = GROUNDS[name](folder)
                 self._on(ground)
-            except UnrecoveredError as error:
+            except (UnrecoveredError, pytest.fail.Exception) as error:  # the latter where a farm does not start
                 print(f"THE FARM DOES NOT COME BACK: {error}", flush=True)
             finally:
                 if ground is not None:
@@ -111,7 +112,7 @@ class Campaign:
         repeated = stream.repeated
         try:
             drawn.act(attack)
-        except (UnrecoveredError, psutil.Error, redis.RedisError, OSError, ValueError) as error:
+        except (UnrecoveredError, pytest.fail.Exception, psutil.Error, redis.RedisError, OSError, ValueError) as error:
             fault.undone = f"{type(error).__name__}: {error}"
             attack.over()
         self._until_it_is_back(ground, job, attack.since, fault)

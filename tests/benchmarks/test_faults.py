@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 import redis
 
 from tests.benchmarks.faults.attack import KINDS
+from tests.benchmarks.faults.patience import Patience
 from tests.benchmarks.faults.stream import Stream
 from tests.benchmarks.faults.tally import BEGIN, END, Fault, into_page, read, table, write
 from tests.helpers import ROOT, wait_until
@@ -41,6 +44,39 @@ def test_the_table_comes_between_its_marks(tmp_path: Path) -> None:
     with pytest.raises(SystemExit, match="has no place"):
         into_page(page, "new")
     assert BEGIN in (ROOT / "docs" / "reliability.md").read_text()
+
+
+def test_only_time_without_anything_to_do_uses_up_patience() -> None:
+    clock = [0.0]
+
+    def after(seconds: float, patience: Patience) -> bool:
+        clock[0] += seconds
+        return patience.is_over
+
+    idle = Patience(10.0, list, lambda: clock[0])
+    assert not after(9.9, idle)
+    assert after(1.2, idle)
+
+    busy = [0.0]
+    patience = Patience(10.0, list, lambda: clock[0])
+    patience._busy = lambda: {1: busy[0], 2: 0.0}  # type: ignore[method-assign]
+    for _ in range(7):  # it starts, on a machine that has no time for it
+        busy[0] += 10.0
+        assert not after(10.0, patience)
+    assert not after(9.0, patience)
+    assert after(2.0, patience)  # eleven seconds, in which it did nothing
+
+    patience = Patience(10.0, list, lambda: clock[0])
+    patience._busy = lambda: {1: clock[0]}  # type: ignore[method-assign]
+    assert not after(80.0, patience)
+    assert after(1.1, patience)  # nor is it waited for without end
+
+
+def test_the_time_of_a_process_that_computes_is_seen() -> None:
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as process:
+        patience = Patience(1.0, lambda: [process.pid])
+        wait_until(lambda: sum(patience._busy().values()) > 0.2, 60, "it computed, or waited to")
+        process.kill()
 
 
 def test_what_comes_again_is_counted_once_and_what_was_forged_is_not(redis_url: str) -> None:

@@ -78,8 +78,7 @@ def shaders() -> bpy.types.Scene:
         ("ShaderNodeBsdfPrincipled", {"Base Color": (0.8, 0.6, 0.2, 1), "Metallic": 1, "Roughness": 0.4}),
         ("ShaderNodeBsdfPrincipled", {"Base Color": (0.1, 0.1, 0.1, 1), "Roughness": 0.9}),
     )
-    mask = painted("mask", 64, 64, lambda x, y: (float(int(x * 8) % 2 == int(y * 8) % 2),) * 3)
-    mask.colorspace_settings.name = "Non-Color"
+    mask = painted("mask", 64, 64, lambda x, y: (float(int(x * 8) % 2 == int(y * 8) % 2),) * 3, space="Non-Color")
     node = masked.node_tree.nodes.new("ShaderNodeTexImage")
     node.image = mask
     masked.node_tree.links.new(node.outputs[0], mix.inputs[0])
@@ -143,3 +142,46 @@ def rays() -> bpy.types.Scene:
     mirror = principled("mirror", Base_Color=(0.95, 0.95, 0.95, 1), Metallic=1, Roughness=0.0)
     add("cube", mirror, smooth=False, location=(0, 2.2, 0.6), size=1.2, rotation=(0.2, 0, 0))
     return scene
+
+
+def bumps() -> bpy.types.Scene:
+    """Bumps of a picture's heights above, of several strengths and distances, one inverted; maps of normals below."""
+    scene = empty()
+    add("plane", principled("floor", Base_Color=(0.5, 0.5, 0.5, 1), Roughness=0.9, Specular_IOR_Level=0.0), size=14)
+    background(scene).inputs["Strength"].default_value = 0.1
+    lamp("SUN", 3.0, (4, -2.5, 1.6), angle=0.05)
+    scene.camera.location, scene.camera.data.lens = (0, -6, 2.4), 55
+    look(scene.camera, (0, 0, 0.4))
+    waves = painted(
+        "waves",
+        256,
+        128,
+        lambda x, y: (0.5 + 0.5 * math.sin(24 * math.pi * x) * math.sin(12 * math.pi * y),) * 3,
+        space="Non-Color",
+    )
+    bent = painted("bent", 128, 64, _leaning, space="Non-Color")
+    matt = {"Base_Color": (0.7, 0.65, 0.6, 1), "Specular_IOR_Level": 0.0}
+
+    def bump(strength: float, distance: float, inverted: bool = False):
+        def build(tree, source):
+            return _new(
+                tree, "ShaderNodeBump", {"Strength": strength, "Distance": distance}, source, "Height", 0, invert=inverted
+            )
+
+        return build
+
+    def normals(strength: float):
+        return lambda tree, source: _new(tree, "ShaderNodeNormalMap", {"Strength": strength}, source, "Color", 0)
+
+    high = [bump(1.0, 0.03), bump(0.5, 0.03), bump(1.0, 0.03, True), bump(1.0, 0.01)]
+    _row([_behind(f"bump {i}", build, waves, "Normal", **matt) for i, build in enumerate(high)], 0.8)
+    low = [normals(1.0), normals(0.5)]
+    _row([_behind(f"normals {i}", build, bent, "Normal", **matt) for i, build in enumerate(low)], -0.5)
+    return scene
+
+
+def _leaning(x: float, y: float) -> tuple[float, float, float]:
+    """Of a map of normals: leaning to and fro."""
+    a, b = 0.5 * math.sin(20 * math.pi * x), 0.4 * math.cos(14 * math.pi * y)
+    length = math.sqrt(a * a + b * b + 1)
+    return 0.5 + 0.5 * a / length, 0.5 + 0.5 * b / length, 0.5 + 0.5 / length

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 import mathutils
+import numpy as np
 
 SIZE = 96, 72
 
@@ -93,13 +94,33 @@ def world_node(scene: bpy.types.Scene, kind: str) -> bpy.types.Node:
     return node
 
 
-def painted(name: str, width: int, height: int, paint, is_float: bool = False) -> bpy.types.Image:
-    """An image of a formula of x and y from 0 to 1, the latter upwards; packed, as a file in a .blend is."""
+def painted(name: str, width: int, height: int, paint, is_float: bool = False, space: str = "") -> bpy.types.Image:
+    """An image of a formula of x and y from 0 to 1, the latter upwards; packed, as a file in a .blend is.
+
+    space: its colour space, which is set first: to set it afterwards loads an image anew, and what was painted is gone.
+    """
     image = bpy.data.images.new(name, width, height, float_buffer=is_float)
+    if space:
+        image.colorspace_settings.name = space
     rows = [(*paint((x + 0.5) / width, (y + 0.5) / height), 1.0) for y in range(height) for x in range(width)]
     image.pixels.foreach_set([c for pixel in rows for c in pixel])
     image.update()
+    image.pack()
     return image
+
+
+def blank_images() -> list[str]:
+    """The names of images that show nothing: no pixels, or all of them alike."""
+    found = []
+    for image in bpy.data.images:
+        if image.source == "VIEWER" or not image.users:
+            continue
+        pixels = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(pixels)
+        colors = pixels.reshape(-1, max(image.channels, 1))[:, :3]
+        if not colors.size or np.ptp(colors, axis=0).max() < 1e-3:
+            found.append(image.name)
+    return found
 
 
 def textured(material: bpy.types.Material, image: bpy.types.Image, socket: str, scale: float | None = 2.0) -> None:

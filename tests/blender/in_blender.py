@@ -1,6 +1,6 @@
 """What tests/blender/test_in_blender.py has Blender do. Run by a Python that has bpy: nothing of ours is imported but the add-on.
 
-    python in_blender.py FOLDER URL TASK,TASK [TOKEN]
+    python in_blender.py FOLDER URL TASK,TASK:SCENE [TOKEN]
 
 FOLDER has the add-on's package; what a task makes, it writes there. The last line printed is JSON.
 """
@@ -16,7 +16,21 @@ from pathlib import Path
 import blender_artists
 import bpy
 import numpy as np
-from blender_scenes import add, background, empty, lamp, leaves, look, painted, principled, table, textured, world_node
+from blender_scenes import (
+    add,
+    background,
+    blank_images,
+    empty,
+    lamp,
+    leaves,
+    look,
+    painted,
+    principled,
+    table,
+    textured,
+    world_node,
+)
+from blender_survey import SURVEY, made
 from blender_window import Engine, Region
 
 FOLDER, URL, TASK = Path(sys.argv[1]), sys.argv[2], sys.argv[3]
@@ -47,10 +61,15 @@ def picture(name: str, scene: bpy.types.Scene, engine: str, samples: int = 256, 
     return name
 
 
-def both(name: str, scene: bpy.types.Scene, samples: int = 256) -> None:
-    """The same by Cycles and by the farm."""
+def both(name: str, scene: bpy.types.Scene, samples: int = 256) -> list[str]:
+    """The same by Cycles and by the farm; what the add-on says of it."""
+    from rayfarm_addon.ui import connection
+
+    lost = blank_images()
+    assert not lost, f"{name}: these pictures are blank, and nothing would be compared: {lost}"
     for engine in ("CYCLES", "RAYFARM"):
         picture(f"{name}-{engine.lower()}.exr", scene, engine, samples)
+    return connection.notes()
 
 
 def lamps() -> list[str]:
@@ -86,9 +105,30 @@ def hidden() -> list[str]:
     return ["lamp-hidden", "lamp-shown"]
 
 
+def survey(*names: str) -> dict[str, list[str]]:
+    """What is said of each of SURVEY's scenes; beside their pictures are those of what they hide, and the .blend files."""
+    said = {}
+    for name in names or SURVEY:
+        scene = made(name)
+        use("CYCLES", scene, 256)
+        bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / f"{name}.blend"), copy=True, compress=False)
+        said[name] = both(name, scene)
+    return said
+
+
+def indices() -> dict:
+    """Of things that some rays pass by, the numbers."""
+    scene = made("hidden")
+    layer = bpy.context.view_layer
+    layer.use_pass_object_index = layer.use_pass_material_index = True
+    for engine in ("CYCLES", "RAYFARM"):
+        picture(f"indices-{engine.lower()}.exr", scene, engine, 16, "OPEN_EXR_MULTILAYER")
+    return {}
+
+
 def artists() -> list[str]:
     """Of blender_artists.py."""
-    names = ("shaders", "suns", "rays")
+    names = ("shaders", "suns", "rays", "bumps")
     for name in names:
         both(f"artists-{name}", getattr(blender_artists, name)())
     return [f"artists-{name}" for name in names]
@@ -112,8 +152,7 @@ def surroundings() -> list[str]:
     mirror = principled("mirror", Base_Color=(0.9, 0.9, 0.9, 1), Metallic=1, Roughness=0.15)
     add("uv_sphere", mirror, location=(-1.2, -0.3, 0.9), radius=0.8)
     rough = principled("spotted", Base_Color=(0.3, 0.5, 0.8, 1), Metallic=0.8)
-    spots = painted("spots", 8, 8, lambda x, y: (0.3 + 0.6 * (x > 0.5),) * 3)
-    spots.colorspace_settings.name = "Non-Color"
+    spots = painted("spots", 8, 8, lambda x, y: (0.3 + 0.6 * (x > 0.5),) * 3, space="Non-Color")
     textured(rough, spots, "Roughness", None)
     add("cube", rough, smooth=False, location=(1.1, 0.3, 0.6), size=1.2)
     seen_through = principled("veil", Base_Color=(0.8, 0.2, 0.1, 1), Roughness=1.0, Alpha=0.4)
@@ -363,6 +402,8 @@ TASKS = {
     for each in (
         lamps,
         hidden,
+        survey,
+        indices,
         artists,
         surroundings,
         cameras,
@@ -384,7 +425,8 @@ def main() -> None:
     import rayfarm_addon
 
     rayfarm_addon.register()
-    print(json.dumps({name: TASKS[name]() for name in TASK.split(",")}), flush=True)
+    tasks = [task.split(":") for task in TASK.split(",")]
+    print(json.dumps({name: TASKS[name](*rest) for name, *rest in tasks}), flush=True)
     rayfarm_addon.unregister()
 
 

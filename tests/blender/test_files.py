@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from blender.rayfarm_addon.scene.files import MAIN, NAME, scene_files
 from blender.rayfarm_addon.scene.gltf import object_names
+from blender.rayfarm_addon.scene.ids import ids_of
 from blender.rayfarm_addon.scene.model import TO_Y_UP, Material, Mesh, Node, Scene, TextureUse
 from blender.rayfarm_addon.scene.placing import decompose
 from blender.rayfarm_addon.scene.view import Lens, shot_of
+from blender.rayfarm_addon.scene.world import read_world
 from renderer.scene.animation import Moment, Shutter
 from renderer.scene.load import Shot, read
 from renderer.scene.moving import while_open
 from renderer.scene.objects import number_objects
+from tests.blender.fake_nodes import Node as Sky
+from tests.blender.fake_nodes import linked
 
 TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
 
@@ -143,3 +149,50 @@ def test_a_pixel_looks_where_the_projection_says(shift, border) -> None:
         )
         ours = ours[0] + 2 * slope * shot.view.get("shift_x", 0.0), ours[1] + 2 * slope * shot.view.get("shift_y", 0.0)
         np.testing.assert_allclose(ours, wanted, atol=1e-7)
+
+
+def test_pass_indices_are_those_of_the_farms_numbers(tmp_path) -> None:
+    """Things that some rays pass by have materials of their own at the farm."""
+    scene = Scene(meshes={"a": mesh("a")}, materials={"red": Material("red", number=11), "blue": Material("blue", number=12)})
+    flags = ({}, {"unseen": True}, {"shadeless": True}, {"shadeless": True}, {"unseen": True, "shadeless": True}, {})
+    for i, hidden in enumerate(flags):
+        scene.nodes.append(Node(f"{i}", "a", ("blue" if i % 2 else "red",), turned(0, i), number=30 + i, **hidden))
+    scene.lamp_materials["lamp"] = {"color": 0, "emission": 1.0, "lamp": True}
+    scene.lamps.append({"type": "sphere", "name": "lamp", "material": "lamp", "center": [0, 5, 0], "radius": 0.1})
+    written(scene, tmp_path)
+    found, ids = read(tmp_path, MAIN), ids_of(scene)
+    numbers = np.array([i.material if i.material is not None else found.meshes[i.mesh].material for i in found.instances])
+    objects = np.array(number_objects(found).instance) + 1
+    wanted = {f"{NAME}/{node.name}": (node.number, scene.materials[node.materials[0]].number) for node in scene.nodes}
+    told = list(zip(ids.object(objects), ids.material(numbers + 1, objects), strict=True))
+    assert told == [wanted[instance.name] for instance in found.instances]
+    scene.materials["blue"].gltf = {"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}}}
+    ids = ids_of(scene)  # where glass is, the farm alone knows which of it has no inside
+    assert list(ids.material(np.full(len(objects), 99), objects)) == [wanted[instance.name][1] for instance in found.instances]
+
+
+@pytest.mark.parametrize(
+    ("kind", "has_sun", "strength"), [("NISHITA", True, 4.9), ("HOSEK_WILKIE", False, 0.085), ("PREETHAM", False, 0.65)]
+)
+def test_a_sky_is_the_scene_files_own(kind: str, has_sun: bool, strength: float, tmp_path) -> None:
+    """Blender's brightness: 49 times ours where it has a sun; a request could not say of what size that is."""
+    node = Sky("TEX_SKY", {"Vector": None}, ("Color",), sky_type=kind, sun_direction=(0.0, 0.5, 0.75**0.5))
+    node.sun_elevation, node.sun_rotation, node.sun_size, node.sun_disc = np.radians(60), np.radians(30), np.radians(2), True
+    node.air_density, node.dust_density, node.ozone_density = 1.0, 2.0, 3.0
+    shines = Sky("BACKGROUND", {"Color": None, "Strength": 0.1}, ("Background",))
+    output = linked(linked(node, shines, "Color"), Sky("OUTPUT_WORLD", {"Surface": None, "Volume": None}, ()), "Surface")
+    tree = SimpleNamespace(get_output_node=lambda engine: output)
+    scene = Scene(meshes={"a": mesh("a")}, nodes=[Node("a", "a", (), np.eye(4))])
+    scene.world = read_world(scene, SimpleNamespace(use_nodes=True, node_tree=tree))
+    assert ["its sky" in sentence for sentence in scene.warnings] == [True]
+    written(scene, tmp_path)
+    environment = read(tmp_path, MAIN).environment
+    assert environment is not None
+    assert environment.sky is not None
+    np.testing.assert_allclose(np.multiply(environment.color, environment.strength), strength)
+    assert environment.sky.sun == has_sun
+    assert environment.sky.sun_elevation == pytest.approx(60)
+    if has_sun:
+        told = [getattr(environment.sky, name) for name in ("sun_azimuth", "sun_size", "air", "dust", "ozone")]
+        assert told == pytest.approx([30, 2, 1, 2, 3])
+        assert environment.sky.ground_albedo == (0, 0, 0)

@@ -5,6 +5,7 @@ Not run here is what takes a window: the drawing of a viewport's picture, and th
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import socket
@@ -18,7 +19,13 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
 import pytest
 
+from renderer.blender.program import NAMED
+from renderer.film import mean
 from renderer.image.read import read as read_image
+from renderer.render import render_frame
+from renderer.scene.compile import compile_scene
+from renderer.scene.load import read
+from renderer.settings import RenderSettings
 from service.addon import addon_zip
 from tests.helpers import ROOT, Farm, start_farm, stop_farm
 from tests.peers.blender import python_with_bpy
@@ -30,6 +37,8 @@ MOST = 0.03
 # Most light of that picture is the gold ball's, on which Cycles puts what rough metal scatters more than once elsewhere
 # (docs/correctness.md): without the ball it differs by less than 1 %.
 MOST_OF = {"lamp-spot": 0.055}
+BLANK = 0.1  # of a picture's mean, its least deviation: else it shows one colour
+SAMPLES = 256
 BRIGHTEST = 4.0  # the few pixels in which a mirror shows a lamp count as white ones: at 256 samples they are a lottery
 
 Run = Callable[..., Any]
@@ -79,8 +88,74 @@ def test_the_pictures_of_cycles(task: str, pictures: tuple[Path, dict[str, list[
         difference = float(np.abs(ours - theirs).mean() / theirs.mean())
         figures = f"{name}: differs by {difference:.2%}; means {ours.mean():.4f} and {theirs.mean():.4f}"
         print(figures)
+        assert theirs.std() > BLANK * theirs.mean() > 0, f"there is nothing to compare: {figures}"
         assert abs(ours.mean() / theirs.mean() - 1) < MOST, figures
         assert difference < MOST_OF.get(name, MOST), figures
+
+
+@pytest.fixture(scope="module")
+def surveyed(own_farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list[str]]]:
+    folder = tmp_path_factory.mktemp("survey")
+    return folder, blender(folder, own_farm.url, "survey")["survey"]
+
+
+def judged(name: str, ours: np.ndarray, theirs: np.ndarray) -> None:
+    """As Cycles has it."""
+    both = [blocks(np.minimum(each, BRIGHTEST)) for each in (ours, theirs)]
+    difference = float(np.abs(both[0] - both[1]).mean() / both[1].mean())
+    print(f"{name}: differs by {difference:.2%}")
+    assert theirs.std() > BLANK * theirs.mean() > 0, f"{name}: there is nothing to compare"
+    assert difference < MOST, (name, difference)
+
+
+def assert_said(word: str, said: list[str]) -> None:
+    assert any(word in sentence for sentence in said), (word, said)
+
+
+def survey_table() -> list[tuple[str, str, str]]:
+    """The rows of blender_survey.py's table, without Blender: a name, and what the add-on and the .blend's reader are to say."""
+    tree = ast.parse(Path(__file__).with_name("blender_survey.py").read_text())
+    table = next(n.value for n in tree.body if isinstance(n, ast.AnnAssign) and getattr(n.target, "id", "") == "SURVEY")
+    assert isinstance(table, ast.Dict)
+    rows = []
+    for key, row in zip(table.keys, table.values, strict=True):
+        assert isinstance(row, ast.Tuple)
+        rows.append(tuple(ast.literal_eval(each) for each in (key, *row.elts[1:])))  # type: ignore[arg-type]
+    return rows  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize(("name", "word", "_"), survey_table())
+def test_what_a_scene_asks_for_is_done_or_named(name: str, word: str, _: str, surveyed: Any) -> None:
+    folder, said = surveyed
+    if word:
+        assert_said(word, said[name])
+        return
+    judged(name, image(folder / f"{name}-rayfarm.exr"), image(folder / f"{name}-cycles.exr"))
+
+
+@pytest.mark.parametrize(("name", "_", "word"), survey_table())
+def test_what_a_blend_file_asks_for_is_done_or_named(
+    name: str, _: str, word: str, surveyed: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, _said = surveyed
+    monkeypatch.setenv(NAMED, str(python_with_bpy()))
+    (tmp_path / "a.blend").write_bytes((folder / f"{name}.blend").read_bytes())
+    found = read(tmp_path, "a.blend")
+    if word:
+        assert_said(word, found.warnings)
+        return
+    theirs = image(folder / f"{name}-cycles.exr")
+    settings = RenderSettings(theirs.shape[1], theirs.shape[0], found.cameras[0].view, max_depth=14, filter="box")
+    ours = mean(render_frame(compile_scene(found), settings, SAMPLES), settings.film_exponent)[..., :3]
+    judged(name, ours, theirs)
+
+
+def test_things_that_some_rays_pass_by_have_their_indices(own_farm: Farm, tmp_path: Path) -> None:
+    blender(tmp_path, own_farm.url, "indices")
+    ours, theirs = (layers(tmp_path / f"indices-{engine}.exr") for engine in ("rayfarm", "cycles"))
+    for name, least in (("IndexOB.X", {1, 2, 3, 32, 40}), ("IndexMA.X", {11, 12, 22})):
+        assert least <= set(np.unique(theirs[name]))
+        assert (ours[name] == theirs[name]).mean() > 0.97, name
 
 
 def layers(path: Path) -> dict[str, np.ndarray]:

@@ -1,8 +1,9 @@
-"""Nobody compiles twice in a farm: a machine that joins one that has compiled loads what the first compiled."""
+"""Nobody compiles twice in a farm: a machine that joins one that has compiled loads what the first compiled. Then it leaves."""
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -18,13 +19,14 @@ PLAIN = "render_pool-plain"
 pytestmark = pytest.mark.farm
 
 
-def test_a_machine_that_joins_compiles_nothing(farm: Farm, tmp_path: Path) -> None:
+def test_a_machine_that_joins_compiles_nothing_and_leaves_by_ctrl_c(farm: Farm, tmp_path: Path) -> None:
     kernels = farm.data / "kernels"
     wait_until(lambda: any(kernels.glob(f"*-{PLAIN}")), 60, "the farm's own worker has handed in its kernels")
     log = tmp_path / "worker.log"
+    command = ["-m", "rayfarm", "worker", "--join", farm.url, "--slots", "1", "--name", "another-machine"]
     with log.open("wb") as out:
         joining = subprocess.Popen(
-            [sys.executable, "-m", "worker", f"--service={farm.url}", "--slots=1", "--name=another-machine"],
+            [sys.executable, *command],
             cwd=ROOT,
             env={**os.environ, "RAYFARM_TOKEN": farm.token, "RAYFARM_CACHE": str(tmp_path / "cache")},
             stdout=out,
@@ -33,18 +35,22 @@ def test_a_machine_that_joins_compiles_nothing(farm: Farm, tmp_path: Path) -> No
         )
     try:
         with Client(farm.url) as client:
-            wait_until(lambda: _is_ready(client), 120, f"the worker is ready\n{log.read_text()}")
-        assert f"fetched the farm's kernel {PLAIN}" in log.read_text()
-        # Whatever this worker compiled would lie in its folder, and not in what it fetched.
-        (folder,) = (tmp_path / "cache" / "kernels").iterdir()
-        fetched = next(kernels.glob(f"*-{PLAIN}")).read_bytes()
-        code = list(folder.rglob("*.code"))
-        assert code
-        assert all(path.name.encode() in fetched for path in code)
+
+            def states() -> dict[str, str]:
+                return {worker.name: worker.state for worker in client.workers()}
+
+            wait_until(lambda: states().get("another-machine") == "ready", 120, "the worker is ready")
+            assert len(states()) == 2
+            assert f"fetched the farm's kernel {PLAIN}" in log.read_text()
+            # Whatever this worker compiled would lie in its folder, and not in what it fetched.
+            (folder,) = (tmp_path / "cache" / "kernels").iterdir()
+            fetched = next(kernels.glob(f"*-{PLAIN}")).read_bytes()
+            code = list(folder.rglob("*.code"))
+            assert code
+            assert all(path.name.encode() in fetched for path in code)
+            joining.send_signal(signal.SIGINT)
+            assert joining.wait(20) == 0, log.read_text()
+            wait_until(lambda: "another-machine" not in states(), 10, "it has left")
     finally:
-        joining.terminate()
-        joining.wait(30)
-
-
-def _is_ready(client: Client) -> bool:
-    return any(worker.name == "another-machine" and worker.state == "ready" for worker in client.workers())
+        joining.kill()
+        joining.wait()

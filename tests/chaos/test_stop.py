@@ -10,17 +10,17 @@ import pytest
 from tests.chaos.ending import ends_by
 from tests.helpers import start_farm, stop_farm
 
-pytestmark = pytest.mark.farm
+pytestmark = [pytest.mark.farm, pytest.mark.long]
 
 
 @pytest.mark.parametrize(
     ("signals", "seconds", "slots"),
     [
-        # For what is below, SIGTERM and SIGHUP are as one Ctrl-C: a farm without a worker starts sooner.
-        pytest.param([signal.SIGINT, signal.SIGINT], 8, 2, marks=pytest.mark.long),
-        pytest.param([signal.SIGTERM], 10, 0, marks=pytest.mark.long),
-        pytest.param([signal.SIGHUP], 10, 0, marks=pytest.mark.long),
-        ([signal.SIGKILL], 8, 2),
+        ([signal.SIGINT, signal.SIGINT], 8, 2),
+        # For what is below, these are as one Ctrl-C: a farm without a worker starts sooner.
+        ([signal.SIGTERM], 10, 0),
+        ([signal.SIGHUP], 10, 0),
+        ([signal.SIGKILL], 8, 2),  # without --long: tests/rayfarm/test_supervisor.py, of its parts alone
     ],
     ids=["Ctrl-C twice", "SIGTERM", "SIGHUP", "SIGKILL"],
 )

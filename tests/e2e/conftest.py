@@ -35,7 +35,7 @@ FLAGS = [
     "--process-per-site",  # a process of its own for each page, and its modules compiled again, takes longer than most tests
 ]
 # A live view is done sooner than by itself: it has every slot of the farm until then.
-SOON_CLEAR = "try { localStorage['rayfarm-view-noise'] ??= '0.05'; } catch { /* a page without an origin */ }"
+SOON_CLEAR = "try { localStorage['rayfarm-view-noise'] ??= '0.1'; } catch { /* a page without an origin */ }"
 KEPT = "cookies,local_storage,indexeddb,cache_storage,service_workers"  # of a page that a test has seen
 
 

@@ -67,6 +67,7 @@ def assert_screen(page: Page, wanted: np.ndarray, what: str) -> np.ndarray:
         difference = np.abs(screen.astype(int) - wanted)[seen].max()
         if difference <= 1 or time.monotonic() > deadline:
             break
+        page.wait_for_timeout(100)  # each look draws all of it once more, which takes what the page itself waits for
     assert difference <= 1, f"{what} differs by {difference}/255"
     return screen
 

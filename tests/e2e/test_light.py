@@ -104,7 +104,7 @@ def test_an_image_alone_is_no_scene_but_may_be_kept(watched: Watched, farm: Farm
     expect(page.get_by_role("alert")).to_contain_text("light it")
     page.get_by_role("button", name="Dismiss").click()
     drop(page, "lamp.exr", hdri(tmp_path / "lamp.exr"))
-    page.get_by_role("button", name="Keep it among the lights").click()
+    page.get_by_role("button", name="Add it to the lights").click()
     listed = f"{farm.url}/api/environments"
     wait_until(lambda: any(each["kind"] == "image" for each in httpx.get(listed).json()), 30, "it is kept")
     image = next(each for each in httpx.get(listed).json() if each["kind"] == "image")

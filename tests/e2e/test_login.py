@@ -39,8 +39,7 @@ def test_in_by_a_link_out_and_in_by_a_password(service: Service, watched: Watche
         expect(page.get_by_role("navigation")).to_be_hidden()
         assert watched.errors == []
 
-        page.goto("about:blank")
-        page.goto(f"{service.url}/#/login?code={code}")
+        page.goto(f"{service.url}/#/login?code={code}")  # in the same tab: nothing but the address changes
         expect(page.get_by_role("heading", name="anna")).to_be_visible()
         assert code not in page.url
         assert page.evaluate("[document.cookie, document.referrer]") == ["", ""]
@@ -89,7 +88,7 @@ def test_an_administrator_lets_others_in_and_out_again(service: Service, watched
         users.get_by_label("Role of ben").select_option("view")
         tokens = page.locator("section", has=page.get_by_role("heading", name="Tokens"))
         tokens.get_by_label("What it is for").fill("nightly")
-        tokens.get_by_role("button", name="Make a token").click()
+        tokens.get_by_role("button", name="Create a token").click()
         expect(tokens.get_by_role("status")).to_contain_text("rayfarm-token-")
         secret = tokens.get_by_role("status").locator("code").inner_text()
         with httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {secret}"}, verify=False) as script:
@@ -97,7 +96,7 @@ def test_an_administrator_lets_others_in_and_out_again(service: Service, watched
             tokens.get_by_role("button", name="Withdraw nightly").click()
             expect(tokens.get_by_role("listitem")).to_have_count(0)
             assert script.get("/api/jobs").status_code == 401
-        page.get_by_text("What was done, by whom").click()
+        page.get_by_text("Who did what").click()
         expect(page.get_by_role("cell", name="PATCH /api/users/{name}")).to_be_visible()
         assert [user["role"] for user in owner.get("/api/users").json()] == ["view"]
         users.get_by_role("button", name="Remove ben").click()

@@ -102,7 +102,7 @@ def test_an_administrator_manages_projects_and_limits(service: Service, watched:
 
         part = page.locator("section", has=page.get_by_role("heading", name="Projects", exact=True))
         part.get_by_label("Name", exact=True).fill("Feature")
-        part.get_by_role("button", name="Make a project").click()
+        part.get_by_role("button", name="Create a project").click()
         expect(page.get_by_label("Project", exact=True)).to_be_visible()
         part.get_by_label("Who joins feature", exact=True).select_option("ben")
         part.get_by_label("Role of who joins feature").select_option("view")
@@ -111,7 +111,7 @@ def test_an_administrator_manages_projects_and_limits(service: Service, watched:
         part.get_by_label("Role of ben in feature").select_option("submit")
         until(lambda: _feature(owner)["roles"] == {"ben": "submit"}, "he may render there")
         part.get_by_role("button", name="Add").click()
-        expect(part.get_by_text("All users are its members.")).to_be_visible()
+        expect(part.get_by_text("All users are members.")).to_be_visible()
         part.get_by_role("button", name="Take ben out of feature").click()
         expect(part.get_by_text("1 member", exact=True)).to_be_visible()
         assert _feature(owner)["members"] == ["anna"]

@@ -24,7 +24,7 @@ def test_a_job_says_what_it_waits_for_and_by_when_it_is_wanted(many: Service, wa
     expect(panel.get_by_role("link", name="The first")).to_have_attribute("href", f"#/jobs/{first}")
     progress = page.get_by_role("region", name="Progress")
     expect(progress.get_by_text('Waits until "The first" is finished.')).to_be_visible()
-    panel.get_by_role("button", name="Begin without waiting").click()
+    panel.get_by_role("button", name="Start without waiting").click()
     expect(panel.get_by_role("link", name="The first")).to_be_hidden()
     assert many.job(job)["waits_for"] == []
 

@@ -35,7 +35,7 @@ def test_few_are_shown_at_first_and_all_are_found(page: Page) -> None:
     search.fill("bridge dawn")
     expect(cards).to_have_count(1)
     search.fill("nothing like that")
-    expect(page.get_by_text("No scene is called that.")).to_be_visible()
+    expect(page.get_by_text("No scene has that name.")).to_be_visible()
     search.fill("")
     page.get_by_role("button", name="Show all scenes").click()
     expect(cards).to_have_count(31)

@@ -72,6 +72,7 @@ def scene(farm: Farm) -> str:
     return str(found["id"])
 
 
+@pytest.mark.long
 @pytest.mark.farm
 def test_light_is_turned_in_the_view_and_the_sun_put_into_it(farm: Farm, watched: Watched, scene: str) -> None:
     page = watched.page

@@ -254,21 +254,6 @@ def test_ctrl_c_leaves_the_job_running_and_says_how_to_find_it(farm: Farm) -> No
             client.change(job, state="cancelled")
 
 
-def test_a_machine_joins_and_leaves(farm: Farm) -> None:
-    process = start("worker", "--join", farm.url, "--token", farm.token, "--slots", "1", "--name", "second")
-    with farm.client() as client:
-
-        def states() -> dict[str, str]:
-            return {worker.name: worker.state for worker in client.workers()}
-
-        wait_until(lambda: states().get("second") == "ready", 60, "the second worker is ready")
-        assert len(states()) == 2
-        process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=20)
-        assert process.returncode == 0, err
-        wait_until(lambda: "second" not in states(), 10, "the second worker has left")
-
-
 @pytest.mark.long
 def test_a_wrong_token_is_a_sentence(farm: Farm) -> None:
     code, _, err = run("worker", "--join", farm.url, "--token", "wrong", "--slots", "1")

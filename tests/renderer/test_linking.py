@@ -48,7 +48,7 @@ def test_only_the_kernel_is_machine_code(cold: None) -> None:
     libraries = {f.__name__: next(iter(f.overloads.values())).library for f in (_merged, _apart_from_all, _between, kernel)}
     codes = {name: library._compiled_object for name, library in libraries.items()}
     assert b"_apart_from_all" in codes["kernel"]
-    assert len(codes["kernel"]) > 2 * max(len(code) for name, code in codes.items() if name != "kernel")
+    assert [name for name, code in codes.items() if code is not None] == ["kernel"]
     assert [name for name, library in libraries.items() if library.name.endswith(".apart")] == ["_apart_from_all", "_between"]
 
 

@@ -9,7 +9,8 @@ import { followTallies } from "./news/job-list.js";
 import { showHelp } from "./shell/help-dialog.js";
 import { emptyPage } from "./shell/hints.js";
 import { tellOfEnds } from "./shell/notify.js";
-import { linkTo, onNavigate } from "./shell/router.js";
+import { here, linkTo, onNavigate } from "./shell/router.js";
+import { followScroll, scrollToPlace } from "./shell/scroll-memory.js";
 import { buildShell } from "./shell/shell.js";
 import { addShortcuts } from "./shell/shortcuts.js";
 import { clearPageErrors, showError } from "./shell/tray.js";
@@ -57,6 +58,7 @@ function start() {
   /** @type {View | null} */
   let shown = null;
 
+  followScroll();
   onNavigate(({ path }) => {
     const first = shown === null;
     shown?.dispose();
@@ -64,7 +66,7 @@ function start() {
     shown = viewFor(path);
     fill(main, shown.element);
     markSection(SECTION_OF[path[0] ?? ""] ?? path[0] ?? "");
-    scrollTo(0, 0);
+    scrollToPlace();
     // A screen reader starts to read the new view; at the start the browser's own focus stays.
     if (!first) main.focus({ preventScroll: true });
   });
@@ -84,6 +86,8 @@ const fault = (error) =>
 addEventListener("error", (event) => event.error && fault(event.error));
 addEventListener("unhandledrejection", (event) => fault(event.reason));
 
+// A link that lets in, opened in a tab that shows this page already, changes the address alone.
+addEventListener("hashchange", () => here().path[0] === "login" && location.reload());
 const code = takeCode();
 const must = await mustLogIn();
 if (code !== null || must) {

@@ -1,7 +1,7 @@
 """Nothing is compiled twice in a farm: a worker downloads a kernel of its kind before compiling it, and uploads what it
 compiled.
 
-Handing in is a process of its own, so that the first tile does not wait for it: `python -m worker.kernels --service URL
+Handing in is a process of its own, so that the first tile does not wait for it: `python -m worker.exchange.kernels --service URL
 --folder FOLDER --kernel NAME`, with the farm's token in RAYFARM_TOKEN.
 """
 
@@ -74,7 +74,7 @@ def hand_in_beside(link: Link, folder: Path, kernel: str) -> None:
 
 def main() -> int:
     """Hand in, once; what cannot be done is said and forgotten: the next worker compiles."""
-    parser = argparse.ArgumentParser(prog="python -m worker.kernels", description="Gives a farm the kernels compiled here.")
+    parser = argparse.ArgumentParser(prog="python -m worker.exchange.kernels", description="Gives a farm what was compiled here.")
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
     parser.add_argument("--folder", required=True, type=Path, help="where the kernels are")
     parser.add_argument("--kernel", required=True, help="which of them: renderer.render.kernel_name")

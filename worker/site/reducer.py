@@ -1,5 +1,5 @@
-"""`python -m worker.reducer --service URL --name SITE`: adds up what the machines of a site have rendered of a tile, and sends
-it on as one result. `rayfarm site` starts one.
+"""`python -m worker.site.reducer --service URL --name SITE`: adds up what the machines of a site have rendered of a tile, and
+sends it on as one result. `rayfarm site` starts one.
 
 It is not a record: whatever it loses is handed out again. Workers that cannot reach it send to the service themselves.
 """
@@ -316,7 +316,9 @@ def _own_address(service: str) -> str:
 
 
 def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m worker.reducer", description="A site's reducer; `rayfarm site` starts one.")
+    parser = argparse.ArgumentParser(
+        prog="python -m worker.site.reducer", description="A site's reducer, as `rayfarm site` starts it."
+    )
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
     parser.add_argument("--token", default=os.environ.get("RAYFARM_TOKEN", ""), help="a worker's token; $RAYFARM_TOKEN")
     parser.add_argument("--name", required=True, help="the site's; its workers are started with --site NAME")

@@ -1,4 +1,4 @@
-"""`python -m worker.trace_sender SERVICE INSTANCE VERSION`: sends spans from standard input, one per line, to a collector.
+"""`python -m worker.telemetry.trace_sender SERVICE INSTANCE VERSION`: sends a collector spans, a line of standard input each.
 
 It uses OpenTelemetry's own exporter (OTLP over HTTP), batching and samplers, and so supports all of their environment
 variables. It ends with its input.

@@ -134,7 +134,7 @@ def _work(folder: Path, manifest: Manifest, out: Path, send: Send) -> dict[str, 
     summary["lights_power"], summary["written"] = kept.lights_power, written
     assert kept.cuts is not None
     summary["compiled"] = Saver(out).save(compiled, kept.cuts).name  # other moments, and other lights, share most of it
-    progress("thumbnail", 0.85)
+    progress("rendering a thumbnail", 0.85)
     _thumbnail(compiled, summary, out / "thumbnail.png")
     return summary
 

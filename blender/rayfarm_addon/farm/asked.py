@@ -16,11 +16,11 @@ __all__ = ["Asked", "Done", "Failed", "Grown", "Light", "Said"]
 
 @dataclass(frozen=True)
 class Light:
-    """The light from all around: a radiance, a picture (name and content), or a sky."""
+    """The light from all around: a radiance, a picture (name and content), or what the scene file has."""
 
     color: list[float] | None = None
     image: tuple[str, bytes | Path] | None = None
-    sky: dict[str, float] | None = None
+    is_own: bool = False  # the scene file's
     strength: float = 1.0
     rotation: float = 0.0
 

@@ -33,14 +33,17 @@ class _OverError(FarmError):
     """The job ended, and not well: there is nothing to ask for again."""
 
 
-def light_of(light: Light, uploads: Uploads, progress: Callable[[int, int], None]) -> dict[str, Any]:
-    """`environment` of a request; a picture is sent if the farm lacks it. Raises FarmError, Cancelled."""
+def light_of(light: Light, uploads: Uploads, progress: Callable[[int, int], None]) -> dict[str, Any] | None:
+    """`environment` of a request, or None where the scene has its own.
+
+    A picture is sent if the farm lacks it. Raises FarmError, Cancelled.
+    """
     if light.image is not None:
         id = uploads.environment(*light.image, progress)
         rotation = (light.rotation + 180) % 360 - 180
         return {"image": id, "strength": light.strength, "rotation": rotation}
-    if light.sky is not None:
-        return {"sky": light.sky, "strength": light.strength}
+    if light.is_own:
+        return None
     return {"color": [max(c, 0.0) for c in light.color or [0.0] * 3]}
 
 
@@ -82,7 +85,8 @@ class Rendering:
         found = uploads.ready(asked.files, asked.main, asked.title, self._sending, self._cancelled.is_set, self._say)
         scene, sent = found["id"], uploads.sent_bytes
         environment = light_of(asked.light, uploads, self._sending)
-        request = {**asked.request, "scene": scene, "environment": environment, "name": asked.title}
+        request = {**asked.request, "scene": scene, "name": asked.title}
+        request |= {} if environment is None else {"environment": environment}
         uploads.rendered.add(scene)
         job = self._client.json("POST", "/api/jobs", request, Idempotency_Key=secrets.token_hex(16))
         self._job = job["id"]

@@ -143,7 +143,7 @@ class Watching:
         finally:
             socket.close()
 
-    def _receive(self, socket: Socket, wanted: Any, environment: dict[str, Any]) -> None:
+    def _receive(self, socket: Socket, wanted: Any, environment: dict[str, Any] | None) -> None:
         sent, picture = 0, View()
         samples, done = 0.0, False
         while not self._ended and self._scene is wanted:
@@ -152,7 +152,7 @@ class Watching:
             if view is not None and view["id"] != sent:
                 sent, done = view["id"], False
                 self._say("Rendering")
-                socket.send(json.dumps({**view, "environment": environment}))
+                socket.send(json.dumps(view if environment is None else {**view, "environment": environment}))
             message = socket.receive(WAIT_S)
             if isinstance(message, bytes):
                 picture.take(message)

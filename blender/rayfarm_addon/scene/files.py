@@ -32,8 +32,10 @@ def scene_files(scene: Scene) -> Files:
     shapes += scene.lamps
     if not shapes:
         raise ValueError("There is nothing to render: no mesh is shown.")
-    # The light from all around is the request's; this one keeps a scene without lamps from being lit as in a studio.
-    said: dict[str, Any] = {"fps": FPS, "environment": {"color": 0}, "shapes": shapes}
+    # The light from all around is the request's, but for a sky; black keeps a scene without lamps from being lit as in a studio.
+    world = scene.world
+    environment = {"color": 0} if world.sky is None else {"sky": world.sky, "strength": world.strength}
+    said: dict[str, Any] = {"fps": FPS, "environment": environment, "shapes": shapes}
     said |= {"lights": scene.lights} if scene.lights else {}
     said |= {"materials": scene.lamp_materials} if scene.lamp_materials else {}
     said |= {"cameras": scene.cameras} if scene.cameras else {}

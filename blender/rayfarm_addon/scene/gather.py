@@ -12,12 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from . import lights
+from .lights import is_linked_to_lights
 from .meshes import Corners, extract, hair, shape, stretched
 from .model import Mesh, Node, Scene
 from .surfaces import Surfaces
 from .world import read_world
 
-__all__ = ["Known", "gather", "over_the_shutter"]
+__all__ = ["Known", "beyond", "gather", "over_the_shutter"]
 
 F64 = npt.NDArray[np.float64]
 SURFACES = ("MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES")
@@ -59,6 +60,7 @@ class _Density:
 class _Gathering:
     def __init__(self, scene: Scene, known: Known, changed: Callable[[Any, Any], bool], layer: Any = None) -> None:
         self.scene, self.known, self._changed, self._layer = scene, known, changed, layer
+        self._override = getattr(layer, "material_override", None)  # what the view layer shows in the place of all materials
         self._keys: dict[int, str] = {}  # by where the mesh lies in memory
         self._taken: dict[str, int] = {}
         self._names: dict[str, int] = {}
@@ -93,12 +95,10 @@ class _Gathering:
         if any(each.settings.type == "HAIR" and each.settings.render_type == "PATH" for each in thing.particle_systems):
             self.scene.warn(f"{thing.name}: hair of its particles is left out; convert it to hair curves.")
         density = _Density(known[0], place)
-        materials = tuple(
-            self.surfaces.add(slot.material, density) if slot.material is not None else self._plain()
-            for slot in thing.material_slots
-        )
+        shown = [self._override or slot.material for slot in thing.material_slots] or [self._override]
+        materials = tuple(self._plain() if each is None else self.surfaces.add(each, density) for each in shown)
         hidden = {"unseen": not seen["camera"], "shadeless": not seen["shadow"]}
-        node = Node(self._unique(thing.name), key, materials or (self._plain(),), place, number=thing.pass_index, **hidden)
+        node = Node(self._unique(thing.name), key, materials, place, number=thing.pass_index, **hidden)
         self.scene.nodes.append(node)
         self.places[_identity(found)] = node
         return made
@@ -114,6 +114,8 @@ class _Gathering:
         for is_so, what in ((is_held, "a holdout"), (getattr(thing, "is_shadow_catcher", False), "a shadow catcher")):
             if is_so:
                 self.scene.warn(f"{thing.name}: is {what} in Blender, and shown as any other object.")
+        if is_linked_to_lights(thing):
+            self.scene.warn(f"{thing.name}: lights all that it reaches (light linking is left out).")
         others = [words for kind, words in RAYS.items() if words and not seen[kind]]
         if others and any(seen.values()):
             self.scene.warn(f"{thing.name}: is seen {' and '.join(others)}, though not in Blender.")
@@ -169,8 +171,9 @@ class _Gathering:
     def _color_of(self, thing: Any, density: _Density) -> str | None:
         """The colour attribute that the first material with one reads."""
         for slot in thing.material_slots:
-            if slot.material is not None:
-                name = self.surfaces.colors.get(self.surfaces.add(slot.material, density))
+            material = self._override or slot.material
+            if material is not None:
+                name = self.surfaces.colors.get(self.surfaces.add(material, density))
                 if name is not None:
                     return name
         return None
@@ -191,7 +194,7 @@ def gather(depsgraph: Any, known: Known, changed: Callable[[Any, Any], bool] = l
         if found.instance(instance) or number % 256 == 255:
             yield found
     blender = depsgraph.scene
-    scene.world = read_world(scene, blender.world)
+    scene.world = read_world(scene, getattr(depsgraph.view_layer, "world_override", None) or blender.world)
     _look_at_the_scene(scene, blender)
     for key in [key for key in known if key not in scene.meshes and key not in found.made]:
         del known[key]
@@ -205,6 +208,24 @@ def _look_at_the_scene(scene: Scene, blender: Any) -> None:
         scene.warn("Pixels that are not square are rendered as square ones.")
     if blender.render.use_simplify and getattr(blender.render, "simplify_subdivision_render", 6) < 6:
         scene.warn("Simplify is on: surfaces are as smooth as it lets them be.")
+    if blender.render.use_multiview:
+        scene.warn("Stereoscopy: one picture is rendered, as the camera sees it with one eye.")
+    exposure = float(getattr(getattr(blender, "cycles", None), "film_exposure", 1.0))
+    if abs(exposure - 1) > 1e-3:
+        scene.warn(f"Cycles' film exposure of {exposure:g} is left out; set the exposure under Color Management.")
+
+
+def beyond(scene: Scene, eye: F64, forward: F64, end: float) -> bool:
+    """Whether something that the camera might see reaches beyond its end, which is not taken over. In Blender's axes."""
+    seen = [node for node in scene.nodes if not node.unseen]
+    if not seen:
+        return False
+    of = {key: np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)]) for key, mesh in scene.meshes.items()}
+    which = np.indices((2, 2, 2)).reshape(3, 8)
+    corners = {key: ends[which.T, np.arange(3)] for key, ends in of.items()}
+    places = np.stack([node.place for node in seen])
+    at = np.einsum("nij,nkj->nki", places[:, :3, :3], np.stack([corners[node.mesh] for node in seen])) + places[:, None, :3, 3]
+    return bool(((at - eye) @ forward).max() > end)
 
 
 def over_the_shutter(found: _Gathering, keys: Sequence[tuple[float, Callable[[], Any]]]) -> None:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from .model import TO_Y_UP, Scene, up
 
-__all__ = ["add_light"]
+__all__ = ["add_light", "is_linked_to_lights"]
 
 F64 = npt.NDArray[np.float64]
 LEAST = 1e-6  # of a size
@@ -55,6 +55,12 @@ def _strength(scene: Scene, light: Any, name: str) -> list[float]:
     return [max(c * energy, 0.0) for c in color]
 
 
+def is_linked_to_lights(thing: Any) -> bool:
+    """Whether an object lights, or shades, some things alone."""
+    linking = getattr(thing, "light_linking", None)
+    return any(getattr(linking, f"{kind}_collection", None) is not None for kind in ("receiver", "blocker"))
+
+
 def is_of_a_square_metre(light: Any) -> bool:
     """Whether its power is that of one square metre of it, whatever its size ("Normalize" is off)."""
     return not getattr(light, "normalize", True)
@@ -71,6 +77,8 @@ def _tell(scene: Scene, thing: Any, name: str) -> None:
     casts = getattr(light, "use_shadow", True) and getattr(getattr(light, "cycles", None), "cast_shadow", True)
     if not casts:
         scene.warn(f"Lamp {name}: casts shadows here, though not in Blender.")
+    if is_linked_to_lights(thing):
+        scene.warn(f"Lamp {name}: lights all that it reaches (light linking is left out).")
     hidden = [
         words
         for kind, words in (("diffuse", "what is matt"), ("glossy", "what is glossy"), ("transmission", "glass"))

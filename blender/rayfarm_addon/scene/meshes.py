@@ -26,8 +26,11 @@ class Corners(NamedTuple):
     domain: str  # of the normals
 
 
-def extract(source: Any, key: str, color: str | None = None) -> tuple[Mesh, Corners] | None:
-    """A bpy.types.Mesh; None where it has no faces. color: the attribute that multiplies the base colour."""
+def extract(source: Any, key: str, color: str | None = None, all_uvs: bool = False) -> tuple[Mesh, Corners] | None:
+    """A bpy.types.Mesh; None where it has no faces. color: the attribute that multiplies the base colour.
+
+    all_uvs: each set of UVs in the mesh's order, not two of which the first is the one that is rendered.
+    """
     source.calc_loop_triangles()
     count = len(source.loop_triangles)
     if not count:
@@ -36,7 +39,7 @@ def extract(source: Any, key: str, color: str | None = None) -> tuple[Mesh, Corn
     vertex_of = _vertex_of(source)
     positions = _positions(source)
     domain = _domain(source)
-    uvs = [_uv(layer, len(vertex_of)) for layer in _uv_layers(source)]
+    uvs = [_uv(layer, len(vertex_of)) for layer in (source.uv_layers if all_uvs else _uv_layers(source))]
     colors, of_corners = _colors(source, color, len(vertex_of)) if color else (None, False)
     split = [*uvs, *([_corner_normals(source)] if domain == "CORNER" else []), *([colors] if of_corners else [])]
     vertex, corner, of_corner = _split(vertex_of, len(positions), [each for each in split if each is not None])

@@ -91,7 +91,7 @@ class World:
 
     color: list[float] | None = None
     image: Image | None = None
-    sky: dict[str, float] | None = None
+    sky: dict[str, Any] | None = None  # as a scene file has it, whose it is: no request says as much
     strength: float = 1.0
     rotation: float = 0.0
 

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from ..scene.ids import Ids
 from ..scene.view import Shot
-from .picture import Ids
 
 __all__ = ["PASSES", "Pass", "planes_of", "values", "wanted"]
 
@@ -53,8 +53,9 @@ def wanted(scene: Any, layer: Any) -> list[Pass]:
 
 
 def planes_of(passes: list[Pass]) -> tuple[str, ...]:
-    """What to ask the farm for."""
-    return tuple(each.plane for each in passes)
+    """What to ask the farm for. With materials come objects, which tell some of them apart."""
+    planes = [each.plane for each in passes]
+    return tuple(dict.fromkeys(planes + (["object"] if "material" in planes else [])))
 
 
 def values(each: Pass, channels: Mapping[str, F32], shot: Shot, ids: Ids) -> F32:
@@ -66,9 +67,10 @@ def values(each: Pass, channels: Mapping[str, F32], shot: Shot, ids: Ids) -> F32
         if each.plane in ("position", "normal"):
             found = np.stack([found[..., 0], -found[..., 2], found[..., 1]], axis=-1)
         elif each.plane in ("object", "material"):
-            table = ids.objects if each.plane == "object" else ids.materials
-            number = found[..., 0].astype(np.int64)
-            found = np.where(number < len(table), table[np.minimum(number, len(table) - 1)], 0)[..., None]
+            numbers = {name: channels[name].astype(np.int64) for name in ("IndexOB.X", *each.channels)}
+            objects = numbers["IndexOB.X"]
+            found = ids.object(objects) if each.plane == "object" else ids.material(numbers["IndexMA.X"], objects)
+            found = found[..., None]
     cut = shot.cut(found)[::-1]
     if each.name == "Combined":
         cut = np.concatenate([cut, np.ones((*cut.shape[:2], 1), np.float32)], axis=-1)

@@ -13,23 +13,15 @@ import numpy.typing as npt
 from ..farm.asked import Asked, Light
 from ..scene.cameras import NAME, lens_of, shot_of_camera, with_keys
 from ..scene.files import FPS, MAIN, scene_files
-from ..scene.gather import gather, over_the_shutter
-from ..scene.gltf import object_names
-from ..scene.model import Scene, World
+from ..scene.gather import beyond, gather, over_the_shutter
+from ..scene.ids import Ids, ids_of
+from ..scene.model import World
 from ..scene.view import Shot
 
-__all__ = ["Ids", "Picture", "light_of", "picture_of", "requested", "split"]
+__all__ = ["Picture", "light_of", "picture_of", "requested", "split"]
 
 F64 = npt.NDArray[np.float64]
 FRAME = 64  # of the farm's clock, at which a picture with an open shutter is; so far in that its keys are not before 0
-
-
-@dataclass(frozen=True)
-class Ids:
-    """Pass indices by the farm's numbers; that of what nothing is known of is 0."""
-
-    objects: npt.NDArray[np.float32]
-    materials: npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -51,7 +43,7 @@ def requested(settings: Any, spp: int) -> dict[str, Any]:
 def light_of(world: World) -> Light:
     """The world as a request has it."""
     image = None if world.image is None else (world.image.name, world.image.content)
-    return Light(world.color, image, world.sky, world.strength, world.rotation)
+    return Light(world.color, image, world.sky is not None, world.strength, world.rotation)
 
 
 def _border(render: Any, size: tuple[int, int]) -> tuple[int, int, int, int] | None:
@@ -90,6 +82,8 @@ def picture_of(
         return place_of(thing), np.array(projection, np.float64), thing
 
     place, projection, thing = camera()
+    if thing.data.type != "PANO" and beyond(scene, place[:3, 3], -place[:3, 2], float(thing.data.clip_end)):
+        scene.warn(f"Camera: what lies beyond its end of {thing.data.clip_end:g} is shown, though not in Blender.")
     border = _border(render, size)
     shot = shot_of_camera(scene, thing, place, projection, size, border)
     request = requested(settings, settings.samples) | {"width": shot.width, "height": shot.height}
@@ -117,14 +111,7 @@ def picture_of(
     request |= {"camera": NAME} if moves else {"view": shot.view}
     files = scene_files(scene)
     asked = Asked(files, MAIN, title, light_of(scene.world), request, planes, settings.denoise)
-    return Picture(asked, shot, _ids(scene), scene.warnings)
-
-
-def _ids(scene: Scene) -> Ids:
-    """The farm numbers objects from 1 as they come: meshes, then lamps; materials: those of lamps, then ours."""
-    objects = [node.number for node in object_names(scene)]
-    materials = [0] * len(scene.lamp_materials) + [material.number for material in scene.materials.values()]
-    return Ids(np.array([0, *objects], np.float32), np.array([0, *materials], np.float32))
+    return Picture(asked, shot, ids_of(scene), scene.warnings)
 
 
 def split(frame: float) -> tuple[int, float]:

@@ -27,7 +27,9 @@ class Cameras:
         self._bpy, self._scene, self._notes, self._vector = bpy, scene, notes, Vector
         found = [thing for thing in scene.objects if thing.type == "CAMERA"]
         self._all = sorted(found, key=lambda thing: (thing is not scene.camera, thing.name))
-        self._middle = self._middle_of()
+        meshes = [each for each in scene.objects if each.type == "MESH" and not each.hide_render]
+        self._corners = [each.matrix_world @ Vector(c) for each in meshes for c in each.bound_box]
+        self._middle = sum(self._corners, Vector((0, 0, 0))) / max(len(self._corners), 1)
         for thing in self._all:
             self._note(thing)
 
@@ -92,14 +94,15 @@ class Cameras:
             place = there.matrix_world @ bone.head
         return max(abs((place - camera.matrix_world.translation).dot(forward)), 1e-4)
 
-    def _middle_of(self) -> Any:
-        points = [
-            thing.matrix_world @ self._vector(c) for thing in self._scene.objects if thing.type == "MESH" for c in thing.bound_box
-        ]
-        return sum(points, self._vector((0, 0, 0))) / max(len(points), 1)
+    def _reaches(self, thing: Any) -> float:
+        """How far before a camera the last of the scene is."""
+        eye, forward = thing.matrix_world.translation, thing.matrix_world.to_3x3() @ self._vector((0, 0, -1))
+        return max(((point - eye).dot(forward.normalized()) for point in self._corners), default=0.0)
 
     def _note(self, thing: Any) -> None:
         data, name = thing.data, thing.name
+        if data.type != "PANO" and self._reaches(thing) > data.clip_end:
+            self._notes.append(f"Camera {name}: what lies beyond its end of {data.clip_end:g} is shown, though not in Blender")
         if data.type == "PANO" and _panorama(data) not in ("EQUIRECTANGULAR", None):
             self._notes.append(f"Camera {name}: shows all around (equirectangular) in place of {_panorama(data).lower()}")
         if data.type == "CUSTOM":

@@ -53,8 +53,24 @@ def _mesh_of(bpy: Any, scene: Any, thing: Any, data: Any, tubes: Any, notes: lis
     for material in thing.data.materials:
         mesh.materials.append(material)
     made = bpy.data.objects.new(f"{thing.name} hair", mesh)
-    made.matrix_world = thing.matrix_world.copy()
+    _move_alike(made, thing)
     for flag in VISIBLE:
         setattr(made, flag, getattr(thing, flag))
     scene.collection.objects.link(made)
     return made
+
+
+def _move_alike(made: Any, thing: Any) -> None:
+    """Has it hang, and move, as another does."""
+    made.rotation_mode = thing.rotation_mode
+    made.parent, made.parent_type, made.parent_bone = thing.parent, thing.parent_type, thing.parent_bone
+    made.matrix_parent_inverse = thing.matrix_parent_inverse.copy()
+    made.matrix_basis = thing.matrix_basis.copy()
+    moves = thing.animation_data
+    if moves is not None and moves.action is not None:
+        data = made.animation_data_create()
+        data.action = moves.action
+        if getattr(moves, "action_slot", None) is not None:  # since Blender 4.4
+            data.action_slot = moves.action_slot
+    if thing.constraints:
+        made.constraints.new("COPY_TRANSFORMS").target = thing

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
-__all__ = ["MOST_FRAMES", "frames_of", "is_animated", "keyed", "over_frames", "rounded"]
+__all__ = ["MOST_FRAMES", "animated_paths", "frames_of", "is_animated", "keyed", "over_frames", "rounded"]
 
 MOST_FRAMES = 10_000
 ALIKE = 1e-9
@@ -66,6 +66,21 @@ def is_animated(bpy: Any, scene: Any) -> bool:
     if any(modifier.type in moving for thing in scene.objects for modifier in thing.modifiers):
         return True
     return any(constraint.type == "FOLLOW_PATH" for thing in scene.objects for constraint in thing.constraints)
+
+
+def animated_paths(block: Any) -> list[str]:
+    """The properties of one of Blender's data blocks that keys or drivers move, by their paths."""
+    data = block.animation_data if block is not None else None
+    if data is None:
+        return []
+    curves = [*data.drivers]
+    if data.action is not None:
+        own = getattr(data.action, "fcurves", None)  # until Blender 5
+        if own is None:
+            strips = [strip for layer in data.action.layers for strip in layer.strips]
+            own = [curve for strip in strips for bag in strip.channelbags for curve in bag.fcurves]
+        curves += own
+    return [curve.data_path for curve in curves]
 
 
 def frames_of(bpy: Any, scene: Any) -> list[int]:

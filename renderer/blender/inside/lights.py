@@ -9,7 +9,7 @@ from typing import Any
 from .cameras import to_ours
 from .keys import keyed
 
-__all__ = ["Lights"]
+__all__ = ["Lights", "is_linked_to_lights"]
 
 AREA = 1 / math.pi  # radiance of an area light of one watt and one square metre
 MOST = 1e9
@@ -156,6 +156,12 @@ def _emission(data: Any) -> Any:
     return None
 
 
+def is_linked_to_lights(thing: Any) -> bool:
+    """Whether an object lights, or shades, some things alone."""
+    linking = getattr(thing, "light_linking", None)
+    return any(getattr(linking, f"{kind}_collection", None) is not None for kind in ("receiver", "blocker"))
+
+
 def _note(thing: Any, notes: list[str]) -> None:
     data, name = thing.data, thing.name
     if data.use_nodes and data.node_tree is not None:
@@ -169,5 +175,7 @@ def _note(thing: Any, notes: list[str]) -> None:
     hidden = [words for kind, words in RAYS.items() if not getattr(thing, f"visible_{kind}", True)]
     if hidden:
         notes.append(f"Light {name}: lights {' and '.join(hidden)} here, though not in Blender")
+    if is_linked_to_lights(thing):
+        notes.append(f"Light {name}: lights all that it reaches; light linking is not taken over")
     if getattr(getattr(data, "cycles", None), "is_portal", False):
         notes.append(f"Light {name}: is a portal, and left dark")

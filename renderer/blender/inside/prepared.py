@@ -4,27 +4,37 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["prepare"]
+from .instances import VISIBLE, instances_as_objects
+from .keys import animated_paths
 
-MOST_INSTANCES = 200_000
-VISIBLE = tuple(f"visible_{kind}" for kind in ("camera", "shadow", "diffuse", "glossy", "transmission"))
+__all__ = ["VISIBLE", "prepare"]
+
+NEAR = 1e-5  # of a coordinate: what is less is rounding's
 
 
-def prepare(bpy: Any, scene: Any, notes: list[str]) -> list[Any]:
-    """Makes the open scene so, at its present frame. Returns the objects that are shown."""
-    _as_rendered(scene)
+def prepare(bpy: Any, scene: Any, frames: list[int], notes: list[str]) -> list[Any]:
+    """Makes the open scene so, at its present frame, the first of `frames`. Returns the objects that are shown."""
+    _as_rendered(bpy, scene)
     bpy.context.view_layer.update()
+    blinking = sorted(thing.name for thing in scene.objects if any(path == "hide_render" for path in animated_paths(thing)))
+    if blinking and len(frames) > 1:
+        notes.append(f"{_listed(blinking)}: comes or goes with the frame in Blender, and is as at the first frame here")
     shown = _shown(bpy, scene)
-    _instances(bpy, scene, shown, notes)
-    _modifiers(bpy, scene, shown, notes)
+    instances_as_objects(bpy, scene, shown, frames, notes)
+    _modifiers(bpy, scene, shown, frames, notes)
     for thing in scene.objects:
         thing.hide_render = thing.name not in shown and thing.type not in ("EMPTY", "ARMATURE")
-    return [thing for thing in scene.objects if thing.name in shown]
+    found = [thing for thing in scene.objects if thing.name in shown]
+    _override(bpy.context.view_layer, scene, found)
+    return found
 
 
-def _as_rendered(scene: Any) -> None:
+def _as_rendered(bpy: Any, scene: Any) -> None:
     """What the viewport shows is what the exporter sees."""
-    for thing in scene.objects:
+    _visible_as_rendered(bpy)
+    scene.render.simplify_subdivision = scene.render.simplify_subdivision_render
+    scene.render.simplify_child_particles = scene.render.simplify_child_particles_render
+    for thing in bpy.data.objects:
         for modifier in thing.modifiers:
             modifier.show_viewport = modifier.show_render
             if modifier.type in ("SUBSURF", "MULTIRES"):
@@ -33,6 +43,33 @@ def _as_rendered(scene: Any) -> None:
             thing.data.resolution_u = thing.data.render_resolution_u
         for system in getattr(thing, "particle_systems", ()):
             system.settings.display_percentage = 100
+
+
+def _visible_as_rendered(bpy: Any) -> None:
+    """What is hidden in the viewport alone would be evaluated by nobody, and what is hidden in pictures alone be instanced."""
+    for each in [*bpy.data.objects, *bpy.data.collections]:
+        each.hide_viewport = each.hide_render
+    left = [bpy.context.view_layer.layer_collection]
+    while left:
+        each = left.pop()
+        each.hide_viewport = False
+        left += each.children
+    for thing in bpy.context.view_layer.objects:
+        thing.hide_set(False)
+
+
+def _override(layer: Any, scene: Any, things: list[Any]) -> None:
+    """What the view layer shows in the place of all materials, and of the world."""
+    material = getattr(layer, "material_override", None)
+    for thing in things if material is not None else ():
+        if not hasattr(thing.data, "materials"):
+            continue
+        if not thing.material_slots:
+            thing.data.materials.append(material)
+        for slot in thing.material_slots:
+            slot.material = material
+    if getattr(layer, "world_override", None) is not None:
+        scene.world = layer.world_override
 
 
 def _shown(bpy: Any, scene: Any) -> set[str]:
@@ -55,50 +92,9 @@ def _is_within(collection: Any, hidden: set[str], scene: Any) -> bool:
     return bool(parents) and all(_is_within(parent, hidden, scene) for parent in parents)
 
 
-def _instances(bpy: Any, scene: Any, shown: set[str], notes: list[str]) -> None:
-    """What modifiers, particles and instancers put into the scene becomes objects, which share their meshes."""
-    graph = bpy.context.evaluated_depsgraph_get()
-    made: dict[Any, Any] = {}  # of a mesh that a modifier made, by the evaluated one
-    found: list[tuple[Any, Any, Any, Any]] = []
-    for instance in graph.object_instances:
-        if not instance.is_instance or instance.parent is None or instance.parent.original.name not in shown:
-            continue
-        thing = instance.object
-        if thing.type not in ("MESH", "CURVE", "SURFACE", "FONT", "META") or len(found) >= MOST_INSTANCES:
-            continue
-        data = thing.data
-        if data is None:
-            continue
-        if data not in made:
-            made[data] = _mesh_of(bpy, thing, data, graph)
-        found.append((instance.parent.original, thing.original, made[data], instance.matrix_world.copy()))
-    for parent, shown_thing, mesh, place in found:
-        thing = bpy.data.objects.new(f"{parent.name} instance", mesh)
-        thing.matrix_world = place
-        for flag in VISIBLE:
-            setattr(thing, flag, getattr(parent, flag) and getattr(shown_thing, flag))
-        scene.collection.objects.link(thing)
-        shown.add(thing.name)
-    owners = sorted({parent.name for parent, _, _, _ in found})
-    for owner in owners:
-        thing = scene.objects[owner]
-        thing.instance_type = "NONE"
-        if thing.type == "MESH" and not (thing.show_instancer_for_render or thing.type == "EMPTY"):
-            shown.discard(owner)
-    if len(found) >= MOST_INSTANCES:
-        notes.append(f"Of its instances the first {MOST_INSTANCES:,} are shown")
-
-
-def _mesh_of(bpy: Any, thing: Any, data: Any, graph: Any) -> Any:
-    """What an instance shows; of geometry nodes that is no mesh of the object's own, though it bears its name."""
-    if thing.type == "MESH" and data != thing.original.evaluated_get(graph).data:
-        return data.copy()
-    return bpy.data.meshes.new_from_object(thing, preserve_all_data_layers=True, depsgraph=graph)
-
-
-def _modifiers(bpy: Any, scene: Any, shown: set[str], notes: list[str]) -> None:
+def _modifiers(bpy: Any, scene: Any, shown: set[str], frames: list[int], notes: list[str]) -> None:
     """Applies all modifiers but armatures, which the exporter knows as skins; shape keys stand in the way of others."""
-    keyed, moving = [], []
+    keyed, moving = [], _restless(bpy, scene, shown, frames)
     for name in sorted(shown):
         thing = scene.objects[name]
         modifiers = [each for each in thing.modifiers if each.show_viewport and each.type not in ("ARMATURE", "PARTICLE_SYSTEM")]
@@ -107,11 +103,6 @@ def _modifiers(bpy: Any, scene: Any, shown: set[str], notes: list[str]) -> None:
         if thing.data.shape_keys is not None and len(thing.data.shape_keys.key_blocks) > 1:
             keyed.append(name)
             continue
-        if any(
-            each.type in ("CLOTH", "SOFT_BODY", "WAVE", "OCEAN", "MESH_CACHE", "MESH_SEQUENCE_CACHE", "FLUID", "BUILD")
-            for each in modifiers
-        ):
-            moving.append(name)
         bent = [each for each in thing.modifiers if each.type == "ARMATURE" and each.show_viewport]
         for each in bent:
             each.show_viewport = False
@@ -125,7 +116,43 @@ def _modifiers(bpy: Any, scene: Any, shown: set[str], notes: list[str]) -> None:
     if keyed:
         notes.append(f"{_listed(keyed)}: modifiers beside shape keys are not taken over; apply one of both")
     if moving:
-        notes.append(f"{_listed(moving)}: stands still as at the frame that the file was saved at; bake it to shape keys")
+        notes.append(f"{_listed(moving)}: what modifiers make stands still as at the first frame; bake it to shape keys")
+
+
+def _restless(bpy: Any, scene: Any, shown: set[str], frames: list[int]) -> list[str]:
+    """The names of meshes of which modifiers make others at the first, the middle and the last frame; bones aside."""
+    names = [
+        name
+        for name in sorted(shown)
+        if scene.objects[name].type == "MESH" and any(each.type != "ARMATURE" for each in scene.objects[name].modifiers)
+    ]
+    if len(frames) < 2 or not names:
+        return []
+    bent = [each for name in names for each in scene.objects[name].modifiers if each.type == "ARMATURE" and each.show_viewport]
+    for each in bent:
+        each.show_viewport = False
+    first: dict[str, Any] = {}
+    found = set()
+    for frame in dict.fromkeys((frames[0], frames[len(frames) // 2], frames[-1])):
+        scene.frame_set(frame)
+        graph = bpy.context.evaluated_depsgraph_get()
+        for name in names:
+            points = _points(scene.objects[name].evaluated_get(graph).data)
+            before = first.setdefault(name, points)
+            if len(before) != len(points) or (len(points) and abs(before - points).max() > NEAR * max(1.0, abs(before).max())):
+                found.add(name)
+    for each in bent:
+        each.show_viewport = True
+    scene.frame_set(frames[0])
+    return sorted(found)
+
+
+def _points(mesh: Any) -> Any:
+    import numpy as np
+
+    points = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", points)
+    return points
 
 
 def _listed(names: list[str]) -> str:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from pathlib import Path
 from typing import Any
+
+from .glb import Glb
+from .lights import is_linked_to_lights
 
 __all__ = ["RAYS", "note_rays", "passed_by", "with_rays"]
 
 RAYS = "RAYFARM_node_rays"  # what renderer/scene/readers/gltf/nodes.py reads
 OTHERS = {"diffuse": "by what it lights", "glossy": "in reflections", "transmission": "through glass"}
 FACTORS = ("baseColorFactor", "roughnessFactor")
-_HEAD = struct.Struct("<4sII")
-_CHUNK = struct.Struct("<II")
-_JSON = 0x4E4F534A
 
 Flags = dict[str, bool]
 
@@ -39,6 +37,8 @@ def note_rays(things: list[Any], layer: Any, notes: list[str]) -> None:
         hidden = [words for kind, words in OTHERS.items() if not getattr(thing, f"visible_{kind}", True)]
         if hidden:
             notes.append(f"{thing.name}: is seen {' and '.join(hidden)} here, though not in Blender")
+        if is_linked_to_lights(thing):
+            notes.append(f"{thing.name}: lights all that it reaches; light linking is not taken over")
         is_held = getattr(thing, "is_holdout", False) or (layer is not None and thing.holdout_get(view_layer=layer))
         for is_so, what in ((is_held, "a holdout"), (getattr(thing, "is_shadow_catcher", False), "a shadow catcher")):
             if is_so:
@@ -61,13 +61,8 @@ def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, 
     """
     if not (rays or surfaces):
         return
-    data = path.read_bytes()
-    magic, version, _ = _HEAD.unpack_from(data)
-    length, kind = _CHUNK.unpack_from(data, _HEAD.size)
-    if magic != b"glTF" or kind != _JSON:
-        return
-    start = _HEAD.size + _CHUNK.size
-    document = json.loads(data[start : start + length])
+    glb = Glb(path)
+    document = glb.document
     used = set(document.get("extensionsUsed", []))
     for node in document.get("nodes", []):
         if node.get("name") in rays and "mesh" in node:
@@ -80,8 +75,4 @@ def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, 
             used.update(extensions)
             _put_factors(material, told)
     document["extensionsUsed"] = sorted(used)
-    text = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
-    text += b" " * (-len(text) % 4)
-    rest = data[start + length :]
-    total = start + len(text) + len(rest)
-    path.write_bytes(_HEAD.pack(magic, version, total) + _CHUNK.pack(len(text), _JSON) + text + rest)
+    glb.write(path)

@@ -40,6 +40,23 @@ def note_settings(scenes: Any, scene: Any, notes: list[str]) -> None:
         notes.append("Transparent film: the world is seen behind the scene, and there is no alpha")
     if cycles is not None and render.engine == "CYCLES" and abs(cycles.film_exposure - 1) > 1e-3:
         notes.append(f"The film's exposure of {cycles.film_exposure:g} is not taken over; set it where the picture is looked at")
+    view = scene.view_settings
+    looks = [
+        words
+        for is_so, words in (
+            (abs(view.exposure) > 1e-3, f"exposure {view.exposure:g}"),
+            (abs(view.gamma - 1) > 1e-3, f"gamma {view.gamma:g}"),
+            (view.look != "None", f"look {view.look}"),
+            (view.use_curve_mapping, "curves"),
+        )
+        if is_so
+    ]
+    if looks:
+        notes.append(f"Color management ({', '.join(looks)}) is not taken over; set it where the picture is looked at")
+    if render.use_multiview:
+        notes.append("Stereoscopy: one picture is rendered, as the camera sees it with one eye")
+    if len({marker.camera.name for marker in scene.timeline_markers if marker.camera is not None}) > 1:
+        notes.append("Markers of the timeline switch between cameras: here a camera is chosen by its name for all frames")
     tree = getattr(scene, "compositing_node_group", None) or getattr(scene, "node_tree", None)
     plain = {"R_LAYERS", "COMPOSITE", "VIEWER", "REROUTE", "GROUP_OUTPUT"}
     if render.use_compositing and tree is not None and any(node.type not in plain for node in tree.nodes):

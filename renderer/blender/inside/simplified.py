@@ -67,7 +67,7 @@ def modules_of(addon: Path) -> Any:
             module.__path__ = [str(path)]
             sys.modules[name] = module
     return types.SimpleNamespace(
-        **{name: importlib.import_module(f"{package}.{name}") for name in ("looks", "nodes", "painted", "tubes")}
+        **{name: importlib.import_module(f"{package}.{name}") for name in ("looks", "meshes", "nodes", "painted", "tubes")}
     )
 
 

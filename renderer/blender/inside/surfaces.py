@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from .keys import animated_paths
+
 __all__ = ["note_surfaces"]
 
 # What Blender's exporter follows between a texture and a Principled BSDF.
@@ -39,6 +41,8 @@ def note_surfaces(materials: list[Any], notes: list[str]) -> None:
         if output is None:
             continue
         name = f"Material {material.name}"
+        if animated_paths(tree):
+            notes.append(f"{name}: its nodes move with the frame in Blender, and are as at the first frame here")
         if output.inputs["Displacement"].links:
             notes.append(f"{name}: its displacement is not taken over; apply it as a modifier, or bake a normal map")
         if output.inputs["Volume"].links:

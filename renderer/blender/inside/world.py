@@ -5,12 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from .keys import rounded
+from .keys import animated_paths, rounded
 
 __all__ = ["write_world"]
 
 WIDTH, MOST_WIDTH = 2048, 8192
 SAMPLES = 4
+# By kind, whether the world is there for rays; and how that is said.
+RAYS = {
+    "camera": "by the camera",
+    "diffuse": "by what it lights",
+    "glossy": "in reflections",
+    "transmission": "through glass",
+}
 
 
 def write_world(bpy: Any, scene: Any, out: Path, notes: list[str]) -> dict[str, Any] | None:
@@ -18,6 +25,11 @@ def write_world(bpy: Any, scene: Any, out: Path, notes: list[str]) -> dict[str, 
     world = scene.world
     if world is None:
         return None
+    hidden = [words for kind, words in RAYS.items() if not getattr(getattr(world, "cycles_visibility", None), kind, True)]
+    if hidden:
+        notes.append(f"World: is seen {', '.join(hidden)} here, though not in Blender")
+    if animated_paths(world.node_tree if world.use_nodes else world):
+        notes.append("World: moves with the frame in Blender, and is as at the first frame here")
     plain = _plain(world)
     if plain is not None:
         return {"color": rounded(plain)} if max(plain) > 0 else None

@@ -10,11 +10,13 @@ from .baked import bake
 from .cameras import Cameras
 from .hair import hair_as_meshes
 from .keys import frames_of, over_frames
+from .large import put_back, stand_ins
 from .lights import Lights
 from .prepared import prepare
 from .rays import note_rays, passed_by, with_rays
 from .settings import note_settings, settings_of
 from .simplified import simplify
+from .stills import as_stills
 from .surfaces import note_surfaces
 from .world import write_world
 
@@ -45,10 +47,11 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
     frames = frames_of(bpy, scene)
     scene.frame_set(frames[0])
     note_settings(bpy.data.scenes, scene, notes)
-    shown = hair_as_meshes(bpy, scene, prepare(bpy, scene, notes), addon, notes)
+    shown = hair_as_meshes(bpy, scene, prepare(bpy, scene, frames, notes), addon, notes)
     _note_left_out(shown, notes)
     _note_hair(shown, notes)
     solid = [thing for thing in shown if thing.type in MESHES]
+    as_stills(bpy, _materials(solid), notes)
     surfaces = simplify(bpy, solid, addon, notes)
     bake(bpy, scene, solid, notes)
     note_surfaces(_materials(solid), notes)
@@ -60,7 +63,9 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
     environment = write_world(bpy, scene, out, notes)
     lamps, materials, shapes = lights.written(_of("light", seen), frames, fps)
     if solid:
+        taken = stand_ins(bpy, solid, addon)
         _write_glb(bpy, out / "blender-scene.glb", is_moving=len(frames) > 1)
+        put_back(out / "blender-scene.glb", taken)
         with_rays(out / "blender-scene.glb", passed_by(solid, bpy.context.view_layer), surfaces)
         shapes.insert(0, {"type": "mesh", "file": "blender-scene.glb", "name": scene.name[:100]})
     document: dict[str, Any] = {

@@ -10,6 +10,7 @@ from typing import Any
 from renderer.errors import RayfarmError, SceneError
 from renderer.formats import FORMATS, Format
 from renderer.scene.animation import Moment
+from renderer.scene.animation.clips import others_of
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 
@@ -49,6 +50,7 @@ def read_file(
         options["moment"] = moment
     if thickness is not None:
         options["thickness"] = thickness
+    before = description.clips
     try:
         reader.read(files, name, description, **options)
     except (RayfarmError, MemoryError):
@@ -58,6 +60,8 @@ def read_file(
         raise SceneError(
             f"{name}: could not be read as {suffix}; it may be damaged, export it again ({_reason(error)})"
         ) from error
+    if moment.clip is None and description.clips is not before and len(description.clips) > 1:
+        description.warnings.append(others_of(name, description.clips))
 
 
 def _reason(error: Exception) -> str:

@@ -46,6 +46,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         except SceneError:
             raise error from None
         description.warnings.append(f"{main}: numbers with decimal commas, or that are none, are read as what they seem to mean.")
+    if said.colors is None and b"#MRGB" in text:
+        said = said._replace(colors=_polypaint(text, len(said.positions)))
     said.uvs[:, 1] = 1 - said.uvs[:, 1]  # OBJ counts v from the image's lower edge
     _check_corners(said, main)
     shelf = TextureShelf(description, files)
@@ -68,6 +70,15 @@ def _as_utf8(data: bytes) -> bytes:
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", "replace").encode()
     return data.removeprefix(codecs.BOM_UTF8)
+
+
+def _polypaint(text: bytes, vertices: int) -> F32 | None:
+    """(V, 3) sRGB of ZBrush's comments: a mask and red, green, blue in hexadecimal for each vertex; None of damaged ones."""
+    digits = b"".join(re.findall(rb"(?m)^#MRGB[ \t]+([0-9a-fA-F]+)", text))
+    if len(digits) < 8 * vertices:
+        return None
+    codes = np.frombuffer(bytes.fromhex(digits[: 8 * vertices].decode()), np.uint8).reshape(-1, 4)
+    return codes[:, 1:].astype(np.float32) / np.float32(255)
 
 
 def _is_faceted(text: bytes) -> bool:
@@ -182,6 +193,8 @@ class _Materials:
         material = self._found.get(name or "")
         if material is None:
             material = Material(name or "default")
+            if mesh.colors is not None:
+                material.base_color = (1.0, 1.0, 1.0)
             if self._bare and mesh.uvs is not None:
                 material.base_color_texture = self._lone_texture(material)
             elif name is not None and self._found:

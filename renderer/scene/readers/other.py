@@ -76,7 +76,7 @@ def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: Texture
             mesh.material = materials[key]
             description.meshes.append(smoothed(mesh))
             numbers[name] = len(description.meshes) - 1
-        description.instances.append(Instance(numbers[name], upright @ np.asarray(transform, np.float64)))
+        description.instances.append(Instance(numbers[name], upright @ np.asarray(transform, np.float64), name=str(name)))
 
 
 def _points(geometry: Any) -> F32 | None:

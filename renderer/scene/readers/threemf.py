@@ -25,7 +25,9 @@ from renderer.scene.matrices import product
 from renderer.scene.normals import smoothed_together
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.spread import judge_spread
+from renderer.scene.readers.threemf_relations import relations_of
 from renderer.scene.readers.threemf_rows import MARK, Rows, cut_out
+from renderer.scene.readers.threemf_slicers import PAINTED, filaments_of
 from renderer.scene.textures import TextureShelf
 from renderer.scene.unique import used_among
 from renderer.zips import DAMAGED, is_bomb
@@ -142,6 +144,8 @@ class _Model:
             corners = first, int(said.get("p2", first)), int(said.get("p3", first))
             made.triangles += int(said["v1"]), int(said["v2"]), int(said["v3"]), *corners
             made.groups.append(said.get("pid"))
+            if len(said) > 3 and any(key.endswith(PAINTED) for key in said):
+                self.left_out.add("colours painted in a slicer")
         elif name == "object":
             index = int(said.get("pindex", -1))
             self._object = _Object(said.get("name", ""), said.get("type", "model"), said.get("pid", ""), index)
@@ -210,8 +214,9 @@ class _Reader:
         except DAMAGED as error:
             raise SceneError(f"{main}: is damaged or no 3MF file ({str(error)[:120]}); export it again") from error
         self._names = {name.lower().lstrip("/"): name for name in self._package.namelist()}
+        self._filaments = filaments_of(self._names, self._bytes, main)
         self._models: dict[str, _Model] = {}
-        self._made: dict[tuple[str, str], list[int]] = {}
+        self._made: dict[tuple[str, str, str | None], list[int]] = {}
         self._materials: dict[Any, int] = {}
 
     def read(self) -> None:
@@ -242,7 +247,7 @@ class _Reader:
 
     def _root(self) -> str:
         if "_rels/.rels" in self._names:
-            for target, kind in _relations(self._bytes("_rels/.rels")):
+            for target, kind in relations_of(self._bytes("_rels/.rels")):
                 if kind.endswith("/3dmodel"):
                     return target
         found = [name for name in self._names if name.endswith(".model")]
@@ -271,7 +276,9 @@ class _Reader:
             self._models[key] = _Model(self._bytes(path), path, self._main)
         return self._models[key]
 
-    def _place(self, path: str, number: str, place: F64, depth: int) -> None:
+    def _place(self, path: str, number: str, place: F64, depth: int, color: str | None = None) -> None:
+        """color: of the filament that what holds it is printed with."""
+        color = (self._filaments.parts if depth else self._filaments.objects).get(number, color)
         model = self._model(path)
         found = model.objects.get(number)
         if found is None or depth > 64:
@@ -281,18 +288,19 @@ class _Reader:
             self._shelf.warn(f"{self._main}: supports are left out.")
             return
         for below, other, within in found.components:
-            self._place(below, other, product(place, within), depth + 1)
+            self._place(below, other, product(place, within), depth + 1, color)
         if found.triangles or any("v1" in rows.columns for rows in found.rows):
-            key = path.lower().lstrip("/"), number
+            key = path.lower().lstrip("/"), number, color
             if key not in self._made:
-                self._made[key] = list(self._meshes(model, found, f"object {number}"))
+                plain = Material() if color is None else Material("filament", base_color=_linear(_color(color)))
+                self._made[key] = list(self._meshes(model, found, f"object {number}", self._material(color, plain)))
             name = found.name or f"object {number}"
             self._description.instances += [Instance(mesh, place, name=name) for mesh in self._made[key]]
             if len(self._description.instances) > MAX_INSTANCES:
                 raise SceneError(f"{self._main}: places more than {MAX_INSTANCES} objects; fewer fit")
 
-    def _meshes(self, model: _Model, made: _Object, fallback: str) -> Iterator[int]:
-        """The description's meshes of an object, one for each material."""
+    def _meshes(self, model: _Model, made: _Object, fallback: str, plain: int) -> Iterator[int]:
+        """The description's meshes of an object, one for each material; plain: of what names none."""
         points, corners = made.points, made.corners
         if corners.min() < 0 or corners.max() >= len(points):
             raise SceneError(
@@ -301,18 +309,26 @@ class _Reader:
         group, names = made.group_of
         title = made.name or fallback
         if all(name not in model.groups for name in names):
-            yield self._add(title, points, corners, None, None, self._material(None, Material()))
+            yield self._add(title, points, corners, None, None, plain)
             return
         chosen = made.chosen
         for i, rows in _sorted_out(group):
-            yield from self._of_group(model, model.groups.get(names[i]), title, points, corners[rows], chosen[rows])
+            said = model.groups.get(names[i])
+            yield from self._of_group(model, said, title, points, corners[rows], chosen[rows], plain)
 
     def _of_group(
-        self, model: _Model, said: _Group | None, name: str, points: F32, corners: npt.NDArray[Any], chosen: npt.NDArray[Any]
+        self,
+        model: _Model,
+        said: _Group | None,
+        name: str,
+        points: F32,
+        corners: npt.NDArray[Any],
+        chosen: npt.NDArray[Any],
+        plain: int,
     ) -> Iterator[int]:
         count = 0 if said is None else len(said.values)
         if said is None or count == 0 or (chosen < 0).all():
-            yield self._add(name, points, corners, None, None, self._material(None, Material()))
+            yield self._add(name, points, corners, None, None, plain)
             return
         chosen = np.clip(chosen, 0, count - 1)
         if said.kind == "basematerials":
@@ -373,20 +389,3 @@ def _linear(color: tuple[int, int, int, int]) -> tuple[float, float, float]:
     found = vertex_colors(np.array([color[:3]], np.uint8))
     r, g, b = (1.0, 1.0, 1.0) if found is None else (float(c) for c in found[0, :3])
     return r, g, b
-
-
-def _relations(data: bytes) -> list[tuple[str, str]]:
-    """Targets and types of a part's relations."""
-    found: list[tuple[str, str]] = []
-    parser = expat.ParserCreate()
-
-    def start(tag: str, said: dict[str, str]) -> None:
-        if tag.rpartition(":")[2] == "Relationship":
-            found.append((said.get("Target", ""), said.get("Type", "").lower()))
-
-    parser.StartElementHandler = start
-    try:
-        parser.Parse(data, True)
-    except expat.ExpatError:
-        return []
-    return found

@@ -16,6 +16,7 @@ import psutil
 import redis
 
 from rayfarm.client import Client, ClientError
+from tests.benchmarks.faults.patience import Patience, children
 from tests.helpers import ROOT, Farm, start_farm, stop_farm
 from worker.machine.children import spawn_guard
 
@@ -159,11 +160,13 @@ class Ground:
             return -1
 
     def wait(self, true: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> float:
-        """Look after the farm until something is true; returns when. Raises UnrecoveredError."""
-        deadline = time.monotonic() + patience_s
+        """Look after the farm until something is true; returns when. patience_s: in which the farm had nothing to do.
+
+        Raises UnrecoveredError."""
+        patience = Patience(patience_s, children)
         while not true():
-            if time.monotonic() > deadline:
-                raise UnrecoveredError(f"waited {patience_s:g} s until {what}\n{self.logs()}")
+            if patience.is_over:
+                raise UnrecoveredError(f"waited {patience_s:g} idle seconds until {what}\n{self.logs()}")
             self.look_after()
             time.sleep(0.03)
         return time.monotonic()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from itertools import cycle
 from pathlib import Path
 
 import matplotlib
@@ -15,26 +16,38 @@ from matplotlib import pyplot
 
 __all__ = ["plot"]
 
-_OURS, _LIMIT = "#3b6ea5", "#c0392b"
+_LOOKS = (("#3b6ea5", "o"), ("#2e8b57", "s"), ("#8e5ea2", "^"))
+_LIMIT = "#c0392b"
+_TILES = "pixels along a tile's side"
 
 
 def plot(rows: Sequence[tuple[Load, Taken]], path: Path) -> None:
-    """Three curves over what the loads differ in: share of the slots in use, the service's processor, its time for a batch."""
-    name, labels = _differing([load for load, _ in rows])
-    curves = {
-        "share of what the slots could render": ([taken.sample_rate / _possible(load) for load, taken in rows], 1.0),
-        "cores that the service uses": ([taken.service_s / taken.seconds for _, taken in rows], 1.0),
-        "ms of a core per batch": ([1e3 * taken.service_s / max(taken.merged, 1) for _, taken in rows], None),
+    """Three planes over what the loads differ in: share of the slots in use, the service's processor, its time for a batch.
+
+    Where both tiles and frames differ, a curve a size of the frame.
+    """
+    name, label = _axis([load for load, _ in rows])
+    curves: dict[str, list[tuple[Load, Taken]]] = {}
+    for load, taken in rows:
+        curves.setdefault(_frame(load) if name == _TILES else "", []).append((load, taken))
+    planes: dict[str, tuple[Callable[[Load, Taken], float], float | None]] = {
+        "share of what the slots could render": (lambda load, taken: taken.sample_rate / _possible(load), 1.0),
+        "cores that the service uses": (lambda _, taken: taken.service_s / taken.seconds, 1.0),
+        "ms of a core per batch": (lambda _, taken: 1e3 * taken.service_s / max(taken.merged, 1), None),
     }
-    figure, axes = pyplot.subplots(1, len(curves), figsize=(11, 3.2), layout="constrained")
-    for plane, (title, (values, limit)) in zip(axes, curves.items(), strict=True):
-        plane.plot(labels, values, "o-", color=_OURS)
+    figure, axes = pyplot.subplots(1, len(planes), figsize=(11, 3.2), layout="constrained")
+    for plane, (title, (value, limit)) in zip(axes, planes.items(), strict=True):
+        for (frame, curve), (color, marker) in zip(curves.items(), cycle(_LOOKS)):
+            labels, values = [label(load) for load, _ in curve], [value(load, taken) for load, taken in curve]
+            plane.plot(labels, values, f"{marker}-", color=color, label=frame)
         if limit is not None:
             plane.axhline(limit, color=_LIMIT, linestyle=":")
         plane.set_ylim(bottom=0)
         plane.set_title(title, fontsize="medium")
         plane.set_xlabel(name)
         plane.grid(alpha=0.3)
+    if len(curves) > 1:
+        axes[-1].legend(title="frame", fontsize="small")
     figure.savefig(path, dpi=110)
     pyplot.close(figure)
 
@@ -44,9 +57,14 @@ def _possible(load: Load) -> float:
     return load.slots / (load.sample_s * (load.tile / 128) ** 2)
 
 
-def _differing(loads: Sequence[Load]) -> tuple[str, list[str]]:
-    sides = [f"{load.tile}" for load in loads]
-    frames = [f"{load.width} x {load.height}" for load in loads]
-    if len(set(sides)) > 1:
-        return "pixels along a tile's side", sides
-    return ("frame", frames) if len(set(frames)) > 1 else ("slots", [f"{load.slots:,}" for load in loads])
+def _frame(load: Load) -> str:
+    return f"{load.width} x {load.height}"
+
+
+def _axis(loads: Sequence[Load]) -> tuple[str, Callable[[Load], str]]:
+    """What the loads differ in, and a load's place along it."""
+    if len({load.tile for load in loads}) > 1:
+        return _TILES, lambda load: f"{load.tile}"
+    if len({_frame(load) for load in loads}) > 1:
+        return "frame", _frame
+    return "slots", lambda load: f"{load.slots:,}"

@@ -97,6 +97,26 @@ def arnold(number, names):
     )
 
 
+def stack(number, name, far=None):
+    """An animation stack of that number, and in the three after it what moves node 20 so far along X in a second; links."""
+    head = f'\tAnimationStack: {number}, "AnimStack::{name}", "" {{\n{properties({})}\t}}\n'
+    if far is None:
+        return head, []
+    second = 46186158000
+    return head + (
+        f'\tAnimationLayer: {number + 1}, "AnimLayer::Base", "" {{\n\t}}\n'
+        f'\tAnimationCurveNode: {number + 2}, "AnimCurveNode::T", "" {{\n{properties({"d|X": 0.0, "d|Y": 0.0, "d|Z": 0.0})}\t}}\n'
+        f'\tAnimationCurve: {number + 3}, "AnimCurve::", "" {{\n\t\tDefault: 0\n\t\tKeyVer: 4009\n'
+        f"\t\tKeyTime: *2 {{ a: 0,{second} }}\n\t\tKeyValueFloat: *2 {{ a: 0,{far} }}\n\t\tKeyAttrFlags: *1 {{ a: 4 }}\n"
+        "\t\tKeyAttrDataFloat: *4 { a: 0,0,0,0 }\n\t\tKeyAttrRefCount: *1 { a: 2 }\n\t}\n"
+    ), [
+        (number + 1, number),
+        (number + 2, number + 1),
+        (number + 2, 20, "Lcl Translation"),
+        (number + 3, number + 2, "d|X"),
+    ]
+
+
 def texture(number, file):
     return (
         f'\tTexture: {number}, "Texture::t", "" {{\n\t\tType: "TextureVideoClip"\n\t\tVersion: 202\n'

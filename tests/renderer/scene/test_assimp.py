@@ -123,6 +123,26 @@ def test_collada_keeps_its_own_unit_and_stands_upright(scene):
     assert corners(description) == [(0, 0, 0), (5, 2, 0)]
 
 
+def test_colladas_nodes_that_share_a_geometry_have_materials_and_places_of_their_own(scene):
+    """Compared with what Blender reads back of files in every orientation: places to 2e-6."""
+    text = collada("Z_UP").replace(
+        "</library_materials>", '<material id="blue" name="blue"><instance_effect url="#f"/></material></library_materials>'
+    )
+    effect = '<effect id="f"><profile_COMMON><technique sid="t"><lambert><diffuse><color>0 0 1 1</color></diffuse></lambert>'
+    text = text.replace("</library_effects>", f"{effect}</technique></profile_COMMON></effect></library_effects>")
+    turned = "<matrix>0 -1 0 7 1 0 0 0 0 0 -2 3 0 0 0 1</matrix>"
+    twin = f'<node id="twin">{turned}{placed("g").replace("#red", "#blue")}</node></visual_scene>'
+    found = scene("a.dae", text.replace("</visual_scene>", twin))
+    shown = {i.name: i for i in found.instances}
+    mesh = {name: found.meshes[i.mesh] for name, i in shown.items()}
+    assert found.materials[mesh["mover"].material].base_color == pytest.approx((0.8, 0.2, 0.1))
+    assert found.materials[mesh["twin"].material].base_color == pytest.approx((0, 0, 1))
+    points = mesh["twin"].positions @ shown["twin"].transform[:3, :3].T + shown["twin"].transform[:3, 3]
+    np.testing.assert_allclose(
+        points, [(7, 3, 0), (7, 3, -1), (6, 3, 0)], atol=1e-6
+    )  # Z up becomes Y up: (x, y, z) to (x, z, -y)
+
+
 def test_what_assimp_refuses_of_collada_is_read_as_far_as_may_be(scene):
     description = scene("a.dae", collada().replace('source="#times"', 'source="#gone"'))
     assert len(description.instances) == 2

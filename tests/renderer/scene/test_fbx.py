@@ -10,7 +10,7 @@ import pytest
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.load import Shot
-from tests.renderer.scene.fbx_text import arnold, camera, fbx, light, material, node, texture
+from tests.renderer.scene.fbx_text import arnold, camera, fbx, light, material, node, stack, texture
 
 KIT = Path(__file__).parents[2] / "data" / "fbx"
 Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from Blender's world
@@ -269,3 +269,87 @@ def test_a_camera_with_depth_of_field_is_named(scene):
         objects = node(51, "view", "Camera") + camera(61, UseDepthOfField=said, FocusDistance=120.0)
         warnings = scene("a.fbx", fbx(objects, [(61, 51), (51, 0)])).warnings
         assert any("1 cameras with depth of field" in w for w in warnings) == said
+
+
+def test_of_several_stacks_the_first_that_moves_is_shown_and_the_others_are_named(scene):
+    """As Blender has it: Mixamo's and 3ds Max's files begin with a take in which nothing moves."""
+    parts = stack(100, "Take 001"), stack(110, "walk", 240), stack(120, "run", 480)
+    text = fbx("".join(objects for objects, _ in parts), [link for _, links in parts for link in links])
+
+    def far(clip=None):
+        description = scene("a.fbx", text, moment=Moment(12, 24, clip))
+        return description.instances[0].transform[0, 3], description
+
+    shown, description = far()
+    assert shown == pytest.approx(1.2)
+    assert [clip.name for clip in description.clips] == ["walk", "run", "Take 001"]
+    assert [w for w in description.warnings if "clip" in w] == [
+        "a.fbx: shows the animation 'walk'; as its clip you may choose run, Take 001."
+    ]
+    still, description = far("run")
+    assert still == pytest.approx(2.4)
+    assert not any("clip" in w for w in description.warnings)
+    assert far("Take 001")[0] == 0
+
+
+def _turn(axis, degrees):
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    i, j = [(1, 2), (2, 0), (0, 1)][axis]
+    found = np.eye(4)
+    found[i, i], found[i, j], found[j, i], found[j, j] = c, -s, s, c
+    return found
+
+
+def _euler(angles, order="xyz"):
+    """The first axis of the order turns first."""
+    found = np.eye(4)
+    for axis in order:
+        found = _turn("xyz".index(axis), angles["xyz".index(axis)]) @ found
+    return found
+
+
+def _moved(vector):
+    found = np.eye(4)
+    found[:3, 3] = vector
+    return found
+
+
+def test_pivots_offsets_orders_and_geometric_transforms_are_as_autodesk_defines_them(scene):
+    """Maya's pivots and 3ds Max's object offsets, negative scales among them. Source: the FBX SDK's help, "Computing
+    transformation matrices": T Roff Rp Rpre R Rpost^-1 Rp^-1 Soff Sp S Sp^-1, and the geometry's own before all of it."""
+    rng = np.random.default_rng(8)
+    orders = ["xyz", "xzy", "yzx", "yxz", "zxy", "zyx"]
+    for number, order in enumerate(orders):
+
+        def three(low, high):
+            return tuple(float(v) for v in rng.uniform(low, high, 3).round(4))
+
+        said = {
+            "RotationOrder": number,
+            "RotationActive": True,
+            "Lcl Translation": three(-50, 50),
+            "Lcl Rotation": three(-180, 180),
+            "Lcl Scaling": tuple(v if i else -v for i, v in enumerate(three(0.5, 2))),
+            "RotationOffset": three(-9, 9),
+            "RotationPivot": three(-9, 9),
+            "PreRotation": three(-90, 90),
+            "PostRotation": three(-90, 90),
+            "ScalingOffset": three(-9, 9),
+            "ScalingPivot": three(-9, 9),
+            "GeometricTranslation": three(-9, 9),
+            "GeometricRotation": three(-90, 90),
+            "GeometricScaling": three(0.5, 2),
+        }
+        text = fbx("", []).replace(node(20, "tri"), node(20, "tri", **said))
+        found = scene("a.fbx", text)
+        (shown,) = found.instances
+        place = (
+            _moved(said["Lcl Translation"]) @ _moved(said["RotationOffset"]) @ _moved(said["RotationPivot"])
+            @ _euler(said["PreRotation"]) @ _euler(said["Lcl Rotation"], order) @ np.linalg.inv(_euler(said["PostRotation"]))
+            @ np.linalg.inv(_moved(said["RotationPivot"])) @ _moved(said["ScalingOffset"]) @ _moved(said["ScalingPivot"])
+            @ np.diag([*said["Lcl Scaling"], 1]) @ np.linalg.inv(_moved(said["ScalingPivot"]))
+            @ _moved(said["GeometricTranslation"]) @ _euler(said["GeometricRotation"]) @ np.diag([*said["GeometricScaling"], 1])
+        )  # fmt: skip
+        corners = np.array([[0, 0, 0, 1], [100, 0, 0, 1], [0, 100, 0, 1]]) @ place.T
+        points = found.meshes[shown.mesh].positions @ shown.transform[:3, :3].T + shown.transform[:3, 3]
+        np.testing.assert_allclose(points, corners[:, :3] / 100, atol=1e-5, err_msg=order)

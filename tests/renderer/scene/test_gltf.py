@@ -232,6 +232,15 @@ def test_a_required_extension_that_is_not_known_is_an_error(scene):
         scene("a.glb", g.glb())
 
 
+def test_a_character_of_vrm_is_a_glb_by_another_name(scene):
+    g = Gltf()
+    g.mesh()
+    g.root["extensionsRequired"] = g.root["extensionsUsed"] = ["VRMC_vrm", "VRMC_materials_mtoon"]
+    description = scene("a.vrm", g.glb())
+    assert len(description.instances) == 1
+    assert any("left out: VRMC_vrm, VRMC_materials_mtoon" in w for w in description.warnings)
+
+
 def test_draco_is_decoded(scene):
     draco = pytest.importorskip("DracoPy")
     rng = np.random.default_rng(5)

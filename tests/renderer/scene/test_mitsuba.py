@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import struct
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -94,12 +95,60 @@ def test_a_spectrum_that_is_flat_is_grey_and_a_red_one_red() -> None:
         (BALL.format("") + '<medium type="homogeneous"/>', "Participating media are not rendered"),
         (BALL.format("") + '<integrator type="bdpt"/>', "bdpt.* rendered by path tracing"),
         (BALL.format('<bsdf type="conductor"><string name="material" value="Hg"/></bsdf>'), "the metal Hg is not known"),
+        (
+            BALL.format('<bsdf type="plastic"><boolean name="nonlinear" value="true"/></bsdf>') * 2,
+            r"^nonlinear of .*plastic.*\(2 t",
+        ),
+        (
+            BALL.format("") + '<sensor type="perspective"><film type="hdrfilm"><rfilter type="lanczos"/></film></sensor>',
+            "lanczos.*B",
+        ),
+        (BALL.format('<medium type="homogeneous" name="interior"/>'), "Participating media are not rendered"),
+        (BALL.format('<emitter type="directionalarea"/>'), r"The emitter \(directionalarea\) of a shape \(sphere\) is not"),
+        (BALL.format('<bsdf type="twosided"><bsdf type="diffuse"/><bsdf type="plastic"/></bsdf>'), "for each side"),
     ],
 )
 def test_what_is_not_taken_over_is_named(inside: str, sentence: str, tmp_path: Path) -> None:
     import re
 
     assert any(re.search(sentence, warning) for warning in scene_of(tmp_path, inside).warnings)
+
+
+def test_references_forward_and_by_another_name(tmp_path: Path) -> None:
+    found = scene_of(
+        tmp_path,
+        BALL.format('<ref id="below"/>') + BALL.format('<ref name="x" id="again"/>').replace('"again"', '"below"')
+        + '<bsdf type="diffuse" id="below"><rgb name="reflectance" value="0.1,0.2,0.3"/></bsdf><alias id="below" as="other"/>'
+        + BALL.format('<ref id="other"/>'),
+    )  # fmt: skip
+    assert {found.materials[s.material].base_color for s in found.spheres} == {(0.1, 0.2, 0.3)}
+    assert not any("not taken over" in w for w in found.warnings)
+
+
+def test_spectra_that_are_plugins(tmp_path: Path) -> None:
+    """In Mitsuba's own spectral mode an equal-energy lamp of 1 is grey of luminance 1; a black body of 6500 K is nearly white."""
+    lamp = '<shape type="rectangle"><emitter type="area"><spectrum type="{}" name="radiance">{}</spectrum></emitter></shape>'
+    flat = '<string name="wavelengths" value="300, 900"/><string name="values" value="2, 2"/>'
+    warm = '<float name="temperature" value="6500"/>'
+    found = scene_of(tmp_path, lamp.format("irregular", flat) + lamp.format("blackbody", warm) + lamp.format("d65", ""))
+    even, body, day = (np.array(m.emission) for m in found.materials[-3:])
+    assert even @ (0.2126, 0.7152, 0.0722) == pytest.approx(2, rel=0.01)
+    assert body / body.mean() == pytest.approx([1, 1, 1], abs=0.06)
+    assert body.mean() == pytest.approx(4.3e4, rel=0.1)  # W / (m2 sr nm) of Planck's law at 550 nm
+    assert day.tolist() == [1, 1, 1]
+
+
+def test_a_leaf_is_cut_out_by_its_mask(tmp_path: Path, png: Callable[..., bytes]) -> None:
+    (tmp_path / "leaf.png").write_bytes(png(255, 255, 255))
+    mask = '<bsdf type="mask"><bsdf type="diffuse"/><texture name="opacity" type="bitmap">{}</texture></bsdf>'
+    inside = '<string name="filename" value="leaf.png"/><float name="uscale" value="3"/><float name="voffset" value="0.25"/>'
+    found = scene_of(tmp_path, BALL.format(mask.format(inside)), "0.6.0")
+    material = found.materials[found.meshes[0].material]
+    assert material.alpha_mode == "blend"
+    assert material.base_color_texture is not None
+    texture = found.textures[material.base_color_texture]
+    assert found.images[texture.image].pixels[:, 0, 3].tolist() == [255, 0]
+    assert texture.transform == (3, 0, 0, 0, 1, 0.25)
 
 
 @pytest.mark.parametrize(
@@ -146,3 +195,26 @@ def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
                 assert "could not be read as" not in str(error), error
                 outcomes.add("refused")
     assert outcomes == {"read", "refused"}
+
+
+def test_formulas_have_mitsubas_coordinates(tmp_path: Path) -> None:
+    """As Mitsuba 3.9 itself gives them at 400 points of each, which a picture on a square shows: its first row lies below."""
+    grid = '<bsdf type="diffuse"><texture type="checkerboard" name="reflectance"/></bsdf>'
+    names = ("rectangle", "cube", "disk", "cylinder", "sphere")
+    found = scene_of(tmp_path, "".join(f'<shape type="{name}">{grid}</shape>' for name in names))
+    square, cube, disk, tube, ball = found.meshes
+    assert not found.spheres
+    x, y, z = square.positions.T
+    np.testing.assert_allclose(square.uvs, np.column_stack([(x + 1) / 2, (y + 1) / 2]))
+    assert square.tangents is not None
+    assert square.tangents.tolist() == [[1, 0, 0, 1]] * 4
+    upper = cube.positions[:, 2] + (cube.normals[:, 2] > 0.5) * 9 > 9.5  # the face towards +Z, u along +Y and v along +X
+    np.testing.assert_allclose(cube.uvs[upper], (cube.positions[upper][:, [1, 0]] + 1) / 2)
+    for mesh, v in ((disk, None), (tube, 2), (ball, 2)):
+        x, y, z = mesh.positions.astype(float).T
+        turn = np.arctan2(y, x) / (2 * np.pi)
+        far = np.hypot(x, y) > 0.1
+        u = mesh.uvs[:, 0] if v == 2 else mesh.uvs[:, 1]
+        assert np.abs(np.sin(np.pi * (u - turn)[far])).max() < 1e-5
+        across = np.hypot(x, y) if v is None else z if mesh is tube else np.arccos(np.clip(z, -1, 1)) / np.pi
+        np.testing.assert_allclose(mesh.uvs[:, 0 if v is None else 1], across, atol=1e-4)

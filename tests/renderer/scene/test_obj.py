@@ -225,3 +225,12 @@ def test_of_very_many_warnings_the_first_are_said(scene):
     assert f"describes m{MOST_WARNINGS - 1};" in warnings[MOST_WARNINGS - 1]
     assert warnings[MOST_WARNINGS] == f"There are more warnings: these are the first {MOST_WARNINGS}."
     assert len(warnings) <= MOST_WARNINGS + 2
+
+
+def test_zbrush_paints_vertices_in_comments(scene):
+    """A mask, red, green and blue of each in hexadecimal, over as many lines as it takes; not dimmed by a material's grey."""
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n{}f 1 2 3\n"
+    description = scene("a.obj", text.format("#MRGB ffff0000ff00ff00\n#MRGB ff0000ff\n"))
+    np.testing.assert_array_equal(description.meshes[0].colors[:, :3], np.eye(3))
+    assert description.materials[0].base_color == (1, 1, 1)
+    assert scene("a.obj", text.format("#MRGB ffff0000\n")).meshes[0].colors is None

@@ -141,6 +141,7 @@ def test_what_moves_while_the_shutter_is_open(tmp_path):
         ('Material "interface"\n' * 2 + BALL + '\nMaterial "diffuse"' + BALL, "line 11: A surface that only bounds a medium"),
         ('Material "diffuse" "texture displacement" "d"' + BALL, "displacement of material 'diffuse'"),
         (BALL + ' "float bogus" 3', "'bogus' of shape 'sphere' is not taken over"),
+        ('PixelFilter "box" "float xradius" 3 ' + BALL, "'xradius' of filter 'box' is not taken over"),
         ('Texture "n" "spectrum" "marble" Material "diffuse" "texture reflectance" "n"' + BALL, "'marble' is not read"),
         (
             'Texture "t" "spectrum" "imagemap" "string filename" "gone.png" Material "diffuse" "texture reflectance" "t"' + BALL,
@@ -152,6 +153,13 @@ def test_what_moves_while_the_shutter_is_open(tmp_path):
 def test_what_is_not_taken_over_is_named_with_its_line(pbrt, inside, sentence):
     inside = inside.replace('"measured"', '"measured"')
     assert any(re.search(sentence, warning) for warning in pbrt(inside).warnings)
+
+
+def test_of_what_no_shape_shows_nothing_is_said(pbrt):
+    """Scenes keep materials and textures that nothing has any more."""
+    unused = 'Texture "t" "spectrum" "imagemap" "string filename" "gone.png" MakeNamedMaterial "m" "string type" "diffuse" '
+    found = pbrt(unused + '"texture reflectance" "t"' + BALL)
+    assert not any("line" in warning for warning in found.warnings)
 
 
 @pytest.mark.parametrize(

@@ -100,6 +100,25 @@ def test_an_object_of_another_part(scene):
     assert [len(m.triangles) for m in scene("a.3mf", data).meshes] == [1]
 
 
+def test_a_slicers_filaments_colour_its_objects_and_their_parts(scene):
+    """As Bambu Studio and Orca keep them; what is painted over with a brush is named."""
+    parts = '<component objectid="1"/><component objectid="3"/>'
+    objects = solid() + solid(3, '<triangle v1="0" v2="1" v3="2" paint_color="8"/>')
+    resources = f'{objects}<object id="2"><components>{parts}</components></object>'
+    said = '<metadata key="name" value="Cup"/><metadata key="extruder" value="{}"/>'
+    config = f'<config><object id="2">{said.format(2)}<part id="3">{said.format(3)}</part></object></config>'
+    files = {
+        "Metadata__model_settings.config": config,
+        "Metadata__project_settings.config": '{"filament_colour": ["#FFFFFF", "#FF0000", "#0000FFFF"]}',
+    }
+    found = scene("a.3mf", package(model(resources, '<item objectid="2"/>'), **files))
+    assert [found.materials[m.material].base_color for m in found.meshes] == [(1, 0, 0), (0, 0, 1)]
+    assert any("colours painted in a slicer" in w for w in found.warnings)
+    for damaged in ({"Metadata__model_settings.config": "<config"}, {"Metadata__project_settings.config": "[3"}):
+        whole = scene("a.3mf", package(model(resources, '<item objectid="2"/>'), **files | damaged))
+        assert whole.materials[0].base_color == (0.8, 0.8, 0.8)
+
+
 @pytest.mark.parametrize(
     ("resources", "build", "says"),
     [

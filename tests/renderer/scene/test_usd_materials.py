@@ -1,5 +1,7 @@
 """USD: materials and their textures become the values that their shaders say."""
 
+import re
+
 import numpy as np
 import pytest
 from pxr import Gf, UsdGeom, UsdShade, Vt
@@ -247,3 +249,53 @@ def test_omniverses_material_where_there_is_no_other(shaded, png, tmp_path):
     assert [description.images[t.image].name for t in names.values()] == ["t.png", "orm.png"]
     assert all(t.transform[0] == 2 and t.transform[4] == 3 for t in names.values())
     assert not description.warnings or not any("display colour" in w for w in description.warnings)
+
+
+def test_arnolds_surface_and_karmas_are_read_where_they_are_alone(shaded):
+    """Maya and Houdini write outputs:arnold:surface, whose images name files by strings, and outputs:kma:surface."""
+
+    def arnold(made):
+        picture = UsdShade.Shader.Define(made, "/look/picture")
+        picture.CreateIdAttr("arnold:image")
+        picture.CreateInput("filename", TYPES.String).Set("t.png")
+        picture.CreateInput("sscale", TYPES.Float).Set(2.0)
+        out = picture.CreateOutput("out", TYPES.Color4f)
+        given = {"base_color": (C, out), "metalness": (F, 1.0), "specular_roughness": (F, 0.35)}
+        return material(made, "/look", "arnold:standard_surface", "arnold", **given)[0]
+
+    description, found = shaded(arnold)
+    assert (found.metallic, found.roughness) == pytest.approx((1, 0.35))
+    used = description.textures[found.base_color_texture]
+    assert description.images[used.image].pixels[0, 0, :3].tolist() == [200, 100, 50]
+    assert used.transform[0] == 2
+    assert len(description.warnings) == 1  # of the light
+
+    given = {"base_color": (C, (0.1, 0.7, 0.2)), "base": (F, 1.0)}
+    _, found = shaded(lambda made: material(made, "/look", "ND_standard_surface_surfaceshader", "kma", **given)[0])
+    assert found.base_color == pytest.approx((0.1, 0.7, 0.2))
+
+
+def test_houdinis_colours_stand_in_for_display_colours(tmp_path):
+    made = stage(tmp_path / "a.usda")
+    colors = UsdGeom.PrimvarsAPI(mesh(made, "/m")).CreatePrimvar("Cd", TYPES.Color3fArray, "vertex")
+    colors.Set([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0)])
+    made.GetRootLayer().Save()
+    assert read(tmp_path / "a.usda").meshes[0].colors[:, :3].tolist() == [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0]]
+
+
+@pytest.mark.parametrize(
+    ("purposes", "shown", "said"),
+    [
+        (("proxy", "render"), ["m1"], ""),
+        (("proxy",), ["m0"], "it is drawn here"),
+        (("proxy", "default"), ["m1"], r"purpose proxy are not drawn, and none .* \(1\): /m0"),
+    ],
+)
+def test_proxies_are_drawn_where_there_is_nothing_else(purposes, shown, said, tmp_path):
+    made = stage(tmp_path / "a.usda")
+    for i, purpose in enumerate(purposes):
+        mesh(made, f"/m{i}").CreatePurposeAttr(purpose)
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    assert [i.name for i in found.instances] == shown
+    assert any(re.search(said, w) for w in found.warnings if "prox" in w) == bool(said)

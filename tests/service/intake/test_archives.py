@@ -109,3 +109,15 @@ def test_names_that_mean_another_place_are_refused(store: BlobFolder, name: str)
 def test_a_name_with_a_nul_is_refused(store: BlobFolder) -> None:
     with pytest.raises(Invalid, match="control characters"):
         unpack(store, zipped({"sceneX.obj": OBJ}).replace(b"sceneX", b"scene\0"))
+
+
+def test_folders_of_a_zip_by_an_old_program_of_windows_are_folders(store: BlobFolder) -> None:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for name in ("set\\", "set\\a.obj", "set\\..\\..\\b.obj"):
+            entry = zipfile.ZipInfo(name)
+            entry.create_system = 0
+            archive.writestr(entry, b"" if name.endswith("\\") else OBJ)
+    with pytest.raises(Invalid, match="climbs out"):
+        unpack(store, out.getvalue())
+    assert list(unpack(store, out.getvalue().replace(b"set\\..\\..\\", b"set\\one\\2\\"))) == ["set/a.obj", "set/one/2/b.obj"]

@@ -322,3 +322,14 @@ def test_what_a_scene_lacks_is_added_without_the_rest(service: Service) -> None:
     assert "larger than" in refused(service, 413, [("wood.png", b"x" * (LIMIT - 20))], base=added["id"])
     many = [(f"{n}.png", b"%d" % n) for n in range(18)]
     assert "more than 20 files" in refused(service, 413, many, base=added["id"])
+
+
+def test_another_scene_of_an_upload_is_shown_without_sending_it_again(service: Service) -> None:
+    base = post(service, [("set/a.obj", OBJ), ("set/b.obj", OBJ + b"# b\n"), ("set/wood.png", b"a picture")]).json()
+    other = post(service, [("", b"")], base=base["id"], main="set/b.obj").raise_for_status().json()
+    assert (base["main"], other["main"], other["name"]) == ("a.obj", "b.obj", "b")
+    assert [file["path"] for file in other["files"]] == ["a.obj", "b.obj", "wood.png"]
+    assert other["warnings"][0].startswith("Several scene files were given; b.obj is used."), "and the way back is named"
+    assert post(service, [("", b"")], base=other["id"], main="a.obj").json()["id"] == base["id"]
+    for name in ("c.obj", "wood.png"):
+        assert refused(service, 422, [("", b"")], base=base["id"], main=name).startswith("main: the scene has no scene file")

@@ -129,6 +129,7 @@ def begun(service: Started, worker: PeerWorker) -> str:
     return str(job)
 
 
+@pytest.mark.long
 def test_one_that_hangs_and_one_that_is_killed_are_taken_over_from(
     pair: tuple[Started, Started], redis_server: running_redis
 ) -> None:

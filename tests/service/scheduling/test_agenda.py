@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,6 +21,9 @@ class Frame:
         self.key, self.grain, self.spp = key, grain, spp
         self.ceiling, self.state, self.is_idle, self.noise = spp, "queued", False, None
         self.compiled = {"kind": "scene"}
+        self.own: dict[str, object] = {}
+        self.is_preparing = False
+        self.on_change: Callable[[int], None] = lambda key: None
         self.plan = SimpleNamespace(done=False, has=lambda samples: True)
 
     @property
@@ -32,6 +36,7 @@ class Frame:
 
     def rise_to(self, ceiling: int) -> None:
         self.ceiling = ceiling
+        self.on_change(self.key)
 
     def finish(self) -> None:
         self.state = "finished"
@@ -39,7 +44,10 @@ class Frame:
 
 def agenda(order: str, frames: list[Frame], spp: int = 64, every: int = 8) -> Any:
     made: Any = {frame.key: frame for frame in frames}
-    return Agenda(made, order, every, spp)
+    plan = Agenda(made, order, every, spp)
+    for frame in frames:
+        frame.on_change = plan.turns.note
+    return plan
 
 
 def laid_out(frames: list[Frame], spp: int) -> Any:
@@ -109,6 +117,7 @@ def test_breadth_first_a_frame_rises_when_all_under_its_ceiling_is_handed_out() 
         seen.append((frame.key, frame.ceiling))
         if not plan.passed(frame):
             frame.is_idle = True
+            plan.turns.note(frame.key)
     assert seen == [(0, 1), (1, 1), (0, 2), (1, 2), (0, 4), (1, 4), (0, 6), (1, 6)]
 
 
@@ -118,6 +127,6 @@ def test_what_is_not_prepared_waits_and_is_named_in_turn() -> None:
         frames[key].compiled = {}
     plan = agenda("centre-out", frames)
     plan.first = 3
-    assert [frame.key for frame in plan.lacking("kind")] == [3, 1]
+    assert [frame.key for frame in plan.turns.lacking("kind", 5)] == [3, 1]
     assert plan.next("kind").key == 2
     assert plan.next("another") is None

@@ -57,6 +57,7 @@ def rendered_once(worker: PeerWorker, job: str) -> bool:
     return len({(b.tile, b.first) for b in worker.batches if b.job == job}) == sum(b.job == job for b in worker.batches)
 
 
+@pytest.mark.long
 def test_a_locked_film_waits_and_the_others_go_on(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     held = under_way(service, worker)
@@ -123,7 +124,8 @@ def no_table(service: Service, job: str) -> None:
     other.close()
 
 
-@pytest.mark.parametrize("spoil", [garbage, pytest.param(no_table, marks=pytest.mark.long)])
+@pytest.mark.long  # tests/service/store/test_lost_films.py has damages that are healed by themselves
+@pytest.mark.parametrize("spoil", [garbage, no_table])
 def test_a_film_that_is_lost_is_rendered_anew_by_itself(
     service: Service, worker: PeerWorker, spoil: Callable[[Service, str], None]
 ) -> None:

@@ -224,6 +224,7 @@ def test_a_scene_is_prepared_again_for_workers_of_another_kind(service: Service)
     assert service.digest(job) == expected_digest()
 
 
+@pytest.mark.long
 def test_a_job_does_not_mix_kinds(service: Service) -> None:
     with service.worker(kind="old") as old:
         old.on_batch = lambda batch: time.sleep(0.1)

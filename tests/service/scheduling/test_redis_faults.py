@@ -31,7 +31,8 @@ def damaged(store: redis.Redis, is_so: bool) -> None:
         store.set(RESULTS, "this is no stream")
 
 
-@pytest.mark.parametrize("spoil", [read_only, *(pytest.param(spoil, marks=pytest.mark.long) for spoil in (full, damaged))])
+@pytest.mark.long  # that it is noticed and said is tested below, that every call is made again too
+@pytest.mark.parametrize("spoil", [read_only, full, damaged])
 def test_a_redis_that_refuses_costs_only_time(
     service: Service, worker: PeerWorker, spoil: Callable[[redis.Redis, bool], None]
 ) -> None:

@@ -152,7 +152,8 @@ def test_a_worker_knows_its_processes_and_stands_back_with_all_of_them() -> None
     program = "import subprocess, sys, time; subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)']).wait()"
     code = (
         "import os, subprocess, sys, time\n"
-        "from worker.keeping import Keeping\nfrom worker.terms import Terms\nfrom worker.family import family\n"
+        "from worker.machine.family import family\n"
+        "from worker.process.keeping import Keeping\nfrom worker.protocol.terms import Terms\n"
         f"child = subprocess.Popen([sys.executable, '-c', {program!r}])\n"
         "while len(family()) < 3: time.sleep(0.05)\n"
         "kept = Keeping(1)\nfirst = os.getpriority(os.PRIO_PROCESS, 0)\n"

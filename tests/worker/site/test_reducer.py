@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import redis
-from tests.worker.test_site_sums import SUMS, TILE, sums
 
 from rayfarm.local.farm import free_port
 from tests.helpers import wait_until
 from tests.reducer import Reducing
 from tests.worker.bench import FakeService
+from tests.worker.site.test_sums import SUMS, TILE, sums
 from worker.protocol.contract import RESULTS, Result
 from worker.protocol.result_bytes import result_bytes
 from worker.protocol.site import SIGNATURE_HEADER, SUMS_PATH, secret_key, signature, site_key

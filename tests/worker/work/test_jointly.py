@@ -79,7 +79,7 @@ def test_more_pieces_than_slots_are_left_to_others(bench: Bench, info: SceneInfo
 
 
 def test_a_killed_slot_loses_its_own_piece_alone(bench: Bench, info: SceneInfo) -> None:
-    long = 5000
+    long = 3500
     hand_out(bench, joint(info, "killed", [4, long, 4]))
     wait_until(lambda: _has(bench, long), 30, "a slot renders the long piece")
     assert bench.report().in_hand == ["killed"]  # type: ignore[union-attr]
@@ -106,19 +106,20 @@ def test_what_no_slot_has_begun_is_in_hand_as_soon_as_it_is_taken(bench: Bench, 
     wait_until(lambda: "taken" not in bench.report().in_hand, 30, "it is done")  # type: ignore[union-attr]
 
 
+@pytest.mark.long
 def test_a_worker_that_is_told_to_end_hands_in_and_puts_back(redis_url: str, tmp_path: Path, bench: Bench) -> None:
     with a_worker(redis_url, tmp_path, slots=2) as ending:
         bench.store.set("rayfarm:order:" + bench.report().name, "The other is asked.")  # type: ignore[union-attr]
         try:
             wait_until(lambda: bench.report().state == "paused", 20, "it takes nothing")  # type: ignore[union-attr]
-            hand_out(ending, joint(prepared(ending), "ending", [1500, 1501, 1502, 1503]))
-            wait_until(lambda: any(_has(ending, count) for count in range(1500, 1504)), 20, "it is at work")
+            hand_out(ending, joint(prepared(ending), "ending", [900, 901, 902, 903]))
+            wait_until(lambda: any(_has(ending, count) for count in range(900, 904)), 20, "it is at work")
             ending.process.terminate()
             assert ending.process.wait(60) == 0
         finally:
             bench.store.delete("rayfarm:order:" + bench.report().name)  # type: ignore[union-attr]
     found: list[Result] = []
-    while sum(each.event["count"] for each in found) < 6006:
+    while sum(each.event["count"] for each in found) < 3606:
         result = bench.next("batches", "batch", "batch-failed")
         found += [result] if result.event["job"] == "ending" else []
     covered = 0

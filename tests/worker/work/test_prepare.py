@@ -72,7 +72,7 @@ def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
     monkeypatch.setattr(prepare, "run_bounded", reader)
     monkeypatch.setattr(prepare, "_work", read)
-    monkeypatch.setattr("worker.patience.time.sleep", lambda seconds: None)
+    monkeypatch.setattr("worker.exchange.patience.time.sleep", lambda seconds: None)
     cache = BlobCache(service, FarmAnswer("", "", ""), tmp_path / "cache")
     sent: list[Result] = []
     board = SimpleNamespace(write=lambda *_: None)

@@ -10,9 +10,9 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
-from tests.worker.test_environments import image
 
 from renderer.scene.studio import STUDIO_NOTES
+from tests.worker.work.test_environments import image
 from worker.exchange.cache import BlobCache
 from worker.exchange.link import FarmAnswer, Link
 from worker.protocol.contract import BlobRef, Manifest, SceneInfo

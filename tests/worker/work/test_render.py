@@ -65,7 +65,7 @@ def test_a_workers_own_trouble_hands_the_batch_back_after_patience(
         raise trouble("it is away")
 
     worker.cache = SimpleNamespace(path=path)
-    monkeypatch.setattr("worker.patience.time.sleep", lambda seconds: None)
+    monkeypatch.setattr("worker.exchange.patience.time.sleep", lambda seconds: None)
     monkeypatch.setattr(slot, "PATIENCE_S", 1.05)
     event = slot.render(worker, BATCH, lambda is_so: None).event
     assert (event["type"], event["batch"], event["worker"]) == ("batch-returned", "b", "w")
@@ -84,7 +84,7 @@ def test_what_passes_is_waited_for(worker: Any, monkeypatch: pytest.MonkeyPatch)
         return answer
 
     worker.cache = SimpleNamespace(path=path)
-    monkeypatch.setattr("worker.patience.time.sleep", lambda seconds: None)
+    monkeypatch.setattr("worker.exchange.patience.time.sleep", lambda seconds: None)
     assert slot.render(worker, BATCH, lambda is_so: None).event["type"] == "batch"
 
 

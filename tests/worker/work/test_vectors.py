@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.worker.test_frames import moving
 
 from rayfarm.frame import Order, motion_of
 from rayfarm.picture import Picture
@@ -19,6 +18,7 @@ from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.load import Shot
 from renderer.settings import View
+from tests.worker.work.test_frames import moving
 from worker.protocol.contract import FrameVectors, Manifest
 from worker.work import vectors
 

@@ -64,7 +64,7 @@ export function sideChoice(letter, state, { picture: job, channel, at }, moments
     steps.value = asked === null || isUploaded ? "" : String(asked);
     steps.hidden = steps.length < 2;
     channels.disabled = isUploaded || asked !== null;
-    channels.title = channels.disabled ? t("Of this there is the colour alone") : "";
+    channels.title = channels.disabled ? t("Only its colour was kept") : "";
     channels.value = channels.disabled ? "" : now[channel];
   };
   life.add(moments.of.subscribe(show));

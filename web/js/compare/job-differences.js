@@ -41,7 +41,7 @@ function rows() {
   const ofJob = settings.filter(({ name, of }) => name !== "width" && name !== "height" && of !== "environment");
   const byTelling = TELLING.flatMap((group) => ofJob.filter((setting) => setting.group === group));
   return [
-    plain(t("Scene"), ({ name }) => name),
+    plain(t("Scene"), (job) => sceneOf(job)?.name ?? job.name),
     plain(t("Materials"), (job) => materialsOf(job) || t("as saved")),
     {
       label: t("Light from around"),

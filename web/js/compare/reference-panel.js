@@ -88,14 +88,14 @@ export function referencePanel(state, life) {
   };
   life.add(references.subscribe(show));
   life.add(state.subscribe(show));
-  if (!references.value) loadReferences().catch((error) => showError(t("The reference pictures are not here"), error));
+  if (!references.value) loadReferences().catch((error) => showError(t("The reference pictures could not be loaded"), error));
   return h(
     "section",
     { class: "side-section stack tight", "aria-label": t("Reference pictures") },
     h("h2", null, t("Reference pictures")),
     list,
     said,
-    h("p", { class: "quiet small for-submit" }, t("An EXR or HDR of the same size, dropped on the page. It is taken for linear Rec.709.")),
+    h("p", { class: "quiet small for-submit" }, t("Drop an EXR or HDR of the same size on the page. It is read as linear Rec.709.")),
     h("div", { class: "row" }, add, input),
   );
 }

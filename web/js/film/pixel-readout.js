@@ -30,7 +30,7 @@ export class PixelReadout {
       value: h("span", { class: "value" }),
     }));
     this.samples = h("span", { class: "samples" });
-    this.hint = h("span", { class: "quiet hint" }, t("Point at the picture to read its values"));
+    this.hint = h("span", { class: "quiet hint" }, matchMedia("(pointer: coarse)").matches ? t("Tap the picture to read its values") : t("Point at the picture to read its values"));
     this.name = h("strong", null);
     this.line = h(
       "span",

@@ -15,7 +15,7 @@ export function afterField(changed) {
   const chosen = new Map();
   const select = h("select");
   const list = h("ul", { class: "chosen", "aria-label": t("Comes after"), hidden: true });
-  const element = field(t("After"), select, t("Begins when they are finished; where one fails, so does it."));
+  const element = field(t("After"), select, t("Starts when they are finished. If one fails, this job fails too."));
   select.after(list);
   let shown = "";
   const show = () => {

@@ -29,7 +29,7 @@ import { t } from "../base/words.js";
 
 /** @type {Light[]} */
 const ALWAYS = [
-  { id: "own", label: t("Its own"), help: t("As the scene's file says.") },
+  { id: "own", label: t("Its own"), help: t("As the file has it; where it has none, a soft studio light.") },
   { id: "color", label: t("One colour"), help: t("The same light from every direction.") },
 ];
 /** @type {Light} */
@@ -255,7 +255,7 @@ async function sent(file) {
   try {
     return await addEnvironment(file, {
       signal: abort.signal,
-      progress: (done, all) => setText(line, done < all ? t("{done} of {all}", { done: bytes(done), all: bytes(all) }) : t("A worker looks at it …")),
+      progress: (done, all) => setText(line, done < all ? t("{done} of {all}", { done: bytes(done), all: bytes(all) }) : t("A worker checks it …")),
     });
   } catch (error) {
     if (!abort.signal.aborted) showError(t("{name} was not taken", { name: file.name }), error);

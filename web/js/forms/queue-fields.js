@@ -41,8 +41,8 @@ export function queueFields(changed) {
       if (input.validity.valid) changed(part());
     });
   }
-  const wanted = field(t("Wanted by"), deadline, t("Warns when the forecast says no."));
-  const needed = field(t("Needs"), needs, t("Tags of workers, such as gpu, or memory_gb=32; commas between them."));
+  const wanted = field(t("Wanted by"), deadline, t("Warns if the forecast says it will be late."));
+  const needed = field(t("Needs"), needs, t("Tags of workers, such as gpu, or memory_gb=32, separated by commas."));
   needed.append(lacking);
   explain(wanted, t("Wanted by"), [deadline]);
   explain(needed, t("Needs"), [needs]);
@@ -76,7 +76,7 @@ const listOf = (input) => input.value.split(",").map((need) => need.trim()).filt
 /** @param {string[]} needs @returns {string} a sentence; empty where all can be asked for */
 function problemOf(needs) {
   const wrong = needs.find((need) => !TAG.test(need) && !MEMORY.test(need));
-  return wrong === undefined ? "" : t("Needs: “{need}” is none. Give tags in small letters, or memory_gb=32.", { need: wrong });
+  return wrong === undefined ? "" : t("Needs: “{need}” is not valid. Use tags in lower case, or memory_gb=32.", { need: wrong });
 }
 
 /** That it would wait, and for what. @param {string[]} needs */
@@ -84,11 +84,11 @@ function lackingWords(needs) {
   const offers = (workers.value ?? []).flatMap(({ offer }) => (offer ? [offer] : []));
   const tags = needs.filter((need) => TAG.test(need));
   const missing = tags.find((tag) => !offers.some((offer) => offer.tags.includes(tag)));
-  if (missing !== undefined) return t("No worker that is connected has {need}: it waits for one.", { need: missing });
+  if (missing !== undefined) return t("No connected worker has {need}: the job waits for one.", { need: missing });
   const memory = needs.find((need) => MEMORY.test(need));
   const gigabytes = Number(memory?.slice("memory_gb=".length) ?? 0);
   const isThere = offers.some((offer) => tags.every((tag) => offer.tags.includes(tag)) && offer.memory >= gigabytes * 1e9);
-  return needs.length && !isThere ? t("No worker that is connected has all of it: it waits for one.") : "";
+  return needs.length && !isThere ? t("No connected worker has all of these: the job waits for one.") : "";
 }
 
 /** As the field has it: of this browser's zone. @param {number} at unix seconds */

@@ -36,10 +36,10 @@ export function queueFold(like) {
       { class: "stack" },
       place.elements,
       after.element,
-      field(t("Verified, %"), verify, t("So much of it is rendered by two workers and compared to the bit.")),
+      field(t("Verified, %"), verify, t("This share is rendered by two workers and compared bit by bit.")),
       h(
         "label",
-        { class: "check small", title: t("Unless this is set, samples that an earlier job of the same picture has are taken from it") },
+        { class: "check small", title: t("Otherwise samples that an earlier job has of the same picture are reused") },
         fresh,
         t("Render anew, from the first sample"),
       ),

@@ -27,7 +27,7 @@ export function doubtNotice() {
       latest = job;
       const names = job.doubted ?? [];
       element.hidden = names.length === 0;
-      if (names.length) setText(text, t("Some of its samples come from {names}, found out since to render something else than other workers.", { names: names.join(", ") }));
+      if (names.length) setText(text, t("Some of its samples come from {names}, which was later found to render something different from other workers.", { names: names.join(", ") }));
     },
   };
 }

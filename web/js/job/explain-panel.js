@@ -78,7 +78,7 @@ export function explainPanel(picture, life) {
     if (sample === null) {
       shown = null;
       draw();
-      fill(body, h("p", { class: "quiet", role: "status" }, t("A worker follows its paths once more…")));
+      fill(body, h("p", { class: "quiet", role: "status" }, t("A worker traces its paths again …")));
     }
     element.scrollIntoView({ block: "nearest" });
     try {
@@ -154,7 +154,7 @@ export function explainPanel(picture, life) {
 
 /** @param {Explained} found @returns {string} */
 function verdict({ samples, mean, equals_film: equals, worker }) {
-  if (!samples) return t("The pixel has no sample yet; its first is shown.");
+  if (!samples) return t("The pixel has no samples yet; its first one is shown.");
   const said = t("{n} samples followed again by {worker}; their mean is {mean}.", { n: count(samples), worker: worker ?? "?", mean: listed(mean) });
   return `${said} ${equals === true ? t("Their sum is the film's to the bit.") : equals === false ? t("Their sum is not the film's: the film or the scene has changed.") : ""}`;
 }

@@ -27,8 +27,8 @@ const WORDS = {
   lost: (name) => (name ? t("A batch did not come back from {name}; tried again", { name }) : t("A batch did not come back; tried again")),
   late: () => t("Expected after its deadline"),
   "in-time": () => t("Expected by its deadline again"),
-  healed: () => t("Its film was damaged; what is missing is rendered again"),
-  distrusted: (name) => t("{name} rendered something else than others; what it sent is rendered again", { name }),
+  healed: () => t("Its film was damaged; the missing part is rendered again"),
+  distrusted: (name) => t("{name} rendered something different from other workers; its part is rendered again", { name }),
   failed: (words) => t("A batch failed, and is tried again. {words}", { words: inWords(words) }),
 };
 

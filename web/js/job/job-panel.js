@@ -48,6 +48,7 @@ export function progressPanel() {
   const bar = progressBar(t("Progress of the picture"));
   const elapsed = h("dd");
   const left = h("dd");
+  const leftRow = h("div", null, h("dt", null, t("Left")), left);
   const speed = h("dd");
   const message = h("p", { class: "quiet small", role: "status", hidden: true });
   const error = h("div", { class: "notice error", role: "alert", hidden: true });
@@ -67,13 +68,12 @@ export function progressPanel() {
     setText(
       left,
       latest.state === "running"
-        ? latest.eta_s == null
+        ? latest.eta_s == null || latest.message // it does not go on: what it takes so cannot be foretold
           ? "…"
           : clock(latest.eta_s - since)
-        : latest.state === "finished"
-          ? "0:00"
-          : "–",
+        : "–",
     );
+    leftRow.hidden = latest.state === "finished";
   };
   return {
     element: h(
@@ -84,11 +84,9 @@ export function progressPanel() {
       h(
         "dl",
         { class: "figures number" },
-        [
-          [t("Elapsed"), elapsed],
-          [t("Left"), left],
-          [t("Samples/s"), speed],
-        ].map(([name, value]) => h("div", null, h("dt", null, name), value)),
+        h("div", null, h("dt", null, t("Elapsed")), elapsed),
+        leftRow,
+        h("div", null, h("dt", null, t("Samples/s")), speed),
       ),
       taken,
       message,
@@ -127,7 +125,7 @@ export function progressPanel() {
         fill(
           bad,
           h("p", null, badSentence(job)),
-          replay && h("p", null, t("To see how the first came about:")),
+          replay && h("p", null, t("To follow the first one:")),
           replay && command(replay),
         );
       }
@@ -142,7 +140,7 @@ function badSentence({ bad_samples: n, frames }) {
     .slice(0, BAD_NAMED)
     .map(({ x, y, sample }) => t("pixel {x}, {y} sample {sample}", { x, y, sample }));
   const first = where.length ? t(" First: {places}.", { places: where.join("; ") }) : "";
-  return tn(n, "{n} sample came out as no number and was left out.", "{n} samples came out as no number and were left out.") + first;
+  return tn(n, "{n} sample was not a number and was left out.", "{n} samples were not numbers and were left out.") + first;
 }
 
 /** @param {Job} job @returns {number} of all pixels, with which it began */
@@ -196,7 +194,7 @@ export function actionsPanel() {
   more.append(number);
   more.title = t("As many again: the same picture as if all had been asked for at once");
   const keep = button("keep", t("Keep"), (job) => change(job, { pinned: !job.pinned }, t("The job was not changed")));
-  keep.title = t("Stays whatever its age: its picture, and its scene's files");
+  keep.title = t("Never deleted automatically: its picture, and its scene's files");
   const element = h("div", { class: "row actions for-submit" }, resume, pause, cancel, more, keep);
   return {
     element,

@@ -34,7 +34,7 @@ export function queuePanel() {
     { class: "stack tight", hidden: true },
     h("h2", null, t("Waits for")),
     waitList,
-    h("button", { class: "button small for-submit", type: "button", onclick: () => ask({ after: [] }) }, t("Begin without waiting")),
+    h("button", { class: "button small for-submit", type: "button", onclick: () => ask({ after: [] }) }, t("Start without waiting")),
   );
   const fields = queueFields((part) => ask(part));
   const ready = h("p", { class: "quiet small number", hidden: true });
@@ -82,8 +82,8 @@ function lateWords({ deadline, expected, late }) {
   if (over > 0) return t("Its deadline has passed: {time}.", { time: dayAndTime(deadline) });
   const by = (expected ?? 0) - deadline;
   return by > 0 && by < FORESEEN_S
-    ? t("Wanted by {time}, and ready {late} after that by the forecast.", { time: dayAndTime(deadline), late: roughly(by) })
-    : t("Wanted by {time}, and not ready by then by the forecast.", { time: dayAndTime(deadline) });
+    ? t("Wanted by {time}; the forecast says {late} later.", { time: dayAndTime(deadline), late: roughly(by) })
+    : t("Wanted by {time}; the forecast says it will not be ready.", { time: dayAndTime(deadline) });
 }
 
 /** @param {Job} job */
@@ -91,7 +91,7 @@ function readyWords({ deadline, expected, unforeseen, late }) {
   if (deadline == null || late != null) return "";
   return expected == null
     ? [t("Wanted by {time}.", { time: dayAndTime(deadline) }), said(unforeseen)].filter(Boolean).join(" ")
-    : t("Wanted by {time}; ready at {ready} by the forecast.", { time: dayAndTime(deadline), ready: dayAndTime(expected) });
+    : t("Wanted by {time}; the forecast says {ready}.", { time: dayAndTime(deadline), ready: dayAndTime(expected) });
 }
 
 /** @param {number} at unix seconds */

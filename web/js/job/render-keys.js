@@ -71,7 +71,7 @@ export function jobKeys({ job, display, inShot = false }) {
   const outline = () => display.update((look) => ({ ...look, outlines: !look.outlines }));
   const denoise = () => {
     if (!canDenoise(workers.value)) {
-      announce(t("No worker that is connected can denoise"));
+      announce(t("No connected worker can denoise"));
       return;
     }
     const next = DENOISE_MODES[(DENOISE_MODES.indexOf(display.value.denoise) + 1) % DENOISE_MODES.length] ?? "off";

@@ -32,8 +32,8 @@ export const mayChange = (project) => may("submit") && !onlySeen.has(project ?? 
 /** @param {string | null | undefined} project in which one may not @returns {string} a sentence */
 export const whyNot = (project) =>
   may("submit")
-    ? t("In the project {name} you may look, and change nothing. Ask who runs this farm.", { name: project ?? "" })
-    : t("Your role may look, and not render. Ask who runs this farm.");
+    ? t("You can look at project {name}, but not change it. Ask whoever runs this farm.", { name: project ?? "" })
+    : t("Your role lets you look, but not render. Ask whoever runs this farm.");
 
 /** What is in a part of the page is in a project: what would be refused there is not offered. @param {HTMLElement} part @param {string | null | undefined} project */
 export function offer(part, project) {

@@ -165,8 +165,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     focused = false;
     const touch = matchMedia("(pointer: coarse)").matches;
     const usual = touch
-      ? t("Two fingers move the view; tap it to turn it with one.")
-      : t("Drag turns, Shift and drag moves, the wheel goes nearer; W A S D Q E fly.");
+      ? t("Two fingers move the view; tap it first to turn it with one.")
+      : t("Drag to turn, Shift and drag to move, scroll to zoom; W A S D Q E to fly.");
     const ofStage = touch
       ? t("A finger across moves the picture, two zoom.")
       : t("Drag moves the picture, the wheel zooms; Escape goes back to the live view.");
@@ -192,7 +192,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const focusAt = (event) =>
     pick(event, ({ depth }, at) => {
       if (!depth) {
-        tell(t("Nothing is there to focus on. Click an object."));
+        tell(t("There is nothing to focus on here. Click an object."));
         return;
       }
       const distance = alongSight(form.view(), asked, at, depth);

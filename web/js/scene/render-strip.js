@@ -38,7 +38,7 @@ export function renderStrip(scene, sides, life) {
   /** @param {Job} job @param {MouseEvent} event */
   const clicked = ({ id }, event) => {
     if (jobOf(id)) sides.update((now) => (event.shiftKey ? asB(now, id) : asA(now, id)));
-    else announce(t("There is nothing of it to show yet."));
+    else announce(t("There is nothing to show yet."));
   };
   const show = keyedList(
     list,

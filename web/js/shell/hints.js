@@ -43,7 +43,7 @@ export function addMachineHint() {
         h(
           "p",
           { class: "quiet" },
-          t("This farm answers to its own machine only. Start it so that others reach it, and it prints the line to run on them:"),
+          t("This farm can only be reached from its own machine. Start it like this, and it prints the command to run on others:"),
         ),
         command("python3 farm.py up --host 0.0.0.0"),
       ]
@@ -67,7 +67,7 @@ export function noWorkerNotice() {
       "div",
       { class: "grow" },
       h("strong", null, t("No worker is connected. ")),
-      t("What you start waits until there is one. Start one:"),
+      t("Jobs wait until there is one. Start one:"),
       command(joinCommand()),
     ),
   );

@@ -49,7 +49,7 @@ export function notifyButton() {
     else if ((await Notification.requestPermission()) === "granted") keep(true);
     else
       showError(t("There will be no notifications"), t("The browser does not allow them for this page."), {
-        remedy: t("Allow them beside the address, then press the bell again."),
+        remedy: t("Allow notifications beside the address bar, then press the bell again."),
       });
     show();
     announce(button.title);

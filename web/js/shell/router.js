@@ -12,7 +12,16 @@
 /** @returns {Place} */
 export function here() {
   const [path = "", query = ""] = location.hash.replace(/^#/, "").split("?", 2);
-  return { path: path.split("/").filter(Boolean).map(decodeURIComponent), params: new URLSearchParams(query) };
+  return { path: path.split("/").filter(Boolean).map(decoded), params: new URLSearchParams(query) };
+}
+
+/** A part of the path as it was meant; one that somebody has cut in the middle of a character stays as it is. @param {string} part */
+function decoded(part) {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part;
+  }
 }
 
 /**
@@ -53,7 +62,7 @@ export function setParams(changes, path = here().path) {
     else params.set(name, value);
   }
   const query = params.toString();
-  history.replaceState(null, "", linkTo(...path) + (query ? `?${query}` : ""));
+  history.replaceState(history.state, "", linkTo(...path) + (query ? `?${query}` : ""));
 }
 
 /**

@@ -2,15 +2,16 @@
 
 import { ApiError, deleteScene, getInfo } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
-import { adoptScene } from "../news/farm.js";
+import { adoptScene, scenes } from "../news/farm.js";
 import { bytes } from "../base/format.js";
 import { chosenProject } from "../base/project.js";
 import { filesOfDrop, filesOfList, titleOf } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { areImages, hasLight, offerLight } from "./light-drop.js";
 import { addEnvironment } from "../news/environments.js";
+import { said } from "../base/said.js";
 import { mayChange } from "../news/projects.js";
-import { go } from "./router.js";
+import { go, here } from "./router.js";
 import { Card, announce, showError } from "./tray.js";
 import { upload } from "../news/upload.js";
 import { filesFor, rivals, whichScene } from "./which-scene.js";
@@ -19,14 +20,22 @@ import { t } from "../base/words.js";
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
 /** @typedef {import("../base/types.js").Scene} Scene */
 
+/** What a sentence says of a scene that lacks a file. */
+export const LACKS = /; add (it|them)/;
+
 /** @param {NamedFile[]} files */
 async function start(files) {
   if (!files.length) {
     const { formats } = await getInfo();
-    showError(t("Nothing to upload"), t("There is no file in what was dropped. A scene is one of {formats}.", { formats: formats.join(" ") }));
+    showError(t("Nothing to upload"), t("There was no file in what you dropped. A scene is one of {formats}.", { formats: formats.join(" ") }));
     return;
   }
   const sent = files.map(({ file }) => file);
+  const lacking = sceneThatLacks(sent);
+  if (lacking) {
+    await add(lacking, files);
+    return;
+  }
   if (areImages(sent)) {
     if (!offerLight(sent)) explainImages(sent);
     return;
@@ -37,7 +46,7 @@ async function start(files) {
     for (const [suffix, advice] of Object.entries(foreign)) {
       const at = paths.findIndex((path) => path.endsWith(suffix));
       if (at < 0) continue;
-      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), t("{advice}; drop what that writes.", { advice }));
+      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), advice.startsWith("Unpack") ? `${said(advice)}.` : t("{advice}; drop what that writes.", { advice: said(advice) }));
       return;
     }
   }
@@ -60,12 +69,34 @@ async function start(files) {
  * @param {Scene} base
  */
 export function addFiles(base) {
-  pick({ folder: false }, async (files) => {
-    const scene = files.length ? await send(files, { base: base.id }) : null;
-    if (!scene || scene.id === base.id) return;
-    go("scenes", scene.id);
-    if (base.status === "failed") await deleteScene(base.id); // it could never be rendered
-  });
+  pick({ folder: false }, (files) => add(base, files));
+}
+
+/** @param {Scene} base @param {NamedFile[]} files */
+async function add(base, files) {
+  const scene = files.length ? await send(files, { base: base.id }) : null;
+  if (!scene || scene.id === base.id) return;
+  go("scenes", scene.id);
+  if (base.status === "failed") await deleteScene(base.id); // it could never be rendered
+}
+
+/** The scene that is open, where it says that it lacks each of these files. @param {File[]} files */
+function sceneThatLacks(files) {
+  const { path } = here();
+  const scene = path[0] === "scenes" ? scenes.value?.find(({ id }) => id === path[1]) : undefined;
+  const sentences = scene ? [scene.error ?? "", ...scene.warnings].filter((sentence) => LACKS.test(sentence)).join(" ") : "";
+  return scene && sentences && files.every(({ name }) => sentences.includes(name)) ? scene : null;
+}
+
+/**
+ * Of an upload with several scenes, shows another one.
+ *
+ * @param {Scene} base
+ * @param {string} main its file
+ */
+export async function showOther(base, main) {
+  const scene = await send([], { base: base.id, main });
+  if (scene) go("scenes", scene.id);
 }
 
 /**
@@ -116,7 +147,7 @@ async function send(files, fields = {}) {
     if (!abort.signal.aborted)
       showError(t("{title} was not taken", { title }), error, {
         // The service's own sentences say what to do; a lost connection has none.
-        remedy: error instanceof ApiError && error.status === 0 ? t("Drop it again once the service is back.") : undefined,
+        remedy: error instanceof ApiError && error.status === 0 ? t("Drop it again when the service is back.") : undefined,
         action: { label: t("Choose other files"), run: () => choose({ folder: false }) },
       });
     return null;
@@ -133,12 +164,12 @@ function explainImages(files) {
   const keep = () => {
     const abort = new AbortController();
     addEnvironment(file, { progress: () => {}, signal: abort.signal }).then(
-      () => announce(t("{name} is among the lights of every scene now", { name })),
+      () => announce(t("{name} is now among the lights of every scene", { name })),
       (error) => showError(t("{name} was not taken", { name }), error),
     );
   };
   showError(t("{name} is no scene", { name }), isLight ? t("It can light one: open a scene, and drop it there.") : t("Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it."), {
-    action: isLight ? { label: t("Keep it among the lights"), run: keep } : undefined,
+    action: isLight ? { label: t("Add it to the lights"), run: keep } : undefined,
   });
 }
 

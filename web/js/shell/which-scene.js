@@ -54,7 +54,7 @@ export function whichScene(mains) {
         "div",
         { class: "help-body" },
         h("h2", { id: "which-title" }, t("{n} models: which is the scene?", { n: mains.length })),
-        h("p", { class: "quiet" }, t("The others may be parts of it. Or make each a scene of its own.")),
+        h("p", { class: "quiet" }, t("The others may be parts of it. Or make each one a separate scene.")),
         h(
           "ul",
           { class: "which-list" },

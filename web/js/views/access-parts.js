@@ -41,17 +41,17 @@ export function tokensSection() {
         submitted(event, async () => {
           const made = await makeToken(name.value, /** @type {Role | "worker"} */ (role.value), days.value ? Number(days.value) : null);
           form.reset();
-          fill(told, once(t("The token for {name}. It is shown this once.", { name: made.name }), made.secret));
+          fill(told, once(t("The token for {name}. It is shown only once.", { name: made.name }), made.secret));
           await show();
         }),
     },
     field("token-name", t("What it is for"), name),
     field("token-role", t("Role"), role),
     field("token-days", t("Lasts"), days),
-    h("button", { class: "button", type: "submit" }, t("Make a token")),
+    h("button", { class: "button", type: "submit" }, t("Create a token")),
   );
   show().catch((error) => showError(t("The tokens cannot be shown"), error));
-  return section(t("Tokens"), h("p", { class: "quiet about" }, t("Programs show one to be let in, and so do workers.")), list, form, told);
+  return section(t("Tokens"), h("p", { class: "quiet about" }, t("Programs and workers use a token to get in.")), list, form, told);
 }
 
 /** @param {import("../news/access.js").Token} token @param {() => Promise<void>} show */
@@ -80,7 +80,7 @@ export function usersSection() {
     fill(list, users.map((user) => userRow(user, show, tell)));
   };
   /** @param {string} name */
-  const tell = async (name) => fill(told, once(t("This link lets {name} in, once, within a day.", { name }), await makeLink(name)));
+  const tell = async (name) => fill(told, once(t("This link logs {name} in. It works once, within a day.", { name }), await makeLink(name)));
   const name = h("input", { type: "text", required: true, maxLength: 63, autocapitalize: "none", spellcheck: "false", autocomplete: "off" });
   const role = choice(ROLES, "submit");
   const form = h(
@@ -108,7 +108,7 @@ function userRow(user, show, tell) {
   const role = choice(ROLES, user.role, { "aria-label": t("Role of {name}", { name }) });
   role.addEventListener("change", () =>
     void setRole(name, /** @type {Role} */ (role.value)).then(
-      () => announce(t("The role holds from now on")),
+      () => announce(t("The new role applies now")),
       (error) => {
         role.value = user.role;
         showError(t("Not done"), error);
@@ -148,9 +148,9 @@ export function auditSection() {
     );
   const details = h(
     "details",
-    { class: "audit", ontoggle: () => details.open && void show().catch((error) => showError(t("The record cannot be shown"), error)) },
-    h("summary", null, t("What was done, by whom")),
+    { class: "audit", ontoggle: () => details.open && void show().catch((error) => showError(t("The audit log cannot be shown"), error)) },
+    h("summary", null, t("Who did what")),
     h("div", { class: "scrolls", tabIndex: 0 }, h("table", null, h("thead", null, h("tr", null, [t("When"), t("Who"), t("What"), t("Status"), t("From")].map((head) => h("th", { scope: "col" }, head)))), body)),
   );
-  return section(t("Record"), details);
+  return section(t("Audit log"), details);
 }

@@ -12,9 +12,9 @@ import { quotaSection } from "./quota.js";
 
 /** What a role lets do. */
 const ROLES = /** @type {Record<string, string>} */ ({
-  view: t("You may look at everything."),
-  submit: t("You may look at everything, upload scenes and render."),
-  admin: t("You may do everything, and say who else may."),
+  view: t("You can look at everything."),
+  submit: t("You can look at everything, upload scenes and render."),
+  admin: t("You can do everything, and decide who else is let in."),
 });
 
 /** @returns {{element: HTMLElement, dispose: () => void}} */
@@ -60,7 +60,7 @@ function passwordSection() {
         }
       },
     },
-    h("div", { class: "field" }, h("label", { for: "password-old" }, t("Current password")), old, h("span", { class: "hint" }, t("Empty where you have none yet."))),
+    h("div", { class: "field" }, h("label", { for: "password-old" }, t("Current password")), old, h("span", { class: "hint" }, t("Leave empty if you have none yet."))),
     h("div", { class: "field" }, h("label", { for: "password-new" }, t("New password")), next, h("span", { class: "hint" }, t("At least 10 characters; a few words are best."))),
     h("button", { class: "button", type: "submit" }, t("Change the password")),
   );

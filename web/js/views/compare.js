@@ -88,7 +88,7 @@ export function compareView(a, b) {
     for (const id of ids) {
       if (asked.has(id) || referenceId(id) !== null || all.some((job) => job.id === id)) continue;
       asked.add(id);
-      getJob(id).then(adoptJob, (error) => instead(t("This picture is not here"), error.status === 404 ? t("It was deleted, or its address is not whole.") : error.message));
+      getJob(id).then(adoptJob, (error) => instead(t("This picture is not here"), error.status === 404 ? t("It was deleted, or its address is incomplete.") : error.message));
     }
     const waits = all.find(({ id, width }) => ids.includes(id) && !width);
     if (waits) {
@@ -111,7 +111,7 @@ export function compareView(a, b) {
   };
   life.add(jobs.subscribe(show));
   life.add(references.subscribe(show));
-  if (!references.value) loadReferences().catch((error) => instead(t("The reference pictures are not here"), error.message));
+  if (!references.value) loadReferences().catch((error) => instead(t("The reference pictures could not be loaded"), error.message));
   life.add(
     state.subscribe(({ a, b }) => {
       if (b && opened && opened.key !== `${a} ${b}`) show();

@@ -29,7 +29,7 @@ export function homeView() {
   const life = new Disposer();
   const notice = h("div", { class: "notice-slot" });
   const zone = dropZone();
-  const nothing = emptyPage("image", t("There is nothing to look at yet"), t("What others upload and render, and you may see, is shown here."));
+  const nothing = emptyPage("image", t("There is nothing to look at yet"), t("What others upload and render appears here, as far as you may see it."));
   nothing.hidden = true;
   const grid = sceneGrid();
   const sceneSection = section(t("Scenes"), grid.element, grid.aside);

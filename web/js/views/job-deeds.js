@@ -34,7 +34,7 @@ export async function change(ids, change, done) {
     const first = refused[0];
     if (first) showError(tn(refused.length, "{n} job could not be {done}", "{n} jobs could not be {done}", { done }), said(first.why));
     if (changed.length === 0) {
-      if (!first) showError(t("No job was {done}", { done }), t("None of the chosen jobs is in a state in which that can be done."), { brief: true });
+      if (!first) showError(t("No job was {done}", { done }), t("This cannot be done with any of the selected jobs in their present state."), { brief: true });
       return;
     }
     undoable(tn(changed.length, "{n} job {done}", "{n} jobs {done}", { done }), {

@@ -6,7 +6,7 @@ import { clampExposure, displayFromUrl, displayPanel } from "../job/display-pane
 import { fill, h, setText } from "../base/dom.js";
 import { adoptJob, jobs, scenes, workers } from "../news/farm.js";
 import { lightWords } from "../base/light-words.js";
-import { emptyPage, noWorkerNotice } from "../shell/hints.js";
+import { emptyPage } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
 import { offer } from "../news/projects.js";
@@ -15,6 +15,7 @@ import { queuePanel } from "../job/queue-panel.js";
 import { livePicture } from "../film/live-picture.js";
 import { focusTool } from "../job/focus-tool.js";
 import { jobTitle, notePanel } from "../job/name-and-note.js";
+import { stageNotices } from "../job/stage-notices.js";
 import { momentsPanel } from "../job/moments-panel.js";
 import { historyPanel } from "../job/history-panel.js";
 import { logPanel } from "../job/log-panel.js";
@@ -73,7 +74,7 @@ export function jobView(id) {
             emptyPage(
               wasThere ? "trash" : "image",
               wasThere ? t("This picture was deleted") : t("This picture is not here"),
-              !wasThere && h("p", null, error.status === 404 ? t("It was deleted, or its address is not whole.") : error.message),
+              !wasThere && h("p", null, error.status === 404 ? t("It was deleted, or its address is incomplete.") : error.message),
               h("a", { href: linkTo("jobs") }, t("To the jobs")),
             ),
           );
@@ -126,20 +127,7 @@ function open(page, job, life) {
   line.element.setAttribute("aria-hidden", "true"); // the panel's bar says the same
   life.every(1000, progress.tick);
 
-  const notice = h("div", { class: "stage-notice" });
-  picture.element.append(notice);
-  const waiting = h("p", { class: "stage-waiting", "aria-hidden": "true", hidden: true }, icon("info"), h("span")); // its panel says the same
-  picture.element.append(waiting);
-  const showWaiting = () => {
-    const isOver = ["cancelled", "failed"].includes(latest.state);
-    waiting.hidden = latest.samples > 0 || !(isOver || latest.state === "queued");
-    const why = isOver ? t("Nothing of it was rendered.") : said(latest.message) || t("Waits for its first samples.");
-    setText(/** @type {Element} */ (waiting.lastElementChild), why);
-  };
-  showWaiting();
-  const isWaiting = () => workers.value?.length === 0 && !["finished", "failed", "cancelled"].includes(latest.state);
-  life.add(workers.subscribe(() => fill(notice, isWaiting() && noWorkerNotice())));
-
+  const notices = stageNotices(picture.element, () => latest, life);
   life.add(
     workers.subscribe((all) => {
       look.offerDenoise(canDenoise(all));
@@ -150,45 +138,26 @@ function open(page, job, life) {
   life.add(addShortcuts(stageKeys({ view: picture.view, display, normalise, inShot: shot !== null })));
   life.add(addShortcuts(jobKeys({ job: () => latest, display, inShot: shot !== null })));
 
-  const remove = () => {
-    removeJob(latest);
-    go("jobs");
-  };
-  const back = { class: "icon-button", href: linkTo("scenes", job.scene), "aria-label": t("Back to the scene") };
-  const compare = {
-    class: "icon-button",
-    href: linkTo("compare", job.id),
-    "aria-label": t("Compare with another picture"),
-    title: t("Compare with another picture (C)"),
-    onclick: (/** @type {Event} */ event) => followWithFrame(event, shot && here().params.get("frame")),
-  };
-  const bin = { class: "icon-button danger for-submit", type: "button", "aria-label": t("Delete this picture"), onclick: remove };
+  const side = [
+    ...[progress.element, doubt.element, queue.element, shot?.panel, explained.element, pins.element, save.element, look.element],
+    ...[moments?.element, histogram, history.element, log.element, shot?.edit, details(job, life)],
+  ];
   fill(
     page,
-    h(
-      "header",
-      { class: "job-head" },
-      h("a", back, icon("back")),
-      title.element,
-      chip.element,
-      h("span", { class: "grow" }),
-      actions.element,
-      h("a", compare, icon("compare")),
-      h("button", bin, icon("trash")),
-    ),
+    heading(() => latest, title.element, chip.element, actions.element),
     h("div", { class: "job-line" }, line.element),
     picture.element,
     shot?.bar,
     shot?.strip,
     picture.statusBar,
-    h("aside", { class: "side", "aria-label": t("Picture") }, progress.element, doubt.element, queue.element, shot?.panel, explained.element, pins.element, save.element, look.element, moments?.element, histogram, history.element, log.element, shot?.edit, details(job, life)),
+    h("aside", { class: "side", "aria-label": t("Picture") }, ...side),
   );
 
   return (next) => {
     save.element.hidden = next.samples === 0;
     if (next.state !== latest.state) announce(`${next.name}: ${stateWord(next.state)}`);
     latest = next;
-    showWaiting();
+    notices.update();
     setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
     chip.update(next.state);
     line.update(next.progress, next.state);
@@ -196,11 +165,38 @@ function open(page, job, life) {
   };
 }
 
+/**
+ * What stands above the picture.
+ *
+ * @param {() => Job} job the latest state
+ * @param {HTMLElement} title
+ * @param {HTMLElement} chip
+ * @param {HTMLElement} actions
+ */
+function heading(job, title, chip, actions) {
+  const { id, scene } = job();
+  const back = { class: "icon-button", href: linkTo("scenes", scene), "aria-label": t("Back to the scene") };
+  const compare = {
+    class: "icon-button",
+    href: linkTo("compare", id),
+    "aria-label": t("Compare with another picture"),
+    title: t("Compare with another picture (C)"),
+    onclick: (/** @type {Event} */ event) => followWithFrame(event, isShot(job()) ? here().params.get("frame") : null),
+  };
+  const remove = () => {
+    removeJob(job());
+    go("jobs");
+  };
+  const bin = { class: "icon-button danger for-submit", type: "button", "aria-label": t("Delete this picture"), onclick: remove };
+  const tools = [actions, h("a", compare, icon("compare")), h("button", bin, icon("trash"))];
+  return h("header", { class: "job-head" }, h("a", back, icon("back")), title, chip, h("span", { class: "grow" }), ...tools);
+}
+
 /** @param {Job} job @param {Disposer} life */
 function details(job, life) {
   /** @type {[string, import("../base/dom.js").Child][]} */
   const rows = [
-    [t("Scene"), h("a", { href: linkTo("scenes", job.scene) }, job.name)],
+    [t("Scene"), sceneLink(job, life)],
     ...shotRows(job, life),
     [t("Light"), lightWords(job.environment, scenes.value?.find(({ id }) => id === job.scene)) || t("The scene's own")],
     [t("Size"), `${job.width}×${job.height}`],
@@ -227,6 +223,13 @@ function details(job, life) {
         .map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))),
     ),
   );
+}
+
+/** A job may be called otherwise than its scene. @param {Job} job @param {Disposer} life */
+function sceneLink(job, life) {
+  const link = h("a", { href: linkTo("scenes", job.scene) });
+  life.add(scenes.subscribe((all) => setText(link, all?.find(({ id }) => id === job.scene)?.name ?? job.name)));
+  return link;
 }
 
 /** @param {Job} job the frame that the address names @returns {number | undefined} */

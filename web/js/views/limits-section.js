@@ -42,7 +42,7 @@ export function limitsSection() {
     fill(token, free.map(({ id, name, user }) => h("option", { value: id }, t("{name} of {user}", { name, user }))));
   }
   renew().catch((error) => showError(t("The limits cannot be shown"), error));
-  const about = h("p", { class: "quiet about" }, t("Empty is no limit. How the slots are shared is said on the page of the workers:"), " ", h("a", { href: linkTo("workers") }, t("Shares")));
+  const about = h("p", { class: "quiet about" }, t("An empty field means no limit. How slots are shared is set on the Workers page:"), " ", h("a", { href: linkTo("workers") }, t("Shares")));
   return section(t("Limits of users and tokens"), about, list, form);
 }
 
@@ -73,7 +73,7 @@ function limitRow(nameOf, renew) {
   /** @param {string} whose */
   const ask = (whose) => {
     pending += 1;
-    const told = last.then(() => setQuota(whose, wanted())).then(() => announce(t("The limit holds from now on")), (error) => showError(t("Not done"), error));
+    const told = last.then(() => setQuota(whose, wanted())).then(() => announce(t("The new limit applies now")), (error) => showError(t("Not done"), error));
     last = told.then(() => (pending -= 1)).then(renew).catch((error) => showError(t("The limits cannot be shown"), error));
   };
   /** As the fields say; of one that makes no sense as it was. @returns {Amounts} */

@@ -17,8 +17,8 @@ const REFUSED = {
   cancelled: t("The login was not finished at the provider. Try again."),
   late: t("That login was begun too long ago, or in another browser. Try again."),
   provider: t("The provider cannot be reached, or its answer is not right. Try again, or ask who runs this farm."),
-  role: t("You are known to the provider, but have no role on this farm. Ask who runs it."),
-  name: t("Your name is taken by somebody else on this farm, or cannot be one here. Ask who runs it."),
+  role: t("The provider knows you, but you have no role on this farm. Ask whoever runs it."),
+  name: t("Your name is taken by somebody else on this farm, or is not allowed here. Ask whoever runs it."),
 };
 
 /**

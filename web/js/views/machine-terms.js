@@ -34,8 +34,8 @@ export function machineTerms() {
     input.addEventListener("change", () => {
       if (!latest || !input.validity.valid) return;
       askWorker(latest.name, terms()).then(
-        () => announce(t("It obeys within seconds")),
-        (error) => showError(t("{name} could not be told", { name: latest?.name ?? "" }), error, { ofPage: true }),
+        () => announce(t("Takes effect within seconds")),
+        (error) => showError(t("{name} could not be reached", { name: latest?.name ?? "" }), error, { ofPage: true }),
       );
     });
   }
@@ -45,14 +45,14 @@ export function machineTerms() {
   const fields = h(
     "div",
     { class: "terms" },
-    field(t("Works"), hours, t("For example Mon-Fri 19:00-07:00, Sat-Sun; by its own clock.")),
-    field(t("Idle for, minutes"), idle, t("Works only when nobody has been at the machine for so long.")),
+    field(t("Works"), hours, t("For example Mon-Fri 19:00-07:00, Sat-Sun, by the machine's clock.")),
+    field(t("Idle for, minutes"), idle, t("Works only if nobody has used the machine for this long.")),
     field(t("Slots at most"), slots),
     field(t("Memory, GB"), memory),
-    field(t("Nice level"), nice, t("0 to 19: how far it stands back for other programs.")),
+    field(t("Nice level"), nice, t("0 to 19: how much it gives way to other programs.")),
     by,
   );
-  const old = h("p", { class: "quiet small", hidden: true }, t("It is of an older release: it can only be paused."));
+  const old = h("p", { class: "quiet small", hidden: true }, t("It runs an older release, so it can only be paused."));
   const element = h("details", { class: "machine-terms" }, h("summary", null, t("Hours and limits")), fields, old);
   const whole = h("div", { class: "stack tight" }, tags, trouble, element);
   return {
@@ -75,7 +75,7 @@ export function machineTerms() {
       put(memory, offer.memory_limit ? String(offer.memory_limit / GB) : "");
       put(nice, String(offer.nice));
       by.hidden = !offer.idle_minutes;
-      setText(by, offer.idle_by.length ? t("It knows of people by: {ways}", { ways: offer.idle_by.map((way) => WAYS[way] ?? way).join(", ") }) : t("It has no means to know whether somebody works there."));
+      setText(by, offer.idle_by.length ? t("Notices people by: {ways}", { ways: offer.idle_by.map((way) => WAYS[way] ?? way).join(", ") }) : t("It cannot tell whether somebody is using the machine."));
     },
   };
 }

@@ -49,7 +49,7 @@ export function machineCard() {
     try {
       update(await changeWorker(latest.name, isPaused ? "running" : "paused"));
     } catch (error) {
-      showError(t("{name} could not be told", { name: latest.name }), error, { ofPage: true });
+      showError(t("{name} could not be reached", { name: latest.name }), error, { ofPage: true });
     } finally {
       button.disabled = false;
     }
@@ -58,7 +58,7 @@ export function machineCard() {
     if (!log.open || !latest) return;
     setText(lines, t("Asking the worker …"));
     try {
-      setText(lines, (await getWorkerLog(latest.name)).join("\n") || t("It has said nothing yet."));
+      setText(lines, (await getWorkerLog(latest.name)).join("\n") || t("No log lines yet."));
       lines.scrollTop = lines.scrollHeight;
     } catch (error) {
       setText(lines, error instanceof Error ? error.message : String(error));
@@ -95,7 +95,7 @@ export function machineCard() {
     const all = Array.from({ length: worker.slots }, (_, i) => ({ key: String(i), slot: worker.current[i] ?? {} }));
     showSlots(all);
     fill(button, icon(isPaused ? "play" : "pause"), isPaused ? t("Take back") : t("Pause"));
-    button.title = isPaused ? t("It takes work again") : t("It finishes what it has in hand and takes no more");
+    button.title = isPaused ? t("Takes work again") : t("Finishes its current work and takes no more");
   };
   const fact = (/** @type {string} */ title, /** @type {HTMLElement[]} */ ...shown) => h("div", null, h("dt", null, title), ...shown);
   return {
@@ -165,7 +165,7 @@ function sayWhat(label, slot, name, key) {
     ? [linkTo("jobs", slot.job), name ?? t("A picture")]
     : slot.scene
       ? [linkTo("scenes", slot.scene), t("Prepares a scene")]
-      : ["", slot.hidden ? t("Works for a project that you do not see") : slot.denoise ? t("Denoises") : slot.vectors ? t("Motion vectors") : slot.view ? t("Live view") : t("Slot {number}, idle", { number: Number(key) + 1 })];
+      : ["", slot.hidden ? t("Works for a project you cannot see") : slot.denoise ? t("Denoises") : slot.vectors ? t("Motion vectors") : slot.view ? t("Live view") : t("Slot {number}, idle", { number: Number(key) + 1 })];
   const said = slot.compiling ? t("{text}, compiling", { text }) : text;
   if (label.title === `${href} ${said}`) return;
   label.title = `${href} ${said}`;

@@ -40,10 +40,10 @@ export function projectsSection() {
         }),
     },
     field("project-name", t("Name"), name),
-    h("button", { class: "button", type: "submit" }, t("Make a project")),
+    h("button", { class: "button", type: "submit" }, t("Create a project")),
   );
   show().catch((error) => showError(t("The projects cannot be shown"), error));
-  const about = t("What is uploaded to a project, and rendered of that, its members and administrators alone see.");
+  const about = t("Only members and administrators see what is uploaded to a project and rendered from it.");
   return section(t("Projects"), h("p", { class: "quiet about" }, about), list, form);
 }
 
@@ -52,7 +52,7 @@ function projectRow(project, users, open, show) {
   const { name, members } = project;
   const others = users.filter((user) => !members.includes(user));
   const isEmpty = Object.values(project.counts).every((count) => !count);
-  const title = isEmpty ? t("Remove {name}", { name }) : t("Only a project without scenes, jobs and pictures can be removed");
+  const title = isEmpty ? t("Remove {name}", { name }) : t("Only an empty project can be removed");
   const remove = removing(title, () =>
     tried(async () => {
       await removeProject(name);
@@ -68,7 +68,7 @@ function projectRow(project, users, open, show) {
       "div",
       { class: "members" },
       members.length > 0 && h("ul", { "aria-label": t("Members of {name}", { name }) }, members.map((user) => memberRow(project, user, show))),
-      others.length > 0 ? newMember(project, others, show) : h("p", { class: "quiet small" }, t("All users are its members.")),
+      others.length > 0 ? newMember(project, others, show) : h("p", { class: "quiet small" }, t("All users are members.")),
     ),
   );
   return h("li", { class: "project-row" }, details, remove);
@@ -80,7 +80,7 @@ function memberRow(project, user, show) {
   const role = choice(ROLES, now, { "aria-label": t("Role of {name} in {project}", { name: user, project: project.name }) });
   role.addEventListener("change", () =>
     void letIn(project.name, user, /** @type {MemberRole} */ (role.value)).then(
-      () => announce(t("The role holds from now on")),
+      () => announce(t("The new role applies now")),
       (error) => {
         role.value = now;
         showError(t("Not done"), error);

@@ -39,7 +39,7 @@ export function sceneGrid() {
     search.hidden = all.length < SEARCHED && !search.value;
     rest.hidden = shown.length === found.length;
     none.hidden = found.length > 0 || all.length === 0;
-    setText(none, t("No scene is called that."));
+    setText(none, t("No scene has that name."));
     return found.length;
   };
   /** @param {string} text empty: all of them */

@@ -14,15 +14,14 @@ import { addShortcuts } from "../shell/shortcuts.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce, showError } from "../shell/tray.js";
-import { addFiles, choose } from "../shell/uploads.js";
 import { liveView } from "../scene/live-view.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
 import { renderStrip } from "../scene/render-strip.js";
+import { failure, stepWords, warnings } from "../scene/scene-notices.js";
 import { sidesFromUrl } from "../scene/sides.js";
 import { sideNames } from "../compare/job-differences.js";
 import { removeScene } from "./scene-card.js";
-import { said } from "../base/said.js";
-import { t, tn } from "../base/words.js";
+import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").Job} Job */
@@ -39,7 +38,7 @@ export function sceneView(id) {
   const gone = ({ message, status }) =>
     fill(
       element,
-      emptyPage("cube", t("This scene is not here"), h("p", null, status === 404 ? t("It was deleted, or its address is not whole.") : message), h("a", { href: linkTo() }, t("To the scenes"))),
+      emptyPage("cube", t("This scene is not here"), h("p", null, status === 404 ? t("It was deleted, or its address is incomplete.") : message), h("a", { href: linkTo() }, t("To the scenes"))),
     );
 
   let asked = false;
@@ -99,7 +98,7 @@ function preparing(page, scene, life) {
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
   fill(page, heading(scene), notice, h("section", { class: "preparing-panel panel" }, chip.element, bar.element, step));
   return (next) => {
-    setText(step, said(next.step));
+    setText(step, stepWords(next.step));
     bar.update(next.progress);
   };
 }
@@ -110,33 +109,7 @@ function preparing(page, scene, life) {
  * @returns {(scene: Scene) => void}
  */
 function failed(page, scene) {
-  fill(
-    page,
-    heading(scene),
-    h(
-      "div",
-      { class: "notice error", role: "alert" },
-      icon("warning"),
-      h("div", null, h("strong", null, t("This cannot be rendered. ")), said(scene.error)),
-    ),
-    h(
-      "section",
-      { class: "section row wraps for-submit" },
-      h(
-        "button",
-        { class: "button primary", type: "button", onclick: () => choose({ folder: false }) },
-        icon("upload"),
-        t("Upload it again"),
-      ),
-      h(
-        "button",
-        { class: "button", type: "button", onclick: () => choose({ folder: true }) },
-        icon("folder"),
-        t("Upload a folder"),
-      ),
-      addButton(scene, scene.error),
-    ),
-  );
+  fill(page, heading(scene), ...failure(scene));
   return () => {};
 }
 
@@ -157,7 +130,7 @@ function ready(page, scene, life) {
       adoptJob(job);
       go("jobs", job.id);
     } catch (error) {
-      showError(t("The picture was not started"), error);
+      showError(t("The job could not be started"), error);
     }
   };
   const like = (jobs.value ?? []).find(({ id }) => id === here().params.get("like")) ?? null;
@@ -250,45 +223,6 @@ function viewOf(scene, form, sides, life) {
     live.dispose();
   });
   return live.element;
-}
-
-/**
- * Where a sentence says that a file is missing: just that one need be sent.
- *
- * @param {Scene} scene
- * @param {string | null} sentences
- */
-function addButton(scene, sentences) {
-  if (!sentences || !/; add (it|them)/.test(sentences)) return null;
-  return h(
-    "button",
-    { class: "button for-submit", type: "button", onclick: () => addFiles(scene) },
-    icon("plus"),
-    t("Add files"),
-  );
-}
-
-/** The first say most; a file of another program may have dozens. */
-const WARNINGS_SHOWN = 4;
-
-/** @param {Scene} scene */
-function warnings(scene) {
-  const sentences = scene.warnings;
-  if (!sentences.length) return null;
-  const list = (/** @type {string[]} */ some) => h("ul", { "aria-label": t("Warnings") }, some.map((sentence) => h("li", null, said(sentence))));
-  const rest = sentences.slice(WARNINGS_SHOWN);
-  return h(
-    "div",
-    { class: "notice warning" },
-    icon("warning"),
-    h(
-      "div",
-      { class: "grow" },
-      list(sentences.slice(0, WARNINGS_SHOWN)),
-      rest.length > 0 && h("details", { class: "more-warnings" }, h("summary", null, tn(rest.length, "{n} more warning", "{n} more warnings")), list(rest)),
-    ),
-    addButton(scene, sentences.join(" ")),
-  );
 }
 
 /** What the service counts in a scene. @type {Record<string, string>} */

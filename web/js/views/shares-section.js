@@ -28,7 +28,7 @@ export function sharesSection(life) {
       },
     },
     project,
-    h("button", { class: "button small", type: "submit" }, t("Make it a share of its own")),
+    h("button", { class: "button small", type: "submit" }, t("Give it its own share")),
   );
   let offered = "";
   /** @param {Share[]} all */
@@ -39,11 +39,11 @@ export function sharesSection(life) {
     offered = free.join();
     fill(project, free.map((name) => h("option", { value: name }, name)));
   };
-  const empty = h("p", { class: "quiet", hidden: true }, t("Nobody has jobs or terms: all would share alike."));
+  const empty = h("p", { class: "quiet", hidden: true }, t("Nobody has jobs or special terms: everybody would share equally."));
   const table = h(
     "table",
     { class: "shares number" },
-    h("thead", null, h("tr", null, [t("Whose"), t("Weight"), t("Slots at most"), t("Slots now"), t("Jobs"), ""].map((head) => h("th", { scope: "col" }, head)))),
+    h("thead", null, h("tr", null, [t("Whose"), t("Weight"), t("Slots at most"), t("Slots now"), t("Jobs")].map((head) => h("th", { scope: "col" }, head)), h("td", null))),
     body,
   );
   const renew = async () => {
@@ -64,8 +64,8 @@ export function sharesSection(life) {
     h(
       "div",
       { class: "stack" },
-      h("p", { class: "quiet about" }, t("Jobs of the same priority share the slots by whose they are, in proportion to the weights. What one does not use the others have.")),
-      h("p", { class: "quiet about" }, t("A project that is a share of its own has all jobs in it, whose they are.")),
+      h("p", { class: "quiet about" }, t("Jobs of equal priority share the slots by owner, in proportion to these weights. What one does not use goes to the others.")),
+      h("p", { class: "quiet about" }, t("A project with a share of its own covers all jobs in it, whoever submitted them.")),
       h("div", { class: "scrolls", tabIndex: 0 }, table),
       empty,
       form,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from renderer.scene.animation import Clip, Moment
@@ -20,7 +21,11 @@ class Stacks:
 
     def __init__(self, scene: Any, name: str) -> None:
         self._file, self._all = name, scene.anim
-        self._stacks = pointed(scene.stacks, layout.AnimStack)
+        # Blender shows the first that moves anything; files of Mixamo and 3ds Max begin with an empty one.
+        stacks = pointed(scene.stacks, layout.AnimStack)
+        self._stacks = (
+            sorted(stacks, key=lambda stack: next(_moved(int(stack.anim)), None) is None) if len(stacks) > 1 else stacks
+        )
         self.clips = [Clip(text(s.name) or f"animation {i}", s.begin, s.end) for i, s in enumerate(self._stacks)]
 
     def played(self, moment: Moment) -> int | None:
@@ -32,15 +37,17 @@ class Stacks:
 
     def moving(self, anim: int | None) -> set[int]:
         """The elements, by id, of which something has another value at another time."""
-        found: set[int] = set()
-        played = at(layout.Anim, anim)
-        for layer in pointed(played.layers, layout.AnimLayer) if played else []:
-            for each_property in each(layer.properties, layout.AnimProp):
-                value = at(layout.AnimValue, each_property.value)
-                element = at(layout.Element, each_property.element)
-                if value is not None and element is not None and _moves(value):
-                    found.add(element.element_id)
-        return found
+        return set(_moved(anim))
+
+
+def _moved(anim: int | None) -> Iterator[int]:
+    played = at(layout.Anim, anim)
+    for layer in pointed(played.layers, layout.AnimLayer) if played else []:
+        for each_property in each(layer.properties, layout.AnimProp):
+            value = at(layout.AnimValue, each_property.value)
+            element = at(layout.Element, each_property.element)
+            if value is not None and element is not None and _moves(value):
+                yield element.element_id
 
 
 def _moves(value: Any) -> bool:

@@ -29,6 +29,7 @@ _READ = {
     *meshopt.EXTENSIONS,
     *textures.EXTENSIONS,
 }
+_OF_CHARACTERS = "VRM"  # how they are posed and drawn as in a cartoon; glTF itself has their surfaces
 _WITHOUT_EFFECT = {"KHR_xmp_json_ld"}  # notes
 
 
@@ -76,7 +77,8 @@ def _check_extensions(root: Json, shelf: TextureShelf) -> None:
         if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
             raise root.wrong(key, "is not a list of names")
         unknown = [n[:60] for n in names if n not in _READ and n not in _WITHOUT_EFFECT]
-        if unknown and key == "extensionsRequired":
-            raise SceneError(f"{root.file}: needs {', '.join(unknown[:8])}, which is not supported; export it without")
+        needed = [name for name in unknown if not name.startswith(_OF_CHARACTERS)]
+        if needed and key == "extensionsRequired":
+            raise SceneError(f"{root.file}: needs {', '.join(needed[:8])}, which is not supported; export it without")
         if unknown:
             shelf.warn(f"Not supported and left out: {', '.join(unknown[:20])}.")

@@ -103,6 +103,8 @@ class Bsdfs:
         if source.type == "null":
             return Material(name, opacity=0.0, alpha_mode="blend")
         if source.type == "twosided" and inner:
+            if len(inner) > 1:
+                self._document.ignore(f"{source.what}: has a material of its own for each side; both show the first")
             return self._made(inner[0], depth + 1)
         if source.type == "mask" and inner:
             return self._masked(source, self._made(inner[0], depth + 1))
@@ -213,8 +215,10 @@ class Bsdfs:
         texture = source.child("opacity")
         if texture is None:
             return replace(inner, opacity=_unit(rgb(source.get("opacity", 0.5))[0]), alpha_mode="blend")
-        self._document.ignore(f"{source.what}: an opacity that varies over the surface is not read; its mean is taken")
-        return replace(inner, opacity=_unit(self._textures.number(source, "opacity", 0.5)), alpha_mode="blend")
+        mask = self._textures.texture(texture, False)
+        if mask is None:
+            return replace(inner, opacity=0.5, alpha_mode="blend")
+        return replace(inner, base_color_texture=self._textures.cut_out(inner.base_color_texture, mask), alpha_mode="blend")
 
     def _bent(self, source: Element, inner: Material) -> Material:
         texture = source.child("normalmap") or next(iter(source.of("texture")), None)

@@ -37,7 +37,7 @@ _OBJECTS = (
     "phase",
     "volume",
 )
-_OLD_NAMES = {"subsurface": "medium", "luminaire": "emitter", "camera": "sensor"}
+_OLD_NAMES = {"subsurface": "medium", "luminaire": "emitter", "camera": "sensor", "spectrum": "texture"}
 MAX_INCLUDES = 32
 MAX_ELEMENTS = 2_000_000
 MAX_DEPTH = 60
@@ -95,6 +95,11 @@ class Element:
         return f"{self.tag} {self.id!r} ({self.type})" if self.id else f"{self.tag} ({self.type})"
 
 
+def _is_object(part: ElementTree.Element) -> bool:
+    """A spectrum is one where it is a plugin's, and a value where not."""
+    return bool(part.get("type")) if part.tag == "spectrum" else _OLD_NAMES.get(part.tag, part.tag) in _OBJECTS
+
+
 class Document:
     """Parses a file and all that it includes. Raises SceneError where it is no scene, or says too much."""
 
@@ -110,7 +115,10 @@ class Document:
         if root.tag != "scene":
             raise SceneError(f"{main}: begins with <{root.tag[:40]}>; a scene of Mitsuba begins with <scene>")
         self._is_old = root.get("version", "3").startswith("0.")
+        self._waiting: list[tuple[Element, int, str, str, str]] = []
         self.scene = self._object(root, main, 0)
+        for made, at, wanted, name, where in self._waiting:
+            made.children[at] = self._referred(wanted, name, where)
 
     def warn(self, sentence: str) -> None:
         """Adds a warning, once."""
@@ -119,6 +127,11 @@ class Document:
     def ignore(self, what: str) -> None:
         """Counts something that is not taken over."""
         self._ignored[what] += 1
+
+    @property
+    def ignored(self) -> list[str]:
+        """What is not taken over, so far."""
+        return list(self._ignored)
 
     def say_ignored(self) -> None:
         """One warning for everything that was not taken over."""
@@ -144,9 +157,11 @@ class Document:
                 self._defaults.setdefault(part.get("name", ""), part.get("value", ""))
             elif part.tag == "ref":
                 self._refer(part, made, where)
-            elif _OLD_NAMES.get(part.tag, part.tag) in _OBJECTS:
+            elif _is_object(part):
                 made.children.append(self._object(part, where, depth + 1))
-            elif part.tag not in ("path", "alias"):
+            elif part.tag == "alias":
+                self._rename(part, where)
+            elif part.tag != "path":  # files are found wherever they lie
                 made.values[self._key(part.get("name", ""))] = self._value(part, where)
         if made.id:
             self._by_id[made.id] = made
@@ -168,14 +183,26 @@ class Document:
             yield from self._parts(self._parsed(found), found)
 
     def _refer(self, part: ElementTree.Element, made: Element, file: str) -> None:
-        wanted = self._text(part, "id", file)
+        wanted, name = self._text(part, "id", file), self._key(part.get("name", ""))
+        if wanted in self._by_id:
+            made.children.append(self._referred(wanted, name, file))
+            return
+        self._waiting.append((made, len(made.children), wanted, name, file))  # it may stand further down
+        made.children.append(made)
+
+    def _referred(self, wanted: str, name: str, file: str) -> Element:
         found = self._by_id.get(wanted)
         if found is None:
-            raise SceneError(f"{file}: refers to {wanted[:80]!r}, which does not stand before; mend the reference")
-        name = self._key(part.get("name", ""))
+            raise SceneError(f"{file}: refers to {wanted[:80]!r}, which is not in the scene; mend the reference")
         if name and name != found.name:
-            found = Element(found.tag, found.type, found.id, name, found.file, found.values, found.children, found.used)
-        made.children.append(found)
+            return Element(found.tag, found.type, found.id, name, found.file, found.values, found.children, found.used)
+        return found
+
+    def _rename(self, part: ElementTree.Element, file: str) -> None:
+        wanted, name = self._text(part, "id", file), self._text(part, "as", file)
+        if wanted not in self._by_id:
+            raise SceneError(f"{file}: gives {wanted[:80]!r}, which does not stand before, another name; mend the alias")
+        self._by_id[name] = self._by_id[wanted]
 
     def _value(self, part: ElementTree.Element, file: str) -> Any:
         written = {key: self._text(part, key, file) for key in part.keys()}  # noqa: SIM118 - an element is no dict

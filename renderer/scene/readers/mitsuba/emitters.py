@@ -8,7 +8,7 @@ import numpy as np
 
 from renderer.scene.description import Environment, Light, SceneDescription, Sky, Vec3
 from renderer.scene.readers.mitsuba.document import Document, Element
-from renderer.scene.readers.mitsuba.values import rgb
+from renderer.scene.readers.mitsuba.textures import radiance_of
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["add_emitter"]
@@ -19,19 +19,19 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
     name = source.id or source.type
     world = source.matrix()
     if source.type == "constant":
-        _surround(Environment(color=rgb(source.get("radiance", 1.0), True)), source, document, description)
+        _surround(Environment(color=radiance_of(source, "radiance")), source, document, description)
     elif source.type == "envmap":
         _image(source, document, shelf, description)
     elif source.type == "point":
         position = source.get("position")
         place = world[:3, 3] if position is None else np.asarray(position, float)
-        description.lights.append(Light("point", rgb(source.get("intensity", 1.0), True), _vec(place), name=name))
+        description.lights.append(Light("point", radiance_of(source, "intensity"), _vec(place), name=name))
     elif source.type == "spot":
         outer = min(max(source.number("cutoff_angle", 20.0), 0.01), 90.0)
         inner = min(max(source.number("beam_width", 0.75 * outer), 0.0), outer)
         if source.child("texture") is not None:
             document.ignore(f"{source.what}: its texture is not read")
-        intensity = rgb(source.get("intensity", 1.0), True)
+        intensity = radiance_of(source, "intensity")
         direction = _vec(_unit(world[:3, 2]))
         description.lights.append(
             Light(
@@ -41,9 +41,7 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
     elif source.type == "directional":
         direction = source.get("direction")
         towards = _unit(world[:3, 2] if direction is None else np.asarray(direction, float))
-        description.lights.append(
-            Light("directional", rgb(source.get("irradiance", 1.0), True), direction=_vec(towards), name=name)
-        )
+        description.lights.append(Light("directional", radiance_of(source, "irradiance"), direction=_vec(towards), name=name))
     elif source.type in ("sunsky", "sky", "sun"):
         _sky(source, document, description)
     else:

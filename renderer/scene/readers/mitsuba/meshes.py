@@ -11,8 +11,8 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.scene.description import Mesh, SceneDescription
 from renderer.scene.normals import smoothed
-from renderer.scene.readers import shapes
 from renderer.scene.readers.by_format import read_file
+from renderer.scene.readers.mitsuba import formulas
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.serialized import read_serialized
 
@@ -28,13 +28,13 @@ def meshes_of(shape: Element, document: Document) -> list[tuple[Mesh, np.ndarray
     """The shape's meshes, and where each lies in the shape's space. Raises SceneError."""
     name = shape.id or shape.type
     if shape.type == "rectangle":
-        found = [(shapes.quad(name), np.eye(4))]
+        found = [(formulas.rectangle(name), np.eye(4))]
     elif shape.type == "cube":
-        found = [(shapes.cube(name), np.eye(4))]
+        found = [(formulas.cube(name), np.eye(4))]
     elif shape.type == "disk":
-        found = [(shapes.disk(name), np.eye(4))]
+        found = [(formulas.disk(name), np.eye(4))]
     elif shape.type == "cylinder":
-        found = [(_tube(name), _between(shape))]
+        found = [(formulas.tube(name), _between(shape))]
     else:
         found = _of_file(shape, document)
     if shape.flag("flip_normals", False):
@@ -81,14 +81,6 @@ def _turned(mesh: Mesh) -> Mesh:
     return replace(mesh, triangles=np.ascontiguousarray(mesh.triangles[:, ::-1]), normals=normals)
 
 
-def _tube(name: str) -> Mesh:
-    """An open cylinder of radius 1 about Z, from 0 to 1; it faces out."""
-    mesh = shapes.lathe(name, [(1.0, 0.0), (1.0, 1.0)], 192)
-    turn = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], np.float32)  # Y to Z
-    normals = None if mesh.normals is None else np.ascontiguousarray(mesh.normals @ turn.T)
-    return replace(mesh, positions=np.ascontiguousarray(mesh.positions @ turn.T), normals=normals)
-
-
 def _between(shape: Element) -> np.ndarray:
     """The place of a cylinder between its two points."""
     p0, p1 = (np.asarray(shape.get(key, default), float) for key, default in (("p0", (0, 0, 0)), ("p1", (0, 0, 1))))
@@ -98,9 +90,10 @@ def _between(shape: Element) -> np.ndarray:
     if not length > 0 or not radius > 0:
         raise SceneError(f"{shape.file}: {shape.what} has no length, or no radius")
     z = axis / length
-    helper = np.array([1.0, 0, 0]) if abs(z[0]) < 0.9 else np.array([0, 1.0, 0])
-    x = np.cross(helper, z)
-    x /= np.linalg.norm(x)
+    # Mitsuba's frame about an axis: Duff et al., "Building an orthonormal basis, revisited", JCGT 6(1), 2017.
+    sign = float(np.copysign(1.0, z[2]))
+    a = -1.0 / (sign + z[2])
+    x = np.array([1 + sign * z[0] ** 2 * a, sign * z[0] * z[1] * a, -sign * z[0]])
     place = np.eye(4)
     place[:3, 0], place[:3, 1], place[:3, 2], place[:3, 3] = x * radius, np.cross(z, x) * radius, axis, p0
     return place

@@ -7,6 +7,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
 from renderer.scene.readers.mitsuba.document import Document
 from renderer.scene.readers.mitsuba.emitters import add_emitter
+from renderer.scene.readers.mitsuba.left import left_over
 from renderer.scene.readers.mitsuba.sensors import add_integrator, add_sensor
 from renderer.scene.readers.mitsuba.shapes import Shapes
 from renderer.scene.readers.mitsuba.textures import Textures
@@ -30,6 +31,6 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
             add_sensor(part, document, description)
         elif part.tag == "integrator":
             add_integrator(part, document, description)
-        elif part.tag in ("medium", "volume", "phase"):
-            document.ignore("Participating media are not rendered: the scene is as in clear air")
+    for sentence in left_over(document.scene, document.ignored):
+        document.ignore(sentence)
     document.say_ignored()

@@ -87,6 +87,8 @@ def _film(source: Element, document: Document, description: SceneDescription, is
         named = next(iter(film.of("rfilter")), None) if film is not None else None
         if named is not None and named.type in _FILTERS:
             description.defaults["filter"] = _FILTERS[named.type]
+        elif named is not None and named.type != "gaussian":  # which Blackman and Harris's is much like
+            document.ignore(f"{named.what}: pixels are filtered after Blackman and Harris")
     return width, height
 
 
@@ -96,13 +98,13 @@ def add_integrator(source: Element, document: Document, description: SceneDescri
     if inner is not None:
         add_integrator(inner, document, description)
         return
+    if source.flag("hide_emitters", False):
+        document.ignore(f"{source.what}: lights that it hides are seen here")
     if source.type == "direct":
         description.defaults["integrator"] = "direct"
         return
     if source.type not in ("path", "volpath", "volpathmis"):
         document.ignore(f"{source.what}: rendered by path tracing")
-    if source.flag("hide_emitters", False):
-        document.ignore(f"{source.what}: lights that it hides are seen here")
     depth = int(source.number("max_depth", -1))
     description.defaults["max_depth"] = _UNBOUNDED if depth < 0 else min(max(depth, 1), MAX_DEPTH)
 

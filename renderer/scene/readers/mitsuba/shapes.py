@@ -10,15 +10,14 @@ from renderer.errors import SceneError
 from renderer.scene.description import Instance, Mesh, SceneDescription, Sphere
 from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
 from renderer.scene.readers.mitsuba.document import Document, Element
+from renderer.scene.readers.mitsuba.formulas import sphere
 from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, meshes_of
 from renderer.scene.readers.mitsuba.values import Matrix
-from renderer.scene.readers.shapes import lathe
 from renderer.scene.readers.spread import judge_spread
 
 __all__ = ["Shapes"]
 
 _MAX_NESTED = 16
-_SPHERE_RINGS = 64
 
 
 class Shapes:
@@ -74,7 +73,7 @@ class Shapes:
         scales = np.linalg.norm(world[:3, :3], axis=0)
         is_round = np.allclose(world[:3, :3].T @ world[:3, :3], scales[0] ** 2 * np.eye(3), rtol=1e-4, atol=1e-4 * scales[0] ** 2)
         material = self._bsdfs.material(shape)
-        if is_round and not shape.flag("flip_normals", False):
+        if is_round and not shape.flag("flip_normals", False) and not self._is_painted(material):
             x, y, z = (world @ np.array([*center, 1.0]))[:3]
             self._description.spheres.append(
                 Sphere((float(x), float(y), float(z)), float(radius * scales[0]), material, shape.id or "sphere")
@@ -85,11 +84,16 @@ class Shapes:
         number = self._ball(material, shape.flag("flip_normals", False))
         self._description.instances.append(Instance(number, world @ place, name=shape.id))
 
+    def _is_painted(self, material: int) -> bool:
+        """Whether a material has a texture, which lies on a sphere as Mitsuba's coordinates have it."""
+        return any(
+            name.endswith("_texture") and value is not None for name, value in vars(self._description.materials[material]).items()
+        )
+
     def _ball(self, material: int, is_flipped: bool) -> int:
         key = material, is_flipped
         if key not in self._balls:
-            turns = np.linspace(-np.pi / 2, np.pi / 2, _SPHERE_RINGS + 1)
-            ball: Mesh = lathe("sphere", [(float(np.cos(t)), float(np.sin(t))) for t in turns], 2 * _SPHERE_RINGS)
+            ball: Mesh = sphere("sphere")
             if is_flipped:
                 ball.triangles = np.ascontiguousarray(ball.triangles[:, ::-1])
                 ball.normals = None if ball.normals is None else -ball.normals

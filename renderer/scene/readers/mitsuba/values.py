@@ -12,11 +12,13 @@ import numpy.typing as npt
 
 from renderer.settings import Vec3
 
-__all__ = ["Matrix", "Spectrum", "rgb", "value"]
+__all__ = ["Matrix", "Spectrum", "numbers", "planck", "rgb", "value"]
 
 F64 = npt.NDArray[np.float64]
 Matrix = F64
 Step = tuple[str, Mapping[str, str]]
+
+_PLANCK, _LIGHT, _BOLTZMANN = 6.62607015e-34, 2.99792458e8, 1.380649e-23  # CODATA 2018
 
 # XYZ of CIE 1931 to linear Rec.709.
 _TO_RGB = np.array([[3.240479, -1.537150, -0.498535], [-0.969256, 1.875991, 0.041556], [0.055648, -0.204043, 1.057311]])
@@ -26,6 +28,8 @@ class Spectrum:
     """Values at wavelengths, in nanometres."""
 
     def __init__(self, wavelengths: Sequence[float], values: Sequence[float]) -> None:
+        if len(wavelengths) != len(values) or not len(values):
+            raise ValueError("it takes as many values as wavelengths")
         order = np.argsort(wavelengths)
         self.wavelengths, self.values = np.array(wavelengths, float)[order], np.array(values, float)[order]
 
@@ -60,27 +64,37 @@ def _matching(at: F64) -> F64:
     return _cached_matching(at.tobytes())
 
 
+def planck(kelvin: float, scale: float = 1.0) -> Spectrum:
+    """What a black body shines, in watts per square metre, steradian and nanometre. Raises ValueError."""
+    if not 1 <= kelvin <= 1e6:
+        raise ValueError("a black body has a temperature, in kelvins")
+    at = np.arange(360.0, 831.0, 5.0)
+    metres = at * 1e-9
+    power = 1e-9 * 2 * _PLANCK * _LIGHT**2 / (metres**5 * np.expm1(_PLANCK * _LIGHT / (_BOLTZMANN * metres * kelvin)))
+    return Spectrum(list(at), list(scale * power))
+
+
 def rgb(found: Any, is_light: bool = False) -> Vec3:
     """A colour from a value: three numbers, one for grey, or a spectrum."""
     if isinstance(found, Spectrum):
         return found.rgb(is_light)
-    numbers = np.broadcast_to(np.asarray(found, float).reshape(-1), (3,))
-    return float(numbers[0]), float(numbers[1]), float(numbers[2])
+    r, g, b = np.broadcast_to(np.asarray(found, float).reshape(-1), (3,))
+    return float(r), float(g), float(b)
 
 
 def value(tag: str, written: Mapping[str, str], steps: Sequence[Step], curve: Callable[[str], str]) -> Any:
     """What an element of a file says. curve: the text of a file of a spectrum. Raises ValueError with the half of a sentence."""
     text = written.get("value", "").strip()
     if tag in ("float", "integer"):
-        return _numbers(text, 1)[0]
+        return numbers(text, 1)[0]
     if tag == "boolean":
         return text.lower() == "true"
     if tag == "string":
         return text
     if tag in ("point", "vector"):
         if text:
-            return _numbers(text, 3)
-        return np.array([_numbers(written.get(axis, "0"), 1)[0] for axis in "xyz"])
+            return numbers(text, 3)
+        return np.array([numbers(written.get(axis, "0"), 1)[0] for axis in "xyz"])
     if tag in ("rgb", "srgb"):
         return _color(text, tag == "srgb")
     if tag in ("spectrum", "blackbody"):
@@ -90,7 +104,8 @@ def value(tag: str, written: Mapping[str, str], steps: Sequence[Step], curve: Ca
     raise ValueError("is no kind of value that is known")
 
 
-def _numbers(text: str, count: int | None = None) -> F64:
+def numbers(text: str, count: int | None = None) -> F64:
+    """All numbers of a text, or so many. Raises ValueError with the half of a sentence."""
     parts = [part for part in re.split(r"[\s,]+", text.strip()) if part]
     try:
         found = np.array([float(part) for part in parts])
@@ -107,7 +122,7 @@ def _color(text: str, is_encoded: bool) -> F64:
             raise ValueError(f"{text[:20]!r} is no colour as #rrggbb")
         found = np.array([int(text[i : i + 2], 16) for i in (1, 3, 5)]) / 255
     else:
-        found = _numbers(text)
+        found = numbers(text)
         if len(found) not in (1, 3):
             raise ValueError(f"{text[:60]!r}: a colour has one number or three")
     if is_encoded:
@@ -120,23 +135,23 @@ def _color(text: str, is_encoded: bool) -> F64:
 def _spectrum(text: str, written: Mapping[str, str], curve: Callable[[str], str]) -> Any:
     if written.get("filename"):
         rows = [
-            _numbers(line, 2) for line in curve(written["filename"]).splitlines() if line.strip() and line.strip()[0] not in "#"
+            numbers(line, 2) for line in curve(written["filename"]).splitlines() if line.strip() and line.strip()[0] not in "#"
         ]
         if not rows:
             raise ValueError("its file has no values")
         return Spectrum([row[0] for row in rows], [row[1] for row in rows])
     if written.get("temperature"):
-        raise ValueError("black bodies are not read; give an rgb or a spectrum")
+        return planck(float(numbers(written["temperature"].rstrip("kK"), 1)[0]))
     if ":" not in text:
-        found = _numbers(text)
+        found = numbers(text)
         if len(found) not in (1, 3):
             raise ValueError(f"{text[:60]!r}: it takes one number, three, or pairs as 400:0.1, 500:0.2")
         return np.array(np.broadcast_to(found, (3,)))
     pairs = [pair.split(":") for pair in re.split(r"[\s,]+(?=\S+:)|,", text) if pair.strip()]
     if any(len(pair) != 2 for pair in pairs):
         raise ValueError(f"{text[:60]!r} are no pairs as 400:0.1, 500:0.2")
-    numbers = np.array([[_numbers(part, 1)[0] for part in pair] for pair in pairs])
-    return Spectrum(list(numbers[:, 0]), list(numbers[:, 1]))
+    found = np.array([[numbers(part, 1)[0] for part in pair] for pair in pairs])
+    return Spectrum(list(found[:, 0]), list(found[:, 1]))
 
 
 def _transform(steps: Sequence[Step]) -> Matrix:
@@ -149,25 +164,25 @@ def _transform(steps: Sequence[Step]) -> Matrix:
 
 def _step(tag: str, written: Mapping[str, str]) -> Matrix:
     if tag == "matrix":
-        numbers = _numbers(written.get("value", ""))
-        if len(numbers) not in (9, 16):
+        given = numbers(written.get("value", ""))
+        if len(given) not in (9, 16):
             raise ValueError("a matrix has 16 numbers, or 9")
         found = np.eye(4)
-        size = 4 if len(numbers) == 16 else 3
-        found[:size, :size] = numbers.reshape(size, size)
+        size = 4 if len(given) == 16 else 3
+        found[:size, :size] = given.reshape(size, size)
         return found
     if tag == "lookat":
         return _look_at(
-            *(_numbers(written.get(key, fallback), 3) for key, fallback in (("origin", ""), ("target", ""), ("up", "0 1 0")))
+            *(numbers(written.get(key, fallback), 3) for key, fallback in (("origin", ""), ("target", ""), ("up", "0 1 0")))
         )
     missing = 1.0 if tag == "scale" else 0.0
     if "value" in written:
-        numbers = _numbers(written["value"])
-        vector = np.array(np.broadcast_to(numbers, (3,))) if len(numbers) in (1, 3) else numbers
+        given = numbers(written["value"])
+        vector = np.array(np.broadcast_to(given, (3,))) if len(given) in (1, 3) else given
         if len(vector) != 3:
             raise ValueError(f"{tag} takes one number or three")
     else:
-        vector = np.array([_numbers(written[axis], 1)[0] if axis in written else missing for axis in "xyz"])
+        vector = np.array([numbers(written[axis], 1)[0] if axis in written else missing for axis in "xyz"])
     found = np.eye(4)
     if tag == "translate":
         found[:3, 3] = vector
@@ -178,7 +193,7 @@ def _step(tag: str, written: Mapping[str, str]) -> Matrix:
         if length == 0:
             raise ValueError("a rotation needs an axis")
         x, y, z = vector / length
-        angle = np.radians(_numbers(written.get("angle", "0"), 1)[0])
+        angle = np.radians(numbers(written.get("angle", "0"), 1)[0])
         cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
         found[:3, :3] = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
     else:

@@ -73,7 +73,7 @@ def set_sampler(source: Parameters, description: SceneDescription) -> None:
 def set_filter(source: Parameters, description: SceneDescription) -> None:
     """How wide a pixel looks; pbrt's Gaussian is much as ours of Blackman and Harris."""
     description.defaults["filter"] = _FILTERS.get(source.type, "blackman-harris")
-    source.used.update(source.values)
+    source.used.add("")  # so that what shapes it is named
 
 
 def set_integrator(source: Parameters, description: SceneDescription, notes: Notes) -> None:

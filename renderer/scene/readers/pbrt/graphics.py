@@ -79,7 +79,7 @@ class Graphics:
         self._times = 0.0, 1.0
         self._camera: tuple[Parameters, Ctm] | None = None
         self._film: Parameters | None = None
-        self._all: list[Parameters] = []
+        self._all: list[tuple[Parameters, int]] = []  # and how much was asked of each to begin with
         self._depth = 0
         self._outer = np.eye(4)
         self._do: dict[str, Callable[[Statement], None]] = {name: getattr(self, _method(name)) for name in _DIRECTIVES}
@@ -103,8 +103,9 @@ class Graphics:
         if self._saved:
             raise Place(PurePosixPath(main).name, 1).wrong(f"{self._saved[-1][0]} has no end to it; close it")
         self._shapes.flush()
-        for each in self._all:
-            each.say_unused(self._notes)
+        for each, asked in self._all:
+            if len(each.used) > asked:  # else nothing shows it
+                each.say_unused(self._notes)
 
     # Files
 
@@ -314,7 +315,7 @@ class Graphics:
         (name,), found = Parameters.of("material", statement, 1, self._state.space)
         found.type = found.text("type")
         found.defaults = self._state.attributes.get("material", {})
-        self._all.append(found)
+        self._all.append((found, len(found.used)))
         self._materials.named[name] = found
 
     def _on_named_material(self, statement: Statement) -> None:
@@ -328,8 +329,8 @@ class Graphics:
         if kind not in ("float", "spectrum", "color"):
             raise statement.place.wrong(f"a texture is of floats or of spectra, and not of {kind[:40]!r}")
         found.defaults = self._state.attributes.get("texture", {})
-        self._all.append(found)
         self._textures.define(name, kind, found, self._state.ctm[0])
+        self._all.append((found, len(found.used)))
 
     def _on_light_source(self, statement: Statement) -> None:
         self._in_world(statement)
@@ -379,7 +380,7 @@ class Graphics:
     def _kept(self, statement: Statement, what: str) -> Parameters:
         """The same of what is looked at later."""
         found = self._parameters(statement, what)
-        self._all.append(found)
+        self._all.append((found, 0))
         return found
 
 

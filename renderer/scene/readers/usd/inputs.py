@@ -52,3 +52,7 @@ class Following(Protocol):
     def coordinates(self, source: Any, depth: int) -> tuple[int, UvTransform]:
         """Which set of UVs a texture lies by, and what they go through first."""
         ...
+
+    def uv_set(self, name: str) -> int:
+        """The number of a set of UVs by its primvar's name."""
+        ...

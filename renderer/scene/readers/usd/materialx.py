@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from renderer.scene.readers.numbers import clamped, unit, unit_color
+from renderer.scene.readers.usd.arnold import STANDARD as ARNOLD
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.preview_surface import (
     Read,
@@ -26,12 +27,12 @@ from renderer.scene.readers.usd.preview_surface import (
 __all__ = ["SURFACES", "read_materialx"]
 
 STANDARD, OPEN_PBR = "ND_standard_surface_surfaceshader", "ND_open_pbr_surface_surfaceshader"
-SURFACES = (STANDARD, OPEN_PBR, "ND_UsdPreviewSurface_surfaceshader")
+SURFACES = (STANDARD, OPEN_PBR, "ND_UsdPreviewSurface_surfaceshader", ARNOLD)
 
 
 def read_materialx(shader: Any, kind: str, read: Read) -> None:
     """Fills the material from a MaterialX surface."""
-    if kind == STANDARD:
+    if kind in (STANDARD, ARNOLD):
         _standard(shader, read)
     elif kind == OPEN_PBR:
         _open_pbr(shader, read)

@@ -50,11 +50,11 @@ def deforms(prim: Any) -> bool:
 
 
 def read_mesh(
-    prim: Any, parts: list[Wanted], of: Codes | None, time: Any, notes: Notes, shape: Shape | None = None
+    prim: Any, parts: list[Wanted], of: Codes | None, time: Any, notes: Notes, shape: Shape | None = None, bends: bool = True
 ) -> list[Mesh | None]:
     """A mesh's parts; None for one without a triangle. of: (F,) the part that each face is of; None where there is one.
 
-    shape: in place of its own points. Raises SceneError.
+    shape: in place of its own points. bends: whether it may deform. Raises SceneError.
     """
     mesh = UsdGeom.Mesh(prim)
     points = primvars.array(mesh.GetPointsAttr().Get(time), 3) if shape is None else shape.points
@@ -68,16 +68,18 @@ def read_mesh(
     faces = Faces(counts, corners)
     names = dict.fromkeys(name for part in parts for name in (*part.uvs, part.color, part.opacity) if name is not None)
     found = {name: _primvar(prim, name, faces, len(points), time, notes) for name in names}
-    normals = _normals(mesh, faces, len(points), time, notes, shape)
+    scheme = _scheme(mesh)
+    normals = _normals(mesh, scheme, faces, len(points), time, notes, shape)
     attributes = {name: values for name, values in {**found, "": normals}.items() if values is not None}
-    if shape is None and deforms(prim):  # at every time the same corners are one vertex
+    bends = bends and deforms(prim)
+    if shape is None and bends:  # at every time the same corners are one vertex
         counted = ((name, np.arange(len(values.values), dtype=np.float32)[:, None]) for name, values in attributes.items())
         attributes |= {name: replace(attributes[name], kinds=kinds) for name, kinds in list(counted)}
 
     solid = counts >= 3
     holes = np.asarray(mesh.GetHoleIndicesAttr().Get(time) or (), np.int64)
     solid[holes[(holes >= 0) & (holes < len(solid))]] = False
-    is_refined = _scheme(mesh) == "catmullClark"
+    is_refined = scheme == "catmullClark"
     if is_refined:
         points, faces, attributes, parent = _refined(mesh, points, faces, attributes, solid, time)
         of, solid = None if of is None else of[parent], solid[parent]
@@ -87,7 +89,7 @@ def read_mesh(
     for part, which in zip(parts, _sorted_out(np.flatnonzero(solid), of, len(parts)), strict=True):
         one = _part(name, points, faces, which, attributes, part, mirrored)
         if one is not None and is_refined:
-            one = _rounded(one, bool(mesh.GetCreaseIndicesAttr().Get(time)), deforms(prim) or shape is not None)
+            one = _rounded(one, bool(mesh.GetCreaseIndicesAttr().Get(time)), bends or shape is not None)
         whole.append(one)
     return whole
 
@@ -126,9 +128,9 @@ def _primvar(prim: Any, name: str, faces: Faces, points: int, time: Any, notes: 
     return primvars.at_corners(primvar, None, faces, points, time, notes)
 
 
-def _normals(mesh: Any, faces: Faces, points: int, time: Any, notes: Notes, shape: Shape | None) -> AtCorners | None:
+def _normals(mesh: Any, scheme: str, faces: Faces, points: int, time: Any, notes: Notes, shape: Shape | None) -> AtCorners | None:
     """The normals at the corners; none of what is refined, or has no fitting ones."""
-    if _scheme(mesh) == "catmullClark":
+    if scheme == "catmullClark":
         return None
     if shape is not None and shape.normals is not None:
         kind = "faceVarying" if len(shape.normals) == len(faces.corners) else "vertex"
@@ -217,6 +219,8 @@ def _part(
     mirrored: bool,
 ) -> Mesh | None:
     is_all = len(which) == len(faces.counts)
+    if is_all and not attributes and not mirrored and len(faces.counts) and bool((faces.counts == 3).all()):
+        return Mesh(name, points.copy(), faces.corners.astype(np.int32).reshape(-1, 3))
     if not is_all:
         faces, corners = faces.those(which)
         attributes = {key: values.at(corners) for key, values in attributes.items()}

@@ -8,6 +8,8 @@ from typing import Any
 from pxr import UsdShade
 
 from renderer.scene.description import UvTransform
+from renderer.scene.readers.usd.arnold import PREFIX as ARNOLD
+from renderer.scene.readers.usd.arnold import follow_arnold
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.nodes import follow_coordinates, follow_node
 from renderer.scene.readers.usd.notes import Notes
@@ -17,6 +19,7 @@ from renderer.scene.textures import UNMOVED
 __all__ = ["Network"]
 
 MAX_DEPTH = 32
+_NOTHING = Input()
 _UV_SETS = 2
 
 
@@ -29,10 +32,17 @@ class Network:
     time: Any
     user: str
     uvs: list[str] = field(default_factory=list)
+    _surface: Any = None  # the shader that was asked last, whose inputs are looked up at once
+    _inputs: dict[str, Any] = field(default_factory=dict)
 
     def input(self, shader: Any, name: str, srgb: bool = False) -> Input:
         """What an input of a shader is; without anything where it is not set. srgb: how a texture is encoded unless told."""
-        return self._follow(shader.GetInput(name), srgb, 0)
+        prim = shader.GetPrim()
+        if prim != self._surface:
+            self._surface = prim
+            self._inputs = {str(each.GetBaseName()): each for each in shader.GetInputs()}
+        source = self._inputs.get(name)
+        return _NOTHING if source is None else self._follow(source, srgb, 0)
 
     def _follow(self, source: Any, srgb: bool, depth: int) -> Input:
         if not source or depth > MAX_DEPTH:
@@ -51,6 +61,8 @@ class Network:
             return Input(self._follow(shader.GetInput("fallback"), srgb, depth + 1).value, None, self._varname(shader, depth))
         if kind.startswith("ND_"):
             return follow_node(self, shader, kind, output, srgb, depth, self._follow)
+        if kind.startswith(ARNOLD):
+            return follow_arnold(self, shader, kind, output, srgb, depth, self._follow)
         self.notes.add("Shaders of these kinds are not known here, and left out", kind or "one without a kind")
         return Input()
 

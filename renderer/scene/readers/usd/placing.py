@@ -52,6 +52,7 @@ class Placing:
     ) -> None:
         self._files, self._source, self._stage, self._description = files, source, stage.stage, description
         self._shelf, self._images, self._notes, self._time = shelf, images, notes, time
+        self._is_still = stage.span is None
         self._unit = float(UsdGeom.GetStageMetersPerUnit(self._stage))
         self._surfaces = Surfaces(images, shelf, description.materials, notes, time)
         self._skeletons = Skeletons(time, notes)
@@ -115,7 +116,7 @@ class Placing:
         ]
         surfaces = [self._surface(prim), *(self._surface(s.GetPrim(), prim) for s in subsets)]
         shape = self._skeletons.shape_of(prim)
-        bends = shape is not None or deforms(prim)
+        bends = shape is not None or (not self._is_still and deforms(prim))
         if UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get() == "loop":
             self._notes.add("Subdivision surfaces after Loop are drawn as their cage", str(prim.GetPath()))
         key = (self._key(prim), tuple(surfaces), each.prim.GetPath() if shape is not None else None)
@@ -141,7 +142,7 @@ class Placing:
             indices = indices[(indices >= 0) & (indices < count)]
             of[indices[of[indices] == 0]] = number
         wanted = [Wanted(s.uvs, s.color, s.opacity) for s in surfaces]
-        return read_mesh(prim, wanted, of if subsets else None, self._time, self._notes, shape)
+        return read_mesh(prim, wanted, of if subsets else None, self._time, self._notes, shape, not self._is_still)
 
     def _add(self, mesh: Mesh, surface: Surface, bends: bool = False, both: bool = False) -> int:
         """The number of a mesh of a surface."""

@@ -70,6 +70,10 @@ def cut(faces: Faces, points: F32, mirrored: bool) -> npt.NDArray[np.int64]:
     that takes no longer than some seconds.
     """
     counts, first = faces.counts, faces.first
+    most = int(counts.max(initial=0))
+    if most == 3 and len(faces.corners) == 3 * len(counts):
+        fans = np.arange(len(faces.corners)).reshape(-1, 3)
+        return fans[:, ::-1] if mirrored else fans
     face = np.repeat(np.arange(len(counts)), np.maximum(counts - 2, 0))
     start = np.cumsum(np.maximum(counts - 2, 0)) - np.maximum(counts - 2, 0)
     step = np.arange(len(face)) - start[face]
@@ -78,7 +82,7 @@ def cut(faces: Faces, points: F32, mirrored: bool) -> npt.NDArray[np.int64]:
         a = first[number]
         fans[start[number] : start[number] + 2] = (a, a + 1, a + 3), (a + 1, a + 2, a + 3)
     scissors = Scissors()
-    for number in _hollow(faces, points):
+    for number in _hollow(faces, points) if most > 4 else ():
         a, n = int(first[number]), int(counts[number])
         if not scissors.are_blunt:
             fans[start[number] : start[number] + n - 2] = a + scissors.cut(points[faces.corners[a : a + n]].astype(np.float64))
@@ -88,6 +92,8 @@ def cut(faces: Faces, points: F32, mirrored: bool) -> npt.NDArray[np.int64]:
 def _bent_quads(faces: Faces, points: F32) -> npt.NDArray[np.bool_]:
     """Of all quads, those whose two triangles would face each other."""
     begin = faces.first[faces.counts == 4]
+    if len(begin) == 0:
+        return np.zeros(0, bool)
     a, b, c, d = (points[faces.corners[begin + k]] for k in range(4))
     return np.einsum("ij,ij->i", np.cross(b - a, c - a), np.cross(c - a, d - a)) < 0
 

@@ -47,7 +47,16 @@ def matrix(given: Any) -> Matrix:
 
 def walk(stage: Any, time: Any, notes: Notes) -> list[Placed]:
     """All of a stage's prims that are of interest, in the order of the stage."""
-    found = list(_Walk(stage, time, notes).below(stage.GetPseudoRoot(), upright(stage)[None]))
+    walked = _Walk(stage, time, notes)
+    found = list(walked.below(stage.GetPseudoRoot(), upright(stage)[None]))
+    if walked.proxies and not walked.stands_in:
+        if not any(each.prim.IsA(UsdGeom.Gprim) for each in found):
+            notes.say("All that the stage shows has the purpose proxy, which renderers do not draw; it is drawn here.")
+            walked = _Walk(stage, time, notes, (*_DRAWN_PURPOSES, "proxy"))
+            found = list(walked.below(stage.GetPseudoRoot(), upright(stage)[None]))
+        else:
+            for path in walked.proxies:
+                notes.add("Prims of the purpose proxy are not drawn, and none of the purpose render stands in for them", path)
     names: dict[str, int] = {}
     for each in found:
         name = each.prim.GetName()
@@ -59,8 +68,10 @@ def walk(stage: Any, time: Any, notes: Notes) -> list[Placed]:
 
 
 class _Walk:
-    def __init__(self, stage: Any, time: Any, notes: Notes) -> None:
-        self._stage, self._time, self._notes = stage, time, notes
+    def __init__(self, stage: Any, time: Any, notes: Notes, drawn: tuple[str, ...] = _DRAWN_PURPOSES) -> None:
+        self._stage, self._time, self._notes, self._drawn = stage, time, notes, drawn
+        self.proxies: list[str] = []  # surfaces that are left out, and whether any are there for the render
+        self.stands_in = False
         self._seen = 0
         self._copies = 0
         self._filter = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
@@ -85,7 +96,10 @@ class _Walk:
                 attribute = imageable.GetPurposeAttr()
                 if attribute.HasAuthoredValue():
                     purpose = str(attribute.Get())
-                if purpose in _DRAWN_PURPOSES:
+                self.stands_in |= purpose == "render"
+                if purpose == "proxy" and "proxy" not in self._drawn and shown and prim.IsA(UsdGeom.Gprim):
+                    self.proxies.append(str(prim.GetPath()))
+                if purpose in self._drawn:
                     if prim.IsA(UsdGeom.PointInstancer):
                         if shown:
                             yield from self._instanced(prim, inner, moves, depth)
@@ -153,7 +167,7 @@ class _Walk:
             imageable = UsdGeom.Imageable(prototype)
             if imageable.GetVisibilityAttr().Get(self._time) == UsdGeom.Tokens.invisible:
                 return
-            if str(imageable.ComputePurpose()) not in _DRAWN_PURPOSES:
+            if str(imageable.ComputePurpose()) not in self._drawn:
                 return
             yield Placed(prototype, still)
         yield from self.below(prototype, still, depth)

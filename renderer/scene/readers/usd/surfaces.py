@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from pxr import UsdShade
-
 from renderer.scene.material import Material
 from renderer.scene.readers.numbers import unit_color
 from renderer.scene.readers.usd import primvars
@@ -20,6 +18,10 @@ from renderer.scene.readers.usd.textures import Images
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["Surface", "Surfaces"]
+
+_SHOWN = ("displayColor", "Cd")  # Houdini's own name, where its exporter left it
+_SURFACE, _MDL = "surface", "mdl"
+_CONTEXTS = ("mtlx", "", "kma", "arnold", _MDL)  # of renderers, best first; "" is for all of them
 
 
 class Surface(NamedTuple):
@@ -72,12 +74,11 @@ class Surfaces:
 
     def _shown(self, prim: Any) -> Surface:
         """A matte surface in the colour that a prim is displayed in where it has no material."""
-        color, opacity = (
-            primvars.constant(prim, name, n, self._time) for name, n in (("displayColor", 3), ("displayOpacity", 1))
-        )
+        shown = next((name for name in _SHOWN if primvars.found(prim, name) is not None), _SHOWN[0])
+        color, opacity = (primvars.constant(prim, name, n, self._time) for name, n in ((shown, 3), ("displayOpacity", 1)))
         varying = [
             None if c is not None or primvars.found(prim, n) is None else n
-            for c, n in ((color, "displayColor"), (opacity, "displayOpacity"))
+            for c, n in ((color, shown), (opacity, "displayOpacity"))
         ]
         clear = 1.0 if opacity is None else float(unit_color([opacity[0]] * 3)[0])
         key = ("shown", None if color is None else tuple(map(float, color)), clear, *varying)
@@ -116,16 +117,20 @@ class Surfaces:
 def _surface(material: Any) -> tuple[Any, str]:
     """The shader of a material that is read, and its kind; of several, the one that says most."""
     found = ""
-    for context in ("mtlx", UsdShade.Tokens.universalRenderContext):
+    outputs = {
+        str(output.GetBaseName()).removesuffix(_SURFACE).removesuffix(":"): output for output in material.GetSurfaceOutputs()
+    }
+    last = len(_CONTEXTS)
+    for context in sorted(outputs, key=lambda name: _CONTEXTS.index(name) if name in _CONTEXTS else last):
         shader = material.ComputeSurfaceSource(context)[0]
         if not shader:
             continue
         kind = str(shader.GetIdAttr().Get() or "")
         if kind == "UsdPreviewSurface" or kind in SURFACES:
             return shader, kind
-        found = kind
-    shader = material.ComputeSurfaceSource("mdl")[0]
-    kind = str(shader.GetSourceAssetSubIdentifier("mdl") or "") if shader else ""
-    if kind in OMNI_PBR:
-        return shader, kind
-    return None, found or ", ".join(str(o.GetBaseName()) for o in material.GetSurfaceOutputs() if o.HasConnectedSource())
+        if context == _MDL:
+            kind = str(shader.GetSourceAssetSubIdentifier(_MDL) or "")
+            if kind in OMNI_PBR:
+                return shader, kind
+        found = found or kind
+    return None, found or ", ".join(name for name, output in outputs.items() if output.HasConnectedSource())

@@ -56,11 +56,12 @@ class Images:
     def named(self, attribute: Any, time: Any) -> tuple[str, str] | None:
         """(what an attribute calls a file, the name of the file that says so); None where it says nothing."""
         path = attribute.Get(time) if attribute else None
-        if path is None or not path.path:
+        named = getattr(path, "path", path)  # a string where Arnold's nodes name a file
+        if not named or not isinstance(named, str):
             return None
         for spec in attribute.GetPropertyStack(time):
             if spec.HasInfo("default") or spec.HasInfo("timeSamples"):
-                return path.path, self._stage.file_of(spec.layer)
+                return named, self._stage.file_of(spec.layer)
         return None
 
     def find(self, attribute: Any, user: str, srgb: bool, time: Any) -> tuple[int, UvTransform] | None:

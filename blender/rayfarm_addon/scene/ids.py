@@ -1,0 +1,66 @@
+"""The pass indices of what a farm tells apart by numbers of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from .gltf import object_names
+from .model import Node, Scene
+
+__all__ = ["Ids", "ids_of"]
+
+F32 = npt.NDArray[np.float32]
+I64 = npt.NDArray[np.int64]
+THROUGH = "KHR_materials_transmission"
+
+
+@dataclass(frozen=True)
+class Ids:
+    """Pass indices by the farm's numbers; that of what nothing is known of is 0. only: of each object's material, where it has
+    but one.
+    """
+
+    objects: F32
+    materials: F32
+    only: F32
+
+    def object(self, numbers: I64) -> F32:
+        """Of the farm's numbers of objects."""
+        return _looked_up(self.objects, numbers)
+
+    def material(self, numbers: I64, objects: I64) -> F32:
+        """Of the farm's numbers of materials, and of the objects that these are on."""
+        known = numbers < len(self.materials)
+        return np.where(known, _looked_up(self.materials, numbers), _looked_up(self.only, objects)).astype(np.float32)
+
+
+def ids_of(scene: Scene) -> Ids:
+    """The farm numbers objects from 1 as they come: meshes, then lamps; materials: those of lamps, then ours, then copies of ours
+    for things that some rays pass by, as they are met, and for glass without an inside, of which only the farm knows where.
+    """
+    nodes = object_names(scene)
+    numbers = {key: material.number for key, material in scene.materials.items()}
+    used = [[node.materials[min(slot, len(node.materials) - 1)] for slot, _ in scene.meshes[node.mesh].parts] for node in nodes]
+    materials = [0] * (1 + len(scene.lamp_materials)) + list(numbers.values())
+    if not any(THROUGH in material.gltf.get("extensions", {}) for material in scene.materials.values()):
+        materials += [numbers[key] for key in _copies(nodes, used)]
+    only = [numbers[keys[0]] if len(set(keys)) == 1 else 0 for keys in used]
+    told = [0, *(node.number for node in nodes)], materials, [0, *only]
+    return Ids(*(np.array(each, np.float32) for each in told))
+
+
+def _copies(nodes: list[Node], used: list[list[str]]) -> list[str]:
+    found = dict.fromkeys(
+        (key, node.unseen, node.shadeless)
+        for node, keys in zip(nodes, used, strict=True)
+        if node.unseen or node.shadeless
+        for key in keys
+    )
+    return [key for key, *_ in found]
+
+
+def _looked_up(table: F32, numbers: I64) -> F32:
+    return np.where((numbers >= 0) & (numbers < len(table)), table[np.clip(numbers, 0, len(table) - 1)], 0).astype(np.float32)

@@ -1,0 +1,72 @@
+"""A GLB as the exporter wrote it, to be changed."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+__all__ = ["Glb"]
+
+_HEAD = struct.Struct("<4sII")
+_CHUNK = struct.Struct("<II")
+_JSON, _BIN = 0x4E4F534A, 0x004E4942
+
+
+class Glb:
+    """document: its JSON. Raises ValueError where it is none."""
+
+    def __init__(self, path: Path) -> None:
+        data = path.read_bytes()
+        magic, _, _ = _HEAD.unpack_from(data)
+        length, kind = _CHUNK.unpack_from(data, _HEAD.size)
+        if magic != b"glTF" or kind != _JSON:
+            raise ValueError(f"{path.name} is no GLB")
+        start = _HEAD.size + _CHUNK.size
+        self.document: dict[str, Any] = json.loads(data[start : start + length])
+        self._parts: list[Any] = []
+        self._size = 0
+        at = start + length
+        if len(data) > at:
+            size, _ = _CHUNK.unpack_from(data, at)
+            self._keep(memoryview(data)[at + _CHUNK.size : at + _CHUNK.size + size])
+
+    def array(self, values: Any, shape: str, component: int, is_bounded: bool = False) -> int:
+        """An accessor of a numpy array, whose type fits `component` but for its width. is_bounded: with its least and most."""
+        import numpy as np
+
+        flat = np.ascontiguousarray(values, np.uint32 if component == 5125 else np.float32)
+        view = {"buffer": 0, "byteOffset": self._size, "byteLength": flat.nbytes}
+        self._keep(flat.data.cast("B") if flat.nbytes else b"")
+        said: dict[str, Any] = {"componentType": component, "count": len(flat), "type": shape}
+        if is_bounded and len(flat):
+            said |= {"min": flat.min(axis=0).tolist(), "max": flat.max(axis=0).tolist()}
+        said["bufferView"] = self._add("bufferViews", view)
+        return self._add("accessors", said)
+
+    def write(self, path: Path) -> None:
+        """Writes it whole."""
+        if self._size:
+            buffers = self.document.setdefault("buffers", [{}])
+            buffers[0]["byteLength"] = self._size
+        text = json.dumps(self.document, separators=(",", ":"), ensure_ascii=False).encode()
+        text += b" " * (-len(text) % 4)
+        total = _HEAD.size + _CHUNK.size + len(text) + (_CHUNK.size + self._size if self._size else 0)
+        with path.open("wb") as file:
+            file.write(_HEAD.pack(b"glTF", 2, total) + _CHUNK.pack(len(text), _JSON) + text)
+            if self._size:
+                file.write(_CHUNK.pack(self._size, _BIN))
+                for part in self._parts:
+                    file.write(part)
+
+    def _keep(self, part: Any) -> None:
+        """Adds bytes, filled up to a multiple of four."""
+        rest = bytes(-len(part) % 4)
+        self._parts += [part, rest]
+        self._size += len(part) + len(rest)
+
+    def _add(self, name: str, said: dict[str, Any]) -> int:
+        found: list[Any] = self.document.setdefault(name, [])
+        found.append(said)
+        return len(found) - 1

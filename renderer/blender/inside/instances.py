@@ -1,0 +1,169 @@
+"""What collections, particles and geometry nodes show elsewhere, as objects that share their meshes."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+__all__ = ["VISIBLE", "instances_as_objects"]
+
+MOST_INSTANCES = 200_000
+MOST_PLACES = 2_000_000  # of all instances over all frames
+KINDS = ("MESH", "CURVE", "SURFACE", "FONT", "META")
+VISIBLE = tuple(f"visible_{kind}" for kind in ("camera", "shadow", "diffuse", "glossy", "transmission"))
+NEAR = 1e-6
+SHEARED = 1e-5
+
+
+class _Shown(NamedTuple):
+    """key: what tells it at another frame. mesh: of its own, as it is shown there."""
+
+    key: Any
+    parent: Any
+    thing: Any
+    mesh: Any
+    place: Any
+
+
+def instances_as_objects(bpy: Any, scene: Any, shown: set[str], frames: list[int], notes: list[str]) -> None:
+    """Makes them of the present frame, and has them move as at the others. shown: names of objects, to which theirs come."""
+    found = _found(bpy, shown)
+    moves = _over_frames(bpy, scene, shown, frames, found, notes)
+    for each in found:
+        thing = bpy.data.objects.new(f"{each.parent.name} instance", each.mesh)
+        for flag in VISIBLE:
+            setattr(thing, flag, getattr(each.parent, flag) and getattr(each.thing, flag))
+        scene.collection.objects.link(thing)
+        shown.add(thing.name)
+        _put(bpy, scene, thing, each.place, moves.get(each.key), frames, notes)
+    for owner in sorted({each.parent.name for each in found}):
+        thing = scene.objects[owner]
+        thing.instance_type = "NONE"
+        if thing.type == "MESH" and not (thing.show_instancer_for_render or thing.type == "EMPTY"):
+            shown.discard(owner)
+    bent = sorted({each.thing.name for each in found if _is_bent(each.thing)}) if len(frames) > 1 else []
+    if bent:
+        notes.append(
+            f"{', '.join(bent[:5])}: is bent by bones or shape keys, and as an instance stands still as at the first frame"
+        )
+    if len(found) >= MOST_INSTANCES:
+        notes.append(f"Of its instances the first {MOST_INSTANCES:,} are shown")
+
+
+def _found(bpy: Any, shown: set[str]) -> list[_Shown]:
+    graph = bpy.context.evaluated_depsgraph_get()
+    made: dict[Any, Any] = {}  # of a mesh that a modifier made, by the evaluated one
+    found: list[_Shown] = []
+    for instance in graph.object_instances:
+        if not _counts(instance, shown) or len(found) >= MOST_INSTANCES:
+            continue
+        thing, data = instance.object, instance.object.data
+        if data not in made:
+            made[data] = _mesh_of(bpy, thing, data, graph)
+        found.append(_Shown(_key(instance), instance.parent.original, thing.original, made[data], instance.matrix_world.copy()))
+    return found
+
+
+def _counts(instance: Any, shown: set[str]) -> bool:
+    if not instance.is_instance or instance.parent is None or instance.parent.original.name not in shown:
+        return False
+    return instance.object.type in KINDS and instance.object.data is not None
+
+
+def _key(instance: Any) -> Any:
+    return instance.parent.original.name, instance.object.original.name, tuple(instance.persistent_id)
+
+
+def _over_frames(
+    bpy: Any, scene: Any, shown: set[str], frames: list[int], found: list[_Shown], notes: list[str]
+) -> dict[Any, list[Any]]:
+    """The places of those that move, one of each frame."""
+    if len(frames) < 2 or not found:
+        return {}
+    if len(frames) * len(found) > MOST_PLACES:
+        notes.append(
+            f"Its {len(found):,} instances stand still as at the first frame; over {len(frames):,} frames they are too many"
+        )
+        return {}
+    first = {each.key: each.place for each in found}
+    places: dict[Any, list[Any]] = {key: [] for key in first}
+    moving, is_other = set(), False
+    for frame in frames:
+        scene.frame_set(frame)
+        seen = 0
+        for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+            if not _counts(instance, shown):
+                continue
+            seen += 1
+            key = _key(instance)
+            if key not in first:
+                is_other = True
+                continue
+            place = instance.matrix_world.copy()
+            places[key].append(place)
+            if key not in moving and _are_apart(place, first[key]):
+                moving.add(key)
+        is_other = is_other or seen != len(first)
+    scene.frame_set(frames[0])
+    if is_other:
+        notes.append("Of what is instanced, other things are there at other frames: those of the first frame are shown")
+    return {key: places[key] for key in moving if len(places[key]) == len(frames)}
+
+
+def _are_apart(a: Any, b: Any) -> bool:
+    return any(abs(x - y) > NEAR * max(1.0, abs(y)) for rows in zip(a, b, strict=True) for x, y in zip(*rows, strict=True))
+
+
+def _put(bpy: Any, scene: Any, thing: Any, place: Any, places: list[Any] | None, frames: list[int], notes: list[str]) -> None:
+    """Puts an object at a place, or at one for each frame. A sheared one is turned below something that stretches it."""
+    if _is_straight(place):
+        carrier, turn = thing, None
+    else:
+        import numpy as np
+        from mathutils import Matrix
+
+        _, _, turned = np.linalg.svd(np.array(place.to_3x3(), np.float64))
+        turn = Matrix((turned * (1 if np.linalg.det(turned) > 0 else -1)).tolist())
+        carrier = bpy.data.objects.new(f"{thing.name} place", None)
+        scene.collection.objects.link(carrier)
+        thing.parent, thing.matrix_basis = carrier, turn.to_4x4()
+    back = None if turn is None else turn.transposed().to_4x4()
+    carrier.matrix_world = place if back is None else place @ back
+    if places is None:
+        return
+    straight = [each if back is None else each @ back for each in places]
+    _animate(carrier, straight, frames)
+    if not all(_is_straight(each) for each in straight):
+        notes.append(f"{thing.name}: is sheared while it moves, which is left out")
+
+
+def _is_straight(place: Any) -> bool:
+    from mathutils import Matrix
+
+    again = Matrix.LocRotScale(*place.decompose())
+    most = max(abs(place[i][k]) for i in range(3) for k in range(3))
+    return all(abs(again[i][k] - place[i][k]) <= SHEARED * most for i in range(3) for k in range(3))
+
+
+def _animate(thing: Any, places: list[Any], frames: list[int]) -> None:
+    thing.rotation_mode = "QUATERNION"
+    before = None
+    for frame, place in zip(frames, places, strict=True):
+        at, turn, scale = place.decompose()
+        if before is not None:
+            turn.make_compatible(before)
+        before = turn
+        for name, value in (("location", at), ("rotation_quaternion", turn), ("scale", scale)):
+            setattr(thing, name, value)
+            thing.keyframe_insert(name, frame=frame)
+
+
+def _is_bent(thing: Any) -> bool:
+    keys = getattr(thing.data, "shape_keys", None)
+    return any(each.type == "ARMATURE" for each in thing.modifiers) or (keys is not None and keys.animation_data is not None)
+
+
+def _mesh_of(bpy: Any, thing: Any, data: Any, graph: Any) -> Any:
+    """What an instance shows; of geometry nodes that is no mesh of the object's own, though it bears its name."""
+    if thing.type == "MESH" and data != thing.original.evaluated_get(graph).data:
+        return data.copy()
+    return bpy.data.meshes.new_from_object(thing, preserve_all_data_layers=True, depsgraph=graph)

@@ -1,0 +1,108 @@
+"""Large meshes around the glTF exporter, which takes several seconds for a million triangles.
+
+It gets a triangle for each material in the place of each, and writes that with the material as it sees it; afterwards what was
+meant is put into its file.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from .glb import Glb
+from .simplified import modules_of
+
+__all__ = ["put_back", "stand_ins"]
+
+LEAST = 20_000  # faces
+COLORED = {"VERTEX_COLOR", "ATTRIBUTE"}  # nodes for which the exporter writes attributes that are not put back
+FLOAT, UINT = 5126, 5125
+DEEPEST = 16
+
+Taken = dict[str, Any]  # rayfarm_addon's meshes, by what their stand-ins are called
+
+
+def stand_ins(bpy: Any, things: list[Any], addon: Path | None) -> Taken:
+    """Puts them in the place of large meshes that nothing bends. addon: as of `simplify`."""
+    if addon is None:
+        return {}
+    extract = modules_of(addon).meshes.extract
+    made: dict[Any, Any] = {}
+    taken: Taken = {}
+    for thing in things:
+        if thing.type != "MESH" or thing.library is not None or not _is_plain(thing):
+            continue
+        mesh = thing.data
+        if mesh not in made:
+            found = extract(mesh, mesh.name, all_uvs=True)
+            if found is None:
+                continue
+            made[mesh] = _stand_in(bpy, mesh, [slot for slot, _ in found[0].parts])
+            taken[made[mesh].name] = found[0]
+        thing.data = made[mesh]
+    return taken
+
+
+def put_back(path: Path, taken: Taken) -> None:
+    """Writes into a GLB what its stand-ins stand for."""
+    if not taken:
+        return
+    glb = Glb(path)
+    for mesh in glb.document.get("meshes", []):
+        if (meant := taken.get(mesh.get("name", ""))) is not None:
+            _put(glb, mesh["primitives"], meant)
+    glb.write(path)
+
+
+def _is_plain(thing: Any) -> bool:
+    mesh = thing.data
+    if len(mesh.polygons) < LEAST or mesh.shape_keys is not None or any(each.type == "ARMATURE" for each in thing.modifiers):
+        return False
+    materials = [slot.material for slot in thing.material_slots]
+    return not mesh.color_attributes or not (not any(materials) or any(_is_colored(each) for each in materials if each))
+
+
+def _is_colored(material: Any) -> bool:
+    return material.use_nodes and material.node_tree is not None and _has_colors(material.node_tree, DEEPEST)
+
+
+def _has_colors(tree: Any, depth: int) -> bool:
+    return depth == 0 or any(
+        node.type in COLORED or (node.type == "GROUP" and node.node_tree is not None and _has_colors(node.node_tree, depth - 1))
+        for node in tree.nodes
+    )
+
+
+def _stand_in(bpy: Any, mesh: Any, slots: list[int]) -> Any:
+    """A triangle for each material, with sets of UVs of the same names."""
+    made = bpy.data.meshes.new(mesh.name)
+    corners = [(x, y, float(i)) for i in range(len(slots)) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
+    made.from_pydata(corners, [], [(3 * i, 3 * i + 1, 3 * i + 2) for i in range(len(slots))])
+    for material in mesh.materials:
+        made.materials.append(material)
+    for polygon, slot in zip(made.polygons, slots, strict=True):
+        polygon.material_index = slot
+        polygon.use_smooth = True
+    for layer in mesh.uv_layers:
+        made.uv_layers.new(name=layer.name)
+    for layer in mesh.uv_layers:
+        made.uv_layers[layer.name].active_render = layer.active_render
+    if mesh.uv_layers.active is not None:
+        made.uv_layers.active_index = mesh.uv_layers.active_index
+    made.update()
+    return made
+
+
+def _put(glb: Glb, primitives: list[dict[str, Any]], meant: Any) -> None:
+    import numpy as np
+
+    def turned(vectors: Any) -> Any:
+        return np.stack([vectors[:, 0], vectors[:, 2], -vectors[:, 1]], axis=1)
+
+    attributes = {"POSITION": glb.array(turned(meant.positions), "VEC3", FLOAT, is_bounded=True)}
+    if meant.normals is not None:
+        attributes["NORMAL"] = glb.array(turned(meant.normals), "VEC3", FLOAT)
+    attributes |= {f"TEXCOORD_{i}": glb.array(uv, "VEC2", FLOAT) for i, uv in enumerate(meant.uvs)}
+    for primitive, (_, corners) in zip(primitives, meant.parts, strict=True):
+        primitive["attributes"] = attributes
+        primitive["indices"] = glb.array(corners, "SCALAR", UINT)

@@ -1,0 +1,65 @@
+"""Films and sequences of pictures, which the glTF exporter leaves out, as the picture of the present frame."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from pathlib import Path
+from typing import Any
+
+__all__ = ["as_stills"]
+
+NUMBER = re.compile(r"(\d+)(?=\D*$)")
+
+
+def as_stills(bpy: Any, materials: list[Any], notes: list[str]) -> None:
+    """Puts them in the place of what the materials' nodes show."""
+    made: dict[Any, Any] = {}
+    told = set()
+    for node in [each for material in materials for each in _nodes(material.node_tree if material.use_nodes else None, set())]:
+        image = node.image if node.type == "TEX_IMAGE" else None
+        if image is None or image.source not in ("SEQUENCE", "MOVIE"):
+            continue
+        told.add(image.name)
+        number = _number(bpy.context.scene, node.image_user)
+        key = image.name, number
+        if key not in made:
+            made[key] = _still(bpy, image, number)
+        if made[key] is not None:
+            node.image = made[key]
+    for name in sorted(told):
+        lost = all(still is None for (owner, _), still in made.items() if owner == name)
+        what = "is left out: bake it to pictures" if lost else "is shown as at the first frame"
+        notes.append(f"Image {name}: of a film or sequence, {what}")
+
+
+def _nodes(tree: Any, seen: set[str]) -> list[Any]:
+    if tree is None or tree.name in seen:
+        return []
+    seen.add(tree.name)
+    below = [each for node in tree.nodes if node.type == "GROUP" for each in _nodes(node.node_tree, seen)]
+    return [*tree.nodes, *below]
+
+
+def _number(scene: Any, user: Any) -> int:
+    """Of the picture in its sequence."""
+    last = max(user.frame_duration, 1)
+    at = scene.frame_current - user.frame_start + 1
+    at = (at - 1) % last + 1 if user.use_cyclic else min(max(at, 1), last)
+    return int(at + user.frame_offset)
+
+
+def _still(bpy: Any, image: Any, number: int) -> Any:
+    """A picture of the sequence; None where there is no such file, or it is a film's."""
+    if image.source == "MOVIE":
+        return None
+    path = Path(bpy.path.abspath(image.filepath))
+    numbered = path.with_name(NUMBER.sub(lambda found: str(number).zfill(len(found[1])), path.name))
+    for each in (numbered, path):
+        if each.is_file():
+            with contextlib.suppress(RuntimeError):
+                found = bpy.data.images.load(str(each))
+                found.colorspace_settings.name = image.colorspace_settings.name
+                found.alpha_mode = image.alpha_mode
+                return found
+    return None

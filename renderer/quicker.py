@@ -1,0 +1,108 @@
+"""What Numba finds out anew for each function, though the answer stays the same, is found out once: a third of the time that
+kernels take to compile.
+
+Nothing that is compiled comes out otherwise. To import this is enough.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import llvmlite.binding as llvm
+from numba.core import ir, types
+from numba.core.cpu import CPUContext
+from numba.core.errors import TypingError
+from numba.core.typing.context import Context
+
+__all__: list[str] = []
+
+
+def _asked_once(ask: Callable[[Any, Any], int]) -> Callable[[Any, Any], int]:
+    """How large the values of a type are, or where they may begin. Numba writes out a module with a variable of the type, and has
+    LLVM parse it: half a millisecond each time that an element of an array is read.
+    """
+    known: dict[Any, int] = {}
+
+    def found(context: Any, kind: Any) -> int:
+        if kind not in known:
+            known[kind] = ask(context, kind)
+        return known[kind]
+
+    return found
+
+
+def _with_new_modules(load: Callable[[Any], None]) -> Callable[[Any], None]:
+    """Looks for what Numba's own modules declare where any module is new: else it would take fifty imports a function."""
+    seen: dict[int, int] = {}
+
+    def look(context: Any) -> None:
+        if seen.get(id(context)) != len(sys.modules):
+            load(context)
+            seen[id(context)] = len(sys.modules)
+
+    return look
+
+
+def _typed_once(ask: Callable[..., Any]) -> Callable[..., Any]:
+    """What a function of Numba's makes of certain types. It is asked up to three times more for each operation that is written
+    out, since there may be a shorter way for operands that are known.
+    """
+    known: dict[Any, tuple[Any, Any, TypingError | None]] = {}
+    modules = 0
+
+    def found(function: Any, context: Any, arguments: tuple[types.Type, ...], named: dict[str, types.Type]) -> Any:
+        nonlocal modules
+        if named:
+            return ask(function, context, arguments, named)
+        if modules != len(sys.modules):  # they may bring more that is known
+            known.clear()
+            modules = len(sys.modules)
+        key = id(function), arguments
+        if key not in known:
+            signature = error = None
+            try:
+                signature = ask(function, context, arguments, named)
+            except TypingError as reason:
+                error = reason
+            known[key] = function, signature, error  # the function too: while it is there, nothing else has its id
+        _, signature, error = known[key]
+        if error is not None:
+            raise error.with_traceback(None)
+        return signature
+
+    return found
+
+
+_PLAIN = frozenset((ir.Loc, ir.Scope, str, int, bool, float, type(None)))
+_list_rest = ir.Inst._rec_list_vars
+
+
+def _list_variables(instruction: Any, value: Any) -> list[Any]:
+    """The variables in a part of an instruction: Numba asks each part what it is five times over."""
+    kind = type(value)
+    if kind is ir.Var:
+        return [value]
+    if kind in _PLAIN:
+        return []
+    if kind is not dict:
+        return list(_list_rest(instruction, value))
+    found = []
+    for each in value.values():
+        kind = type(each)
+        if kind is ir.Var:
+            found.append(each)
+        elif kind not in _PLAIN:
+            found.extend(_list_variables(instruction, each))
+    return found
+
+
+for _name in ("get_abi_sizeof", "get_abi_alignment"):
+    setattr(CPUContext, _name, _asked_once(getattr(CPUContext, _name)))
+for _context in (CPUContext, Context):
+    setattr(_context, "load_additional_registries", _with_new_modules(_context.load_additional_registries))  # noqa: B010
+setattr(types.BaseFunction, "get_call_type", _typed_once(types.BaseFunction.get_call_type))  # noqa: B010
+setattr(ir.Inst, "_rec_list_vars", _list_variables)  # noqa: B010
+# Each function that is being compiled is told of each call of LLVM, to add up its time.
+llvm.ffi.lib._lock._cblist.clear()

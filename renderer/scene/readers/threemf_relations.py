@@ -1,0 +1,24 @@
+"""The relations of a part of a 3MF package: what other parts it leads to, and as what (ECMA-376 part 2)."""
+
+from __future__ import annotations
+
+from xml.parsers import expat
+
+__all__ = ["relations_of"]
+
+
+def relations_of(data: bytes) -> list[tuple[str, str]]:
+    """Targets and types of a part's relations."""
+    found: list[tuple[str, str]] = []
+    parser = expat.ParserCreate()
+
+    def start(tag: str, said: dict[str, str]) -> None:
+        if tag.rpartition(":")[2] == "Relationship":
+            found.append((said.get("Target", ""), said.get("Type", "").lower()))
+
+    parser.StartElementHandler = start
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError:
+        return []
+    return found

@@ -1,0 +1,69 @@
+"""Which filament slicers print a 3MF's objects with: Bambu Studio, Orca and PrusaSlicer keep that in files of their own.
+
+Metadata/model_settings.config says of each object and of each of its parts the extruder, from 1; project_settings.config the
+colour of each filament. PrusaSlicer's files are Slic3r_PE_model.config and Slic3r_PE.config.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Collection
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+from renderer.errors import SceneError
+from renderer.scene.readers.xml import refuse_entities
+
+__all__ = ["PAINTED", "Filaments", "filaments_of"]
+
+PAINTED = ("paint_color", "mmu_segmentation")  # of triangles, whose colours a slicer's brush has changed
+_MODELS = ("metadata/model_settings.config", "metadata/slic3r_pe_model.config")
+_BAMBU, _PRUSA = "metadata/project_settings.config", "metadata/slic3r_pe.config"
+_COLOR = re.compile(r"#[0-9A-Fa-f]{6}(?:[0-9A-Fa-f]{2})?")
+_EXTRUDERS = re.compile(r"(?m)^; (?:extruder|filament)_colour = (.+)$")
+
+
+class Filaments(NamedTuple):
+    """Colours as #RRGGBB: of objects, and of parts of objects, by their ids."""
+
+    objects: dict[str, str] = {}  # noqa: RUF012 - never written to
+    parts: dict[str, str] = {}  # noqa: RUF012
+
+
+def filaments_of(names: Collection[str], read: Callable[[str], bytes], file: str) -> Filaments:
+    """Those of a package. names: of its files, in lower case. Files that make no sense say nothing."""
+    model = next((name for name in _MODELS if name in names), None)
+    if model is None:
+        return Filaments()
+    try:
+        colors = _colors(names, read)
+        data = read(model)
+        refuse_entities(data, file)
+        root = ElementTree.fromstring(data)
+    except (ElementTree.ParseError, SceneError, ValueError):
+        return Filaments()
+    found = Filaments({}, {})
+    for each in root.iter("object"):
+        _add(found.objects, each, colors)
+        for part in each.iter("part"):
+            _add(found.parts, part, colors)
+    return found
+
+
+def _colors(names: Collection[str], read: Callable[[str], bytes]) -> list[str]:
+    if _BAMBU in names:
+        said: Any = json.loads(read(_BAMBU))
+        given = said.get("filament_colour", []) if isinstance(said, dict) else []
+        return [str(each) for each in given] if isinstance(given, list) else []
+    lines = _EXTRUDERS.findall(read(_PRUSA).decode("utf-8", "replace")) if _PRUSA in names else []
+    return max((line.strip().split(";") for line in lines), key=lambda line: sum(map(bool, line)), default=[])
+
+
+def _add(found: dict[str, str], thing: ElementTree.Element, colors: list[str]) -> None:
+    for said in thing.findall("metadata"):
+        number = said.get("value", "")
+        if said.get("key") == "extruder" and number.isdigit() and 0 < int(number) <= len(colors):
+            color = colors[int(number) - 1].strip()
+            if _COLOR.fullmatch(color):
+                found[thing.get("id", "")] = color

@@ -1,0 +1,53 @@
+"""Arnold's shaders in USD, as Maya, Houdini and 3ds Max write them under outputs:arnold:surface.
+
+Its standard_surface is the one that MaterialX took over, input for input; its textures have nodes of their own.
+Source: Arnold's documentation of standard_surface, image, normal_map and uv_transform.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from renderer.scene.readers.usd.inputs import Follow, Following, Input
+from renderer.scene.readers.usd.textures import Taken, composed, transform_2d
+
+__all__ = ["PREFIX", "STANDARD", "follow_arnold"]
+
+PREFIX = "arnold:"
+STANDARD = "arnold:standard_surface"
+_WRAPS = {"periodic": "repeat", "black": "black", "clamp": "clamp", "mirror": "mirror"}
+
+
+def follow_arnold(network: Following, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
+    """What a node that is no surface gives."""
+    node = kind.removeprefix(PREFIX)
+
+    def said(name: str, default: Any) -> Any:
+        value = follow(shader.GetInput(name), False, depth + 1).value
+        return default if value is None else value
+
+    if node == "normal_map":
+        return follow(shader.GetInput("input"), False, depth + 1)
+    if node != "image":
+        network.notes.add("Nodes of Arnold of these kinds are not known here, and left out", node)
+        return Input()
+    file = shader.GetInput("filename")
+    found = file.GetValueProducingAttributes() if file else []
+    if not found:
+        return Input()
+    space = str(said("color_space", "auto")).lower()
+    encoded = srgb if space in ("auto", "") else "srgb" in space
+    image = network.images.find(found[0], f"Material {network.user}", encoded, network.time)
+    if image is None:
+        return Input()
+    uv_set = network.uv_set(str(said("uvset", "")) or "st")
+    scale, offset = ((float(said(f"s{name}", d)), float(said(f"t{name}", d))) for name, d in (("scale", 1.0), ("offset", 0.0)))
+    transform = composed(transform_2d(scale, 0.0, offset), image[1])
+    wraps = [_WRAPS.get(str(said(f"{axis}wrap", "periodic")), "repeat") for axis in "st"]
+    texture = network.images.texture(image[0], (wraps[0], wraps[1]), uv_set, transform, network.user)
+    if texture is None:
+        return Input()
+    tint = Input(said("multiply", (1.0, 1.0, 1.0))).color((1.0, 1.0, 1.0))
+    taken = Taken(texture, output if output in ("r", "g", "b", "a") else "rgb")
+    return Input(None, replace(taken, scale=(*tint, 1.0)))

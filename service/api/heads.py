@@ -1,0 +1,28 @@
+"""HEAD of what is made on demand: the headers that are known beforehand, and nothing is made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from fastapi import Request
+from fastapi.responses import StreamingResponse
+from starlette.types import Scope
+
+__all__ = ["as_get", "headers_alone", "is_head"]
+
+HEAD = "rayfarm.head"  # in a scope: the headers alone are asked for
+
+
+def as_get(scope: Scope) -> Scope:
+    """Let a GET of the API be asked for its headers alone (RFC 9110, 9.1); the server drops the body of the answer."""
+    return {**scope, "method": "GET", HEAD: True}
+
+
+def is_head(request: Request) -> bool:
+    """Whether the headers alone are asked for."""
+    return HEAD in request.scope
+
+
+def headers_alone(headers: Mapping[str, str], media_type: str) -> StreamingResponse:
+    """The answer to that: without the length, which nobody knows before the content is made."""
+    return StreamingResponse(iter(()), media_type=media_type, headers=headers)

@@ -1,0 +1,32 @@
+"""What a watcher says over a WebSocket, at a pace that leaves time for everybody else.
+
+A message that is there already is read without any wait, so that a flood of them would keep the event loop to itself.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+
+from fastapi import WebSocket, WebSocketDisconnect
+
+__all__ = ["heard"]
+
+RATE = 500.0  # messages a second that are heard of one watcher for as long as it likes
+BURST = 200.0  # and at once, after a silence
+CHARACTERS = 8192  # that count as one message more
+
+
+async def heard(socket: WebSocket) -> AsyncIterator[str]:
+    """Each message as text; bytes as an empty one. Raises WebSocketDisconnect when the watcher leaves."""
+    left, at = BURST, time.monotonic()
+    while True:
+        message = await socket.receive()
+        if message["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect(message["code"])
+        text = message.get("text") or ""
+        yield text
+        now = time.monotonic()
+        left, at = min(left + (now - at) * RATE, BURST) - 1.0 - len(text) / CHARACTERS, now
+        await asyncio.sleep(max(0.0, -left / RATE))

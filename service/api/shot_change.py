@@ -1,0 +1,68 @@
+"""What a wish comes to for a shot: found out before the database is held, as a shot may have a hundred thousand frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.farm import Farm
+from service.scheduling.shot_wishes import FrameNow, ShotWish, change_shot
+from service.shot import Shot
+from service.store.frame_changes import Step, apply_at_once, begin, is_short
+from service.store.models import Frame, FrameChange, Job
+
+__all__ = ["ShotChange"]
+
+CHANGED = ("shot", "spp", "noise", "seconds", "state", "finished", "error", "reproduce")
+
+
+@dataclass(frozen=True)
+class ShotChange:
+    """before, after: of the job's columns. steps: what is to be done to its frames."""
+
+    before: dict[str, Any]
+    after: dict[str, Any]
+    steps: list[Step]
+
+    @classmethod
+    def of(cls, id: str, wish: ShotWish, farm: Farm) -> Self | None:
+        """What a wish comes to; None for a still, for one that is not about frames, and where there is no such job. What was
+        asked for before is done first. Raises Invalid, Conflict, FarmError."""
+        with farm.sessions() as session:
+            job = session.get(Job, id)
+            shot = Shot.of(job.shot) if job is not None else None
+            if job is None or shot is None or not wish.is_about_frames:
+                return None
+            session.expunge(job)
+        farm.frame_changes.carry_out(id)
+        with farm.sessions() as session:
+            query = select(Frame.number, Frame.spp, Frame.state).where(Frame.job == id).order_by(Frame.number)
+            if wish.is_about_failures:
+                query = query.where(Frame.state == "failed")
+            rows = session.execute(query)
+            frames = {number: FrameNow(spp, state) for number, spp, state in rows}
+        before = _columns(job)
+        steps = change_shot(job, shot, frames, wish)
+        return cls(before, _columns(job), steps)
+
+    def fits(self, job: Job, session: Session) -> bool:
+        """Whether the job is as it was, and nothing is being done to its frames."""
+        return _columns(job) == self.before and session.get(FrameChange, job.id) is None
+
+    def give(self, job: Job, session: Session) -> bool:
+        """Write it down in a transaction; whether there is something left to be carried out."""
+        for name, value in self.after.items():
+            setattr(job, name, value)
+        session.flush()
+        if is_short(self.steps):
+            apply_at_once(job, self.steps, session)
+            return False
+        begin(job.id, self.steps, session)
+        return True
+
+
+def _columns(job: Job) -> dict[str, Any]:
+    return {name: getattr(job, name) for name in CHANGED}

@@ -1,0 +1,163 @@
+"""What a shot's frames come to, added up where they are: by the engine, or by the database. A shot may have very many, and
+is described whenever somebody looks at a list.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from renderer.frames import frame_number, frames_text
+from service.scheduling.active_frame import FrameNumbers
+from service.scheduling.snapshot import JobNumbers
+from service.shot import Shot
+from service.store.models import ACTIVE, Frame, FrameChange, Job
+
+__all__ = ["ShotSums", "live_numbers", "sums_of"]
+
+MOST_NAMED = 500  # jobs in one query
+REMEMBERED = 20_000  # jobs that are over
+LONG = 500  # frames, of which more are remembered as sums
+
+
+@dataclass(frozen=True)
+class ShotSums:
+    """Over all frames of a shot. frames: which ones, as text. first: the first of them, by its key. failed: keys, in order.
+    progress: the sum of theirs. noise: the greatest; None while that of one that has not failed is not known."""
+
+    frames: str = ""
+    count: int = 0
+    first: tuple[int, FrameNumbers] | None = None
+    states: Mapping[str, int] = field(default_factory=dict)
+    failed: Sequence[int] = ()
+    samples: int = 0
+    bad_samples: int = 0
+    progress: float = 0.0
+    noise: float | None = None
+
+
+class _Memory:
+    """Of long shots that are over: while they stay as they are, so do these."""
+
+    def __init__(self) -> None:
+        self._known: OrderedDict[str, tuple[str, ShotSums]] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def get(self, job: Job) -> ShotSums | None:
+        with self._lock:
+            state, sums = self._known.get(job.id, ("", None))
+        return sums if state == _state(job) else None
+
+    def put(self, job: Job, sums: ShotSums) -> None:
+        with self._lock:
+            self._known[job.id] = _state(job), sums
+            while len(self._known) > REMEMBERED:
+                self._known.popitem(last=False)
+
+
+_memory = _Memory()
+
+
+def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Session) -> dict[str, ShotSums]:
+    """Of shots, by their ids. live: the engine's latest numbers, which count of those that are not over."""
+    found: dict[str, ShotSums] = {}
+    asked: list[Job] = []
+    changing = set(session.scalars(select(FrameChange.job))) if jobs else set()
+    for job in jobs:
+        known = None if job.id in changing else live_numbers(job, live.get(job.id))
+        remembered = _memory.get(job) if job.state not in ACTIVE and job.id not in live and job.id not in changing else None
+        if known is not None:
+            found[job.id] = _of_engine(job, known)
+        elif remembered is not None:
+            found[job.id] = remembered
+        else:
+            asked.append(job)
+    for at in range(0, len(asked), MOST_NAMED):
+        some = asked[at : at + MOST_NAMED]
+        found |= _recorded(some, session)
+        for job in some:
+            known = live.get(job.id) if job.state not in ACTIVE else None
+            if known is not None and known.frames and known.samples > found[job.id].samples:
+                found[job.id] = _of_engine(job, known)  # more was told than is written down yet
+            is_at_rest = job.state not in ACTIVE and job.id not in live and job.id not in changing
+            if is_at_rest and found[job.id].count > LONG:
+                _memory.put(job, found[job.id])
+    return found
+
+
+def live_numbers(job: Job, known: JobNumbers | None) -> JobNumbers | None:
+    """The engine's numbers of a shot where they count: it is being rendered, and as what is asked for now."""
+    shot = Shot.of(job.shot)
+    is_as_asked = known is not None and shot is not None and known.revision == shot.revision
+    return known if is_as_asked and known is not None and known.frames and job.state in ACTIVE else None
+
+
+def _of_engine(job: Job, known: JobNumbers) -> ShotSums:
+    first = next(iter(known.frames))
+    shot = Shot.of(job.shot)
+    text = shot.frames if shot is not None and shot.frames is not None else frames_text(map(frame_number, known.frames))
+    about = (text, len(known.frames), (first, known.frames[first]), known.states, known.failed)
+    return ShotSums(*about, known.samples, known.bad_samples, known.progress * len(known.frames), known.noise)
+
+
+def _recorded(jobs: Sequence[Job], session: Session) -> dict[str, ShotSums]:
+    """As they were last written down."""
+    ids = [job.id for job in jobs]
+    counts = func.count(), func.count(Frame.noise), func.min(Frame.number)
+    sums = (func.coalesce(func.sum(each), 0) for each in (Frame.samples, Frame.bad_samples, Frame.progress))
+    columns = (Frame.job, Frame.state, *counts, *sums, func.max(Frame.noise))
+    rows: dict[str, list[Any]] = {}
+    for job_id, *row in session.execute(select(*columns).where(Frame.job.in_(ids)).group_by(Frame.job, Frame.state)):
+        rows.setdefault(str(job_id), []).append(row)
+    first_of = select(Frame.job, func.min(Frame.number).label("first")).where(Frame.job.in_(ids)).group_by(Frame.job).subquery()
+    names = [getattr(Frame, name) for name in ("job", "number", *FrameNumbers._fields)]
+    firsts = select(*names).join(first_of, (Frame.job == first_of.c.job) & (Frame.number == first_of.c.first))
+    first = {job_id: (number, FrameNumbers._make(numbers)) for job_id, number, *numbers in session.execute(firsts)}
+    failed: dict[str, list[int]] = {}
+    where = (Frame.job.in_([id for id, found in rows.items() if any(state == "failed" for state, *_ in found)]),)
+    named = select(Frame.job, Frame.number).where(*where, Frame.state == "failed").order_by(Frame.number)
+    for job_id, number in session.execute(named):
+        failed.setdefault(str(job_id), []).append(number)
+    return {job.id: _added_up(job, rows.get(job.id, []), first.get(job.id), failed.get(job.id, []), session) for job in jobs}
+
+
+def _added_up(job: Job, rows: list[Any], first: tuple[int, FrameNumbers] | None, failed: list[int], session: Session) -> ShotSums:
+    if not rows:
+        return ShotSums()
+    able = [row for row in rows if row[0] != "failed"]
+    is_known = able and all(known == count for _, count, known, *_ in able)
+    count = sum(row[1] for row in rows)
+    return ShotSums(
+        frames=_text(job, session),
+        count=count,
+        first=first,
+        states={row[0]: row[1] for row in rows},
+        failed=failed,
+        samples=int(sum(row[4] for row in rows)),
+        bad_samples=int(sum(row[5] for row in rows)),
+        progress=float(sum(row[6] for row in rows)),
+        noise=max(row[7] for row in able) if is_known else None,
+    )
+
+
+def _text(job: Job, session: Session) -> str:
+    """Which frames a shot has: as its row says, where no earlier release wrote that."""
+    shot = Shot.of(job.shot)
+    if shot is not None and shot.frames is not None:
+        return shot.frames
+    numbers = session.scalars(select(Frame.number).where(Frame.job == job.id).order_by(Frame.number))
+    return frames_text(map(frame_number, numbers))
+
+
+def _state(job: Job) -> str:
+    """Another one as soon as anything is asked of a job or done for it."""
+    return json.dumps(
+        [job.state, job.started, job.finished, job.active_s, job.spp, job.noise, job.seconds, job.shot, job.doubted]
+    )

@@ -1,0 +1,273 @@
+"""Changes to many frames of a shot. A transaction over a hundred thousand rows would hold the database for seconds, and with it
+everybody else; so a long change is written down as a whole, in the transaction that accepts it, and then carried out some
+thousand frames at a time. One that a killed service has left is carried out by the next. Meanwhile its job is not rendered.
+"""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from sqlalchemy import BigInteger, Float, case, cast, delete, func, insert, literal, null, select, update
+from sqlalchemy.orm import Session
+
+from renderer.frames import frame_key, frame_number, frames_text, parse_frames
+from service.errors import FarmError
+from service.store.database import Sessions
+from service.store.models import Frame, FrameChange, Job
+
+__all__ = ["FrameChanges", "Step", "apply_at_once", "begin", "is_short"]
+
+AT_A_TIME = 2000  # frames in one transaction
+MOST_PAUSE_S = 0.1
+AGAIN_AFTER_S = 5.0  # where the database or the disk was in the way
+AS_TOLD = {"synchronize_session": False}
+NEARLY = 0.9999
+
+Given = Mapping[int, Mapping[str, Any]]  # of a frame, by its key: columns in which it differs from the others
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Step:
+    """What is done to some frames of a job.
+
+    add: they are written down, to come to `target` samples. unplan: their own aims are dropped. again: what was rendered of
+    them counts no more (and, with `unplan`, nor do their own aims). aim: the job's aim is theirs, and theirs only where it is
+    higher (unless `keep`). more: each comes to `spp` samples a pixel, or `more` than before. heal: those that failed are tried
+    again. drop: the job is being deleted, and all of its frames go.
+
+    frames: which ones, as renderer.frames.frames_text writes them.
+    """
+
+    do: Literal["add", "unplan", "again", "aim", "more", "heal", "drop"]
+    frames: str = ""
+    target: int = 0
+    unplan: bool = False
+    keep: bool = False
+    spp: int | None = None
+    more: int | None = None
+
+    @classmethod
+    def of(cls, do: Any, keys: Sequence[int], **what: Any) -> Step:
+        """For frames by their keys."""
+        return cls(do, frames_text([frame_number(key) for key in keys]), **what)
+
+    @property
+    def keys(self) -> list[int]:
+        """The frames."""
+        return [frame_key(number) for number in parse_frames(self.frames)] if self.frames else []
+
+
+def is_short(steps: Sequence[Step]) -> bool:
+    """Whether steps may be done in one transaction."""
+    return sum(len(step.keys) for step in steps) <= AT_A_TIME and all(step.do != "drop" for step in steps)
+
+
+def begin(job: str, steps: Sequence[Step], session: Session) -> None:
+    """Write down what is to be done; whatever was under way is forgotten."""
+    session.execute(delete(FrameChange).where(FrameChange.job == job))
+    samples = sum(len(step.keys) * step.target for step in steps if step.do == "add")
+    session.add(FrameChange(job=job, steps=[asdict(step) for step in steps], done=0, samples=samples))
+
+
+def apply_at_once(job: Job, steps: Sequence[Step], session: Session, given: Given | None = None) -> None:
+    """Do steps that are short."""
+    for step in steps:
+        _apply(job, step, step.keys, session, given or {})
+
+
+class FrameChanges:
+    """May be used from any thread."""
+
+    def __init__(self, sessions: Sessions, changed: Callable[[str, str], None], deleted: Callable[[str], None]) -> None:
+        """changed: told of "job" and its id once all is done. deleted: told of a job whose frames are gone, and that is to go
+        as well."""
+        self._sessions = sessions
+        self._changed = changed
+        self._deleted = deleted
+        self._later: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="frame changes", daemon=True)
+
+    def start(self) -> None:
+        """Begin with what an earlier life has left."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End after what is in hand."""
+        self._stop.set()
+        self._later.put(None)
+        if self._thread.is_alive():
+            self._thread.join(10)
+
+    def is_under_way(self, job: str) -> bool:
+        """Whether something is being done to a job's frames."""
+        return self._under_way(job) is not None
+
+    def carry_out(self, job: str, given: Given | None = None) -> None:
+        """Do all that is written down for a job. Raises FarmError; then it is gone on with later.
+
+        given: of frames that are to be added, what is different of them."""
+        try:
+            self._carry_out(job, given or {})
+        except FarmError:
+            self._later.put(job)
+            raise
+
+    def carry_out_drop(self, job: str) -> None:
+        """Remove the frames of a job that is being deleted: those that refer to no blobs. Raises FarmError; then it is deleted
+        later."""
+        try:
+            self._drop(job)
+        except FarmError:
+            self._later.put(job)
+            raise
+
+    def _carry_out(self, job: str, given: Given) -> None:
+        while (change := self._under_way(job)) is not None and not _is_drop(change):
+            plan = [(step, keys) for step in map(_step, change.steps) for keys in _some(step.keys)]
+            while self._next(change, plan, given):
+                pass
+
+    def _drop(self, job: str) -> None:
+        while True:
+            began = time.monotonic()
+            with self._sessions.begin() as session:
+                some = select(Frame.number).where(Frame.job == job, Frame.compiled.is_(None)).limit(AT_A_TIME)
+                keys = list(session.scalars(some))
+                session.execute(delete(Frame).where(Frame.job == job, Frame.number.in_(keys)), execution_options=AS_TOLD)
+            if len(keys) < AT_A_TIME:
+                return
+            self._pause(began)
+
+    def _under_way(self, job: str) -> FrameChange | None:
+        with self._sessions() as session:
+            return session.get(FrameChange, job)
+
+    def _next(self, known: FrameChange, plan: list[tuple[Step, list[int]]], given: Given) -> bool:
+        """Do the next part; whether there is another. plan: what is done to which frames, in parts."""
+        began = time.monotonic()
+        with self._sessions.begin() as session:
+            change = session.get(FrameChange, known.job, with_for_update=True)
+            job = session.get(Job, known.job)
+            if change is None or job is None or change.steps != known.steps:
+                return False
+            before = 0
+            for step, keys in plan:
+                before += len(keys)
+                if change.done < before:
+                    _apply(job, step, keys, session, given)
+                    change.done = before
+                    change.samples -= step.target * len(keys) if step.do == "add" else 0
+                    break
+            is_left = change.done < sum(len(keys) for _, keys in plan)
+            if not is_left:
+                session.delete(change)
+        if is_left:
+            self._pause(began)
+        return is_left
+
+    def _pause(self, began: float) -> None:
+        """Others, who wait for SQLite's lock, have as much time as this had."""
+        self._stop.wait(min(time.monotonic() - began, MOST_PAUSE_S))
+
+    def _run(self) -> None:
+        try:
+            self._note_left()
+        except FarmError as error:
+            log.warning("what is left to do to frames is looked for later: %s", error)
+            self._later.put("")
+        while not self._stop.is_set():
+            job = self._later.get()
+            if job is None:
+                return
+            try:
+                self._go_on(job)
+            except FarmError as error:
+                log.warning("the frames of job %s are not all written down yet: %s", job, error)
+                self._stop.wait(AGAIN_AFTER_S)
+                self._later.put(job)
+            except Exception:
+                log.exception("the frames of job %s cannot be changed", job)
+
+    def _go_on(self, job: str) -> None:
+        if not job:
+            self._note_left()
+            return
+        change = self._under_way(job)
+        if change is not None and _is_drop(change):
+            self._drop(job)
+            self._deleted(job)
+            return
+        self._carry_out(job, {})
+        self._changed("job", job)
+
+    def _note_left(self) -> None:
+        with self._sessions() as session:
+            for job in session.scalars(select(FrameChange.job)):
+                self._later.put(job)
+
+
+def _is_drop(change: FrameChange) -> bool:
+    return any(_step(data).do == "drop" for data in change.steps)
+
+
+def _some(keys: list[int]) -> Iterator[list[int]]:
+    for at in range(0, len(keys), AT_A_TIME):
+        yield keys[at : at + AT_A_TIME]
+
+
+def _step(data: Mapping[str, Any]) -> Step:
+    return Step(**{name: data[name] for name in Step.__dataclass_fields__ if name in data})
+
+
+def _apply(job: Job, step: Step, keys: list[int], session: Session, given: Given) -> None:
+    if not keys:
+        return
+    if step.do == "add":
+        rows = [
+            {"job": job.id, "number": key, "samples": 0, "target": step.target, "bad_samples": 0, "progress": 0.0}
+            | {"state": "queued", "noise": None, "settings": None, **given.get(key, {})}
+            for key in keys
+        ]
+        session.execute(insert(Frame), rows)
+        return
+    frames = update(Frame).where(Frame.job == job.id, Frame.number.in_(keys))
+    opened = {"state": "queued", "error": None}
+    match step.do:
+        case "unplan":
+            frames = frames.values(spp=None)
+        case "again":
+            nothing: dict[str, Any] = dict.fromkeys(("samples", "target", "bad_samples"), 0)
+            nothing |= {"progress": 0.0, "noise": None, "settings": null(), "compiled": null(), **opened}
+            frames = frames.values(nothing | ({"spp": None} if step.unplan else {}))
+        case "aim":
+            if not step.keep:
+                lower = update(Frame).where(Frame.job == job.id, Frame.number.in_(keys), Frame.spp <= (job.spp or 0))
+                session.execute(lower.values(spp=None), execution_options=AS_TOLD)
+            frames = frames.where(Frame.state != "failed").values(_aimed(job) | opened)
+        case "more":
+            wanted = literal(step.spp) if step.spp is not None else func.coalesce(Frame.spp, job.spp or 0) + (step.more or 0)
+            session.execute(frames.values(spp=wanted), execution_options=AS_TOLD)
+            frames = frames.where(Frame.state != "failed").values(_aimed(job) | opened)
+        case "heal":
+            frames = frames.where(Frame.state == "failed").values(opened)
+    session.execute(frames, execution_options=AS_TOLD)
+
+
+def _aimed(job: Job) -> dict[str, Any]:
+    """What a frame has is a part of what it is to have now."""
+    size = job.settings or {}
+    pixels = literal(int(size.get("width", 0)) * int(size.get("height", 0)), BigInteger)
+    wanted = cast(func.coalesce(Frame.spp, job.spp or 0), BigInteger) * pixels
+    target = case((wanted > Frame.samples, wanted), else_=Frame.samples)
+    share = cast(Frame.samples, Float) / cast(target, Float)
+    progress = case((target <= 0, 0.0), (share > NEARLY, NEARLY), else_=share)
+    return {"target": target, "progress": progress}

@@ -1,0 +1,22 @@
+"""What is being done to the frames of a long shot, some at a time: service/store/frame_changes.py."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0019"
+down_revision = "0018"
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    """Nothing is under way."""
+    op.create_table(
+        "frame_changes",
+        sa.Column("job", sa.String(40), sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+        sa.Column("steps", sa.JSON(), nullable=False),
+        sa.Column("done", sa.Integer(), nullable=False),
+        sa.Column("samples", sa.BigInteger(), nullable=False),
+    )

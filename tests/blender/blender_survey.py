@@ -1,0 +1,248 @@
+"""What a scene may ask of a renderer, one thing each: to be taken over, or named. Run by a Python that has bpy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import bpy
+from blender_scenes import add, background, empty, lamp, look, principled, world_node
+
+Survey = tuple[Callable[[bpy.types.Scene], None], str, str]
+
+
+def _sky(kind: str) -> Callable[[bpy.types.Scene], None]:
+    def build(scene: bpy.types.Scene) -> None:
+        _things()
+        node = world_node(scene, "ShaderNodeTexSky")
+        node.sky_type = kind
+        if kind == "NISHITA":
+            node.sun_elevation, node.sun_rotation, node.sun_size = 0.6, 0.8, 0.1
+            background(scene).inputs["Strength"].default_value = 0.1
+        else:
+            node.sun_direction = (0.4, -0.5, 0.76)
+
+    return build
+
+
+def _things() -> None:
+    """A matt floor with things, of which none is glossy enough to show single pixels of a lamp."""
+    add("plane", principled("floor", Base_Color=(0.6, 0.55, 0.5, 1), Roughness=0.9, Specular_IOR_Level=0.0), 1, size=12)
+    red = principled("red", Base_Color=(0.7, 0.08, 0.05, 1), Roughness=0.6)
+    blue = principled("blue", Base_Color=(0.05, 0.2, 0.5, 1), Roughness=0.7)
+    add("uv_sphere", red, 2, location=(-1.1, -0.3, 0.7), radius=0.7)
+    add("cube", blue, 3, smooth=False, location=(1.0, 0.2, 0.5), size=1.0, rotation=(0, 0, 0.6))
+    bpy.data.materials["red"].pass_index, bpy.data.materials["blue"].pass_index = 11, 12
+
+
+def _plain(scene: bpy.types.Scene) -> None:
+    _things()
+    lamp("AREA", 400.0, (2, -3, 5), size=2.0)
+
+
+def _area(**values) -> Callable[[bpy.types.Scene], None]:
+    def build(scene: bpy.types.Scene) -> None:
+        _things()
+        thing = lamp("AREA", 300.0, (1.5, -2.5, 3), **values)
+        thing.scale = (1.0, 2.0, 1.0)
+
+    return build
+
+
+def _lens(**values) -> Callable[[bpy.types.Scene], None]:
+    def build(scene: bpy.types.Scene) -> None:
+        _plain(scene)
+        data = scene.camera.data
+        for name, value in values.items():
+            setattr(data.dof if hasattr(data.dof, name) else data, name, value)
+
+    return build
+
+
+def _render(**values) -> Callable[[bpy.types.Scene], None]:
+    def build(scene: bpy.types.Scene) -> None:
+        _plain(scene)
+        for name, value in values.items():
+            setattr(scene.render, name, value)
+
+    return build
+
+
+def _thing(**values) -> Callable[[bpy.types.Scene], None]:
+    def build(scene: bpy.types.Scene) -> None:
+        _plain(scene)
+        for name, value in values.items():
+            setattr(bpy.data.objects["Cube"], name, value)
+
+    return build
+
+
+def _film(scene: bpy.types.Scene) -> None:
+    _plain(scene)
+    scene.cycles.film_exposure = 2.0
+
+
+def _view(scene: bpy.types.Scene) -> None:
+    """What the picture is looked at with: no pixel of an EXR is another."""
+    _plain(scene)
+    scene.view_settings.view_transform, scene.view_settings.exposure = "AgX", 1.5
+
+
+def _scaled_camera(scene: bpy.types.Scene) -> None:
+    _plain(scene)
+    scene.camera.scale = (2.0, 0.5, 3.0)
+
+
+def _held(scene: bpy.types.Scene) -> None:
+    """By its collection, in the view layer."""
+    _plain(scene)
+    aside = bpy.data.collections.new("aside")
+    scene.collection.children.link(aside)
+    cube = bpy.data.objects["Cube"]
+    scene.collection.objects.unlink(cube)
+    aside.objects.link(cube)
+    bpy.context.view_layer.layer_collection.children["aside"].holdout = True
+
+
+def _linked(scene: bpy.types.Scene) -> None:
+    """A lamp for one thing alone."""
+    _plain(scene)
+    receivers = bpy.data.collections.new("receivers")
+    receivers.objects.link(bpy.data.objects["Cube"])
+    bpy.data.objects["area"].light_linking.receiver_collection = receivers
+
+
+def _far(scene: bpy.types.Scene) -> None:
+    """Of the floor the camera sees no more than the first metres."""
+    _plain(scene)
+    scene.camera.data.clip_end = 7.0
+
+
+def _dark_world(scene: bpy.types.Scene) -> None:
+    """Lights, but is not there for the camera."""
+    _plain(scene)
+    scene.camera.rotation_euler[0] += 0.25
+    scene.world.cycles_visibility.camera = False
+
+
+def _foggy(scene: bpy.types.Scene) -> None:
+    _plain(scene)
+    tree = scene.world.node_tree
+    fog = tree.nodes.new("ShaderNodeVolumeScatter")
+    fog.inputs["Density"].default_value = 0.05
+    tree.links.new(fog.outputs[0], tree.nodes["World Output"].inputs["Volume"])
+
+
+def _overridden(scene: bpy.types.Scene) -> None:
+    """All in clay, as the view layer says."""
+    _plain(scene)
+    bpy.context.view_layer.material_override = principled("clay", Base_Color=(0.8, 0.3, 0.1, 1), Roughness=1.0)
+
+
+def _mirrored(scene: bpy.types.Scene) -> None:
+    """Turned inside out by a negative scale, and sheared by a parent."""
+    _plain(scene)
+    parent = bpy.data.objects.new("parent", None)
+    parent.scale, parent.rotation_euler = (1.5, 0.7, 1.0), (0, 0, 0.5)
+    scene.collection.objects.link(parent)
+    cube, ball = bpy.data.objects["Cube"], bpy.data.objects["Sphere"]
+    cube.parent, ball.scale = parent, (-1.0, 1.0, 0.8)
+
+
+def _simplified(scene: bpy.types.Scene) -> None:
+    """Surfaces no smoother than the scene lets them be rendered."""
+    _plain(scene)
+    scene.render.use_simplify, scene.render.simplify_subdivision, scene.render.simplify_subdivision_render = True, 0, 1
+    smooth = bpy.data.objects["Cube"].modifiers.new("smooth", "SUBSURF")
+    smooth.levels, smooth.render_levels = 4, 4
+
+
+def _hidden(scene: bpy.types.Scene) -> None:
+    """Things that some rays pass by, for their indices."""
+    _plain(scene)
+    for i, (name, flag) in enumerate((("unseen", "visible_camera"), ("shadeless", "visible_shadow"))):
+        colored = principled(name, Base_Color=(0.2, 0.6, 0.2, 1), Roughness=0.8)
+        colored.pass_index = 21 + i
+        thing = add("uv_sphere", colored, 31 + i, location=(-0.2 + 0.9 * i, -1.6, 0.3), radius=0.3)
+        setattr(thing, flag, False)
+    shared = add("uv_sphere", bpy.data.materials["red"], 40, location=(1.8, -1.0, 0.3), radius=0.3)
+    shared.visible_shadow = False
+
+
+def _pano(kind: str, border: bool = False) -> Callable[[bpy.types.Scene], None]:
+    def build(scene: bpy.types.Scene) -> None:
+        _plain(scene)
+        scene.camera.data.type = "PANO"
+        data = scene.camera.data
+        (data if hasattr(data, "panorama_type") else data.cycles).panorama_type = kind
+        scene.camera.location, scene.camera.rotation_euler = (0.3, -2.2, 1.2), (math.pi / 2 - 0.2, 0.1, 0.3)
+        if border:
+            _cut(scene)
+
+    return build
+
+
+def _cut(scene: bpy.types.Scene, is_cropped: bool = True) -> None:
+    render = scene.render
+    render.use_border, render.use_crop_to_border = True, is_cropped
+    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.25, 0.75, 0.25, 0.75
+
+
+def _border(scene: bpy.types.Scene) -> None:
+    _plain(scene)
+    _cut(scene, is_cropped=False)
+
+
+def _lights_of_nodes(scene: bpy.types.Scene) -> None:
+    _plain(scene)
+    light = bpy.data.lights["area"]
+    light.use_nodes = True
+    falls = light.node_tree.nodes.new("ShaderNodeLightFalloff")
+    light.node_tree.links.new(falls.outputs["Linear"], light.node_tree.nodes["Emission"].inputs["Strength"])
+
+
+def _two_eyes(scene: bpy.types.Scene) -> None:
+    _plain(scene)
+    scene.render.use_multiview = True
+
+
+# By name: how it is built, and a word of what the add-on, and of what the .blend's reader says; "": it is as Cycles has it.
+SURVEY: dict[str, Survey] = {
+    "sky-nishita": (_sky("NISHITA"), "sky", ""),
+    "sky-hosek": (_sky("HOSEK_WILKIE"), "sky", ""),
+    "area-ellipse": (_area(shape="ELLIPSE", size=1.5, size_y=0.6), "", ""),
+    "area-spread": (_area(shape="RECTANGLE", size=1.0, size_y=0.6, spread=0.8), "spread", "spread"),
+    "ortho": (_lens(type="ORTHO", ortho_scale=5.0, shift_x=0.1), "", ""),
+    "pano": (_pano("EQUIRECTANGULAR"), "", ""),
+    "pano-border": (_pano("EQUIRECTANGULAR", border=True), "", "region"),
+    "fisheye": (_pano("FISHEYE_EQUISOLID"), "panorama", "equirectangular"),
+    "blades": (_lens(use_dof=True, aperture_fstop=0.1, focus_distance=6.0, aperture_blades=5), "blades", "blades"),
+    "film-exposure": (_film, "exposure", "exposure"),
+    "view-exposure": (_view, "", ""),
+    "camera-scaled": (_scaled_camera, "", ""),
+    "camera-far": (_far, "end", "end"),
+    "border": (_border, "", "region"),
+    "pixel-aspect": (_render(pixel_aspect_x=2.0), "square", "square"),
+    "film-transparent": (_render(film_transparent=True), "ransparent film", "ransparent film"),
+    "two-eyes": (_two_eyes, "eye", "eye"),
+    "holdout": (_thing(is_holdout=True), "holdout", "holdout"),
+    "holdout-collection": (_held, "holdout", "holdout"),
+    "shadow-catcher": (_thing(is_shadow_catcher=True), "shadow catcher", "shadow catcher"),
+    "hidden": (_hidden, "", ""),
+    "light-linking": (_linked, "inking", "inking"),
+    "light-nodes": (_lights_of_nodes, "nodes", "nodes"),
+    "world-unseen": (_dark_world, "World", "World"),
+    "world-volume": (_foggy, "volume", "volume"),
+    "override": (_overridden, "", ""),
+    "mirrored": (_mirrored, "", ""),
+    "simplify": (_simplified, "implify", ""),
+}
+
+
+def made(name: str) -> bpy.types.Scene:
+    """The scene of a name."""
+    scene = empty()
+    SURVEY[name][0](scene)
+    if scene.camera.data.type != "PANO" and name not in ("camera-scaled", "world-unseen"):
+        look(scene.camera)
+    return scene

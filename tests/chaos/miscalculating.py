@@ -1,0 +1,33 @@
+"""A worker of a machine that miscalculates: a real one, in whose every fifth batch one bit of the sums is wrong.
+
+python -m tests.chaos.miscalculating --service URL --slots 1 --name NAME
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from worker import __main__ as program
+from worker.work import render
+
+EVERY = 5
+_exact = render.render_batch
+
+
+def spoiled(scene: Any, settings: Any, tile: Any, first: int, count: int) -> Any:
+    """As `render_batch`, on faulty memory."""
+    found = _exact(scene, settings, tile, first, count)
+    spoiled.made += 1  # type: ignore[attr-defined]
+    if spoiled.made % EVERY:  # type: ignore[attr-defined]
+        return found
+    sums = found.sums.copy()
+    sums[0, sums.shape[1] // 2, 0] ^= 1 << 9
+    return found._replace(sums=sums)
+
+
+spoiled.made = 0  # type: ignore[attr-defined]
+
+if __name__ == "__main__":
+    render.render_batch = spoiled
+    sys.exit(program.main())

@@ -1,0 +1,50 @@
+"""A GLB that is changed: what was in it stays, what comes to it is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer.blender.inside.glb import Glb
+from renderer.blender.inside.large import put_back
+from renderer.scene.load import read
+from tests.renderer.scene.builders import Gltf, world
+
+SQUARE = np.array([(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0)], np.float32)
+
+
+class Meant:
+    """As rayfarm_addon's meshes are: in Blender's axes, with a part for each material."""
+
+    positions = SQUARE
+    normals = np.tile(np.float32((0, 0, 1)), (4, 1))
+    uvs = (SQUARE[:, :2],)
+    parts = ((0, np.array([0, 1, 2, 0, 2, 3], np.uint32)),)
+
+
+def test_a_stand_in_becomes_what_it_stands_for(tmp_path: Path) -> None:
+    g = Gltf()
+    g.mesh()
+    path = tmp_path / "a.glb"
+    path.write_bytes(g.glb())
+    before = world(read(tmp_path, "a.glb"))
+    glb = Glb(path)
+    glb.document["meshes"][0]["name"] = "large"
+    glb.write(path)
+    np.testing.assert_array_equal(world(read(tmp_path, "a.glb")), before)
+    put_back(path, {"other": Meant, "large": Meant})
+    found = read(tmp_path, "a.glb")
+    corners = world(found)
+    assert corners.shape == (2, 3, 3)
+    np.testing.assert_allclose(corners.reshape(-1, 3).max(axis=0), (2, 0, 0))  # Blender's up is glTF's Y
+    np.testing.assert_allclose(corners.reshape(-1, 3).min(axis=0), (0, 0, -1))
+    assert found.meshes[0].normals is not None
+    np.testing.assert_allclose(found.meshes[0].normals, np.tile((0, 1, 0), (4, 1)))
+
+
+def test_what_is_no_glb_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.glb").write_bytes(b"glXF" + bytes(40))
+    with pytest.raises(ValueError, match=r"a\.glb is no GLB"):
+        Glb(tmp_path / "a.glb")

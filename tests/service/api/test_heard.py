@@ -1,0 +1,52 @@
+"""A flood of messages leaves time for everybody else."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import Any
+
+from service.api.heard import BURST, CHARACTERS, RATE, heard
+
+MOST = 200_000
+
+
+class Flood:
+    """A socket of which the next message is always there already."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.read = 0
+
+    async def receive(self) -> dict[str, Any]:
+        self.read += 1
+        if self.read > MOST:
+            raise AssertionError("nobody else had a turn")
+        return {"type": "websocket.receive", "text": self.text}
+
+
+def heard_while_others_work(text: str) -> float:
+    """How many messages are taken in of a flood while another task rests, over how many there may be."""
+
+    async def both() -> float:
+        flood = Flood(text)
+
+        async def listen() -> None:
+            async for _ in heard(flood):  # type: ignore[arg-type]  # a socket as far as is asked of it
+                pass
+
+        begun = time.monotonic()
+        listening = asyncio.create_task(listen())
+        await asyncio.sleep(0.2)
+        cost = 1.0 + len(text) / CHARACTERS
+        allowed = (BURST + (time.monotonic() - begun) * RATE) / cost + 2
+        assert not listening.done()
+        listening.cancel()
+        return flood.read / allowed
+
+    return asyncio.run(both())
+
+
+def test_a_flood_of_messages_is_heard_at_a_pace() -> None:
+    assert heard_while_others_work("{}") <= 1.0
+    assert heard_while_others_work("x" * 100_000) <= 1.0

@@ -1,0 +1,80 @@
+/** What is said about a scene: how far it is prepared, why it cannot be rendered, what was left out, and what helps. */
+
+import { h } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+import { said } from "../base/said.js";
+import { t, tn } from "../base/words.js";
+import { LACKS, addFiles, choose, showOther } from "../shell/uploads.js";
+
+/** @typedef {import("../base/types.js").Scene} Scene */
+
+/** The first say most; a file of another program may have dozens. */
+const WARNINGS_SHOWN = 4;
+/** Nothing is wrong with such a file. */
+const UNLIT = /^The scene has no light: /;
+/** Of renderer/formats.py, for programs; here a button is pressed. */
+const RIVALS = /^Several scene files were given; (.+) is used\. To use another, name it as `main`: (.+)\.$/;
+
+/** @param {string | null} step as the worker says it @returns {string} */
+export function stepWords(step) {
+  const words = said(step);
+  return words && `${words[0]?.toUpperCase()}${words.slice(1)} …`;
+}
+
+/** Why a scene cannot be rendered, and what helps first. @param {Scene} scene */
+export function failure(scene) {
+  const add = addButton(scene, scene.error);
+  add?.classList.add("primary");
+  return [
+    h("div", { class: "notice error", role: "alert" }, icon("warning"), h("div", null, h("strong", null, t("This cannot be rendered. ")), said(scene.error))),
+    h(
+      "section",
+      { class: "section row wraps for-submit" },
+      add,
+      h("button", { class: `button ${add ? "" : "primary"}`, type: "button", onclick: () => choose({ folder: false }) }, icon("upload"), t("Upload it again")),
+      h("button", { class: "button", type: "button", onclick: () => choose({ folder: true }) }, icon("folder"), t("Upload a folder")),
+    ),
+  ];
+}
+
+/** What was left out of a scene or taken in another way. @param {Scene} scene */
+export function warnings(scene) {
+  const sentences = scene.warnings.filter((sentence) => !UNLIT.test(sentence));
+  const light = sentences.length < scene.warnings.length && h("p", { class: "quiet small scene-note" }, icon("sun"), t("The file has no light of its own, so a soft studio light stands in. Choose another under “Light”."));
+  if (!sentences.length) return light;
+  const list = (/** @type {string[]} */ some) => h("ul", { "aria-label": t("Warnings") }, some.map((sentence) => h("li", null, warning(scene, sentence))));
+  const rest = sentences.slice(WARNINGS_SHOWN);
+  const notice = h(
+    "div",
+    { class: "notice warning" },
+    icon("warning"),
+    h(
+      "div",
+      { class: "grow" },
+      list(sentences.slice(0, WARNINGS_SHOWN)),
+      rest.length > 0 && h("details", { class: "more-warnings" }, h("summary", null, tn(rest.length, "{n} more warning", "{n} more warnings")), list(rest)),
+    ),
+    addButton(scene, sentences.join(" ")),
+  );
+  return [notice, light];
+}
+
+/** @param {Scene} scene @param {string} sentence @returns {import("../base/dom.js").Child[]} */
+function warning(scene, sentence) {
+  const [, shown, others] = RIVALS.exec(sentence) ?? [];
+  if (!shown || !others) return [said(sentence)];
+  const show = (/** @type {string} */ name) =>
+    h("button", { class: "button small for-submit", type: "button", onclick: () => void showOther(scene, name) }, t("Show {name}", { name }));
+  return [t("There are several scenes in this upload; {name} is shown.", { name: shown }), h("div", { class: "row wraps other-scenes" }, others.split(", ").map(show))];
+}
+
+/**
+ * Where a sentence says that a file is missing: just that one need be sent.
+ *
+ * @param {Scene} scene
+ * @param {string | null} sentences
+ */
+function addButton(scene, sentences) {
+  if (!sentences || !LACKS.test(sentences)) return null;
+  return h("button", { class: "button for-submit", type: "button", onclick: () => addFiles(scene) }, icon("plus"), t("Add files"));
+}
