@@ -159,6 +159,7 @@ def run(service: Service, measured: Measured, options: argparse.Namespace) -> No
         )
     measured("cancel", lambda: patch(state="cancelled"))
     measured("go on", lambda: patch(state="running"))
+    until(lambda: job in service.farm.engine.snapshot.jobs, "it is taken up", 300)
     measured("restart of the service", service.restart)
     measured("it is taken up", lambda: until(lambda: job in service.farm.engine.snapshot.jobs, "it is taken up", 300))
     measured("HEAD of all in a zip", lambda: http.head(f"/api/jobs/{job}/frames.zip?which=all"))
