@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import bpy
-from blender_scenes import add, background, empty, lamp, look, painted, principled
+from blender_scenes import add, background, empty, lamp, look, painted, principled, table, textured, world_node
 
 PRINCIPLED = "Principled BSDF"
 
@@ -185,3 +185,56 @@ def _leaning(x: float, y: float) -> tuple[float, float, float]:
     a, b = 0.5 * math.sin(20 * math.pi * x), 0.4 * math.cos(14 * math.pi * y)
     length = math.sqrt(a * a + b * b + 1)
     return 0.5 + 0.5 * a / length, 0.5 + 0.5 * b / length, 0.5 + 0.5 / length
+
+
+def surroundings() -> bpy.types.Scene:
+    """A world of an image that is turned, and textures, alpha and bumps on things."""
+    scene = empty()
+    node = world_node(scene, "ShaderNodeTexEnvironment")
+    node.image = painted("sky", 64, 32, lambda x, y: (0.2 + 2 * (0.1 < x < 0.35) * y, 0.3 + y, 0.4 + 0.8 * (x > 0.6)), True)
+    tree = scene.world.node_tree
+    mapping, at = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
+    mapping.inputs["Rotation"].default_value[2] = 0.8
+    tree.links.new(at.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs["Vector"], node.inputs["Vector"])
+    floor = principled("floor", Roughness=0.9)
+    textured(
+        floor, painted("tiles", 16, 16, lambda x, y: (0.1 + 0.8 * x, 0.7 * y, 0.3 * (int(x * 4) + int(y * 4)) % 2)), "Base Color"
+    )
+    add("plane", floor, size=8)
+    mirror = principled("mirror", Base_Color=(0.9, 0.9, 0.9, 1), Metallic=1, Roughness=0.15)
+    add("uv_sphere", mirror, location=(-1.2, -0.3, 0.9), radius=0.8)
+    rough = principled("spotted", Base_Color=(0.3, 0.5, 0.8, 1), Metallic=0.8)
+    spots = painted("spots", 8, 8, lambda x, y: (0.3 + 0.6 * (x > 0.5),) * 3, space="Non-Color")
+    textured(rough, spots, "Roughness", None)
+    add("cube", rough, smooth=False, location=(1.1, 0.3, 0.6), size=1.2)
+    seen_through = principled("veil", Base_Color=(0.8, 0.2, 0.1, 1), Roughness=1.0, Alpha=0.4)
+    add("plane", seen_through, location=(0.6, -1.6, 0.8), size=1.5, rotation=(1.2, 0, 0.5))
+    glass = principled("glass", Base_Color=(1, 1, 1, 1), Roughness=0.0, Transmission_Weight=1.0, IOR=1.4)
+    add("uv_sphere", glass, location=(-0.5, -1.9, 0.5), radius=0.45, segments=48, ring_count=32)
+    return scene
+
+
+def moving() -> bpy.types.Scene:
+    """Motion blur: what turns and flies, what a shape key bends, and the camera."""
+    scene = empty()
+    table(scene)
+    lamp("AREA", 400.0, (2, -3, 5), size=2.0)
+    cube, ball = bpy.data.objects["Cube"], bpy.data.objects["Sphere"]
+    for frame, x, turn in ((1, 1.1, 0.0), (3, 0.1, 1.2)):
+        cube.location[0], cube.rotation_euler[2] = x, turn
+        cube.keyframe_insert("location", frame=frame)
+        cube.keyframe_insert("rotation_euler", frame=frame)
+        scene.camera.location[2] = 3.2 + 0.1 * frame
+        scene.camera.keyframe_insert("location", frame=frame)
+    ball.shape_key_add(name="Basis")
+    fat = ball.shape_key_add(name="fat")
+    for key, vertex in zip(fat.data, ball.data.vertices, strict=True):
+        key.co = vertex.co * 1.6
+    for frame, value in ((1, 0.0), (3, 1.0)):
+        fat.value = value
+        fat.keyframe_insert("value", frame=frame)
+    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 1.0
+    for thing in scene.objects:
+        thing.cycles.use_motion_blur = thing.cycles.use_deform_motion = True
+    return scene

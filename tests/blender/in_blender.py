@@ -24,11 +24,8 @@ from blender_scenes import (
     lamp,
     leaves,
     look,
-    painted,
     principled,
     table,
-    textured,
-    world_node,
 )
 from blender_survey import SURVEY, made
 from blender_window import Engine, Region
@@ -135,31 +132,8 @@ def artists() -> list[str]:
 
 
 def surroundings() -> list[str]:
-    """A world of an image that is turned, and textures, alpha and bumps on things."""
-    scene = empty()
-    node = world_node(scene, "ShaderNodeTexEnvironment")
-    node.image = painted("sky", 64, 32, lambda x, y: (0.2 + 2 * (0.1 < x < 0.35) * y, 0.3 + y, 0.4 + 0.8 * (x > 0.6)), True)
-    tree = scene.world.node_tree
-    mapping, at = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
-    mapping.inputs["Rotation"].default_value[2] = 0.8
-    tree.links.new(at.outputs["Generated"], mapping.inputs["Vector"])
-    tree.links.new(mapping.outputs["Vector"], node.inputs["Vector"])
-    floor = principled("floor", Roughness=0.9)
-    textured(
-        floor, painted("tiles", 16, 16, lambda x, y: (0.1 + 0.8 * x, 0.7 * y, 0.3 * (int(x * 4) + int(y * 4)) % 2)), "Base Color"
-    )
-    add("plane", floor, size=8)
-    mirror = principled("mirror", Base_Color=(0.9, 0.9, 0.9, 1), Metallic=1, Roughness=0.15)
-    add("uv_sphere", mirror, location=(-1.2, -0.3, 0.9), radius=0.8)
-    rough = principled("spotted", Base_Color=(0.3, 0.5, 0.8, 1), Metallic=0.8)
-    spots = painted("spots", 8, 8, lambda x, y: (0.3 + 0.6 * (x > 0.5),) * 3, space="Non-Color")
-    textured(rough, spots, "Roughness", None)
-    add("cube", rough, smooth=False, location=(1.1, 0.3, 0.6), size=1.2)
-    seen_through = principled("veil", Base_Color=(0.8, 0.2, 0.1, 1), Roughness=1.0, Alpha=0.4)
-    add("plane", seen_through, location=(0.6, -1.6, 0.8), size=1.5, rotation=(1.2, 0, 0.5))
-    glass = principled("glass", Base_Color=(1, 1, 1, 1), Roughness=0.0, Transmission_Weight=1.0, IOR=1.4)
-    add("uv_sphere", glass, location=(-0.5, -1.9, 0.5), radius=0.45, segments=48, ring_count=32)
-    both("surroundings", scene)
+    """Of blender_artists.py."""
+    both("surroundings", blender_artists.surroundings())
     return ["surroundings"]
 
 
@@ -188,27 +162,8 @@ def cameras() -> list[str]:
 
 
 def moving() -> list[str]:
-    """Motion blur: what turns and flies, what a shape key bends, and the camera."""
-    scene = empty()
-    table(scene)
-    lamp("AREA", 400.0, (2, -3, 5), size=2.0)
-    cube, ball = bpy.data.objects["Cube"], bpy.data.objects["Sphere"]
-    for frame, x, turn in ((1, 1.1, 0.0), (3, 0.1, 1.2)):
-        cube.location[0], cube.rotation_euler[2] = x, turn
-        cube.keyframe_insert("location", frame=frame)
-        cube.keyframe_insert("rotation_euler", frame=frame)
-        scene.camera.location[2] = 3.2 + 0.1 * frame
-        scene.camera.keyframe_insert("location", frame=frame)
-    ball.shape_key_add(name="Basis")
-    fat = ball.shape_key_add(name="fat")
-    for key, vertex in zip(fat.data, ball.data.vertices, strict=True):
-        key.co = vertex.co * 1.6
-    for frame, value in ((1, 0.0), (3, 1.0)):
-        fat.value = value
-        fat.keyframe_insert("value", frame=frame)
-    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 1.0
-    for thing in scene.objects:
-        thing.cycles.use_motion_blur = thing.cycles.use_deform_motion = True
+    """Of blender_artists.py, at two places of the shutter."""
+    scene = blender_artists.moving()
     names = []
     for at in ("CENTER", "END"):
         scene.frame_set(2)
@@ -349,8 +304,8 @@ def viewport() -> dict:
             view.read(depsgraph)
             view.look(region, depsgraph)
             longest[0] = max(longest[0], time.monotonic() - begun)
-            shown, text = view._watching.state
             rests = view._reading is None and not view._waits and view._watching.is_settled
+            shown, text = view._watching.state  # after it was asked whether that is of the newest scene
             if rests and shown is not None and shown.id == view._watching.number and text.endswith("done"):
                 sent.append(sent_bytes())
                 return shown.rgb

@@ -16,9 +16,9 @@ from typing import Any
 
 import bpy
 import numpy as np
+from blend_told import told
 
 FOLDER = Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else Path()
-SHOWN = ("MESH", "CURVE", "SURFACE", "META", "FONT")
 FRAMES = (1, 4)
 LONG = "长" * 20 + "abc"  # 63 bytes, the most that a name has
 
@@ -364,37 +364,6 @@ def empty() -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.fps, scene.frame_start, scene.frame_end = 24, FRAMES[0], FRAMES[-1]
-
-
-def told(frame: int) -> list[list[Any]]:
-    """What is rendered."""
-    scene = bpy.context.scene
-    for each in bpy.data.collections:
-        each.hide_viewport = False  # what is asked of the viewport's graph is what is rendered
-    scene.frame_set(frame)
-    bpy.context.view_layer.update()
-    found = []
-    graph = bpy.context.evaluated_depsgraph_get()
-    hidden = {name for name in ("unrendered", "below unrendered", "cutter") if name in bpy.data.objects}
-    for instance in graph.object_instances:
-        each = instance.object
-        owner = instance.parent if instance.is_instance else each
-        if each.type not in SHOWN or each.name in hidden or owner.hide_render:
-            continue
-        if not instance.is_instance and each.is_instancer and not each.show_instancer_for_render:
-            continue
-        mesh = each.to_mesh()
-        if mesh is None:
-            continue
-        mesh.calc_loop_triangles()
-        points = np.empty(3 * len(mesh.vertices), np.float64)
-        mesh.vertices.foreach_get("co", points)
-        place = np.array(instance.matrix_world)
-        world = points.reshape(-1, 3) @ place[:3, :3].T + place[:3, 3]
-        if len(mesh.loop_triangles):
-            found.append([each.name, world.min(axis=0).tolist(), world.max(axis=0).tolist(), len(mesh.loop_triangles)])
-        each.to_mesh_clear()
-    return found
 
 
 if __name__ == "__main__":
