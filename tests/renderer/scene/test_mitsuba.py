@@ -206,6 +206,8 @@ def test_formulas_have_mitsubas_coordinates(tmp_path: Path) -> None:
     assert not found.spheres
     x, y, z = square.positions.T
     np.testing.assert_allclose(square.uvs, np.column_stack([(x + 1) / 2, (y + 1) / 2]))
+    corner = found.images[0].pixels[0, 0].tolist()  # color0 lies at (0, 0)
+    assert corner == pytest.approx([0.4] * 3)
     assert square.tangents is not None
     assert square.tangents.tolist() == [[1, 0, 0, 1]] * 4
     upper = cube.positions[:, 2] + (cube.normals[:, 2] > 0.5) * 9 > 9.5  # the face towards +Z, u along +Y and v along +X

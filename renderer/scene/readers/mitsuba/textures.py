@@ -61,7 +61,7 @@ class Textures:
             return self._bitmap(source, is_color, transform)
         if source.type == "checkerboard":
             dark, light = rgb(source.get("color0", 0.4)), rgb(source.get("color1", 0.2))
-            pixels = np.array([[light, dark], [dark, light]], np.float32)
+            pixels = np.array([[dark, light], [light, dark]], np.float32)
             image = self._shelf.add(Image(f"checkerboard {len(source.values)} {dark} {light}", pixels, srgb=False))
             return self._shelf.texture(image, transform=transform, filter="nearest")
         if source.type in ("scale", "volume") and source.children:
