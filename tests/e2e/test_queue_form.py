@@ -76,7 +76,7 @@ def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
         fold.get_by_label(label).fill(right)
     fold.get_by_label("Needs").fill("gpu, cloud")
     fold.get_by_label("Needs").blur()
-    expect(fold.locator(".lacking")).to_have_text("No worker that is connected has cloud: it waits for one.")
+    expect(fold.locator(".lacking")).to_have_text("No connected worker has cloud: the job waits for one.")
     fold.get_by_label("Needs").fill("gpu, memory_gb=32")
     fold.get_by_label("Needs").blur()
     expect(fold.locator(".lacking")).to_contain_text("has all of it")
