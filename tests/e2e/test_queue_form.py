@@ -62,7 +62,7 @@ def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
     fold = form.locator(".queue-fold")
     fold.locator("summary").click()
     for label, wrong, said, right in (
-        ("Needs", "GPU", "“GPU” is none", "gpu"),
+        ("Needs", "GPU", "“GPU” is not valid", "gpu"),
         ("Wanted by", "2001-05-01T08:00", "this moment has passed", ""),
         ("Slots at most", "0", "is at least 1", ""),
         ("Verified, %", "101", "lies between 0 and 100", ""),
