@@ -79,7 +79,7 @@ def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
     expect(fold.locator(".lacking")).to_have_text("No connected worker has cloud: the job waits for one.")
     fold.get_by_label("Needs").fill("gpu, memory_gb=32")
     fold.get_by_label("Needs").blur()
-    expect(fold.locator(".lacking")).to_contain_text("has all of it")
+    expect(fold.locator(".lacking")).to_contain_text("has all of these")
     fold.get_by_label("Needs").fill("gpu, memory_gb=16")
     fold.get_by_label("Needs").blur()
     expect(fold.locator(".lacking")).to_be_hidden()
