@@ -105,7 +105,7 @@ def test_a_machine_is_told_when_it_works(many: Service, watched: Watched) -> Non
         new, old = (page.locator(".machine").filter(has_text=name) for name in ("attic", "cellar"))
         expect(new).to_contain_text("Tags: gpu")
         old.get_by_text("Hours and limits").click()
-        expect(old).to_contain_text("of an older release: it can only be paused")
+        expect(old).to_contain_text("an older release, so it can only be paused")
         new.get_by_text("Hours and limits").click()
         new.get_by_label("Works", exact=True).fill("Sat-Sun")
         new.get_by_label("Slots at most").fill("3")

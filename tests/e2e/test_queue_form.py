@@ -62,7 +62,7 @@ def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
     fold = form.locator(".queue-fold")
     fold.locator("summary").click()
     for label, wrong, said, right in (
-        ("Needs", "GPU", "“GPU” is none", "gpu"),
+        ("Needs", "GPU", "“GPU” is not valid", "gpu"),
         ("Wanted by", "2001-05-01T08:00", "this moment has passed", ""),
         ("Slots at most", "0", "is at least 1", ""),
         ("Verified, %", "101", "lies between 0 and 100", ""),
@@ -76,10 +76,10 @@ def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
         fold.get_by_label(label).fill(right)
     fold.get_by_label("Needs").fill("gpu, cloud")
     fold.get_by_label("Needs").blur()
-    expect(fold.locator(".lacking")).to_have_text("No worker that is connected has cloud: it waits for one.")
+    expect(fold.locator(".lacking")).to_have_text("No connected worker has cloud: the job waits for one.")
     fold.get_by_label("Needs").fill("gpu, memory_gb=32")
     fold.get_by_label("Needs").blur()
-    expect(fold.locator(".lacking")).to_contain_text("has all of it")
+    expect(fold.locator(".lacking")).to_contain_text("has all of these")
     fold.get_by_label("Needs").fill("gpu, memory_gb=16")
     fold.get_by_label("Needs").blur()
     expect(fold.locator(".lacking")).to_be_hidden()
