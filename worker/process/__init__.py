@@ -1,7 +1,6 @@
 """What every process of a worker knows, and how the worker keeps to its terms and takes turns.
 
 context.py        what every process of a worker knows
-joining.py        joins the farm while the kernels are compiled
 keeping.py        keeps to the terms it was asked for
 turns.py          from which queue it takes next
 queue_reading.py  reads the queue, and skips what is no message
