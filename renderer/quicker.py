@@ -34,13 +34,18 @@ def _asked_once(ask: Callable[[Any, Any], int]) -> Callable[[Any, Any], int]:
 
 
 def _with_new_modules(load: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Looks for what Numba's own modules declare where any module is new: else it would take fifty imports a function."""
+    """What Numba's own modules declare: they are imported where any module is new, else it would take fifty imports a function.
+    What has been declared since, as all intrinsics are once they are first called, is taken each time.
+    """
     seen: dict[int, int] = {}
 
     def look(context: Any) -> None:
         if seen.get(id(context)) != len(sys.modules):
             load(context)
             seen[id(context)] = len(sys.modules)
+        else:
+            for registry in tuple(context._registries):
+                context.install_registry(registry)
 
     return look
 

@@ -26,7 +26,7 @@ from renderer.kernel.options import kernel_options
 from renderer.preparing import prepare, preparing_beside
 from renderer.replay import Replay, read_log
 from renderer.scene.compiled import CompiledScene
-from renderer.scene.environment import relit, sampled_alone
+from renderer.scene.environment import left_to_surfaces, relit, sampled_alone
 from renderer.scene.lights import chosen_by
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
 from renderer.threads import cores
@@ -67,6 +67,8 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     scene = chosen_by(scene, settings.light_choice)
     if settings.sampling == "light" or settings.integrator == "whitted":
         scene = sampled_alone(scene)
+    else:
+        scene = left_to_surfaces(scene)
     return only(scene, edition_for(settings, scene))
 
 

@@ -54,7 +54,7 @@ INTEGRATORS = Choices(
 )
 SAMPLERS = Choices(
     {
-        "sobol": Shown("Sobol, Owen-scrambled", "Evenly spread samples: the least noise for their number."),
+        "sobol": Shown("Sobol, scrambled", "Evenly spread samples: the least noise for their number."),
         "independent": Shown("Independent", "Plain random numbers, to compare with."),
     }
 )

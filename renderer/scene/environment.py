@@ -17,6 +17,7 @@ __all__ = [
     "EnvironmentTables",
     "are_accents",
     "choose_environment",
+    "left_to_surfaces",
     "relit",
     "sampled_alone",
     "search_tables",
@@ -145,6 +146,22 @@ def sampled_alone(scene: CompiledScene) -> CompiledScene:
     weight = np.max([padded[y : y + height, x : x + width] for y in range(3) for x in range(3)], axis=0)
     solid_angle = -np.diff(np.cos(np.arange(height + 1) * np.pi / height))
     return scene._replace(**search_tables(cumulative(weight.mean(axis=1) * solid_angle), cumulative(weight)))
+
+
+def left_to_surfaces(scene: CompiledScene) -> CompiledScene:
+    """The scene without light sampling of its environment where that is the same from all around.
+
+    What surfaces sample meets it without noise but that of what stands before it, so that another sample, spread evenly, with a
+    shadow ray of its own, adds more noise than it takes. Where shadow rays pass things that other rays meet, both are needed.
+    """
+    frame = scene.environment_frame
+    has_sun = frame[7] > 0
+    if scene.environment.shape[:2] != (1, 1) or has_sun or frame[3] == 0.0 or scene.bvh.begin[1] != 0:
+        return scene
+    frame = frame.copy()
+    frame[3] = 0.0
+    frame.flags.writeable = False
+    return scene._replace(environment_frame=frame)
 
 
 def search_tables(marginal: F32, conditional: F32) -> dict[str, Any]:

@@ -76,6 +76,7 @@ def profile(browser: Browser, site: Site, shared: ExitStack) -> BrowserContext:
     context = browser.new_context(viewport={"width": 1024, "height": 640}, accept_downloads=True, reduced_motion="reduce")
     shared.callback(context.close)
     context.set_default_timeout(20_000)
+    context.set_default_navigation_timeout(60_000)  # beside the other tests a browser's first page has taken more than 20 s
     context.add_init_script(SOON_CLEAR)
     context.new_page().goto(f"{site.url}/blank")  # stays, and with it the process that all pages share
     return context

@@ -2,10 +2,10 @@
 
 A block is four numbers that belong together. Counters may be uint32, or eight of them (u32x8). Two samplers give numbers:
 
-sobol: the first four dimensions of the Sobol' sequence, Owen-scrambled and shuffled by hashes of seed, pixel and block
-(Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020). The samples 0 ... 2**k - 1 of a pixel fill every block
-evenly, and so does any other aligned run of 2**k; pixels and blocks are independent of each other. Places in a pixel are a
-lattice.
+sobol: the first four dimensions of the Sobol' sequence under a linear scrambling that is the same everywhere (sobol.py), their
+digits shifted and their order Owen-scrambled by hashes of seed, pixel and block (Burley, "Practical Hash-based Owen
+Scrambling", JCGT 9(4), 2020). The samples 0 ... 2**k - 1 of a pixel fill every block evenly, and so does any other aligned run
+of 2**k; pixels and blocks are independent of each other. Places in a pixel are a lattice.
 independent: pcg4d of Jarzynski & Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020.
 """
 
@@ -132,7 +132,7 @@ def _scramble(x, seed):
 
 @device
 def sobol4(seed, pixel, sample, block):
-    """Four uint32, scrambled Sobol' points: dimensions 0 and 1 are a (0, 2)-sequence over the sample numbers."""
+    """Four uint32, scrambled and shifted Sobol' points: dimensions 0 and 1 are a (0, 2)-sequence over the sample numbers."""
     key = _mix(u32(u32(_mix(seed) + u32(block * GOLDEN)) ^ pixel))
     index = _scramble(_reversed(u32(sample)), key)
     return points(TABLE, index, key)

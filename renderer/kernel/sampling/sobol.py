@@ -1,4 +1,10 @@
-"""The Sobol' sequence's first four dimensions, scrambled: for one index, or for eight at once."""
+"""The Sobol' sequence's first four dimensions, scrambled and shifted: for one index, or for eight at once.
+
+Scrambling by chance gives each point a place of its own within the cell that it is the only one in, which is good for what is
+smooth. What is lit is not: shadows have edges, and much is about as fine as points lie apart. There it matters how neighbours'
+places fit together. So one linear scrambling is chosen of many, under which they do (docs/performance.md, "Points that fit
+together"), and what is left to chance is a shift of the digits, which keeps that.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +28,7 @@ SCRAMBLE = tuple(np.uint32(c) for c in (0x3D20ADEA, 0x05526C56, 0x53A22864))
 _BITS = 28  # of the sample number: more than MAX_SPP times MAX_LIGHT_SAMPLES
 _NIBBLES, _TRIPLES = 7, 10
 _DIMENSIONS = 4
+_LINEAR = 1064  # of some seven thousand, that whose points find most of edges and of grain
 _I32 = ir.IntType(32)
 _QUARTET = ir.VectorType(_I32, _DIMENSIONS)
 
@@ -45,12 +52,34 @@ def direction_numbers() -> np.ndarray:
     return np.array(columns, np.uint32)
 
 
+def _mixed(x: int) -> int:
+    """`_mix` of sampler.py."""
+    x = (x ^ x >> 16) * int(MIX_1) % 2**32
+    x = (x ^ x >> 15) * int(MIX_2) % 2**32
+    return x ^ x >> 16
+
+
+def _scrambled(columns: np.ndarray) -> np.ndarray:
+    """Other generator matrices of as good a sequence, (4, 32) uint32: to each binary digit of a number some of those before it
+    are added (Matousek's linear scrambling, 1998), the same ones for every point.
+    """
+    made = np.zeros_like(columns)
+    for dimension in range(_DIMENSIONS):
+        for digit in range(32):
+            own = 1 << (31 - digit)
+            before = _mixed(_mixed(_LINEAR) + (32 * dimension + digit) * int(GOLDEN) & 0xFFFFFFFF) & -2 * own
+            for k in range(32):
+                if (int(columns[dimension, k]) & (own | before)).bit_count() & 1:
+                    made[dimension, k] |= np.uint32(own)
+    return made
+
+
 def _by_digit(bits: int, digits: int) -> np.ndarray:
-    """What each value of each digit of a bit-reversed index adds, bit-reversed: (digits, 2**bits, 4) uint32.
+    """What each value of each digit of a bit-reversed index adds: (digits, 2**bits, 4) uint32.
 
     The first digit is the index's lowest bits, which stand uppermost, lowest bit first.
     """
-    columns = np.array([[int(f"{int(c):032b}"[::-1], 2) for c in row] for row in direction_numbers()], np.uint32)
+    columns = _scrambled(direction_numbers())
     columns[:, _BITS:] = 0
     table = np.zeros((digits, 2**bits, _DIMENSIONS), np.uint32)
     for digit in range(digits):
@@ -69,24 +98,15 @@ def _vector(kind: Any, values: Any) -> Any:
     return ir.Constant(kind, [int(value) for value in values])
 
 
-def _scrambled(builder: Any, x: Any, seed: Any) -> Any:
-    """`_scramble` of sampler.py, by what `_mix` makes of the seed, and the bits turned round; of a vector of any length."""
+def _shifted(builder: Any, x: Any, seed: Any) -> Any:
+    """x with the digits turned over that `_mix` of sampler.py makes of the seed; of a vector of any length."""
 
     def constant(value: Any) -> Any:
         return _vector(x.type, [value] * x.type.count)
 
     seed = builder.mul(builder.xor(seed, builder.lshr(seed, constant(16))), constant(MIX_1))
     seed = builder.mul(builder.xor(seed, builder.lshr(seed, constant(15))), constant(MIX_2))
-    seed = builder.xor(seed, builder.lshr(seed, constant(16)))
-    x = builder.xor(x, builder.mul(x, constant(SCRAMBLE[0])))
-    x = builder.add(x, seed)
-    x = builder.mul(x, builder.or_(builder.lshr(seed, constant(16)), constant(1)))
-    x = builder.xor(x, builder.mul(x, constant(SCRAMBLE[1])))
-    x = builder.xor(x, builder.mul(x, constant(SCRAMBLE[2])))
-    reverse = cgutils.get_or_insert_function(
-        builder.module, ir.FunctionType(x.type, [x.type]), f"llvm.bitreverse.v{x.type.count}i32"
-    )
-    return builder.call(reverse, [x])
+    return builder.xor(x, builder.xor(seed, builder.lshr(seed, constant(16))))
 
 
 def _rows(builder: Any, data: Any, index: Any) -> Any:
@@ -125,10 +145,10 @@ def _of_each(builder: Any, data: Any, index: Any) -> list[Any]:
 
 @intrinsic
 def points(typingctx, table, index, key):
-    """Point `index` (bits in reverse) of the sequence, its four dimensions scrambled by what `_mix` makes of four numbers
-    that lie far from the key and from each other: uint32 each, or u32x8 for eight indices and keys. table: TABLE.
+    """Point `index` (bits in reverse) of the sequence, its four dimensions shifted by what `_mix` makes of four numbers that lie
+    far from the key and from each other: uint32 each, or u32x8 for eight indices and keys. table: TABLE.
 
-    `_mix` and `_scramble` of four dimensions at once, spelled out since LLVM does not find it: a third of the time.
+    `_mix` of four dimensions at once, spelled out since LLVM does not find it: a third of the time.
     """
     far = [(i + 1) * int(GOLDEN) % 2**32 for i in range(_DIMENSIONS)]
 
@@ -139,11 +159,11 @@ def points(typingctx, table, index, key):
             plain = [_permuted(builder, args[1], k) for k in range(_DIMENSIONS)] if x86 else _of_each(builder, data, args[1])
             seeds = [builder.add(args[2], _vector(INTS, [offset] * LANES)) for offset in far]
             return context.make_tuple(
-                builder, sig.return_type, [_scrambled(builder, x, seed) for x, seed in zip(plain, seeds, strict=True)]
+                builder, sig.return_type, [_shifted(builder, x, seed) for x, seed in zip(plain, seeds, strict=True)]
             )
         first = builder.insert_element(ir.Constant(_QUARTET, ir.Undefined), args[2], _I32(0))
         seed = builder.shuffle_vector(first, ir.Constant(_QUARTET, ir.Undefined), _vector(_QUARTET, [0] * _DIMENSIONS))
-        x = _scrambled(builder, _rows(builder, data, args[1]), builder.add(seed, _vector(_QUARTET, far)))
+        x = _shifted(builder, _rows(builder, data, args[1]), builder.add(seed, _vector(_QUARTET, far)))
         return context.make_tuple(builder, sig.return_type, [builder.extract_element(x, _I32(i)) for i in range(_DIMENSIONS)])
 
     number = u32x8 if is_wide(index) else types.uint32

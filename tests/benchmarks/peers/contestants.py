@@ -22,7 +22,7 @@ _AT_ONCE = 256  # samples a pixel of a part of a reference
 
 
 class Rayfarm:
-    """Ours, with its own sampler: Owen-scrambled Sobol' points."""
+    """Ours, with its own sampler: scrambled Sobol' points."""
 
     def __init__(self, case: Case, pixels: int, **more: Any) -> None:
         self.scene = compile_scene(case.description)

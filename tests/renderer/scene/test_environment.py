@@ -1,0 +1,44 @@
+"""What of an environment is left to surfaces to find: the part without contrast."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from renderer.film import mean
+from renderer.render import RenderStats, render_frame
+from renderer.scene.description import Environment, Material, Sphere
+from renderer.scene.environment import left_to_surfaces
+from renderer.scene.sky import Sky
+from renderer.settings import RenderSettings, View
+from tests.renderer.builders import emitter, gray, scene, square
+
+GRAY, LAMP = Material(base_color=gray(0.5)), emitter(4.0)
+FLOOR = square((0, 0, 0), (20, 0, 0), (0, 0, -20), 0)
+ABOVE = square((0, 3.0, 0), (1, 0, 0), (0, 0, 1), 1)
+TWO = np.array([[[1, 1, 1], [3, 3, 3]]], np.float32)
+
+
+@pytest.mark.parametrize(("environment", "left"), [(0.5, True), (TWO, False), (Environment(sky=Sky(35)), False)])
+def test_only_what_is_even_is_left_to_surfaces(environment, left):
+    made = scene([GRAY, LAMP], (FLOOR, ABOVE), environment=environment)
+    assert made.environment_frame[3] > 0
+    found = left_to_surfaces(made)
+    assert (found.environment_frame[3] == 0) == left
+    np.testing.assert_array_equal(np.delete(found.environment_frame, 3), np.delete(made.environment_frame, 3))
+
+
+def test_where_shadow_rays_pass_what_others_meet_both_are_needed():
+    made = scene([GRAY, replace(LAMP, lamp=True)], (FLOOR, ABOVE), environment=0.5)
+    assert left_to_surfaces(made).environment_frame[3] == made.environment_frame[3] > 0
+
+
+def test_nothing_is_left_of_the_noise_where_nothing_stands_before_an_even_sky():
+    """A ball sees it alone: every sample is the same, and costs two rays."""
+    made = scene([GRAY], spheres=(Sphere((0, 0, 0), 1.0, 0),), environment=0.5)
+    stats = RenderStats()
+    picture = mean(render_frame(made, RenderSettings(8, 8, View((0, 0, 4), (0, 0, 0), fov=10.0)), 16, stats=stats), 24)
+    np.testing.assert_allclose(picture, 0.25, rtol=1e-5)
+    assert stats.rays == 2 * stats.samples
