@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -121,7 +122,7 @@ def main() -> int:
 
             ask("/healthz")
             for what, path in ASKED.items():
-                taken.setdefault(what, []).append(least(lambda path=path: ask(path)))
+                taken.setdefault(what, []).append(least(partial(ask, path)))
             taken.setdefault("a restart", []).append(least(service.restart))
             service.stop()
     print("| milliseconds of a processor | " + " | ".join(f"{scenes:,} scenes" for scenes in options.scenes) + " |")

@@ -8,11 +8,11 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
 
-from renderer.blender.program import NAMED
 from tests.helpers import ROOT, Farm, farm_of, stop_farm, wait_until
 from tests.peers.blender import python_with_bpy
 
@@ -30,7 +30,7 @@ bpy.context.scene.camera = bpy.context.object
 bpy.ops.wm.save_as_mainfile(filepath=sys.argv[1])
 """
 SLOW, QUICK = 9, 1  # times that a cube is subdivided: a million and a half faces, or a few
-SIZE = {"width": 32, "height": 32, "spp": 2}
+SIZE: dict[str, Any] = {"width": 32, "height": 32, "spp": 2}
 
 
 @pytest.fixture
@@ -40,17 +40,10 @@ def blender_farm(tmp_path: Path) -> Iterator[Farm]:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
     with tempfile.TemporaryDirectory(prefix="rf-") as temporary:
         (tmp_path / "temporary").symlink_to(temporary)
-        command = [
-            sys.executable,
-            "-m",
-            "rayfarm",
-            "up",
-            "--port=0",
-            "--workers=1",
-            f"--data={tmp_path / 'data'}",
-            "--no-browser",
-        ]
-        farm = farm_of(command, tmp_path / "data", ROOT, **{NAMED: str(python), "TMPDIR": temporary})
+        data = tmp_path / "data"
+        up = [sys.executable, "-m", "rayfarm", "up", "--port=0", "--workers=1", f"--data={data}", "--no-browser"]
+        up += ["--blender", f"--blender-program={python}"]
+        farm = farm_of(up, data, ROOT, TMPDIR=temporary)
         try:
             yield farm
         finally:

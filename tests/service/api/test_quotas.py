@@ -6,6 +6,7 @@ import contextlib
 import io
 import zipfile
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any
 
 import httpx
@@ -163,3 +164,14 @@ def test_what_is_said_of_nobody_is_refused(service: Service, chief: httpx.Client
     assert chief.put("/api/quotas/users/anna", json={"cores": 1}).status_code == 422
     assert {found["whose"] for found in chief.get("/api/quotas").json()} >= {"user:anna", "user:bea"}
     assert chief.get("/api/quota").json() == []
+
+
+def test_what_all_have_used_is_what_each_has(service: Service, chief: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The list looks at every table once, and not once for each user."""
+    monkeypatch.setattr(service.farm.quotas, "_size_of", len)  # of a job's id: films settle meanwhile, and become smaller
+    listed = {found["whose"]: found["used"] for found in chief.get("/api/quotas").raise_for_status().json()}
+    assert len(listed) >= 3
+    assert any(used["bytes"] for used in listed.values())
+    with service.farm.sessions() as session:
+        for whose, used in listed.items():
+            assert used == asdict(service.farm.quotas._used(whose, session)), whose
