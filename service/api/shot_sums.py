@@ -125,17 +125,18 @@ def _recorded(jobs: Sequence[Job], session: Session) -> dict[str, ShotSums]:
     named = select(Frame.job, Frame.number).where(*where, Frame.state == "failed").order_by(Frame.number)
     for job_id, number in session.execute(named):
         failed.setdefault(str(job_id), []).append(number)
-    return {job.id: _added_up(job, rows.get(job.id, []), first.get(job.id), failed.get(job.id, []), session) for job in jobs}
+    texts = _texts(jobs, session)
+    return {id: _added_up(texts[id], rows.get(id, []), first.get(id), failed.get(id, [])) for id in ids}
 
 
-def _added_up(job: Job, rows: list[Any], first: tuple[int, FrameNumbers] | None, failed: list[int], session: Session) -> ShotSums:
+def _added_up(frames: str, rows: list[Any], first: tuple[int, FrameNumbers] | None, failed: list[int]) -> ShotSums:
     if not rows:
         return ShotSums()
     able = [row for row in rows if row[0] != "failed"]
     is_known = able and all(known == count for _, count, known, *_ in able)
     count = sum(row[1] for row in rows)
     return ShotSums(
-        frames=_text(job, session),
+        frames=frames,
         count=count,
         first=first,
         states={row[0]: row[1] for row in rows},
@@ -147,13 +148,16 @@ def _added_up(job: Job, rows: list[Any], first: tuple[int, FrameNumbers] | None,
     )
 
 
-def _text(job: Job, session: Session) -> str:
-    """Which frames a shot has: as its row says, where no earlier release wrote that."""
-    shot = Shot.of(job.shot)
-    if shot is not None and shot.frames is not None:
-        return shot.frames
-    numbers = session.scalars(select(Frame.number).where(Frame.job == job.id).order_by(Frame.number))
-    return frames_text(map(frame_number, numbers))
+def _texts(jobs: Sequence[Job], session: Session) -> dict[str, str]:
+    """Which frames shots have: as their rows say, but of those from earlier releases, which wrote no such thing."""
+    shots = {job.id: Shot.of(job.shot) for job in jobs}
+    texts = {id: shot.frames for id, shot in shots.items() if shot is not None and shot.frames is not None}
+    numbers: dict[str, list[int]] = {id: [] for id in shots if id not in texts}
+    if numbers:
+        rows = select(Frame.job, Frame.number).where(Frame.job.in_(numbers)).order_by(Frame.job, Frame.number)
+        for job_id, number in session.execute(rows):
+            numbers[job_id].append(number)
+    return texts | {id: frames_text(map(frame_number, each)) for id, each in numbers.items()}
 
 
 def _state(job: Job) -> str:

@@ -1,5 +1,6 @@
 """One path once more: the film's value to the bit, and a protocol that adds up to it."""
 
+import itertools
 import math
 
 import numpy as np
@@ -122,9 +123,9 @@ def test_the_lamp_that_was_chosen_is_told_with_what_it_brings(made):
     """What a light adds is what it was said to bring, or a part; it lies where the light does; shares are of 1."""
     asked = settings(*VIEW, size=40, max_depth=6)
     brought, blocked, shares = 0, 0, []
-    for x in range(0, 40, 2):
+    for x, y in itertools.product(range(0, 40, 2), (22, 34)):
         for sample in range(4):
-            for v in replay(made, asked, x, 34, sample).vertices:
+            for v in replay(made, asked, x, y, sample).vertices:
                 if v.share is not None:
                     shares.append(v.share)
                 if v.lamp is None:

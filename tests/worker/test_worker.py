@@ -305,8 +305,8 @@ def kill_whoever_has(bench: Bench, name: str) -> None:
 
 
 def test_the_batch_of_a_killed_slot_is_rendered_by_another(bench: Bench, info: SceneInfo) -> None:
-    bench.render(batch_of(info, "long", 0, 2000))
-    kill_the_slot_with(bench, 2000)
+    bench.render(batch_of(info, "long", 0, 8000))
+    kill_the_slot_with(bench, 8000)
     event = bench.next("batch", "batch-failed").event
     assert (event["type"], event["batch"]) == ("batch", "long"), event
 
