@@ -104,22 +104,13 @@ def install(extras=()):
     extras = sorted(set(extras) | (set(known[1:]) & set(FOR_BENCHMARKS)))
     say("installing Rayfarm's packages into .venv (once; a minute or two) ...")
     target = str(ROOT) + ("[{}]".format(",".join(extras)) if extras else "")
-    pip(python, ["install", "--no-compile", "--editable", target, "--constraint", str(ROOT / "constraints.txt")])
-    compile_sources(python)
+    pip(python, ["install", "--editable", target, "--constraint", str(ROOT / "constraints.txt")])
+    # pip compiles what it copies, and leaves ours where they are. Each process would, where PYTHONDONTWRITEBYTECODE is set.
+    packages = [str(ROOT / name) for name in ("rayfarm", "renderer", "service", "worker")]
+    subprocess.call([str(python), "-m", "compileall", "-q", *packages], stdout=subprocess.DEVNULL)
     stamp.write_text(" ".join([state(), *extras]) + "\n")
     say(f"installed after {time.monotonic() - begun:.0f} s")
     return python
-
-
-def compile_sources(python):
-    """Compile the packages and ours to bytecode on all cores, which pip does on one; the tests within packages are left out.
-
-    Each process would do so by itself, again and again where PYTHONDONTWRITEBYTECODE is set.
-    """
-    purelib = subprocess.check_output([str(python), "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"])
-    folders = [purelib.decode().strip(), *(str(ROOT / name) for name in ("rayfarm", "renderer", "service", "worker"))]
-    command = [str(python), "-m", "compileall", "-q", "-j", "0", "-x", r"[/\\]tests?[/\\]", *folders]
-    subprocess.call(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def state():
