@@ -1,13 +1,22 @@
-"""Where Blender is."""
+"""Where Blender is, and files that it has written."""
 
 from __future__ import annotations
 
 import os
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+import pytest
+
+from renderer.blender.program import NAMED
 from tests.helpers import ROOT
 
-__all__ = ["python_with_bpy"]
+__all__ = ["TO_Y_UP", "python_with_bpy", "written_by"]
+
+TO_Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 
 def python_with_bpy() -> Path | None:
@@ -15,3 +24,18 @@ def python_with_bpy() -> Path | None:
     named = os.environ.get("RAYFARM_BPY_PYTHON")
     python = Path(named) if named else ROOT / ".venv-cycles" / "bin" / "python"
     return python if python.exists() else None
+
+
+@contextmanager
+def written_by(script: str, folder: Path) -> Iterator[Path]:
+    """The folder, filled by a script of this package within Blender; as long as it is open, ours reads .blend files by the same
+    Blender. Skips the test where there is none.
+    """
+    python = python_with_bpy()
+    if python is None:
+        pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
+    done = subprocess.run([python, Path(__file__).with_name(script), folder], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-3000:]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(NAMED, str(python))
+        yield folder

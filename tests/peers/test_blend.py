@@ -6,7 +6,6 @@ Needs a Python with bpy: `python3 farm.py peers` makes one.
 from __future__ import annotations
 
 import json
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,32 +14,23 @@ import numpy as np
 import pytest
 
 from renderer.blender.convert import convert
-from renderer.blender.program import NAMED, look_at
+from renderer.blender.program import look_at
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.load import Shot, read
-from tests.peers.blender import python_with_bpy
+from tests.peers.blender import TO_Y_UP, python_with_bpy, written_by
 from tests.renderer.scene.builders import world
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
 
-TO_Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 NEAR = 1e-4
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The folder of blend_kit.py; Blender is the Python that wrote it."""
-    python = python_with_bpy()
-    if python is None:
-        pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
-    folder = tmp_path_factory.mktemp("blend")
-    command = [python, Path(__file__).with_name("blend_kit.py"), folder]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr[-3000:]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(NAMED, str(python))
+    with written_by("blend_kit.py", tmp_path_factory.mktemp("blend")) as folder:
         yield folder
 
 
