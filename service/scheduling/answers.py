@@ -13,16 +13,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from service.scheduling import traces
-from service.scheduling.active_job import ActiveJob, Trouble
-from service.scheduling.aside import MadeAside
-from service.scheduling.bulkhead import Bulkheads, Step
-from service.scheduling.denoising import Denoising
-from service.scheduling.environments import Environments
-from service.scheduling.job_log import JobLogs
-from service.scheduling.lifecycle import Lifecycle
-from service.scheduling.merging import Arrived, batch_of, merge
-from service.scheduling.messages import (
+from service.scheduling.errands.aside import MadeAside
+from service.scheduling.errands.denoising import Denoising
+from service.scheduling.errands.environments import Environments
+from service.scheduling.errands.moments import Moments
+from service.scheduling.errands.preparing import Preparing, Progress
+from service.scheduling.errands.vectors import Vectors
+from service.scheduling.faults.bulkhead import Bulkheads, Step
+from service.scheduling.handing_out.pace import Pace
+from service.scheduling.handing_out.scheduler import Scheduler, named
+from service.scheduling.incoming.merging import Arrived, batch_of, merge
+from service.scheduling.incoming.messages import (
     BatchDone,
     BatchFailed,
     BatchReturned,
@@ -44,16 +45,15 @@ from service.scheduling.messages import (
     Wake,
     understand,
 )
-from service.scheduling.moments import Moments
-from service.scheduling.pace import Pace
-from service.scheduling.plan import Range
-from service.scheduling.preparing import Preparing, Progress
-from service.scheduling.results import Entry, Results
-from service.scheduling.scheduler import Scheduler, named
+from service.scheduling.incoming.results import Entry, Results
+from service.scheduling.jobs import traces
+from service.scheduling.jobs.active_job import ActiveJob, Trouble
+from service.scheduling.jobs.job_log import JobLogs
+from service.scheduling.jobs.plan import Range
+from service.scheduling.jobs.tile_log import words_of
+from service.scheduling.lifecycle import Lifecycle
 from service.scheduling.snapshot import Tell
-from service.scheduling.tile_log import words_of
-from service.scheduling.trust import Trust
-from service.scheduling.vectors import Vectors
+from service.scheduling.trust.trust import Trust
 from worker.telemetry.log_lines import ids
 
 __all__ = ["Answers", "TellTiles"]

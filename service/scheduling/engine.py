@@ -17,30 +17,30 @@ from concurrent.futures import Future
 import redis
 
 from service.errors import FarmError
-from service.scheduling.active_job import ActiveJob
 from service.scheduling.answers import Answers, TellTiles
-from service.scheduling.aside import MadeAside
-from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.changes import Changes
-from service.scheduling.deadlines import Deadlines
-from service.scheduling.denoising import Denoising
-from service.scheduling.dispatch import Dispatcher, QueueError
-from service.scheduling.environments import Environments
-from service.scheduling.film_snapshots import SnapshotKeeper
-from service.scheduling.forecast import Forecaster
-from service.scheduling.job_log import JobLogs
+from service.scheduling.errands.aside import MadeAside
+from service.scheduling.errands.denoising import Denoising
+from service.scheduling.errands.environments import Environments
+from service.scheduling.errands.moments import Moments
+from service.scheduling.errands.preparing import Preparing
+from service.scheduling.errands.vectors import Vectors
+from service.scheduling.faults.bulkhead import Bulkheads, Step
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.forecasts.deadlines import Deadlines
+from service.scheduling.forecasts.forecast import Forecaster
+from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
+from service.scheduling.handing_out.pace import Pace
+from service.scheduling.handing_out.scheduler import Scheduler
+from service.scheduling.incoming.results import Results
+from service.scheduling.jobs.active_job import ActiveJob
+from service.scheduling.jobs.film_snapshots import SnapshotKeeper
+from service.scheduling.jobs.job_log import JobLogs
 from service.scheduling.lifecycle import LetGo, Lifecycle
-from service.scheduling.moments import Moments
-from service.scheduling.pace import Pace
-from service.scheduling.preparing import Preparing
 from service.scheduling.records import Records
-from service.scheduling.results import Results
-from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Board, JobNumbers, Snapshot, Tell
-from service.scheduling.trust import Trust
-from service.scheduling.vectors import Vectors
+from service.scheduling.trust.trust import Trust
 from service.scheduling.waiting import Waiting
-from service.scheduling.workers import Workers
 from service.settings import Settings
 from service.store.blobs import BlobStore
 from service.store.film_snapshots import FilmSnapshots

@@ -17,25 +17,25 @@ from renderer.frames import frame_number, frame_text
 from renderer.settings import RenderSettings
 from service.errors import FarmError
 from service.intake.resolve import frame_settings
-from service.scheduling.active_frame import ActiveFrame
-from service.scheduling.active_job import ActiveJob
-from service.scheduling.aside import LetGo
-from service.scheduling.bulkhead import Bulkheads, Step, Verdict
 from service.scheduling.changes import Changes
-from service.scheduling.denoising import Denoising
-from service.scheduling.history import History
-from service.scheduling.job_log import JobLogs
-from service.scheduling.measured import measured
-from service.scheduling.messages import FrameFailed, FramePrepared
-from service.scheduling.moments import Moments
-from service.scheduling.needs import Needs
-from service.scheduling.preparing import Preparing
+from service.scheduling.errands.aside import LetGo
+from service.scheduling.errands.denoising import Denoising
+from service.scheduling.errands.moments import Moments
+from service.scheduling.errands.preparing import Preparing
+from service.scheduling.errands.vectors import Vectors
+from service.scheduling.faults.bulkhead import Bulkheads, Step, Verdict
+from service.scheduling.fleet.needs import Needs
+from service.scheduling.handing_out.scheduler import Scheduler
+from service.scheduling.incoming.messages import FrameFailed, FramePrepared
+from service.scheduling.jobs.active_frame import ActiveFrame
+from service.scheduling.jobs.active_job import ActiveJob
+from service.scheduling.jobs.history import History
+from service.scheduling.jobs.job_log import JobLogs
+from service.scheduling.jobs.measured import measured
+from service.scheduling.jobs.reproduce import reproduce
+from service.scheduling.jobs.traces import job_over
 from service.scheduling.records import Records
-from service.scheduling.reproduce import reproduce
-from service.scheduling.scheduler import Scheduler
 from service.scheduling.snapshot import Tell
-from service.scheduling.traces import job_over
-from service.scheduling.vectors import Vectors
 from service.scheduling.waiting import Waiting
 from service.shot import Shot
 from service.store.film_faults import FILM
