@@ -22,7 +22,7 @@ from renderer.arrays.edition import only
 from renderer.arrays.scene import example
 from renderer.jit import COMPILE_PATIENCE_S, rare_collections
 from renderer.kernel.accumulate import parts_of_pictures
-from renderer.preparing import is_prepared, prepare, prepare_most
+from renderer.preparing import is_prepared, prepare, prepare_trees
 from renderer.settings import RenderSettings, View
 from renderer.sources import ROOT
 from renderer.threads import cores
@@ -127,7 +127,7 @@ class Helpers:
 
 
 class _Parts:
-    """What is shared out, by numbers: first most of what prepares scenes, which has nothing in common with the rest."""
+    """What is shared out, by numbers: first half of what prepares scenes, which has nothing in common with the rest."""
 
     def __init__(self, edition: str) -> None:
         self._stages = parts_of_pictures(only(example(), edition), _PICTURE) if edition else []
@@ -144,7 +144,7 @@ class _Parts:
                 part, arguments = self._stages[number[0] - 1]
                 part.compile(arguments)
             elif not is_prepared():
-                prepare_most()
+                prepare_trees()
         return any_taken
 
 

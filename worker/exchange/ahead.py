@@ -27,6 +27,8 @@ __all__ = ["get_ready_ahead"]
 
 log = logging.getLogger("worker")
 
+STANDS_BACK = 5  # nice levels: on a busy machine, who wants the kernel meanwhile must not wait forever
+
 
 def get_ready_ahead(link: Link) -> None:
     """Begin, unless this machine has the kernel. The process ends with this one."""
@@ -36,7 +38,7 @@ def get_ready_ahead(link: Link) -> None:
 
     def stand_back() -> None:
         guard()
-        os.nice(10)
+        os.nice(STANDS_BACK)
 
     process = subprocess.Popen(
         [sys.executable, "-m", "worker.exchange.ahead", f"--service={link.service}"],

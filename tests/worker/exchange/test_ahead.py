@@ -44,7 +44,7 @@ def test_it_begins_behind_everything_else(
     ((command, process),) = started
     assert command[1:] == ["-m", "worker.exchange.ahead", "--service=http://127.0.0.1:9"]
     assert process.stdout is not None
-    assert int(process.stdout.read()) == min(os.getpriority(os.PRIO_PROCESS, 0) + 10, 19)
+    assert int(process.stdout.read()) == min(os.getpriority(os.PRIO_PROCESS, 0) + ahead.STANDS_BACK, 19)
     process.stdout.close()
 
 
