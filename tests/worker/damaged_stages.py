@@ -1,7 +1,7 @@
-"""What a worker says of damaged USD files: `python -m tests.worker.damaged_stages FOLDER TRIES`, one line of JSON a way to keep a stage.
+"""What a worker says of damaged USD files: `python -m tests.worker.damaged_stages FOLDER TRIES` prints JSON, a line for each suffix.
 
-A process of one thread, as a slot of a worker is: USD's own threads, begun where tests write stages, are missing from a fork, which
-would wait for them.
+A process of one thread, as a worker's slot is. Where tests write stages USD has begun threads of its own, which a fork lacks and
+waits for.
 """
 
 from __future__ import annotations
