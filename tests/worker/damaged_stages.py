@@ -1,4 +1,4 @@
-"""What a worker says of damaged USD files: `python -m tests.worker.damaged_stages FOLDER TRIES` prints JSON, a line for each suffix.
+"""What a worker says of damaged USD files: `python -m tests.worker.damaged_stages FOLDER TRIES` prints a line of JSON a suffix.
 
 A process of one thread, as a worker's slot is. Where tests write stages USD has begun threads of its own, which a fork lacks and
 waits for.
