@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from service.api.file_names import named, picture_name, title_of
 from service.store.models import Job
 
-
 # Any but surrogates, which no JSON brings. Said as numbers: `st.text` first makes a table of all characters, which takes seconds.
 LETTERS = st.one_of(st.integers(0, 0x2FF), st.integers(0, 0xD7FF), st.integers(0xE000, 0x10FFFF)).map(chr)
 TEXTS = st.lists(LETTERS, max_size=300).map("".join)
