@@ -22,7 +22,7 @@ from tests.helpers import Farm
 
 pytestmark = [pytest.mark.browser, pytest.mark.farm]
 
-WIDTH, HEIGHT, SPP = 192, 120, 480  # some seconds, so that the page is there before the end
+WIDTH, HEIGHT, SPP = 192, 120, 160  # a second or two, so that the page is there before the end
 
 
 def drop(page: Page, name: str, content: bytes) -> None:
