@@ -73,7 +73,7 @@ function start() {
 
   addShortcuts([
     { keys: "?", does: t("This help"), run: showHelp },
-    { keys: "Z", does: t("Take back what was done last"), run: undoLast },
+    { keys: "Z", does: t("Undo the last deletion or change"), run: undoLast },
   ]);
   acceptDrops();
   followFarm();

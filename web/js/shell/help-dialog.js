@@ -44,7 +44,7 @@ export function showHelp() {
           ),
       ),
       handsOn().map((sentence) => h("p", { class: "quiet" }, sentence)),
-      h("label", { class: "check" }, letters, t("Keys of one letter act (off for those who dictate)")),
+      h("label", { class: "check" }, letters, t("Single-letter shortcuts (turn off if you dictate)")),
     ),
   );
   document.body.append(dialog);
