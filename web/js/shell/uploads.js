@@ -24,6 +24,8 @@ import { t } from "../base/words.js";
 /** What a sentence says of a scene that lacks a file. */
 export const LACKS = /; add (it|them)/;
 
+/** After so long without an answer it is said that one is waited for. */
+const ANSWER_MS = 300;
 /** After so long without progress it is said that there is none. */
 const STALLED_MS = 15_000;
 
@@ -44,7 +46,7 @@ async function start(files) {
     if (!offerLight(sent)) explainImages(sent);
     return;
   }
-  const { formats, foreign } = await getInfo();
+  const { formats, foreign } = await whileShown(titleOf(files), getInfo());
   const paths = files.map(({ path }) => path.toLowerCase());
   if (!paths.some((path) => formats.some((suffix) => path.endsWith(suffix)))) {
     for (const [suffix, advice] of Object.entries(foreign)) {
@@ -65,6 +67,30 @@ async function start(files) {
     const from = here().path.join();
     const scene = await send(filesFor(files, main), { main });
     if (chosen.length === 1) show(scene, from);
+  }
+}
+
+/**
+ * A slow line is busy with the page itself at first: whoever has chosen files sees at once that they were taken.
+ *
+ * @template T
+ * @param {string} title
+ * @param {Promise<T>} asked
+ * @returns {Promise<T>}
+ */
+async function whileShown(title, asked) {
+  /** @type {Card | null} */
+  let card = null;
+  const soon = setTimeout(() => {
+    card = new Card(title);
+    card.lead.replaceWith(icon("upload"));
+    fill(card.body, h("p", { class: "detail" }, t("Begins as soon as the service answers …")));
+  }, ANSWER_MS);
+  try {
+    return await asked;
+  } finally {
+    clearTimeout(soon);
+    /** @type {Card | null} */ (card)?.remove();
   }
 }
 
