@@ -261,10 +261,22 @@ function explainImages(files) {
  * @param {(files: NamedFile[]) => Promise<void>} [take]
  */
 async function startFrom(gather, take = start) {
+  let files;
   try {
-    await take(await gather());
+    files = await gather();
   } catch (error) {
     showError(t("The files could not be read"), error);
+    return;
+  }
+  await attempt(files, take);
+}
+
+/** @param {NamedFile[]} files @param {(files: NamedFile[]) => Promise<void>} take */
+async function attempt(files, take) {
+  try {
+    await take(files);
+  } catch (error) {
+    showError(t("{title} was not taken", { title: titleOf(files) }), error, { action: { label: t("Try again"), run: () => void attempt(files, take) } });
   }
 }
 
