@@ -134,6 +134,35 @@ def test_pins_go_through_the_url(page: Page) -> None:
     assert call(page, "job/pins", body, ["3", "3,x", "-1,4", "1,2,3", "1,2,0,5", "1,2,3,-4", "", "1,2;what;5,6"]) == [None] * 7 + ["1,2;5,6"]
 
 
+def test_a_slow_answer_about_a_pin_is_waited_for(page: Page) -> None:
+    """Tiles come meanwhile: areas are measured at once, and the question is not begun anew with each of them."""
+    body = """
+        const { Store, Disposer } = await import("/js/base/store.js");
+        const { Film } = await import("/js/film/film.js");
+        const film = new Film(8, 8);
+        let tile = () => {};
+        const quiet = () => () => {};
+        const live = { job: "j", frame: 0, film, onTile(listener) { tile = listener; return () => {}; }, onFill: quiet, onTurn: quiet };
+        const asked = [];
+        window.fetch = (url, { signal }) => new Promise((done) => asked.push({ signal, done }));
+        const pins = m.pinsFrom("1,1;2,2,4,4");
+        const { element } = m.pinsPanel({ view: null, live }, new Store({ pins }), new Disposer(), () => {}, () => {});
+        document.body.replaceChildren(element);
+        const shown = () => [...element.querySelectorAll("dd")].map((cell) => cell.textContent);
+        film.put({ x: 0, y: 0, w: 8, h: 8, spp: 1, words: new Uint32Array(64).fill(a) });
+        tile();
+        await new Promise((done) => setTimeout(done, 1300));
+        const before = [asked.length, asked[0].signal.aborted];
+        asked[0].done(new Response(JSON.stringify({ color: [1, 2, 3], samples: 4 })));
+        await new Promise((done) => setTimeout(done, 1300));
+        return [before, asked.length, shown().map(Number)];"""
+    word = int(rgbe9995.pack(np.full((1, 1, 3), 0.5, np.float32))[0, 0])
+    before, asked, shown = call(page, "job/pins", body, word)
+    assert before == [1, False]
+    assert asked == 2, "the tile that came meanwhile"
+    np.testing.assert_allclose(shown, [1, 2, 3, 1.8596, 0.5, 0.5, 0.5, 0.5], rtol=1e-3)
+
+
 def test_how_long_an_upload_still_takes(page: Page) -> None:
     """From the last seconds alone: it was fast at first."""
     body = """

@@ -89,23 +89,36 @@ export function pinsPanel(picture, display, life, explain, tell) {
   life.add(() => (clearTimeout(waiting), asking.abort()));
   /** @type {PinRow[]} */
   let shown = [];
+  /** The service has not answered yet; and whether the film changed since it was asked. */
+  let [isAsked, isOld] = [false, false];
+  const showAll = () => {
+    const first = luminanceOf(shown[0]?.reading?.light ?? []);
+    shown.forEach((row, i) => row.show(i && row.reading ? ratioWords(luminanceOf(row.reading.light), first) : ""));
+  };
   const read = async () => {
+    clearTimeout(waiting);
     waiting = undefined;
     asking.abort();
     const { signal } = (asking = new AbortController());
+    [isAsked, isOld] = [true, false];
+    for (const row of shown) if (row.pin.w) row.reading = readingOfArea(live.film, row.pin);
+    showAll();
     try {
-      const readings = await Promise.all(shown.map(({ pin }) => (pin.w ? readingOfArea(live.film, pin) : readingOfPixel(live, pin, signal))));
-      const first = luminanceOf(readings[0]?.light ?? []);
-      shown.forEach((row, i) => {
-        const reading = readings[i];
-        if (reading) row.show(reading, i ? ratioWords(luminanceOf(reading.light), first) : "");
-      });
+      const pixels = shown.filter(({ pin }) => !pin.w);
+      const readings = await Promise.all(pixels.map(({ pin }) => readingOfPixel(live, pin, signal)));
+      pixels.forEach((row, i) => (row.reading = readings[i] ?? null));
+      showAll();
     } catch {
       // Gone on, or cut off: what was read stays.
     }
+    if (signal.aborted) return;
+    isAsked = false;
+    if (isOld) soon();
   };
+  // A slow answer is waited for: asked anew with each tile there would never be one.
   const soon = () => {
-    if (shown.length && waiting === undefined) waiting = setTimeout(read, RENEW_MS);
+    if (isAsked) isOld = true;
+    else if (shown.length) waiting ??= setTimeout(read, RENEW_MS);
   };
   life.add(live.onTile(soon));
   life.add(live.onFill(soon));
@@ -153,7 +166,7 @@ export function pinsPanel(picture, display, life, explain, tell) {
 /**
  * A pin's line in the list.
  *
- * @typedef {{pin: Pin, element: HTMLElement, show: (reading: Reading, ratio: string) => void}} PinRow
+ * @typedef {{pin: Pin, element: HTMLElement, reading: Reading | null, show: (ratio: string) => void}} PinRow reading: null until there is one
  *
  * @param {Pin} pin
  * @param {number} number
@@ -187,7 +200,10 @@ function pinRow(pin, number, { remove, explain, tell }) {
   return {
     pin,
     element,
-    show({ light, about: words, title }, of) {
+    reading: null,
+    show(of) {
+      if (!this.reading) return;
+      const { light, about: words, title } = this.reading;
       [...light, luminanceOf(light)].forEach((value, c) => {
         const cell = cells[c];
         if (!cell) return;
