@@ -122,7 +122,9 @@ def test_an_area_is_measured_as_numpy_does(page: Page) -> None:
         luminance = light @ [0.2126, 0.7152, 0.0722]
         wanted = [*light.mean(0), luminance.mean(), luminance.min(), luminance.max(), luminance.std()]
         assert area["pixels"] == len(light)
-        np.testing.assert_allclose([*area["rgb"], *(area[name] for name in ("luminance", "least", "most", "spread"))], wanted, rtol=1e-9)
+        np.testing.assert_allclose(
+            [*area["rgb"], *(area[name] for name in ("luminance", "least", "most", "spread"))], wanted, rtol=1e-9
+        )
     nothing = {"width": WIDTH, "height": HEIGHT, "words": words, "rects": [{"x": 12, "y": 10, "w": 1, "h": 1}]}
     assert call(page, "film/area", body, nothing)[0]["pixels"] == 0
 
@@ -131,7 +133,9 @@ def test_pins_go_through_the_url(page: Page) -> None:
     body = "return a.map((text) => m.pinsText(m.pinsFrom(text)));"
     kept = ["3,4", "3,4;10,12,20,5", "0,0,1,1"]
     assert call(page, "job/pins", body, kept) == kept
-    assert call(page, "job/pins", body, ["3", "3,x", "-1,4", "1,2,3", "1,2,0,5", "1,2,3,-4", "", "1,2;what;5,6"]) == [None] * 7 + ["1,2;5,6"]
+    assert call(page, "job/pins", body, ["3", "3,x", "-1,4", "1,2,3", "1,2,0,5", "1,2,3,-4", "", "1,2;what;5,6"]) == [
+        None
+    ] * 7 + ["1,2;5,6"]
 
 
 def test_a_slow_answer_about_a_pin_is_waited_for(page: Page) -> None:
@@ -142,7 +146,8 @@ def test_a_slow_answer_about_a_pin_is_waited_for(page: Page) -> None:
         const film = new Film(8, 8);
         let tile = () => {};
         const quiet = () => () => {};
-        const live = { job: "j", frame: 0, film, onTile(listener) { tile = listener; return () => {}; }, onFill: quiet, onTurn: quiet };
+        const onTile = (listener) => ((tile = listener), () => {});
+        const live = { job: "j", frame: 0, film, onTile, onFill: quiet, onTurn: quiet };
         const asked = [];
         window.fetch = (url, { signal }) => new Promise((done) => asked.push({ signal, done }));
         const pins = m.pinsFrom("1,1;2,2,4,4");
@@ -180,7 +185,8 @@ def test_how_long_an_upload_still_takes(page: Page) -> None:
 def test_keys_of_one_letter_can_be_turned_off(page: Page) -> None:
     body = """
         const done = [];
-        const off = m.addShortcuts(["E", "?", "ArrowUp", "Escape"].map((keys) => ({ keys, does: keys, run: () => done.push(keys) })));
+        const shortcut = (keys) => ({ keys, does: keys, run: () => done.push(keys) });
+        const off = m.addShortcuts(["E", "?", "ArrowUp", "Escape"].map(shortcut));
         for (const act of [true, false, true]) {
             m.letLettersAct(act);
             for (const key of ["e", "?", "ArrowUp", "Escape"]) dispatchEvent(new KeyboardEvent("keydown", { key }));

@@ -146,7 +146,9 @@ def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watche
     expect(alert).to_contain_text("broken.glb was not taken")
     expect(alert).to_contain_text("The service does not answer")
     page.unroute("**/api/info")
-    page.route("**/api/scenes", lambda route: route.abort("connectionreset") if route.request.method == "POST" else route.continue_())
+    page.route(
+        "**/api/scenes", lambda route: route.abort("connectionreset") if route.request.method == "POST" else route.continue_()
+    )
     alert.get_by_role("button", name="Try again").click()
     expect(alert).to_contain_text("The upload broke off")
     page.unroute("**/api/scenes")

@@ -183,7 +183,9 @@ def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched
     mean = light[30:42, 20:44].mean((0, 1))
     shown_values = [float(text) for text in row.locator("dd").all_inner_texts()]
     np.testing.assert_allclose(shown_values, [*mean, mean @ [0.2126, 0.7152, 0.0722]], rtol=2e-3, atol=1e-4)
-    expect(row).to_contain_text(f"{np.log2(luminance[30:42, 20:44].mean() / (film[4, 3] @ [0.2126, 0.7152, 0.0722])):+.1f} EV".replace("-", "−"))
+    expect(row).to_contain_text(
+        f"{np.log2(luminance[30:42, 20:44].mean() / (film[4, 3] @ [0.2126, 0.7152, 0.0722])):+.1f} EV".replace("-", "−")
+    )
     page.keyboard.press("Shift+V")
     expect(pins).to_be_hidden()
 
