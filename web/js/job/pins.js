@@ -176,8 +176,7 @@ export function pinsPanel(picture, display, life, explain, tell) {
 function pinRow(pin, number, { remove, explain, tell }) {
   const { x, y, w, h: high } = pin;
   const cells = Array.from({ length: 4 }, () => h("dd", null, "…"));
-  const ratio = h("span", { class: "quiet grow" });
-  const about = h("p", { class: "quiet", hidden: !w });
+  const about = h("p", { class: "quiet", hidden: true });
   const button = (/** @type {import("../base/icons.js").IconName} */ sign, /** @type {string} */ name, /** @type {(pin: Pin) => void} */ run) =>
     h("button", { class: "icon-button", type: "button", "aria-label": name, title: name, onclick: () => run(pin) }, icon(sign));
   const ofPixel = [
@@ -191,7 +190,8 @@ function pinRow(pin, number, { remove, explain, tell }) {
       "div",
       { class: "row" },
       ...[h("strong", null, String(number)), h("span", null, w ? t("{w}×{h} at {x}, {y}", { w, h: high ?? 0, x, y }) : `${x}, ${y}`)],
-      ...[ratio, w ? null : ofPixel].flat(),
+      h("span", { class: "grow" }),
+      w ? [] : ofPixel,
       button("close", t("Remove the pin at {x}, {y}", { x, y }), remove),
     ),
     h("dl", null, cells.map((cell, c) => h("div", null, h("dt", null, "RGBY"[c] ?? ""), cell))),
@@ -210,8 +210,8 @@ function pinRow(pin, number, { remove, explain, tell }) {
         setText(cell, radiance(value));
         cell.title = title;
       });
-      setText(ratio, of);
-      setText(about, words);
+      setText(about, [of, words].filter(Boolean).join(" · "));
+      about.hidden = !about.textContent;
     },
   };
 }
