@@ -33,6 +33,7 @@ __all__ = [
     "LoadOptions",
     "Material",
     "MaterialMap",
+    "MaterialTexture",
     "Mesh",
     "Node",
     "Notice",
@@ -161,6 +162,7 @@ Material = _structure(
     " model:list _:list textures:list",
     Element,
 )
+MaterialTexture = _structure("MaterialTexture", "property:list _:list texture:ptr")
 Texture = _structure(
     "Texture",
     "kind:int filename:list absolute:list relative:list _:list _:list _:list content:list video:ptr _:uint has_file:bool"
