@@ -171,7 +171,8 @@ class Materials:
         if texture is None and max(specular) == 0:
             material.kind, material.roughness = "diffuse", None
             return
-        # Phong's exponent to GGX roughness: alpha^2 = 2 / (n + 2), roughness = sqrt(alpha). Source: Walter et al. 2007, Karis 2013.
+        # Phong's exponent to GGX roughness: alpha^2 = 2 / (n + 2), roughness = sqrt(alpha).
+        # Source: Walter et al. 2007, Karis 2013.
         material.roughness = unit((2 / (exponent + 2)) ** 0.25)
         material.specular_color = unit_color(specular) if texture is None else (level, level, level)
         material.specular_color_texture = texture

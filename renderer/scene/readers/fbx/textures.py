@@ -46,7 +46,8 @@ class Pictures:
         uv_set = self._sets.get(text(picture.uv_set), 0)
         if uv_set > 1:
             self._shelf.warn_of_surface(
-                f"{user}: a texture lies by the UV set {text(picture.uv_set)[:60]}; only a mesh's first two are read, and the first is taken."
+                f"{user}: a texture lies by the UV set {text(picture.uv_set)[:60]}; only a mesh's first two are read, and the "
+                "first is taken."
             )
             uv_set = 0
         return self._shelf.texture(self._image(picture, user, srgb), wraps[0], wraps[1], uv_set, _transform(picture))
