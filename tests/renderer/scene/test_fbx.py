@@ -321,6 +321,18 @@ def test_of_several_stacks_the_first_that_moves_is_shown_and_the_others_are_name
     assert far("Take 001")[0] == 0
 
 
+def test_all_stacks_at_once(scene):
+    """One for each node, as exporters write them that have a take for each object."""
+    (first, links), (second, more) = stack(100, "walk", 240), stack(110, "turn", 120)
+    more = [(a, 21 if b == 20 else b, *rest) for a, b, *rest in more]
+    text = fbx(node(21, "other") + first + second, [(10, 21), (21, 0), *links, *more])
+    for clip, expected in ((None, [1.2, 0]), ("turn", [0, 0.6]), ("all", [1.2, 0.6])):
+        for _ in range(2):
+            description = scene("a.fbx", text, moment=Moment(12, 24, clip))
+            places = {each.name: each.transform[0, 3] for each in description.instances}
+            assert [places["tri"], places["other"]] == pytest.approx(expected)
+
+
 def _turn(axis, degrees):
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     i, j = [(1, 2), (2, 0), (0, 1)][axis]

@@ -16,6 +16,7 @@ __all__ = [
     "Anim",
     "AnimCurve",
     "AnimLayer",
+    "AnimOptions",
     "AnimProp",
     "AnimStack",
     "AnimValue",
@@ -219,3 +220,4 @@ LoadOptions = _structure(
 EvaluateOptions = _structure(
     "EvaluateOptions", "_:uint temporary:Allocator result:Allocator _:bool _:bool _:uint _:bool _:Callback _:uint"
 )
+AnimOptions = _structure("AnimOptions", "_:uint layers:list _:list _:list _:list _:bool result:Allocator _:uint")
