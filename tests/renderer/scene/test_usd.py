@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pxr import Gf, UsdGeom, UsdRender, Vt
+from pxr import Gf, UsdGeom, UsdRender, UsdShade, Vt
 
 from renderer.errors import SceneError
 from tests.renderer.scene.usd_files import CUBE, SQUARE, TYPES, bind, cube, material, mesh, ours, read, stage, texture, world
@@ -336,3 +336,14 @@ def test_what_instancers_say_of_each_instance_is_named(tmp_path):
     colors.Set([Gf.Vec3f(1, 0, 0), Gf.Vec3f(0, 1, 0)])
     made.GetRootLayer().Save()
     assert any("each instance (displayColor)" in w for w in read(tmp_path / "a.usda").warnings)
+
+
+def test_materials_for_previews_alone_are_shown_and_unknown_kinds_named(tmp_path):
+    made = stage(tmp_path / "a.usda")
+    red, _ = material(made, "/red", diffuseColor=(TYPES.Color3f, Gf.Vec3f(1, 0, 0)))
+    UsdShade.MaterialBindingAPI.Apply(cube(made, "/m").GetPrim()).Bind(red, materialPurpose="preview")
+    made.DefinePrim("/lamp", "PxrRectLight")
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    assert found.materials[found.meshes[0].material].base_color == (1, 0, 0)
+    assert any("type PxrRectLight, which USD itself does not know" in w for w in found.warnings)

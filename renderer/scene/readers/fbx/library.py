@@ -109,7 +109,6 @@ class Opened:
         found = _library().ufbx_evaluate_scene(self._pointer, anim, seconds, ctypes.byref(options), ctypes.byref(error))
         return Opened(found) if found else _failed(error, name)
 
-
     def together(self, layers: list[int], name: str) -> int:
         """The address of an animation of all these of the scene's layers, of which the last counts. Raises SceneError."""
         if self._together is None:

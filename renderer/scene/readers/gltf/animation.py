@@ -47,7 +47,9 @@ class Animations:
         names = [source.text("name", "") or f"animation {i}" for i, source in enumerate(self._sources)]
         self.clips = [Clip(name, *self._extent(source)) for name, source in zip(names, self._sources, strict=True)]
         # Blender writes an animation for each object: as none moves what another does, they are meant to be seen together.
-        self._is_of_parts = len(names) > 1 and ALL_CLIPS not in names and files.recall(("clips apart", root.file), self._are_apart)
+        self._is_of_parts = (
+            len(names) > 1 and ALL_CLIPS not in names and files.recall(("clips apart", root.file), self._are_apart)
+        )
         if self._is_of_parts:
             moving = [clip for clip in self.clips if clip.end > clip.start] or self.clips
             self.clips.insert(0, Clip(ALL_CLIPS, min(clip.start for clip in moving), max(clip.end for clip in moving)))

@@ -85,6 +85,10 @@ class _Walk:
             self._seen += 1
             if self._seen > MAX_PRIMS or prim.GetPath().pathElementCount > MAX_DEPTH:
                 raise SceneError(f"{prim.GetPath()}: is one prim too many, or too deep; at most {MAX_PRIMS} fit")
+            if prim.GetTypeName() and not prim.IsA(Usd.Typed):
+                self._notes.add(
+                    f"Prims of the type {prim.GetTypeName()}, which USD itself does not know, are left out", str(prim.GetPath())
+                )
             if prim.IsA(UsdShade.Material) or prim.IsA(UsdShade.Shader) or prim.IsA(UsdShade.NodeGraph):
                 continue
             inner, moving = self._local(prim, outer)
