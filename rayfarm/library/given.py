@@ -34,11 +34,17 @@ def as_files(scene: Any, base: str | Path = ".") -> Iterator[Path]:
         yield Path(scene).expanduser()
         return
     with tempfile.TemporaryDirectory(prefix="rayfarm-") as folder:
+        if isinstance(scene, Mapping) and scene.get("type") == "scene":
+            raise SceneError(
+                "This dict is one of Mitsuba's: write it down by mitsuba.xml.dict_to_xml(scene, 'scene.xml') and give the file, or "
+                "say it as docs/scene-format.md has it"
+            )
         if isinstance(scene, Mapping):
             yield _written(scene, Path(folder), Path(base).expanduser())
         elif hasattr(scene, "export") and type(scene).__module__.partition(".")[0] == "trimesh":
-            path = Path(folder) / "scene.glb"
-            path.write_bytes(scene.export(file_type="glb"))
+            kind = "ply" if type(scene).__name__ == "PointCloud" else "glb"  # whose points are shown as balls
+            path = Path(folder) / f"scene.{kind}"
+            path.write_bytes(scene.export(file_type=kind))
             yield path
         else:
             raise SceneError(
