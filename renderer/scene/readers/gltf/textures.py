@@ -20,7 +20,7 @@ _REPEAT, _LINEAR = 10497, 9729
 _WRAP: dict[int, Wrap] = {_REPEAT: "repeat", 33648: "mirror", 33071: "clamp"}
 _NEAREST = {9728}
 _MIN_NEAREST = {9728, 9984, 9986}  # without mipmaps, with one, between two
-UV_SETS = (0, 1)  # which a mesh has here, of as many as the file's may have
+UV_SETS: tuple[int, ...] = (0, 1)  # which a mesh has here, of as many as the file's may have
 _UNSEEN = "occlusionTexture"
 
 
