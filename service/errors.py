@@ -17,6 +17,8 @@ FarmError           a sentence that a person can act on
 ├── FilmWaits       a film cannot be written or read now, and will be later: a full disk, a lock, a read-only disk
 └── FilmLost        a film cannot be written or read any more: without the right to, of a newer release
     └── FilmDamaged     what it had is not there or not what was written: what is missing can be rendered again
+
+QueueError          Redis cannot be reached: told to nobody, since the engine tries again
 """
 
 from __future__ import annotations
@@ -35,6 +37,7 @@ __all__ = [
     "NotFound",
     "NotOwner",
     "OverQuota",
+    "QueueError",
     "TooLarge",
     "TooLate",
     "Unavailable",
@@ -119,3 +122,7 @@ class FilmLost(FarmError):  # noqa: N818
 
 class FilmDamaged(FilmLost):
     """What a film had is not there or not what was written: what is missing can be rendered again."""
+
+
+class QueueError(Exception):
+    """Redis cannot be reached; nothing was sent."""

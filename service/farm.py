@@ -31,8 +31,8 @@ from service.keeping.reuse import Reuse
 from service.owning.candidate import own
 from service.owning.ownership import Ownership
 from service.scheduling.engine import Engine
+from service.scheduling.fleet.workers import Roster
 from service.scheduling.records import Records
-from service.scheduling.workers import Roster
 from service.settings import Settings
 from service.store.blobs import BlobFolder, BlobStore
 from service.store.film_snapshots import FilmSnapshots

@@ -25,11 +25,11 @@ from service.api.schemas import (
 )
 from service.api.shot_sums import ShotSums, sums_of
 from service.api.worker_fields import worker_out
-from service.scheduling.active_frame import FrameNumbers
 from service.scheduling.engine import Engine
-from service.scheduling.needs import Needs
+from service.scheduling.fleet.needs import Needs
+from service.scheduling.fleet.workers import Roster
+from service.scheduling.jobs.active_frame import FrameNumbers
 from service.scheduling.snapshot import JobNumbers, Snapshot
-from service.scheduling.workers import Roster
 from service.shot import Shot
 from service.store.models import ACTIVE, Frame, Job, Scene
 

@@ -16,8 +16,8 @@ from renderer.settings import RenderSettings
 from service.api.schemas import BadSampleOut, FrameOut, FrameState
 from service.api.shot_sums import live_numbers
 from service.errors import FarmError
-from service.scheduling.active_frame import FrameNumbers
 from service.scheduling.engine import Engine
+from service.scheduling.jobs.active_frame import FrameNumbers
 from service.scheduling.snapshot import JobNumbers
 from service.store.models import ACTIVE, Frame, Job
 from worker.protocol.reproduce import sample_command

@@ -31,7 +31,7 @@ from service.api.motion import motion_of
 from service.api.schemas import FrameOut, FrameState
 from service.errors import Conflict, Invalid
 from service.farm import Farm, FarmDependency
-from service.scheduling.aside import MadeAside
+from service.scheduling.errands.aside import MadeAside
 from service.store import bands
 from service.store.films import Film
 from service.store.models import Scene

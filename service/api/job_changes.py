@@ -16,7 +16,7 @@ from service.api.strict import Strict
 from service.api.visit import Visit
 from service.errors import FarmError
 from service.farm import Farm
-from service.scheduling.wishes import begins_anew, set_state, wait_no_longer_in_vain
+from service.scheduling.jobs.wishes import begins_anew, set_state, wait_no_longer_in_vain
 from service.store.models import FINAL, Job
 
 __all__ = ["ChangesIn", "ChangesOut", "change_many", "may_begin_anew"]

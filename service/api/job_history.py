@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field
 
 from service.api.lookup import find_job
 from service.farm import FarmDependency
-from service.scheduling.history import History
+from service.scheduling.jobs.history import History
 
 __all__ = ["router"]
 

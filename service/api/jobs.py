@@ -31,8 +31,8 @@ from service.errors import Conflict, FarmError, NotFound
 from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
 from service.keeping.reuse import Begun
-from service.scheduling.shot_wishes import ShotWish
-from service.scheduling.wishes import ask_for_samples, focus_on, set_state, wait_no_longer_in_vain
+from service.scheduling.jobs.shot_wishes import ShotWish
+from service.scheduling.jobs.wishes import ask_for_samples, focus_on, set_state, wait_no_longer_in_vain
 from service.shot import IN_TURN, Shot
 from service.store.frame_changes import Step, apply_at_once, begin, is_short
 from service.store.models import FINAL, Frame, Job, Scene

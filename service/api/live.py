@@ -32,7 +32,7 @@ from service.api.heard import heard
 from service.api.lookup import no_job
 from service.errors import FarmError
 from service.farm import Farm, FarmDependency
-from service.scheduling.active_frame import FrameNumbers
+from service.scheduling.jobs.active_frame import FrameNumbers
 from service.store.films import Film
 from service.store.models import ACTIVE, Frame, Job
 from service.watching import tile_packet

@@ -13,7 +13,7 @@ from service.api.strict import Strict
 from service.clock import deadline_of
 from service.errors import Conflict, NotFound
 from service.intake.projects import serves
-from service.scheduling.needs import Needs
+from service.scheduling.fleet.needs import Needs
 from service.store.models import ACTIVE, Job, Wait
 
 __all__ = [

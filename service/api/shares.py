@@ -17,7 +17,7 @@ from service.api.strict import Strict
 from service.api.visit import Visit, VisitDependency
 from service.errors import Invalid
 from service.farm import Farm, FarmDependency
-from service.scheduling.shares import EVERYBODY, Terms, share_of
+from service.scheduling.jobs.shares import EVERYBODY, Terms, share_of
 from service.store.models import ACTIVE, Job, ShareTerms, User
 
 __all__ = ["router"]

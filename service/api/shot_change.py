@@ -9,7 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.farm import Farm
-from service.scheduling.shot_wishes import FrameNow, ShotWish, change_shot
+from service.scheduling.jobs.shot_wishes import FrameNow, ShotWish, change_shot
 from service.shot import Shot
 from service.store.frame_changes import Step, apply_at_once, begin, is_short
 from service.store.models import Frame, FrameChange, Job

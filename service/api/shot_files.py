@@ -23,7 +23,7 @@ from service.api.lookup import find_job
 from service.api.motion import motion_of
 from service.errors import Conflict, Invalid
 from service.farm import Farm, FarmDependency
-from service.scheduling.active_frame import FrameNumbers
+from service.scheduling.jobs.active_frame import FrameNumbers
 from service.shot import Shot
 from service.store.films import Film
 from service.store.models import FINAL, Job, Scene

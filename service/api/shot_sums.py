@@ -15,7 +15,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from renderer.frames import frame_number, frames_text
-from service.scheduling.active_frame import FrameNumbers
+from service.scheduling.jobs.active_frame import FrameNumbers
 from service.scheduling.snapshot import JobNumbers
 from service.shot import Shot
 from service.store.models import ACTIVE, Frame, FrameChange, Job

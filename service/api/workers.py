@@ -12,7 +12,7 @@ from service.api.visit import VisitDependency
 from service.api.worker_fields import WorkerOut, WorkerPatch, worker_out
 from service.errors import Conflict, NotFound, Unavailable
 from service.farm import Farm, FarmDependency
-from service.scheduling.workers import BY_A_PERSON
+from service.scheduling.fleet.workers import BY_A_PERSON
 from service.store.models import WorkerTerms
 
 __all__ = ["router"]

@@ -1,8 +1,8 @@
 """Finds and marks the pictures with samples of a worker that was found to render something other than the rest.
 
-In unfinished jobs such samples are removed at once (service/scheduling/trust.py). A finished picture stays as it was delivered:
-its job names the workers in doubt, and somebody can set it to running to render those samples again. A thread searches the
-films at rest, using a fifth of a core; when the service starts, it does so for all workers that are still set aside.
+In unfinished jobs such samples are removed at once (service/scheduling/trust/trust.py). A finished picture stays as it was
+delivered: its job names the workers in doubt, and somebody can set it to running to render those samples again. A thread searches
+the films at rest, using a fifth of a core; when the service starts, it does so for all workers that are still set aside.
 """
 
 from __future__ import annotations

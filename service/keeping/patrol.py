@@ -20,8 +20,8 @@ from sqlalchemy import select, update
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.errors import FarmError, FilmDamaged
-from service.scheduling.history import History
-from service.scheduling.wishes import set_state
+from service.scheduling.jobs.history import History
+from service.scheduling.jobs.wishes import set_state
 from service.store.database import Sessions
 from service.store.film_faults import FILM
 from service.store.film_store import FilmStore

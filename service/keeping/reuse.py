@@ -25,10 +25,10 @@ from sqlalchemy import select
 from renderer.frames import frame_number, frames_text
 from renderer.settings import MAX_SPP, RenderSettings
 from service.errors import FarmError
-from service.scheduling.history import History
-from service.scheduling.plan import FIRST_CHECK
-from service.scheduling.shot_wishes import NOISIEST
-from service.scheduling.workers import Roster
+from service.scheduling.fleet.workers import Roster
+from service.scheduling.jobs.history import History
+from service.scheduling.jobs.plan import FIRST_CHECK
+from service.scheduling.jobs.shot_wishes import NOISIEST
 from service.shot import Shot
 from service.store.database import Sessions
 from service.store.film_store import FilmStore

@@ -18,9 +18,9 @@ from renderer.frames import frame_number, frames_text
 from renderer.settings import RenderSettings
 from service.errors import Conflict
 from service.intake.resolve import resolve
-from service.scheduling.active_frame import ActiveFrame, FrameRow
-from service.scheduling.active_job import ActiveJob
-from service.scheduling.shares import Terms
+from service.scheduling.jobs.active_frame import ActiveFrame, FrameRow
+from service.scheduling.jobs.active_job import ActiveJob
+from service.scheduling.jobs.shares import Terms
 from service.shot import Shot
 from service.store.blends import blend_of, is_to_be_opened
 from service.store.database import Sessions
@@ -235,7 +235,7 @@ class Records:
 
     def finished(self, job: ActiveJob, measured: dict[str, float | None] | None = None) -> bool:
         """A job has all that was asked for: of a shot, all but the frames that failed; where all of them did, it has failed.
-        measured: what it says of its scene (service/scheduling/measured.py).
+        measured: what it says of its scene (service/scheduling/jobs/measured.py).
         False where it was over already, or something else was asked for in the meantime."""
         with self._sessions.begin() as session:
             row = session.get(Job, job.id, with_for_update=True)

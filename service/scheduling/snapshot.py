@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from service.scheduling.active_frame import FrameNumbers
-from service.scheduling.active_job import ActiveJob
-from service.scheduling.preparing import Progress
-from service.scheduling.workers import Roster
+from service.scheduling.errands.preparing import Progress
+from service.scheduling.fleet.workers import Roster
+from service.scheduling.jobs.active_frame import FrameNumbers
+from service.scheduling.jobs.active_job import ActiveJob
 
 __all__ = ["Board", "JobNumbers", "Snapshot", "Tell"]
 

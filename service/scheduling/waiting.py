@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import time
 
-from service.scheduling.bulkhead import Bulkheads, Step
 from service.scheduling.changes import Changes
+from service.scheduling.faults.bulkhead import Bulkheads, Step
 from service.scheduling.records import Records
 
 __all__ = ["Waiting"]

@@ -132,7 +132,7 @@ class Job(Base):
     focus: Mapped[list[int] | None] = mapped_column(JSON(none_as_null=True))  # x, y, w, h that is rendered first
     history: Mapped[dict[str, Any] | None] = mapped_column(
         JSON(none_as_null=True), deferred=True
-    )  # see service/scheduling/history.py
+    )  # see service/scheduling/jobs/history.py
     idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
     checked: Mapped[float | None] = mapped_column(Float)  # when its film was last read as a whole: service/keeping/patrol.py
     pinned: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # stays whatever its age
@@ -140,7 +140,7 @@ class Job(Base):
     max_slots: Mapped[int | None] = mapped_column(Integer)  # that may work on it at a time
     deadline: Mapped[float | None] = mapped_column(Float)  # by when it is wanted
     late: Mapped[float | None] = mapped_column(Float)  # since when it is expected to miss that; None: it is not
-    needs: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # of a worker: service/scheduling/needs.py
+    needs: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # service/scheduling/fleet/needs.py
     picture: Mapped[str | None] = mapped_column(
         String(64)
     )  # equal for jobs of which one's samples are the other's: intake/picture.py
@@ -166,7 +166,7 @@ class Wait(Base):
 
 
 class ShareTerms(Base):
-    """What somebody's jobs get of the slots, where an administrator has said so: service/scheduling/shares.py."""
+    """What somebody's jobs get of the slots, where an administrator has said so: service/scheduling/jobs/shares.py."""
 
     __tablename__ = "shares"
 

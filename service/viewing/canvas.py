@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from renderer import film
 from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF, Sums
-from service.scheduling.active_frame import FIRST_LOOK
-from service.scheduling.plan import FIRST_CHECK
+from service.scheduling.jobs.active_frame import FIRST_LOOK
+from service.scheduling.jobs.plan import FIRST_CHECK
 from service.viewing.passes import Level
 
 __all__ = ["BYTES_A_PIXEL", "GROWTH", "Canvas"]

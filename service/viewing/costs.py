@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from service.scheduling.workers import Roster
+from service.scheduling.fleet.workers import Roster
 from service.viewing.look import Look
 
 __all__ = ["Costs"]

@@ -18,8 +18,8 @@ import redis
 
 from renderer.errors import SettingsError
 from renderer.film import SAMPLES
-from service.scheduling.dispatch import Dispatcher, QueueError
-from service.scheduling.workers import Roster
+from service.scheduling.fleet.workers import Roster
+from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
 from service.settings import Settings
 from service.viewing.asked_frames import PATIENCE_S, AskedFrames
 from service.viewing.bell import Bell

@@ -13,8 +13,8 @@ from typing import Any
 import redis
 
 from service.errors import Failed, TooLate, Unavailable
-from service.scheduling.dispatch import Dispatcher, QueueError
-from service.scheduling.workers import Roster
+from service.scheduling.fleet.workers import Roster
+from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
 from service.settings import Settings
 from worker.protocol.explained import ExplainPixel, explained_key
 from worker.protocol.view_parts import view_queue

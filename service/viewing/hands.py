@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from service.scheduling.workers import Roster
+from service.scheduling.fleet.workers import Roster
 from service.viewing.look import Look
 
 __all__ = ["Hands"]

@@ -47,7 +47,7 @@ ON_BOTH: dict[str, tuple[str, ...]] = {
     ),
     "scheduling/test_shots.py": (),
     "scheduling/test_long_shots.py": ("test_what_is_done_in_parts", "test_a_job_whose_deletion"),
-    "scheduling/test_history.py": (),
+    "scheduling/jobs/test_history.py": (),
     "scheduling/test_database_faults.py": ("test_a_database_that_is_away_at_the_start_is_a_sentence",),
     "keeping/test_retention.py": ("test_the_oldest_films_go_until_the_rest_fits",),
     "store/test_garbage.py": (

@@ -20,7 +20,7 @@ import pytest
 
 from service.hooks import deliver, outbox
 from service.hooks.signing import headers
-from service.scheduling import deadlines
+from service.scheduling.forecasts import deadlines
 from tests.service.conftest import Service, until
 
 SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from service.scheduling.messages import PrepareDone
+from service.scheduling.incoming.messages import PrepareDone
 from tests.service.conftest import TOKEN, Service, until
 from tests.service.peer_worker import PeerWorker
 from worker.protocol.blends import WAITS, blender_queue, is_blend, written_of

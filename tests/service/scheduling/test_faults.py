@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from service.errors import FilmWaits
-from service.scheduling import bulkhead
+from service.scheduling.faults import bulkhead
 from service.scheduling.records import Records
 from service.store.database import connect
 from service.store.film_file import FilmFile

@@ -12,8 +12,8 @@ import pytest
 
 from renderer.film import digest
 from renderer.settings import Tile
-from service.scheduling.messages import BatchDone, understand
-from service.scheduling.results import Entry
+from service.scheduling.incoming.messages import BatchDone, understand
+from service.scheduling.incoming.results import Entry
 from tests.benchmarks.scale.slots import Slots, of_one_sample
 from tests.service.conftest import TOKEN, Service
 from tests.service.peer_worker import expected_sums

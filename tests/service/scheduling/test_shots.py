@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from renderer.frames import parse_frames
-from service.scheduling.agenda import PILOT, Agenda
+from service.scheduling.jobs.agenda import PILOT, Agenda
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
 from worker.protocol.contract import RenderBatch

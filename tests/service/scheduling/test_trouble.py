@@ -9,7 +9,7 @@ import time
 import pytest
 import redis
 
-from service.scheduling.results import Entry
+from service.scheduling.incoming.results import Entry
 from tests.helpers import running_redis
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums

@@ -1,0 +1,224 @@
+"""What readers ask for of a frame and a worker makes: denoised colour, motion vectors.
+
+A film that grows makes what was made of it old at once. So a request while one is being made waits for that one, and the
+next request asks for a new one. What is made are blobs that no database names: after a restart they are made again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from typing import Generic, TypeVar
+
+from service.errors import Failed, FarmError, NotFound, TooLate, Unavailable
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.handing_out.dispatch import QueueError
+from service.scheduling.handing_out.leases import Lease
+from service.store.blobs import BlobStore, is_sha256
+from worker.protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment
+
+__all__ = ["Aside", "LetGo", "MadeAside"]
+
+PATIENCE_S_PER_PIXEL = 1e-5
+UNSEEN_ALLOWED = 10  # looks in a row at which nobody has in hand what a worker had: a slot that died is asked again by itself
+SENT_AT_MOST = 3
+Key = tuple[str, int]  # job, frame
+LetGo = Callable[[Counter[str]], None]  # of blobs, and how often each is no longer referred to here
+
+
+Wish = TypeVar("Wish", DenoiseFrame, FrameVectors, ShowEnvironment)
+
+
+@dataclass(frozen=True)
+class MadeAside:
+    """What was made of a frame: its blob (as the wish in worker.contract says), and of which film content it is."""
+
+    sha256: str
+    version: str = ""
+    samples: int = 0
+
+
+@dataclass
+class _Wanted(Generic[Wish]):
+    wish: Wish
+    answer: Future[MadeAside] = field(default_factory=Future)
+    lease: Lease | None = None
+    sent: int = 0
+
+
+class Aside(ABC, Generic[Wish]):
+    """Asked by any thread; handed out and heard about in the engine's. What the blobs are asked is asked in a thread of its own:
+    their store may be far away.
+    """
+
+    _patience_s = 60.0
+    _doing: str  # what reports of workers call the job whose frame they have in hand
+
+    def __init__(self, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
+        """let_go: of blobs that are wanted no more. Which blob that is a worker has said: something else may refer to it."""
+        self._workers = workers
+        self._blobs = blobs
+        self._let_go = let_go
+        self._aside = ThreadPoolExecutor(1, thread_name_prefix="aside")
+        self._lock = threading.Lock()
+        self._wanted: dict[Key, _Wanted[Wish]] = {}
+        self._made: dict[Key, MadeAside] = {}
+
+    @abstractmethod
+    def _kind(self) -> str | None:
+        """The kind of the workers that can make it; None where there is none."""
+
+    @abstractmethod
+    def _send(self, wish: Wish, kind: str) -> None:
+        """Hand out a wish with an id of its own. Raises QueueError."""
+
+    @abstractmethod
+    def _is_size(self, size: int, wish: Wish) -> bool:
+        """Whether what is wished for may have so many bytes."""
+
+    @abstractmethod
+    def _nobody(self) -> Unavailable:
+        """Why no worker can make it."""
+
+    @property
+    @abstractmethod
+    def _name(self) -> str:
+        """What is made, as sentences call it."""
+
+    def want(self, wish: Wish, version: str = "") -> Future[MadeAside]:
+        """What is wished for, of this version or of a newer one; or of one a moment older that is just being made.
+
+        wish: its `work` is filled in. The future has a FarmError where it cannot be made. Raises Unavailable where no worker can.
+        """
+        job, frame = wish.job, wish.frame
+        made = self._made.get((job, frame))
+        # Asked without the lock, for which the engine's thread would wait: the store may be far away.
+        if made is not None and made.version == version and self._blobs.exists(made.sha256):
+            done: Future[MadeAside] = Future()
+            done.set_result(made)
+            return done
+        with self._lock:
+            wanted = self._wanted.get((job, frame))
+            if wanted is None:
+                if self._kind() is None:
+                    raise self._nobody()
+                wanted = self._wanted[job, frame] = _Wanted(wish)
+            return wanted.answer
+
+    def fill(self) -> None:
+        """Hand out what is wanted and not in hand. Raises QueueError."""
+        for key, wanted in self._waiting():
+            kind = self._kind()
+            if kind is None:
+                self._fail(key, self._nobody())
+                continue
+            patience = self._patience_s + PATIENCE_S_PER_PIXEL * wanted.wish.width * wanted.wish.height
+            lease = Lease(key[0], kind, None, patience)
+            try:
+                self._send(replace(wanted.wish, work=lease.id), kind)
+            except QueueError as error:
+                self._fail(key, Unavailable(f"Redis does not answer ({error}). Try again when it does."))
+                raise
+            wanted.lease = lease
+            wanted.sent += 1
+
+    def heard(self, work: str, made: MadeAside | None, error: str = "") -> None:
+        """A worker has made it, or says why not."""
+        with self._lock:
+            key = next((key for key, wanted in self._wanted.items() if wanted.lease and wanted.lease.id == work), None)
+            if key is not None and (lease := self._wanted[key].lease) is not None:
+                lease.has_arrived = True
+        if key is None:
+            return  # too late, or of an earlier life of the service
+        if made is None:
+            self._fail(key, self._failed(error))
+        else:
+            self._later(self._keep, key, work, made)
+
+    def _keep(self, key: Key, work: str, made: MadeAside) -> None:
+        with self._lock:
+            wanted = self._wanted.get(key)
+        is_there = wanted is not None and is_sha256(made.sha256) and self._is_there(made.sha256, wanted.wish)
+        with self._lock:
+            if wanted is None or self._wanted.get(key) is not wanted or wanted.lease is None or wanted.lease.id != work:
+                return  # given up meanwhile, or its job is deleted
+            del self._wanted[key]
+            old = self._made.get(key)
+            if is_there:
+                self._made[key] = made
+        if not is_there:
+            wanted.answer.set_exception(self._failed(""))
+            return
+        wanted.answer.set_result(made)
+        if old is not None and old.sha256 != made.sha256:
+            self._delete(old.sha256)
+
+    def review(self) -> None:
+        """Once a second: hand out again what was lost with its worker, and give up on what does not come back."""
+        with self._lock:
+            self._look_for_lost()
+            late = [key for key, wanted in self._wanted.items() if wanted.lease is not None and wanted.lease.is_overdue]
+        for key in late:
+            self._fail(key, TooLate(f"No worker gave the {self._name} in time; they may be busy. Try again."))
+
+    def _look_for_lost(self) -> None:
+        """A worker that is killed takes what it had in hand with it, and the broker hands that out again much later."""
+        if not self._wanted:
+            return
+        doing = [(report.name, each) for report in self._workers.roster.reports.values() for each in report.current]
+        held = {(str(each.get(self._doing)), str(each.get("frame"))): name for name, each in doing}
+        for (job, frame), wanted in self._wanted.items():
+            lease = wanted.lease
+            if lease is None or lease.has_arrived:
+                continue
+            holder = held.get((job, str(frame)))
+            lease.holder = holder or lease.holder
+            lease.unseen = 0 if holder or not lease.holder else lease.unseen + 1
+            if lease.unseen >= UNSEEN_ALLOWED and wanted.sent < SENT_AT_MOST:
+                wanted.lease = None
+
+    def forget(self, job: str) -> None:
+        """The job is deleted."""
+        with self._lock:
+            gone = [self._made.pop(key) for key in list(self._made) if key[0] == job]
+            waiting = [key for key in self._wanted if key[0] == job]
+        for key in waiting:
+            self._fail(key, NotFound(f"The job was deleted while a worker made its {self._name}."))
+        for made in gone:
+            self._later(self._delete, made.sha256)
+
+    def close(self) -> None:
+        """Ask the blobs nothing any more."""
+        self._aside.shutdown(wait=False, cancel_futures=True)
+
+    def _later(self, function: Callable[..., None], *arguments: object) -> None:
+        with contextlib.suppress(RuntimeError):  # the service ends
+            self._aside.submit(function, *arguments)
+
+    def _failed(self, why: str) -> FarmError:
+        return Failed(f"The {self._name} could not be made: {(why or 'its file is missing, or of another size').rstrip('.')}.")
+
+    def _is_there(self, sha256: str, wish: Wish) -> bool:
+        try:
+            size = self._blobs.size(sha256)
+        except FarmError:
+            return False  # the store is away: as good as missing
+        return size is not None and self._is_size(size, wish)
+
+    def _delete(self, sha256: str) -> None:
+        self._let_go(Counter([sha256]))
+
+    def _waiting(self) -> list[tuple[Key, _Wanted[Wish]]]:
+        with self._lock:
+            return [(key, wanted) for key, wanted in self._wanted.items() if wanted.lease is None]
+
+    def _fail(self, key: Key, error: FarmError) -> None:
+        with self._lock:
+            wanted = self._wanted.pop(key, None)
+        if wanted is not None:
+            wanted.answer.set_exception(error)

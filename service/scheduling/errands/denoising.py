@@ -1,0 +1,39 @@
+"""Denoised frames: asked for by readers, made by a worker, kept until the film goes on."""
+
+from __future__ import annotations
+
+from service.errors import Unavailable
+from service.scheduling.errands.aside import Aside, LetGo
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.handing_out.dispatch import Dispatcher
+from service.store.blobs import BlobStore
+from worker.protocol.contract import DenoiseFrame
+
+__all__ = ["Denoising"]
+
+
+class Denoising(Aside[DenoiseFrame]):
+    """As every Aside; of the film's content as it is."""
+
+    _name = "denoised picture"
+    _doing = "denoise"
+
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
+        super().__init__(workers, blobs, let_go)
+        self._dispatcher = dispatcher
+
+    def _kind(self) -> str | None:
+        return self._workers.roster.denoising_kind()
+
+    def _send(self, wish: DenoiseFrame, kind: str) -> None:
+        self._dispatcher.send_denoise(wish, kind)
+
+    def _is_size(self, size: int, wish: DenoiseFrame) -> bool:
+        return size == 3 * 4 * wish.width * wish.height
+
+    def _nobody(self) -> Unavailable:
+        if not self._workers.roster.ready():
+            return Unavailable("Denoising needs a worker, and none is connected. Start one, then ask again.")
+        return Unavailable(
+            "No worker has Open Image Denoise. Install it beside one (pip install 'pyoidn>=2.5,<3'), and start that anew.",
+        )

@@ -1,0 +1,45 @@
+"""Small pictures of uploaded environments: asked for while one is uploaded, made by a worker, which is how it is checked."""
+
+from __future__ import annotations
+
+from service.errors import FarmError, Invalid, Unavailable
+from service.scheduling.errands.aside import Aside, LetGo
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.handing_out.dispatch import Dispatcher
+from service.store.blobs import BlobStore
+from worker.protocol.contract import ShowEnvironment
+
+__all__ = ["Environments"]
+
+MOST_BYTES = 1 << 20  # of a small picture
+
+
+class Environments(Aside[ShowEnvironment]):
+    """As every Aside; of the image's content, by which `job` in the wish calls it."""
+
+    _name = "environment's picture"
+    _doing = "environment"
+    _patience_s = 150.0
+
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
+        super().__init__(workers, blobs, let_go)
+        self._dispatcher = dispatcher
+
+    def _kind(self) -> str | None:
+        return self._workers.roster.lighting_kind()
+
+    def _send(self, wish: ShowEnvironment, kind: str) -> None:
+        self._dispatcher.send_environment(wish, kind)
+
+    def _is_size(self, size: int, wish: ShowEnvironment) -> bool:
+        return 0 < size <= MOST_BYTES
+
+    def _nobody(self) -> Unavailable:
+        if self._workers.roster.best_kind() is not None:
+            return Unavailable(
+                "The workers are of an older release, which knows no environments. Update them, then upload it again."
+            )
+        return Unavailable("An environment is looked at by a worker, and none is connected. Start one, then upload it again.")
+
+    def _failed(self, why: str) -> FarmError:
+        return Invalid(f"{why.rstrip('.')}.") if why else super()._failed(why)

@@ -1,0 +1,202 @@
+"""Frames of shots on their way to compiled scenes: a few ahead of need, and no more than there is room for.
+
+Every frame of an animation has a compiled scene of its own, which can be made again and is deleted when the frame is finished.
+When room is short, the frame that is needed last loses its own first: a shot rendered breadth first comes back to it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import asdict
+from functools import cache
+
+from renderer.settings import OPTIONAL
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.handing_out.dispatch import Dispatcher
+from service.scheduling.handing_out.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.incoming.results import Results
+from service.scheduling.jobs.active_frame import ActiveFrame
+from service.scheduling.jobs.active_job import ActiveJob
+from service.scheduling.jobs.frame_bytes import alone, held, more
+from worker.protocol.contract import FrameInfo, PrepareFrames, prepare_queue
+
+__all__ = ["Moments"]
+
+LOSSES_ALLOWED = 3
+AHEAD = 4  # frames, at least
+MOST_AT_ONCE = 32
+MOST_WITHOUT_ROOM = 500  # of frames that take none: only the camera moves
+AIM_S = 1.0  # that handing out frames together takes
+SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
+
+FrameOf = Callable[[ActiveJob], dict[str, object]]  # the view that frames the scene, as PrepareFrames takes it
+
+
+class Moments:
+    """Which frames are to be prepared, and which are in whose hands. Lives in the engine's thread."""
+
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float, room: int) -> None:
+        """room: bytes for what is compiled for frames, of all jobs together."""
+        self._dispatcher = dispatcher
+        self._workers = workers
+        self._deadline_s = deadline_s
+        self._room = room
+        self.leases = Leases()
+        self._frames: dict[str, set[int]] = {}  # of a lease: those that are not answered
+        self._seconds: dict[str, float] = {}  # of a job: that its frames take each
+        self._sizes: dict[str, int] = {}  # and the bytes that the latest took beside what it shares
+        self._losses: Counter[tuple[str, int]] = Counter()
+
+    def fill(self, jobs: Iterable[tuple[ActiveJob, str | None]], auto: FrameOf, busy: set[tuple[str, int]]) -> list[ActiveJob]:
+        """Hand out what is needed next. jobs: with the kind of workers that render each, in turn. busy: frames of jobs of which
+        batches are out. Returns the jobs of which something was let go. Raises QueueError."""
+        cleared = []
+        shots = [(job, kind) for job, kind in jobs if job.shot is not None and kind is not None and kind in job.compiled]
+        left = self._room - self._taken([job for job, _ in shots])
+        for job, kind in shots:
+            if kind is None or len(self.leases.of(job.id)) >= max(1, self._workers.roster.slots(kind) // 2):
+                continue
+            chosen, size = self._chosen(job, kind), self._sizes.get(job.id)
+            if size is None:
+                chosen = chosen[:1]
+            if chosen and size and left < size:
+                room = self._make_room(job, kind, chosen[0], busy)
+                if room is None:
+                    continue
+                left += room
+                cleared.append(job)
+            if chosen and size:
+                chosen = chosen[: max(1, left // size)]
+                left -= len(chosen) * size
+            if chosen:
+                self._send(job, kind, chosen, auto(job))
+        return cleared
+
+    def forget(self, job: str) -> None:
+        """The job is over, or its frames are looked at anew."""
+        self._seconds.pop(job, None)
+        self._sizes.pop(job, None)
+        for key in [key for key in self._losses if key[0] == job]:
+            del self._losses[key]
+        for lease in self.leases.of(job):
+            self._end(lease)
+
+    def heard(self, job: ActiveJob, work: str, frame: int, worker: str, info: FrameInfo | None) -> None:
+        """A worker has answered for a frame. info: None where it failed."""
+        if info is not None:
+            before = self._seconds.get(job.id, info.seconds)
+            self._seconds[job.id] = before + (info.seconds - before) / 2
+            if info.compiled is None:
+                self._sizes[job.id] = 0
+            elif not info.compiled.parts or held([job]):  # else it is not known what others share of it
+                self._sizes[job.id] = more(job, asdict(info.compiled))
+        lease = self.leases.get(work)
+        if lease is None:
+            return
+        lease.holder, lease.unseen, lease.answered_by = worker, 0, None
+        left = self._frames[work]
+        if frame in left:
+            left.discard(frame)
+            self._is_prepared(job, [frame])
+        if not left:
+            self._end(lease)
+
+    def returned(self, job: ActiveJob, work: str) -> None:
+        """A worker hands back what it has not answered: it is handed out again."""
+        lease = self.leases.get(work)
+        if lease is not None:
+            self._is_prepared(job, self._end(lease))
+
+    def review(self, jobs: dict[str, ActiveJob], results: Results) -> list[tuple[ActiveJob, ActiveFrame]]:
+        """Once a second: drop leases that are lost; returns the frames that were lost too often.
+
+        One whose answer may lie among results that were not read yet is not lost. Raises redis.RedisError.
+        """
+        kinds = {lease.kind for lease in self.leases}
+        waiting = {id for kind in kinds for id in self._dispatcher.waiting(prepare_queue(kind))}
+        in_hand = {str(doing["work"]) for doing in self._workers.roster.current() if "work" in doing}
+        end = cache(results.end)
+        hopeless = []
+        for lease in self.leases:
+            job = jobs.get(lease.owner)
+            if job is None:
+                self._end(lease)
+                continue
+            lease.is_held = lease.id in in_hand
+            lease.seen(lease.is_held or lease.id in waiting, end)
+            may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
+            if may_be_answered or (lease.unseen < UNSEEN_ALLOWED and not lease.is_overdue):
+                continue
+            lost = self._end(lease)
+            self._is_prepared(job, lost)
+            for frame in sorted(lost)[:1] if lease.id not in waiting else ():  # the one that somebody was at
+                self._losses[job.id, frame] += 1
+                if self._losses[job.id, frame] >= LOSSES_ALLOWED and frame in job.frames:
+                    hopeless.append((job, job.frames[frame]))
+        return hopeless
+
+    def _chosen(self, job: ActiveJob, kind: str) -> list[ActiveFrame]:
+        """The frames to hand out together now: none where enough of them are ready."""
+        turns, seconds = job.agenda.turns, self._seconds.get(job.id)
+        most = MOST_AT_ONCE if self._sizes.get(job.id) else MOST_WITHOUT_ROOM
+        together = 1 if seconds is None else max(1, min(most, int(AIM_S / max(seconds, 1e-6))))
+        ahead = max(AHEAD, 2 * self._workers.roster.slots(kind), 2 * together)
+        lacking = turns.lacking(kind, together)
+        if not lacking:
+            return []
+        in_hand = sum(not frame.is_over and not frame.is_idle for frame in turns.preparing())
+        ready = in_hand + turns.ready_before(kind, job.agenda.turn(lacking[0]), ahead)
+        return lacking[: min(together, ahead - ready)] if ready < ahead else []
+
+    def _make_room(self, job: ActiveJob, kind: str, wanted: ActiveFrame, busy: set[tuple[str, int]]) -> int | None:
+        """Let go of what is needed later than a frame: so many bytes. None where the frame has to wait."""
+        turn = job.agenda.turn(wanted)
+        idle = [f for f in job.agenda.turns.owning() if f.own.keys() & f.compiled.keys() and (job.id, f.key) not in busy]
+        later = [f for f in idle if f.is_idle or job.agenda.turn(f) > turn]
+        if later:
+            victim = max(later, key=job.agenda.turn)
+            gone = alone(job, victim)
+            victim.compiled.clear()
+            job.touch(victim)
+            return gone
+        return 0 if job.agenda.next(kind) is None and not self.leases.of(job.id) else None
+
+    def _taken(self, jobs: list[ActiveJob]) -> int:
+        """Bytes of what is compiled for frames, and will be for those in hand."""
+        awaited = sum(self._sizes.get(job.id, 0) * len(job.agenda.turns.preparing()) for job in jobs)
+        return awaited + sum(held(jobs).values())
+
+    def _send(self, job: ActiveJob, kind: str, frames: list[ActiveFrame], auto: dict[str, object]) -> None:
+        assert job.shot is not None
+        lease = Lease(job.id, kind, None, self._deadline_s)
+        work = PrepareFrames(
+            work=lease.id,
+            job=job.id,
+            scene=job.scene,
+            frames=[frame.key for frame in frames],
+            base=job.compiled[kind],
+            base_auto=auto,
+            fps=job.shot.fps,
+            clip=job.shot.clip,
+            camera=job.request.get("camera"),
+            view=job.request.get("view"),
+            turntable=job.shot.turntable,
+            shutter={name: job.request[name] for name in SHUTTER if job.request.get(name) is not None},
+        )
+        self._dispatcher.send_frames(work, kind)
+        self.leases.add(lease)
+        self._frames[lease.id] = {frame.key for frame in frames}
+        for frame in frames:
+            frame.is_preparing = True
+            job.touch(frame)
+
+    def _end(self, lease: Lease) -> set[int]:
+        self.leases.end(lease.id)
+        return self._frames.pop(lease.id, set())
+
+    def _is_prepared(self, job: ActiveJob, keys: Iterable[int]) -> None:
+        for key in keys:
+            if (frame := job.frames.get(key)) is not None:
+                frame.is_preparing = False
+                job.touch(frame)

@@ -1,0 +1,132 @@
+"""Scenes on their way from files to what a kernel reads: requested, monitored, and requested again if lost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.handing_out.dispatch import Dispatcher
+from service.scheduling.handing_out.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.incoming.results import Results
+from worker.protocol.blends import WAITS, blender_queue
+from worker.protocol.contract import prepare_queue
+
+__all__ = ["Preparing", "Progress"]
+
+LOSSES_ALLOWED = 3
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far preparing is: a phrase, and 0 ... 1."""
+
+    step: str
+    fraction: float
+
+
+NO_BLENDER = Progress(WAITS, 0.0)
+
+
+class Preparing:
+    """The scenes to prepare, each for a kind of worker, or (None) for whichever kind there is most of."""
+
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float) -> None:
+        self._dispatcher = dispatcher
+        self._workers = workers
+        self._deadline_s = deadline_s
+        self._wanted: dict[tuple[str, str | None], int] = {}  # -> how often it was lost
+        self._by_blender: set[str] = set()
+        self.leases = Leases()
+        self.progress: dict[str, Progress] = {}
+
+    def want(self, scene: str, kind: str | None, by_blender: bool = False) -> None:
+        """Prepare a scene. by_blender: on a worker that has it."""
+        self._wanted.setdefault((scene, kind), 0)
+        if by_blender:
+            self._by_blender.add(scene)
+
+    def forget(self, scene: str) -> None:
+        """The scene is deleted, or prepared, or failed."""
+        for key in [key for key in self._wanted if key[0] == scene]:
+            del self._wanted[key]
+        self._by_blender.discard(scene)
+        self.progress.pop(scene, None)
+        for lease in self.leases.of(scene):
+            self.leases.end(lease.id)
+
+    def forget_kind(self, scene: str, kind: str) -> None:
+        """The scene is prepared for a kind, and perhaps wanted for another."""
+        self._wanted.pop((scene, kind), None)
+        self._wanted.pop((scene, None), None)
+        self._by_blender.discard(scene)
+        self.progress.pop(scene, None)
+        for lease in self.leases.of(scene):
+            if lease.kind == kind:
+                self.leases.end(lease.id)
+
+    def fill(self) -> None:
+        """Hand out what is wanted and not in hand. Raises QueueError."""
+        for scene, wanted_kind in list(self._wanted):
+            roster, by_blender = self._workers.roster, scene in self._by_blender
+            kind = roster.blender_kind() if by_blender else wanted_kind or roster.best_kind()
+            out = self.leases.of(scene)
+            if any(wanted_kind in (None, lease.kind) for lease in out):
+                continue
+            if by_blender and kind is None and roster.ready():
+                self.progress[scene] = NO_BLENDER
+            if kind is None or not roster.slots(kind):
+                continue
+            lease = Lease(scene, kind, None, self._deadline_s)
+            lease.queue = blender_queue(kind) if by_blender else prepare_queue(kind)
+            self._dispatcher.send_prepare(scene, lease.queue, lease.id)
+            self.leases.add(lease)
+            if self.progress.get(scene) == NO_BLENDER:
+                del self.progress[scene]
+
+    def heard(self, scene: str, kind: str, worker: str, progress: Progress | None) -> None:
+        """A worker says that it is at it."""
+        for lease in self.leases.of(scene):
+            if lease.kind == kind:
+                lease.holder = worker
+                lease.unseen, lease.answered_by = 0, None
+        if progress is not None:
+            self.progress[scene] = progress
+
+    def arrived(self, scene: str, kind: str) -> None:
+        """A worker's answer was read, and is written down as soon as the database takes it: until then it is not lost."""
+        for lease in self.leases.of(scene):
+            if lease.kind == kind:
+                lease.has_arrived = True
+
+    def returned(self, scene: str, kind: str, why: str) -> None:
+        """A worker could not prepare a scene by its own trouble: it is handed out again, and the scene is not to blame."""
+        for lease in self.leases.of(scene):
+            if lease.kind == kind:
+                self.leases.end(lease.id)
+                self.progress[scene] = Progress(f"{why} It is tried again.", 0.0)
+
+    def review(self, results: Results) -> list[tuple[str, str | None]]:
+        """Once a second: drop leases that are lost; returns the (scene, kind) that were lost too often.
+
+        One whose answer may lie among results that were not read yet is not lost. Raises redis.RedisError.
+        """
+        waiting = {id for queue in {lease.queue for lease in self.leases} for id in self._dispatcher.waiting(queue)}
+        in_hand = {str(doing["scene"]) for doing in self._workers.roster.current() if "scene" in doing}
+        end = cache(results.end)
+        hopeless = []
+        for lease in self.leases:
+            if lease.has_arrived and not lease.is_overdue:
+                continue
+            lease.is_held = lease.owner in in_hand
+            lease.seen(lease.is_held or lease.id in waiting, end)
+            may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
+            if may_be_answered or (lease.unseen < UNSEEN_ALLOWED and not lease.is_overdue):
+                continue
+            self.leases.end(lease.id)
+            for key in [(lease.owner, lease.kind), (lease.owner, None)]:
+                if key in self._wanted:
+                    self._wanted[key] += lease.holder is not None
+                    if self._wanted[key] >= LOSSES_ALLOWED:
+                        hopeless.append(key)
+        return hopeless

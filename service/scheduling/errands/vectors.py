@@ -1,0 +1,38 @@
+"""Motion vectors of frames: asked for by readers, made by a worker from the scene's files; they follow from the request alone."""
+
+from __future__ import annotations
+
+from service.errors import Unavailable
+from service.scheduling.errands.aside import Aside, LetGo
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.handing_out.dispatch import Dispatcher
+from service.store.blobs import BlobStore
+from worker.protocol.contract import FrameVectors
+
+__all__ = ["Vectors"]
+
+
+class Vectors(Aside[FrameVectors]):
+    """As every Aside; of one version for ever."""
+
+    _name = "motion vectors"
+    _doing = "vectors"
+    _patience_s = 600.0  # the scene is read and compiled for them
+
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
+        super().__init__(workers, blobs, let_go)
+        self._dispatcher = dispatcher
+
+    def _kind(self) -> str | None:
+        return self._workers.roster.pointing_kind()
+
+    def _send(self, wish: FrameVectors, kind: str) -> None:
+        self._dispatcher.send_vectors(wish, kind)
+
+    def _is_size(self, size: int, wish: FrameVectors) -> bool:
+        return size == 4 * 4 * wish.width * wish.height
+
+    def _nobody(self) -> Unavailable:
+        if not self._workers.roster.ready():
+            return Unavailable("Motion vectors need a worker, and none is connected. Start one, then ask again.")
+        return Unavailable("The connected workers are of an older release, which makes no motion vectors. Start newer ones.")

@@ -1,0 +1,174 @@
+"""Bulkheads: what goes wrong with one job or scene stays with it, and the others go on.
+
+Every step that the engine takes for a job or a scene runs through `Bulkheads.run`, the one place that says whose fault an
+error is:
+
+Redis                raised: without the queue nothing can go on, and the engine as a whole waits for it.
+the database         nobody's. The step is tried again about each second; steps that need no database go on.
+a film that waits    the job waits and says so. The step is tried again about each second.
+all else             the job's own: it gets a verdict, which `Lifecycle.fail` carries out.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import partial
+
+import redis
+from sqlalchemy import exc
+
+from renderer.errors import SettingsError
+from service.errors import FarmError, FilmWaits, NoRoom, QueueError, Unavailable
+from worker.telemetry.log_lines import about, ids
+
+__all__ = ["Bulkheads", "Step", "Verdict"]
+
+RETRY_S = 1.0
+RETRY_AT_MOST_S = 5.0
+SHARE_OF_A_FAULT = 10  # a step that failed slowly (a lock was waited for) is tried so many times more rarely than it takes
+
+DATABASE_FAULTS = (exc.DBAPIError, exc.TimeoutError)
+# These are of a row, not of the database.
+ROW_FAULTS = (exc.IntegrityError, exc.ProgrammingError, exc.DataError, exc.NotSupportedError)
+
+log = logging.getLogger(__name__)
+
+
+class Step(StrEnum):
+    """What the engine does for a job or a scene. A step that waits holds up its own kind, and what must come after it."""
+
+    CHANGE = "change"  # apply what the database says of it
+    RESULTS = "results"  # store what workers answered
+    HAND_OUT = "hand out"
+    RECORD = "record"  # write down how far it is, and finish it
+    END = "end"  # carry out a verdict
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Why a job cannot go on."""
+
+    error: str
+    reproduce: str | None = None
+
+
+@dataclass(frozen=True)
+class _Wait:
+    sentence: str
+    until: float
+
+
+class Bulkheads:
+    """What waits and what cannot go on. Lives in the engine's thread."""
+
+    def __init__(self) -> None:
+        self._waits: dict[str, dict[Step, _Wait]] = {}
+        self.verdicts: dict[str, Verdict] = {}  # not carried out yet
+        self.database_fault: str | None = None
+        self._database_until = 0.0
+
+    def run(self, id: str, step: Step, action: Callable[[], object], needs_database: bool = False) -> bool:
+        """Take a step of a job or scene; False where it was not done: then it waits, or there is a verdict.
+
+        Raises redis.RedisError and QueueError alone.
+        """
+        if id in self.verdicts or not self._is_due(id, step, needs_database):
+            return False
+        return self._attempt(id, step, action, needs_database)
+
+    def carry_out(self, end: Callable[[str, Verdict], object]) -> None:
+        """End what has a verdict, as soon as the database takes it. Raises as `run`."""
+        for id, verdict in list(self.verdicts.items()):
+            if not self._is_due(id, Step.END, True):
+                continue
+            ended = self._attempt(id, Step.END, partial(end, id, verdict), True)
+            if ended or Step.END not in self._waits.get(id, {}):
+                self.forget(id)
+
+    def _attempt(self, id: str, step: Step, action: Callable[[], object], needs_database: bool) -> bool:
+        began = time.monotonic()
+        try:
+            with about(owner=id):
+                action()
+        except (redis.RedisError, QueueError):
+            raise
+        except FilmWaits as error:
+            self._wait(id, step, str(error), began)
+        except (NoRoom, Unavailable) as error:
+            self._wait_for_database(id, step, str(error), began)
+        except DATABASE_FAULTS as error:
+            if isinstance(error, ROW_FAULTS):
+                self._blame(id, step, error)
+            else:
+                self._wait_for_database(id, step, f"The database cannot be used ({getattr(error, 'orig', error)}).", began)
+        except Exception as error:
+            self._blame(id, step, error)
+        else:
+            self._passed(id, step, needs_database)
+            return True
+        return False
+
+    def condemn(self, id: str, error: str, reproduce: str | None = None) -> None:
+        """A job cannot go on."""
+        self.verdicts.setdefault(id, Verdict(error, reproduce))
+
+    def may_render(self, id: str) -> bool:
+        """Whether batches of a job may be handed out: its film takes what comes back."""
+        waits = self._waits.get(id, {})
+        return id not in self.verdicts and Step.RESULTS not in waits and self._is_due(id, Step.HAND_OUT, False)
+
+    def sentences(self) -> dict[str, str]:
+        """Why they wait."""
+        return {id: next(iter(waits.values())).sentence for id, waits in self._waits.items()}
+
+    def forget(self, id: str) -> None:
+        """The job or scene is over or gone."""
+        self._waits.pop(id, None)
+        self.verdicts.pop(id, None)
+
+    def _is_due(self, id: str, step: Step, needs_database: bool) -> bool:
+        now = time.monotonic()
+        if needs_database and now < self._database_until:
+            return False
+        wait = self._waits.get(id, {}).get(step)
+        return wait is None or now >= wait.until
+
+    def _wait_for_database(self, id: str, step: Step, sentence: str, began: float) -> None:
+        self.database_fault = sentence
+        self._wait(id, step, sentence, began)
+        self._database_until = self._waits[id][step].until
+
+    def _wait(self, id: str, step: Step, why: str, began: float) -> None:
+        sentence = f"Waits: {why[:1].lower()}{why[1:]}"
+        waits = self._waits.setdefault(id, {})
+        if step not in waits:
+            log.warning("%s: %s (%s)", id, sentence, step, extra=ids(owner=id))
+        now = time.monotonic()
+        waits[step] = _Wait(sentence, now + min(max(RETRY_S, SHARE_OF_A_FAULT * (now - began)), RETRY_AT_MOST_S))
+
+    def _passed(self, id: str, step: Step, needs_database: bool) -> None:
+        if needs_database and self.database_fault is not None:
+            log.warning("the database can be used again")
+            self.database_fault = None
+        waits = self._waits.get(id)
+        if waits is not None and waits.pop(step, None) is not None:
+            log.warning("%s goes on (%s)", id, step, extra=ids(owner=id))
+            if not waits:
+                del self._waits[id]
+
+    def _blame(self, id: str, step: Step, error: Exception) -> None:
+        if isinstance(error, FarmError):
+            sentence = str(error)
+        elif isinstance(error, SettingsError):
+            sentence = f"This job cannot go on: {error}. Make a new one."
+        else:
+            log.error("%s cannot go on (%s)", id, step, exc_info=error, extra=ids(owner=id))
+            sentence = (
+                f"This job met a fault of the service ({type(error).__name__}: {error}), whose log says more. "
+                "Setting it to running tries again."
+            )
+        self.condemn(id, sentence)

@@ -1,0 +1,263 @@
+"""Who renders: the workers' own reports, under keys that expire when nobody renews them."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import redis
+
+from service.scheduling.fleet.needs import Needs
+from service.scheduling.fleet.reports import report_of
+from service.scheduling.fleet.speeds import Speeds
+from worker.protocol.blends import TAG
+from worker.protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, WorkerReport, order_key, worker_key
+from worker.protocol.lifeline import connected
+from worker.protocol.site import SITE, SiteReport, site_key
+from worker.protocol.terms import Offer, Terms, offer_key, terms_key
+from worker.protocol.vitals import LOG_TTL_S, Vitals, log_key, log_wanted_key, vitals_key
+
+__all__ = ["BY_A_PERSON", "Roster", "Workers"]
+
+BY_A_PERSON = "Paused by a person."
+
+LOOK_EVERY_S = 1.0
+LATE_S = 2.5 * HEARTBEAT_EVERY_S
+AWAY_S = 30.0  # that a worker is waited for, if it lives: a host without power leaves its connection behind
+ORDER_TTL_S = 7 * 86400  # a worker of that name may come back; some day nobody remembers why it was paused
+LOOK_WHILE_IDLE_S = 0.2  # while nobody is ready: the first work should not wait for the next look
+LOG_PATIENCE_S = 3.0
+MAX_LINES, MAX_LINE = 500, 2000
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Roster:
+    """One look at the workers. Never changed, so every thread may read it."""
+
+    reports: Mapping[str, WorkerReport] = field(default_factory=dict)
+    orders: Mapping[str, str] = field(default_factory=dict)  # why a worker is paused, by its name
+    vitals: Mapping[str, Vitals] = field(default_factory=dict)  # of those that tell
+    speeds: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # as Speeds has them
+    offers: Mapping[str, Offer] = field(default_factory=dict)  # of those that tell
+    sites: Mapping[str, SiteReport] = field(default_factory=dict)  # of reducers whose workers are here
+
+    def ready(self) -> list[WorkerReport]:
+        """The workers that take work."""
+        return [report for report in self.reports.values() if report.state == "ready" and report.name not in self.orders]
+
+    def slots(self, kind: str) -> int:
+        """The slots of the ready workers of a kind."""
+        return sum(report.slots for report in self.ready() if report.kind == kind)
+
+    def serving(self, queue: str) -> dict[str, int]:
+        """The slots by kind of the ready workers that say that they take from a queue of needs."""
+        found: dict[str, int] = {}
+        for report in self.ready():
+            if (offer := self.offers.get(report.name)) is not None and queue in offer.queues:
+                found[report.kind] = found.get(report.kind, 0) + report.slots
+        return found
+
+    def best_kind(self) -> str | None:
+        """The kind with most slots; None where no worker is ready."""
+        kinds = {report.kind for report in self.ready()}
+        return max(sorted(kinds), key=self.slots, default=None)
+
+    def shooting_kind(self) -> str | None:
+        """The kind of the workers that can prepare frames of shots, with most slots; None where none is ready."""
+        return self._kind_of([report for report in self.ready() if report.frames])
+
+    def blurring_kind(self) -> str | None:
+        """The kind of the workers that can prepare frames with an open shutter, with most slots; None where none is ready.
+
+        None of which some cannot: whoever is free takes what waits for a kind.
+        """
+        ready = self.ready()
+        unable = {report.kind for report in ready if not report.blurs}
+        return self._kind_of([report for report in ready if report.blurs and report.kind not in unable])
+
+    def pointing_kind(self) -> str | None:
+        """The kind of the workers that make motion vectors, with most slots, as `blurring_kind`; None where none is ready."""
+        ready = self.ready()
+        unable = {report.kind for report in ready if not report.vectors}
+        return self._kind_of([report for report in ready if report.kind not in unable])
+
+    def lighting_kind(self) -> str | None:
+        """The kind of the workers that look at uploaded environments, with most slots, as `blurring_kind`; None where none is.
+
+        Those that render views do: both came with one release.
+        """
+        ready = self.ready()
+        unable = {report.kind for report in ready if not report.views}
+        return self._kind_of([report for report in ready if report.kind not in unable])
+
+    def blender_kind(self) -> str | None:
+        """The kind of the workers that open .blend files, with most slots; None where none is ready."""
+        able = {name for name, offer in self.offers.items() if TAG in offer.tags}
+        return self._kind_of([report for report in self.ready() if report.name in able])
+
+    def takes_several(self, kind: str) -> bool:
+        """Whether all workers of a kind take several batches in one message: whoever is free takes what waits for it."""
+        return all(report.several for report in self.reports.values() if report.kind == kind)
+
+    def takes_joint(self, kind: str) -> bool:
+        """Whether all workers of a kind add up what their slots render of a tile."""
+        return all(report.adds for report in self.reports.values() if report.kind == kind)
+
+    def denoising_kind(self) -> str | None:
+        """The kind of the workers that can denoise, with most slots; None where none is ready."""
+        return self._kind_of([report for report in self.ready() if report.denoises])
+
+    def _kind_of(self, reports: list[WorkerReport]) -> str | None:
+        slots: dict[str, int] = {}
+        for report in reports:
+            slots[report.kind] = slots.get(report.kind, 0) + report.slots
+        return max(sorted(slots), key=lambda kind: slots[kind], default=None)
+
+    def current(self) -> list[dict[str, Any]]:
+        """What all slots do now."""
+        return [doing for report in self.reports.values() for doing in report.current if doing]
+
+
+class Workers:
+    """Looks at the workers, and tells them to pause. `roster` is renewed by the engine's thread; every look makes a new one."""
+
+    def __init__(self, connection: redis.Redis, on_change: Callable[[str], None]) -> None:
+        self._redis = connection
+        self._on_change = on_change
+        self._looked = -math.inf
+        self._strange: set[bytes] = set()  # keys whose reports make no sense, each named in the log once
+        self._speeds = Speeds()
+        self._vanished: dict[str, float] = {}  # workers whose report is gone, and since when
+        self.roster = Roster()
+
+    def look(self, now: bool = False) -> None:
+        """Renew the roster where it is older than a second, or in any case. Raises redis.RedisError."""
+        age = time.monotonic() - self._looked
+        if not now and age < (LOOK_EVERY_S if self.roster.ready() else LOOK_WHILE_IDLE_S):
+            return
+        self._looked = time.monotonic()
+        keys = sorted(self._redis.scan_iter(WORKER_KEYS, count=1000))
+        values: Any = self._redis.mget(keys) if keys else []
+        found = [self._understand(key, value) for key, value in zip(keys, values, strict=True) if value is not None]
+        reports = {report.name: report for report in found if report is not None}
+        names = sorted(reports)
+        whys: Any = self._redis.mget([order_key(name) for name in names]) if names else []
+        orders = {name: why.decode(errors="replace") for name, why in zip(names, whys, strict=True) if why is not None}
+        told: Any = self._redis.mget([vitals_key(name) for name in names]) if names else []
+        vitals = {name: one for name, value in zip(names, told, strict=True) if (one := _vitals(value)) is not None}
+        said: Any = self._redis.mget([offer_key(name) for name in names]) if names else []
+        offers = {name: offer for name, value in zip(names, said, strict=True) if (offer := _offer(value)) is not None}
+        self._speeds.note(reports.values())
+        self._vanished |= dict.fromkeys(self.roster.reports.keys() - reports.keys(), self._looked)
+        self._vanished = {name: since for name, since in self._vanished.items() if name not in reports}
+        before, self.roster = self.roster, Roster(reports, orders, vitals, self._speeds.latest, offers, self._sites(offers))
+        for name in sorted(before.reports.keys() | reports.keys()):
+            had, has = ((each.reports.get(name), each.orders.get(name), each.offers.get(name)) for each in (before, self.roster))
+            if had != has:
+                self._on_change(name)
+
+    def _sites(self, offers: Mapping[str, Offer]) -> dict[str, SiteReport]:
+        """The reducers of the workers' sites. Raises redis.RedisError."""
+        tags = {tag for offer in offers.values() for tag in offer.tags if tag.startswith(SITE)}
+        names = sorted(tag.removeprefix(SITE) for tag in tags)
+        said: Any = self._redis.mget([site_key(name) for name in names]) if names else []
+        return {name: site for name, value in zip(names, said, strict=True) if (site := _site(value)) is not None}
+
+    def ask(self, terms: Mapping[str, Terms], needs: Iterable[Needs]) -> None:
+        """Tell workers what is asked of them, where they do not keep it yet. Raises redis.RedisError.
+
+        terms: by name. needs: of the jobs that are not over: those that a worker meets, it is to serve.
+        """
+        different = {each.text: each for each in needs}
+        for name, offer in self.roster.offers.items():
+            kind = self.roster.reports[name].kind
+            queues = tuple(sorted(each.queue(kind) for each in different.values() if each.are_met(offer)))
+            wanted = replace(terms.get(name, Terms()), queues=queues)
+            if wanted.digest != offer.keeps:
+                self._redis.set(terms_key(name), wanted.to_bytes())
+
+    def are_late(self) -> bool:
+        """Whether a worker has not reported itself for so long that nobody knows what it has in hand. Raises redis.RedisError."""
+        with self._redis.pipeline(transaction=False) as all_at_once:
+            for name in self.roster.reports:
+                all_at_once.pttl(worker_key(name))
+            left_ms = [ms for ms in all_at_once.execute() if ms >= 0]
+        return min(left_ms, default=math.inf) < 1000 * (HEARTBEAT_TTL_S - LATE_S)
+
+    def away(self) -> set[str]:
+        """The workers that do not report themselves any more, and yet live. Raises redis.RedisError."""
+        now = time.monotonic()
+        lately = {name for name, since in self._vanished.items() if now - since < AWAY_S}
+        living = connected(self._redis, lately) if lately else set()
+        self._vanished = {name: since for name, since in self._vanished.items() if name in living}
+        return living
+
+    def pause(self, name: str, why: str) -> None:
+        """Let a worker take no more tasks, until `resume`; from any thread. Raises redis.RedisError."""
+        self._redis.set(order_key(name), why, ex=ORDER_TTL_S)
+
+    def all_orders(self) -> dict[str, str]:
+        """Why workers are paused, by name, connected or not. Raises redis.RedisError."""
+        keys = list(self._redis.scan_iter(order_key("*"), count=1000))
+        values: Any = self._redis.mget(keys) if keys else []
+        prefix = len(order_key(""))
+        found = ((key.decode(errors="replace")[prefix:], why) for key, why in zip(keys, values, strict=True))
+        return {name: why.decode(errors="replace") for name, why in found if why is not None}
+
+    def resume(self, name: str) -> None:
+        """Let a worker take tasks again; from any thread. Raises redis.RedisError."""
+        self._redis.delete(order_key(name))
+
+    def log(self, name: str) -> list[str] | None:
+        """The last lines of a worker's log; None where it does not tell them in time. Takes seconds; from any thread but the
+        engine's. Raises redis.RedisError.
+        """
+        self._redis.set(log_wanted_key(name), b"1", ex=LOG_TTL_S)
+        deadline = time.monotonic() + LOG_PATIENCE_S
+        while (found := self._redis.get(log_key(name))) is None and time.monotonic() < deadline:
+            time.sleep(0.1)
+        try:
+            lines = json.loads(found) if isinstance(found, bytes) else None
+        except (ValueError, RecursionError):
+            return None
+        return [str(line)[:MAX_LINE] for line in lines[-MAX_LINES:]] if isinstance(lines, list) else None
+
+    def _understand(self, key: bytes, value: bytes) -> WorkerReport | None:
+        """A report; None where it makes no sense here: it may be of a worker of another release."""
+        try:
+            report = report_of(key, value)
+        except (ValueError, RecursionError) as error:
+            if key not in self._strange:
+                self._strange.add(key)
+                log.warning("the report under %r is left out: %.500s", key, error)
+            return None
+        self._strange.discard(key)
+        return report
+
+
+def _vitals(value: bytes | None) -> Vitals | None:
+    try:
+        return Vitals.from_bytes(value) if value is not None else None
+    except ValueError:
+        return None
+
+
+def _offer(value: bytes | None) -> Offer | None:
+    try:
+        return Offer.from_bytes(value) if value is not None else None
+    except ValueError:
+        return None
+
+
+def _site(value: bytes | None) -> SiteReport | None:
+    try:
+        return SiteReport.from_bytes(value) if value is not None else None
+    except ValueError:
+        return None

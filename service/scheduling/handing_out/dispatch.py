@@ -1,0 +1,174 @@
+"""The service's end of the queue: sends tasks through Celery, and looks at what still waits in Redis."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from typing import Any
+
+import redis
+from celery import Celery
+from kombu.exceptions import BatchPublishError, OperationalError
+
+from service.errors import FarmError, QueueError
+from service.scheduling.jobs.traces import headers_of
+from worker.protocol.broker import celery_config
+from worker.protocol.contract import (
+    DENOISE,
+    ENVIRONMENT,
+    PREPARE,
+    PREPARE_FRAMES,
+    RENDER_BATCH,
+    RENDER_BATCHES,
+    VECTORS,
+    DenoiseFrame,
+    FrameVectors,
+    PrepareFrames,
+    RenderBatch,
+    ShowEnvironment,
+    denoise_queue,
+    prepare_queue,
+    render_queue,
+)
+from worker.protocol.explained import EXPLAIN, ExplainPixel
+from worker.protocol.joint import HELP_QUEUES, RENDER_JOINTLY, JointBatch
+from worker.protocol.view_parts import RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewFrame, ViewParts, view_queue
+
+__all__ = ["Dispatcher"]
+
+_AWAY = (OperationalError, BatchPublishError, redis.RedisError, OSError)
+
+
+class Dispatcher:
+    """Sends tasks. A task's id is that of its lease or message, so that what waits can be told apart and taken back."""
+
+    def __init__(self, redis_url: str, connection: redis.Redis, guard: Callable[[], None] = lambda: None) -> None:
+        """guard: raises FarmError where nothing may be sent."""
+        self._redis = connection
+        self._guard = guard
+        self._producer: Any = None  # while more than one message is sent at once
+        self._celery = Celery("rayfarm-service", set_as_current=False)
+        self._celery.conf.update(celery_config(redis_url))
+        self._celery.conf.broker_connection_timeout = 2
+        self._celery.conf.broker_transport_options = {
+            **self._celery.conf.broker_transport_options,
+            "socket_connect_timeout": 2,
+            "socket_timeout": 5,
+        }
+
+    @contextmanager
+    def at_once(self) -> Iterator[None]:
+        """What is sent within goes on its way at its end: the broker is waited for once. Raises QueueError; then some of it may
+        have been sent, and what was not is lost, as is what waits in a broker that ends."""
+        try:
+            with self._celery.producer_or_acquire() as producer, producer.batch():
+                self._producer = producer
+                try:
+                    yield
+                finally:
+                    self._producer = None
+                self._may_send()
+        except _AWAY as error:
+            raise QueueError(str(error)) from error
+
+    def send_batch(self, batch: RenderBatch, queue: str) -> None:
+        """Hand out a batch. Raises QueueError."""
+        self._send(RENDER_BATCH, {"batch": batch.to_json()}, queue, batch.batch, ("job", batch.job))
+
+    def send_batches(self, batches: Sequence[RenderBatch], queue: str, message: str) -> None:
+        """Hand out batches to be rendered in turn, under the name of the message. Raises QueueError."""
+        self._send(
+            RENDER_BATCHES,
+            {"batches": [batch.to_json() for batch in batches]},
+            queue,
+            message,
+            ("job", batches[0].job),
+        )
+
+    def send_joint(self, joint: JointBatch, queue: str) -> None:
+        """Hand out batches of a tile for the slots of one machine. Raises QueueError."""
+        whole = joint.whole
+        self._send(RENDER_JOINTLY, {"joint": joint.to_json()}, queue, whole.batch, ("job", whole.job))
+
+    def send_prepare(self, scene: str, queue: str, lease: str) -> None:
+        """Ask for a scene to be prepared. Raises QueueError."""
+        self._send(PREPARE, {"scene": scene}, queue, lease, ("scene", scene))
+
+    def send_frames(self, work: PrepareFrames, kind: str) -> None:
+        """Ask for frames of a shot to be prepared. Raises QueueError."""
+        self._send(PREPARE_FRAMES, {"frames": asdict(work)}, prepare_queue(kind), work.work, ("job", work.job))
+
+    def send_denoise(self, work: DenoiseFrame, kind: str) -> None:
+        """Ask for a frame to be denoised. Raises QueueError."""
+        self._send(DENOISE, {"frame": asdict(work)}, denoise_queue(kind), work.work, ("job", work.job))
+
+    def send_vectors(self, work: FrameVectors, kind: str) -> None:
+        """Ask for a frame's motion vectors. Raises QueueError."""
+        self._send(VECTORS, {"vectors": asdict(work)}, prepare_queue(kind), work.work, ("job", work.job))
+
+    def send_view(self, work: ViewParts | ViewFrame, kind: str) -> None:
+        """Ask for parts of a view, or for the frames that it shows. Raises QueueError."""
+        name, argument = (RENDER_VIEW, "parts") if isinstance(work, ViewParts) else (VIEW_FRAME, "frame")
+        self._send(name, {argument: work.to_json()}, view_queue(kind), work.message)
+
+    def send_environment(self, work: ShowEnvironment, kind: str) -> None:
+        """Ask for an image that lights scenes to be looked at. Raises QueueError."""
+        self._send(ENVIRONMENT, {"environment": asdict(work)}, prepare_queue(kind), work.work)
+
+    def send_explain(self, work: ExplainPixel, kind: str) -> None:
+        """Ask for a pixel to be explained, before all that nobody waits for. Raises QueueError."""
+        self._send(EXPLAIN, {"pixel": work.to_json()}, view_queue(kind), work.message)
+
+    def waiting(self, queue: str) -> dict[str, bytes]:
+        """What waits in a queue and no worker has taken yet: id -> message. Raises redis.RedisError."""
+        found = {}
+        messages: Any = self._redis.lrange(queue, 0, -1)
+        for message in messages:
+            try:
+                found[str(json.loads(message)["headers"]["id"])] = message
+            except (ValueError, KeyError, TypeError):
+                continue
+        return found
+
+    def take_back(self, queue: str, messages: set[str]) -> set[str]:
+        """Remove waiting messages; returns those that were still there. Raises redis.RedisError."""
+        taken = set()
+        for id, message in self.waiting(queue).items():
+            if id in messages and self._redis.lrem(queue, 1, message):  # type: ignore[arg-type]
+                taken.add(id)
+        return taken
+
+    def purge(self) -> None:
+        """Remove all that waits, of an earlier life whose leases are forgotten. Raises redis.RedisError."""
+        for pattern in (render_queue("*"), prepare_queue("*"), denoise_queue("*"), view_queue("*"), f"{HELP_QUEUES}*"):
+            for name in self._redis.scan_iter(pattern, count=1000):
+                self._redis.delete(name)
+        self._redis.delete(VIEW_ANSWERS)
+
+    def _may_send(self) -> None:
+        try:
+            self._guard()
+        except FarmError as error:
+            raise QueueError(str(error)) from error
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._celery.close()
+
+    def _send(self, name: str, arguments: dict[str, Any], queue: str, lease: str, traced: tuple[str, str] | None = None) -> None:
+        """traced: whose trace it belongs to, where it belongs to one."""
+        self._may_send()
+        try:
+            options: dict[str, Any] = {
+                "ignore_result": True,
+                "retry": False,
+                "argsrepr": "",
+                "kwargsrepr": "",
+            }  # nobody reads the reprs
+            if traced is not None and (headers := headers_of(*traced)) is not None:
+                options["headers"] = headers
+            self._celery.send_task(name, kwargs=arguments, queue=queue, task_id=lease, producer=self._producer, **options)
+        except _AWAY as error:
+            raise QueueError(str(error)) from error

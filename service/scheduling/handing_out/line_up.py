@@ -1,0 +1,77 @@
+"""Which jobs workers of a kind may render, by their priority."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.jobs.active_job import ActiveJob
+
+__all__ = ["LineUp"]
+
+AHEAD_EVERY_S = 1.0
+
+
+class LineUp:
+    """Lives in the engine's thread."""
+
+    def __init__(self, workers: Workers, jobs: Mapping[str, ActiveJob]) -> None:
+        self._workers = workers
+        self._jobs = jobs
+        self._ahead: tuple[float, dict[str, int]] = (-math.inf, {})  # and when that was found out
+
+    def kind_for(self, job: ActiveJob) -> str | None:
+        """The kind of the workers that are to render a job: that with which it began, or the one with most slots."""
+        roster = self._workers.roster
+        if job.needs is not None and job.kind is None and job.shot is None:
+            kinds = {report.kind for report in roster.ready()}
+            serving = {kind: roster.serving(job.needs.queue(kind)).get(kind, 0) for kind in sorted(kinds)}
+            return max(serving, key=lambda kind: serving[kind], default=None)
+        if job.kind is not None or job.shot is None:
+            return job.kind or roster.best_kind()
+        return roster.blurring_kind() if job.settings.shutter else roster.shooting_kind()
+
+    def slots_for(self, job: ActiveJob) -> int:
+        """How many slots take batches of a job now."""
+        kind = self.kind_for(job)
+        if kind is None:
+            return 0
+        roster = self._workers.roster
+        return roster.slots(kind) if job.needs is None else roster.serving(job.needs.queue(kind)).get(kind, 0)
+
+    def by_priority(self, kind: str) -> dict[int, list[ActiveJob]]:
+        """The jobs that workers of a kind may render."""
+        found: dict[int, list[ActiveJob]] = {}
+        best = self._workers.roster.best_kind()
+        kinds: dict[str, str | None] = {}  # by needs
+        for job in self._jobs.values():
+            if job.state in ("queued", "running"):
+                if job.kind is not None or job.shot is not None:
+                    of = self.kind_for(job)
+                elif job.needs is None:
+                    of = best
+                else:
+                    if job.needs.text not in kinds:
+                        kinds[job.needs.text] = self.kind_for(job)
+                    of = kinds[job.needs.text]
+                if of == kind:
+                    found.setdefault(job.priority, []).append(job)
+        return found
+
+    def ahead(self) -> dict[str, int]:
+        """Of every job that waits for others: how many jobs of a higher priority are rendered before it. At most a second old."""
+        if time.monotonic() - self._ahead[0] > AHEAD_EVERY_S:
+            self._ahead = time.monotonic(), self._find_ahead()
+        return self._ahead[1]
+
+    def _find_ahead(self) -> dict[str, int]:
+        found = {}
+        for kind in {report.kind for report in self._workers.roster.ready()}:
+            before = 0
+            for _, equals in sorted(self.by_priority(kind).items(), reverse=True):
+                same = [job.id for job in equals if not job.done]
+                found.update(dict.fromkeys(same, before))
+                before += len(same)
+        return {id: before for id, before in found.items() if before}

@@ -1,0 +1,89 @@
+"""Which outstanding batches are lost, and which are only late.
+
+A batch is lost when its worker has died, when several looks in a row found it with nobody although all answers were read, or
+when it takes far too long. An overloaded machine is none of these: its reports come late or not at all for a while, and what
+waits in a queue or in the stream waits for long. Treating that as loss would render everything again, which makes the overload
+worse. So a worker that has stopped reporting but is still connected (worker/protocol/lifeline.py) counts as away: others get
+work in its place, and try its batches like those of stragglers, once their slots have nothing else to do.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from enum import Enum
+from functools import cache
+
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.handing_out.dispatch import Dispatcher
+from service.scheduling.handing_out.held import Held
+from service.scheduling.handing_out.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.incoming.results import Results
+from service.scheduling.jobs.active_job import ActiveJob
+
+__all__ = ["Fate", "Missing"]
+
+STRAGGLER_S = 3.0
+
+
+class Fate(Enum):
+    """What became of a batch. The values are for the log."""
+
+    DEAD = "its worker is gone"
+    OVERDUE = "it took too long"
+    UNSEEN = "nobody has it"
+    LATE = "late"
+
+    @property
+    def is_to_blame(self) -> bool:
+        """Whether the batch itself may be why it was lost."""
+        return self in (Fate.DEAD, Fate.OVERDUE)
+
+
+class Missing:
+    """Lives in the engine's thread."""
+
+    def __init__(self, leases: Leases, workers: Workers, dispatcher: Dispatcher) -> None:
+        self._leases = leases
+        self._workers = workers
+        self._dispatcher = dispatcher
+
+    def look(self, jobs: Mapping[str, ActiveJob], results: Results) -> Iterator[tuple[Lease, Fate]]:
+        """Those that are lost, or late. One whose answer may lie among results that were not read yet is not lost. Raises
+        redis.RedisError."""
+        waiting = {id for queue in {lease.queue for lease in self._leases} for id in self._dispatcher.waiting(queue)}
+        roster = self._workers.roster
+        held = Held(roster)
+        living = self._workers.away()
+        end, is_late = cache(results.end), cache(lambda: bool(living) or self._workers.are_late())
+        out = [lease for lease in self._leases if lease.batch is not None and not lease.has_arrived and lease.owner in jobs]
+        now = time.monotonic()
+        for lease in out:
+            holder = held.by(lease, jobs[lease.owner])
+            is_at_site, waits = held.is_at_site(lease), lease.message in waiting
+            lease.seen(holder is not None or is_at_site or waits, end)
+            lease.waited = now if waits else lease.waited
+            lease.holder = holder or lease.holder
+            lease.held_since = lease.held_since or (now if holder else None)
+            lease.is_held = holder is not None
+        for lease in out:
+            is_gone = lease.unseen > 0 and lease.holder is not None and lease.holder not in roster.reports
+            self._leases.away(lease, is_gone and lease.holder in living)
+            fate = self._fate(lease, is_gone, is_late)
+            may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
+            if fate is Fate.LATE or (fate is not None and lease.message not in waiting and not may_be_answered):
+                yield lease, fate
+
+    def _fate(self, lease: Lease, is_gone: bool, is_late: Callable[[], bool]) -> Fate | None:
+        """is_gone: whether who had it does not report itself. is_late: whether somebody may have it who has not said so."""
+        if lease.is_away:
+            return None if lease.doubled else Fate.LATE
+        if is_gone:
+            return Fate.DEAD
+        if lease.is_overdue and (lease.is_held or not is_late()):
+            return Fate.OVERDUE
+        if lease.unseen >= UNSEEN_ALLOWED and not is_late():
+            return Fate.UNSEEN
+        since = lease.held_since or lease.issued
+        is_straggler = lease.is_held and time.monotonic() - since > max(STRAGGLER_S, 6 * lease.expected_s)
+        return Fate.LATE if is_straggler and not lease.doubled else None

@@ -1,0 +1,351 @@
+"""What workers say, checked: a message that makes no sense is left out with a line in the log."""
+
+from __future__ import annotations
+
+import logging
+import math
+from typing import Annotated, Literal, NamedTuple
+
+from pydantic import AfterValidator, BaseModel, Field, TypeAdapter, ValidationError, field_validator, model_validator
+
+from service.scheduling.incoming.results import Entry
+from service.store.blobs import is_sha256
+from worker.protocol.blends import written_of
+from worker.protocol.contract import BlobRef, FrameInfo, SceneInfo
+
+__all__ = [
+    "BatchDone",
+    "BatchFailed",
+    "BatchReturned",
+    "DenoiseDone",
+    "DenoiseFailed",
+    "EnvironmentFailed",
+    "EnvironmentShown",
+    "FrameFailed",
+    "FramePrepared",
+    "FramesReturned",
+    "Message",
+    "PrepareDone",
+    "PrepareFailed",
+    "PrepareGoesOn",
+    "PrepareReturned",
+    "PrepareStarted",
+    "VectorsFailed",
+    "VectorsMade",
+    "Wake",
+    "understand",
+]
+
+DAY_S = 86400.0
+LARGE = 1 << 31  # bounds what a faulty worker may make us store
+MOST_PIECES = 4096
+LARGEST_BLOB = 1 << 50  # bytes
+Id = Annotated[str, Field(max_length=200, pattern=r"^[^\x00]*$")]
+Sentence = Annotated[str, Field(max_length=20000), AfterValidator(lambda text: text.replace("\0", "\ufffd"))]
+Number = Annotated[int, Field(ge=0, le=LARGE)]
+Seconds = Annotated[float, Field(ge=0.0, le=DAY_S)]
+
+log = logging.getLogger(__name__)
+
+
+Line = Annotated[str, Field(max_length=1000)]
+
+
+class _Batch(BaseModel):
+    batch: Id
+    job: Id
+    frame: Number
+    tile: tuple[Number, Number, Number, Number]
+    first: Number
+    count: Annotated[int, Field(ge=1, le=LARGE)]
+    worker: Id = ""
+    lines: Annotated[list[Line], Field(max_length=20)] = []  # what the slot warned of meanwhile
+    took: Annotated[dict[Id, float], Field(max_length=20)] = {}  # seconds of its steps
+
+    @property
+    def owner(self) -> str:
+        """Whose message it is."""
+        return self.job
+
+
+class Piece(NamedTuple):
+    """A batch among those whose sums came added up."""
+
+    batch: Id
+    first: Number
+    count: Annotated[int, Field(ge=1, le=LARGE)]  # type: ignore[assignment]  # hides tuple.count, which nobody needs
+    seconds: Seconds
+    worker: Id = ""  # that rendered it, where several have
+
+
+class BatchDone(_Batch):
+    """A batch is rendered, or some of a tile that follow each other; the sums come beside it."""
+
+    type: Literal["batch", "batches"]
+    batch: Id = ""
+    seconds: Seconds = 0.0
+    parts: Annotated[list[Piece], Field(max_length=MOST_PIECES)] = []
+    bad: Annotated[list[tuple[Number, Number, Number]], Field(max_length=MOST_PIECES)] = []
+    bad_count: Number = 0
+    traceparents: Annotated[
+        list[Id], Field(max_length=MOST_PIECES)
+    ] = []  # the spans that it was rendered in, where they are taken
+
+    @property
+    def pieces(self) -> list[Piece]:
+        """What was handed out, each by itself."""
+        return self.parts or [Piece(self.batch, self.first, self.count, self.seconds)]
+
+    @property
+    def senders(self) -> tuple[str, ...]:
+        """Who rendered it, each once."""
+        return tuple(dict.fromkeys(piece.worker or self.worker for piece in self.pieces))
+
+    @model_validator(mode="after")
+    def _all_of_it(self) -> BatchDone:
+        end = self.first
+        for piece in self.pieces:
+            if piece.first != end:
+                raise ValueError("its batches do not follow each other")
+            end += piece.count
+        if end != self.first + self.count or not all(piece.batch for piece in self.pieces):
+            raise ValueError("its batches are not all of its samples")
+        return self
+
+
+class BatchFailed(_Batch):
+    """A batch could not be rendered."""
+
+    type: Literal["batch-failed"]
+    error: Sentence
+    reproduce: Sentence | None = None
+    trace: Sentence = ""  # the last lines of a program's error
+
+
+class BatchReturned(_Batch):
+    """A worker hands a batch back for trouble of its own: a lost connection, a full disk."""
+
+    type: Literal["batch-returned"]
+    error: Sentence
+
+
+class _Denoise(BaseModel):
+    work: Id
+    worker: Id = ""
+
+    @property
+    def owner(self) -> str:
+        """Whose message it is."""
+        return self.work
+
+
+class DenoiseDone(_Denoise):
+    """A frame is denoised."""
+
+    type: Literal["denoised"]
+    sha256: Id
+    version: Id
+    samples: Annotated[int, Field(ge=0, lt=1 << 63)]
+
+
+class DenoiseFailed(_Denoise):
+    """A frame could not be denoised."""
+
+    type: Literal["denoise-failed"]
+    error: Sentence
+
+
+class _Vectors(_Denoise):
+    """About a frame's motion vectors."""
+
+
+class VectorsMade(_Vectors):
+    """They are made."""
+
+    type: Literal["vectors-made"]
+    sha256: Id
+
+
+class VectorsFailed(_Vectors):
+    """They could not be made."""
+
+    type: Literal["vectors-failed"]
+    error: Sentence
+
+
+class EnvironmentShown(_Denoise):
+    """A small picture of an uploaded environment is made."""
+
+    type: Literal["environment-shown"]
+    sha256: Id
+
+
+class EnvironmentFailed(_Denoise):
+    """It lights nothing."""
+
+    type: Literal["environment-failed"]
+    error: Sentence
+
+
+class _Prepare(BaseModel):
+    scene: Id
+    kind: Id
+    worker: Id = ""
+
+    @property
+    def owner(self) -> str:
+        """Whose message it is."""
+        return self.scene
+
+
+class PrepareStarted(_Prepare):
+    """A worker prepares a scene."""
+
+    type: Literal["prepare-started"]
+
+
+class PrepareGoesOn(_Prepare):
+    """How far it is."""
+
+    type: Literal["prepare-progress"]
+    step: Sentence
+    fraction: float = Field(ge=0.0, le=1.0)
+
+
+class PrepareDone(_Prepare):
+    """A scene is prepared for a kind of worker."""
+
+    type: Literal["prepared"]
+    info: SceneInfo
+
+    @field_validator("info")
+    @classmethod
+    def _usable(cls, info: SceneInfo) -> SceneInfo:
+        written = written_of({"blend": info.blend})
+        for blob in (info.compiled, info.thumbnail, *(written[1] if written is not None else ())):
+            _check(blob)
+        if not all(math.isfinite(value) for corner in info.bounds for value in corner):
+            raise ValueError("bounds are no numbers")
+        _check_seconds(info.seconds)
+        return info
+
+    @model_validator(mode="after")
+    def _of_one_kind(self) -> PrepareDone:
+        if self.info.kind != self.kind:
+            raise ValueError(f"it is of workers of the kind {self.info.kind[:80]!r}")
+        return self
+
+
+def _check(blob: BlobRef | None) -> None:
+    for sha256, size in () if blob is None else ((blob.sha256, blob.size), *blob.parts):
+        if not is_sha256(sha256):
+            raise ValueError(f"{sha256[:80]!r} is no hash")
+        if not 0 <= size <= LARGEST_BLOB:
+            raise ValueError(f"{size} bytes is no size")
+
+
+def _check_seconds(seconds: float) -> None:
+    if not 0.0 <= seconds <= DAY_S:
+        raise ValueError(f"{seconds} s is no time")
+
+
+class PrepareFailed(_Prepare):
+    """A scene cannot be prepared."""
+
+    type: Literal["prepare-failed"]
+    error: Sentence
+
+
+class PrepareReturned(_Prepare):
+    """A worker hands a scene back for trouble of its own."""
+
+    type: Literal["prepare-returned"]
+    error: Sentence
+
+
+class _Frames(BaseModel):
+    work: Id
+    job: Id
+    kind: Id
+    worker: Id = ""
+
+    @property
+    def owner(self) -> str:
+        """Whose message it is."""
+        return self.job
+
+
+class FramePrepared(_Frames):
+    """A frame of a shot is prepared for a kind of worker."""
+
+    type: Literal["frame-prepared"]
+    frame: Number
+    info: FrameInfo
+
+    @field_validator("info")
+    @classmethod
+    def _usable(cls, info: FrameInfo) -> FrameInfo:
+        _check(info.compiled)
+        _check_seconds(info.seconds)
+        return info
+
+
+class FrameFailed(_Frames):
+    """A frame of a shot cannot be prepared."""
+
+    type: Literal["frame-failed"]
+    frame: Number
+    error: Sentence
+
+
+class FramesReturned(_Frames):
+    """A worker hands back those of its frames that it has not answered."""
+
+    type: Literal["frames-returned"]
+    error: Sentence
+
+
+class Wake(BaseModel):
+    """Says nothing: there is something else to do than to wait for messages."""
+
+    type: Literal["wake"]
+    owner: Literal[""] = ""
+
+
+Message = (
+    BatchDone
+    | BatchFailed
+    | BatchReturned
+    | DenoiseDone
+    | DenoiseFailed
+    | PrepareStarted
+    | PrepareGoesOn
+    | PrepareDone
+    | PrepareFailed
+    | PrepareReturned
+    | FramePrepared
+    | FrameFailed
+    | FramesReturned
+    | EnvironmentShown
+    | EnvironmentFailed
+    | VectorsMade
+    | VectorsFailed
+    | Wake
+)
+_MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])
+
+
+def understand(entry: Entry) -> Message | None:
+    """What an entry of the stream says; None where that makes no sense."""
+    if entry.result is None:
+        return None
+    try:
+        message = _MESSAGES.validate_python(entry.result.event)
+    except (ValidationError, RecursionError) as error:
+        text = "; ".join(f"{e['loc']}: {e['msg']}" for e in error.errors()[:3]) if isinstance(error, ValidationError) else error
+        log.warning("a message in the result stream is left out: %.500s", text)
+        return None
+    if isinstance(message, BatchDone) and entry.result.sums is None:
+        log.warning("a batch of %s in the result stream is left out: it has no sums", message.worker)
+        return None
+    return message

@@ -1,0 +1,304 @@
+"""A frame of a job that is being rendered: what it is rendered from, its plan, and how noisy it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from renderer import film as film_math
+from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
+from renderer.settings import RenderSettings, Tile
+from service.scheduling.jobs.looks import Looks
+from service.scheduling.jobs.plan import FramePlan, Range
+from service.store.coverage import Coverage
+from service.store.films import Film
+
+__all__ = ["FIRST_LOOK", "OF_NOISE", "ActiveFrame", "FrameNumbers", "FrameRow"]
+
+FIRST_LOOK = 8  # samples: with fewer the noise says little
+LOOK_AGAIN = 4  # times as many
+OF_NOISE = (*range(CHANNELS)[COLOR], *range(CHANNELS)[COLOR_HALF], SAMPLES, SAMPLES_HALF)  # planes that film_math.noise reads
+
+
+class FrameNumbers(NamedTuple):
+    """How far a frame is. A tuple, as a list of jobs makes thousands of them."""
+
+    state: str
+    samples: int
+    target: int
+    bad_samples: int
+    progress: float
+    noise: float | None
+    error: str | None
+
+
+class FrameRow(NamedTuple):
+    """What the engine needs of a frame's row. has_settings: those that it is rendered with are written down."""
+
+    number: int
+    samples: int
+    target: int
+    bad_samples: int
+    state: str
+    error: str | None
+    noise: float | None
+    spp: int | None
+    compiled: dict[str, Any] | None
+    has_settings: bool
+
+
+class ActiveFrame:
+    """One frame in the hands of the scheduler. Only the engine's thread changes it."""
+
+    __slots__ = (
+        *("_due", "_focus", "_is_measured", "_is_told_anew", "_json", "_measured", "_plan", "_recorded", "_share", "_sums"),
+        *("bad_samples", "ceiling", "compiled", "error", "film", "is_idle", "is_preparing", "key", "noise", "noise_asked"),
+        *("_settings", "_stored", "on_change", "own", "spp", "state"),
+    )
+
+    def __init__(
+        self,
+        row: FrameRow,
+        film: Film,
+        settings: RenderSettings | Callable[[], RenderSettings] | None,
+        compiled: dict[str, str],
+        spp: int,
+        noise: float | None,
+        is_measured: bool = False,
+        share: int | None = None,
+    ) -> None:
+        """settings: at its moment, None where that is not known yet; or how to get them once they are needed.
+
+        compiled: kind of worker -> SHA-256 of its scene.
+
+        is_measured: its noise is looked at while it is rendered, also where no noise level ends it.
+        share: samples a pixel that it is expected to come to, where `spp` is only the most that it may get.
+        """
+        self.key = row.number
+        self.film = film
+        self._settings = settings if isinstance(settings, RenderSettings) else None
+        self._stored = None if isinstance(settings, RenderSettings) else settings
+        self.compiled = compiled
+        self.own = dict(row.compiled or {})  # kind -> BlobRef of what was compiled for this frame alone
+        self.spp = spp
+        self.noise_asked = noise
+        self.state = row.state
+        self.error = row.error
+        self.noise = row.noise
+        self.bad_samples = row.bad_samples
+        self.ceiling = spp
+        self.is_idle = False  # nothing of it can be handed out before something comes back
+        self.is_preparing = False
+        self._is_measured = is_measured
+        self._measured: dict[int, tuple[int, float]] = {}  # of a tile: with how many samples, and its noise then
+        self._is_told_anew = False
+        self._due: dict[int, None] = {}  # tiles that are to be looked at again, as soon as there is time
+        self._recorded = row.samples, row.target
+        self._share = share
+        self._plan: FramePlan | None = None
+        self._focus: Tile | None = None
+        self._sums: tuple[int, int] | None = None  # samples and target, while they are as the plan has them
+        self._json: tuple[RenderSettings, dict[str, Any]] | None = None
+        self.on_change: Callable[[int], None] = lambda key: None  # told when its state or numbers may have changed
+
+    @property
+    def settings(self) -> RenderSettings | None:
+        """At its moment; None where that is not known yet. Raises FarmError."""
+        if self._stored is not None:
+            self._settings, self._stored = self._stored(), None
+        return self._settings
+
+    @settings.setter
+    def settings(self, settings: RenderSettings) -> None:
+        self._settings, self._stored = settings, None
+
+    @property
+    def plan(self) -> FramePlan:
+        """Made when it is needed: it looks at all of the frame's tiles. Raises FilmWaits or FilmLost."""
+        if self._plan is None:
+            self.bad_samples = self.film.bad_samples(self.key)[0]
+            self._plan = FramePlan(
+                *(self.film.tiles, self.spp, self.noise_asked, self._coverage, self._told, self.key, self.ceiling)
+            )
+            self._plan.focus(self._in_focus())
+            self._changed()
+        return self._plan
+
+    def focus_on(self, focus: Tile | None) -> None:
+        """Let a rectangle of the picture be rendered first; None: no more."""
+        self._focus = focus
+        if self._plan is not None:
+            self._plan.focus(self._in_focus())
+
+    def _in_focus(self) -> list[int]:
+        f = self._focus
+        if f is None:
+            return []
+        tiles = enumerate(self.film.tiles)
+        return [i for i, t in tiles if t.x < f.x + f.w and f.x < t.x + t.w and t.y < f.y + f.h and f.y < t.y + t.h]
+
+    def ask(self, spp: int, noise: float | None) -> None:
+        """Take over what is asked for now. What is out counts as lost."""
+        self.spp, self.noise_asked, self.ceiling = spp, noise, spp
+        self._plan, self.is_idle = None, False
+        self._changed()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it is finished, or failed."""
+        return self.state in ("finished", "failed")
+
+    @property
+    def samples(self) -> int:
+        """What it has, all pixels together."""
+        return self._counted()[0]
+
+    @property
+    def target_samples(self) -> int:
+        """What it is expected to come to."""
+        return self._counted()[1]
+
+    def _counted(self) -> tuple[int, int]:
+        if self._sums is None:
+            pixels = self.film.width * self.film.height
+            if self._plan is None:
+                samples, target = self._recorded
+            else:
+                samples, target = self._plan.samples, self._plan.target_samples
+            if self._share is not None:
+                target = max(samples, max(self.ceiling, self._share) * pixels)
+            self._sums = samples, samples if self.state == "finished" else target or self.spp * pixels
+        return self._sums
+
+    @property
+    def has_first_wave(self) -> bool:
+        """Whether every tile has a sample."""
+        return self._plan.has_first_wave if self._plan is not None else self.state == "finished"
+
+    @property
+    def progress(self) -> float:
+        """0 ... 1, by samples."""
+        return 1.0 if self.state == "finished" else min(self.samples / max(self.target_samples, 1), 0.9999)
+
+    def numbers(self) -> FrameNumbers:
+        """How far it is now."""
+        state = "preparing" if self.state == "queued" and self.is_preparing else self.state
+        return FrameNumbers(*(state, self.samples, self.target_samples, self.bad_samples, self.progress, self.noise, self.error))
+
+    def rise_to(self, ceiling: int) -> None:
+        """Let it have so many samples."""
+        self.ceiling = self.plan.ceiling = ceiling
+        self.is_idle = False
+        self._changed()
+
+    def next(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
+        """The next batch under its ceiling; None where that is handed out. Raises FilmWaits or FilmLost."""
+        return self.plan.next(samples_wanted, of_a_tile)
+
+    def lose(self, batch: Range) -> None:
+        """A batch did not come back."""
+        self.plan.lose(batch)
+        self.is_idle = False
+        self._changed()
+
+    def settle(self, batch: Range) -> None:
+        """Let the plan look at the film for what came back. Raises FilmWaits or FilmLost."""
+        self.plan.settle(batch)
+        self.is_idle = False
+        if self.state == "queued":
+            self.state = "running"
+        self._changed()
+        if self._is_measured:
+            covered = self._coverage(batch.tile)
+            done = self._measured.get(batch.tile, (FIRST_LOOK // LOOK_AGAIN, 0.0))[0]
+            if self._is_told_anew:
+                self.noise, self._is_told_anew = self._whole_noise(), False
+            if covered.prefix == covered.total and covered.total == self.ceiling >= FIRST_LOOK:
+                self._measure(batch.tile, covered.total)
+                self.noise = self._whole_noise()
+            elif covered.total >= LOOK_AGAIN * done:
+                self._due[batch.tile] = None
+
+    def look(self, looks: Looks) -> None:
+        """Look at the noise of tiles that have many more samples than at their last look, as far as there is time for it. Raises
+        FilmWaits or FilmLost."""
+        found = False
+        for tile in list(self._due):
+            if self._share is None and not looks.may():  # what comes next may hang on the noise of frames that share
+                break
+            del self._due[tile]
+            covered = self._coverage(tile)
+            if covered.prefix == covered.total > self._measured.get(tile, (0, 0.0))[0]:
+                with looks.one():
+                    self._measure(tile, covered.total)
+                found = True
+        if found:
+            self.noise = self._whole_noise()
+
+    def renew_noise(self) -> None:
+        """Its noise as it is expected to be by now: of tiles that went on since they were looked at, by their samples."""
+        if self._plan is not None and self._measured:
+            self.noise = self._whole_noise()
+
+    def measured(self) -> float:
+        """Its noise as it is now, from all of its tiles. Raises FilmWaits or FilmLost."""
+        for tile, covered in enumerate(self.plan.covered):
+            if self._measured.get(tile, (0, 0.0))[0] != covered:
+                self._measure(tile, covered)
+        self.noise = self._whole_noise()
+        self._changed()
+        return math.inf if self.noise is None else self.noise
+
+    def fail(self, error: str) -> None:
+        """It cannot be rendered."""
+        self.state, self.error = "failed", error
+        self._changed()
+
+    def finish(self) -> None:
+        """It has all that was asked for."""
+        self.state = "finished"
+        if self._plan is not None:  # what it has is in the film, and a long shot has many of these
+            self._recorded = self._plan.samples, self._plan.target_samples
+            self._plan, self._measured, self._due = None, {}, {}
+        self._changed()
+
+    def _changed(self) -> None:
+        self._sums = None
+        self.on_change(self.key)
+
+    @property
+    def settings_json(self) -> dict[str, Any] | None:
+        """Its settings for its row, made once; None where the row has them, or they are not known yet."""
+        if self._settings is None:
+            return None
+        if self._json is None or self._json[0] is not self._settings:
+            self._json = self._settings, self._settings.to_json()
+        return self._json[1]
+
+    def _told(self, tile: int) -> float:
+        """A tile's noise for its plan, which decides by it."""
+        self._measure(tile, self._coverage(tile).total)
+        self._is_told_anew = True
+        return self._measured[tile][1]
+
+    def _measure(self, tile: int, samples: int) -> None:
+        if self._measured.get(tile, (0, 0.0))[0] != samples:
+            self._measured[tile] = samples, self._tile_noise(tile)
+
+    def _whole_noise(self) -> float | None:
+        """The root mean square over its tiles, those that went on since they were looked at included."""
+        square = area = 0.0
+        for tile, (samples, noise) in self._measured.items():
+            t = self.film.tiles[tile]
+            square += noise**2 * samples / max(self.plan.covered[tile], 1) * t.w * t.h
+            area += t.w * t.h
+        found = math.sqrt(square / area) if area else math.inf
+        return found if math.isfinite(found) else None
+
+    def _coverage(self, tile: int) -> Coverage:
+        return self.film.coverage(self.key, tile)
+
+    def _tile_noise(self, tile: int) -> float:
+        sums = self.film.tile_planes(self.key, tile, OF_NOISE)
+        return math.inf if sums is None else film_math.noise(sums, self.film.film_exponent)

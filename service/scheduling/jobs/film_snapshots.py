@@ -1,0 +1,109 @@
+"""Keeps what a still looked like at 1, 2, 4, 8 ... samples a pixel.
+
+A snapshot is due when every tile has that many samples or is complete. Then the engine's thread only begins a moment of the
+film (store/film_moment.py); another thread reads and packs it. If that falls behind, snapshots are skipped, but those that are
+kept are complete.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from weakref import WeakKeyDictionary
+
+from service.errors import FarmError
+from service.scheduling.jobs.active_frame import FIRST_LOOK, ActiveFrame
+from service.scheduling.jobs.active_job import ActiveJob
+from service.store.film_moment import FilmMoment
+from service.store.film_snapshots import FilmSnapshot, FilmSnapshots
+from service.store.films import Film
+from service.watching.film_packet import film_packet
+
+__all__ = ["SnapshotKeeper"]
+
+AT_A_TIME = 2  # moments that wait to be read: as long as one is open, its film's log grows
+
+log = logging.getLogger(__name__)
+
+
+class _Progress:
+    """How far a frame is on its way to its next snapshot."""
+
+    def __init__(self, due: int) -> None:
+        self.due = due
+        self._reached = 0  # tiles before this one have it
+
+    def is_reached(self, frame: ActiveFrame) -> bool:
+        """Whether every tile has what is due. A tile is looked at until it has, and then no more."""
+        tiles = len(frame.plan.tiles)
+        while self._reached < tiles and not frame.plan.lacks(self._reached, self.due):
+            self._reached += 1
+        return self._reached == tiles
+
+    def go_on(self, due: int) -> None:
+        """Look for the next."""
+        self.due, self._reached = due, 0
+
+
+class SnapshotKeeper:
+    """`look` is the engine's thread's; the files are written by another."""
+
+    def __init__(self, kept: FilmSnapshots, folder: Path, is_rendered: Callable[[str], bool]) -> None:
+        """folder: for temporary files. is_rendered: whether a job is in the engine's hands."""
+        self._kept = kept
+        self._folder = folder
+        self._is_rendered = is_rendered
+        self._progress: WeakKeyDictionary[ActiveJob, _Progress] = WeakKeyDictionary()
+        self._room = threading.Semaphore(AT_A_TIME)
+        self._writer = ThreadPoolExecutor(1, "snapshots")
+
+    def look(self, job: ActiveJob) -> None:
+        """Samples have come: see whether a snapshot is due. Of shots none is kept, nor of what has all that was asked for."""
+        if job.shot is not None or self._kept.is_off:
+            return
+        (frame,) = job.frames.values()
+        progress = self._progress.get(job)
+        if progress is None:
+            known = self._kept.begin(job.id)
+            progress = self._progress[job] = _Progress(2 * known[-1] if known else 1)
+        if frame.plan.done or not progress.is_reached(frame) or not self._room.acquire(blocking=False):
+            return
+        spp = progress.due
+        while frame.plan.has(2 * spp):
+            spp *= 2
+        progress.go_on(2 * spp)
+        try:
+            moment = job.film.moment()
+        except FarmError as error:
+            self._room.release()
+            log.info("job %s: no snapshot at %d samples: %s", job.id, spp, error)
+            return
+        noise = job.noise_now if spp >= FIRST_LOOK else None  # until then not every tile was looked at
+        facts = FilmSnapshot(spp, 0, 0, 0, round(job.active_s, 3), noise, round(time.time(), 2))
+        self._writer.submit(self._write, job.id, frame.key, facts, moment, job.film)
+
+    def close(self) -> None:
+        """End after the snapshot in hand; the others are left out."""
+        self._writer.shutdown(cancel_futures=True)
+
+    def _write(self, job: str, frame: int, facts: FilmSnapshot, moment: FilmMoment, film: Film) -> None:
+        try:
+            with moment:
+                tiles = [(moment.coverage(frame, i).total, tile.w * tile.h) for i, tile in enumerate(moment.tiles)]
+                counts = [count for count, _ in tiles]
+                samples = sum(count * area for count, area in tiles)
+                facts = replace(facts, least=min(counts), most=max(counts), samples=samples)
+                packet = film_packet(moment, frame, self._folder, gzip=True)
+            if not self._kept.keep(job, facts, packet.pieces()):
+                log.info("job %s: no room for its snapshot at %d samples", job, facts.spp)
+            if not self._is_rendered(job):
+                film.settle()  # its log could not be taken in while the moment was open
+        except (FarmError, OSError) as error:
+            log.warning("job %s: no snapshot at %d samples: %s", job, facts.spp, error)
+        finally:
+            self._room.release()

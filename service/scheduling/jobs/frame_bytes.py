@@ -1,0 +1,43 @@
+"""How many bytes are kept for frames: a shared blob counts once, and one that the scene has anyway not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import Any
+
+from service.scheduling.jobs.active_frame import ActiveFrame
+from service.scheduling.jobs.active_job import ActiveJob
+
+__all__ = ["alone", "held", "more"]
+
+
+def held(jobs: Iterable[ActiveJob]) -> dict[str, int]:
+    """The blobs of what is compiled for frames of these jobs, and their sizes."""
+    return {sha256: size for job in jobs for frame in job.agenda.turns.owning() for sha256, size in _of_frame(job, frame)}
+
+
+def alone(job: ActiveJob, frame: ActiveFrame) -> int:
+    """The bytes that no other frame of the job needs."""
+    others = {sha256 for other in job.agenda.turns.owning() if other is not frame for sha256, _ in _of_frame(job, other)}
+    return _sum_without(_of_frame(job, frame), others)
+
+
+def more(job: ActiveJob, ref: Mapping[str, Any]) -> int:
+    """The bytes that come on top by what a worker.protocol.contract.BlobRef refers to."""
+    return _sum_without(_blobs(ref), {*held([job]), *job.of_scene})
+
+
+def _of_frame(job: ActiveJob, frame: ActiveFrame) -> Iterator[tuple[str, int]]:
+    for kind, ref in frame.own.items():
+        if kind in frame.compiled:
+            yield from ((sha256, size) for sha256, size in _blobs(ref) if sha256 not in job.of_scene)
+
+
+def _blobs(ref: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
+    yield str(ref["sha256"]), int(ref.get("size", 0))
+    for sha256, size in ref.get("parts") or ():
+        yield str(sha256), int(size)
+
+
+def _sum_without(blobs: Iterable[tuple[str, int]], without: Collection[str]) -> int:
+    return sum(size for sha256, size in dict(blobs).items() if sha256 not in without)

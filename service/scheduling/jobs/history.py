@@ -1,0 +1,90 @@
+"""How a job came to its picture: its noise over time, and what happened on the way. A few kilobytes, however long it takes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any, Self
+
+from service.scheduling.jobs.job_log import JobLog
+
+__all__ = ["History"]
+
+MOST_POINTS = 128
+MOST_EVENTS = 100  # of the latest; the first stays
+STEP = 1.04  # a point follows when so many times the samples are in
+SENTENCES = {
+    "begun": "rendering begins on workers of {}",
+    "taken": "begins with what job {} has rendered",
+    "picture": "every tile has a sample",
+    "worker": "{} renders it",
+    "left": "{} has left",
+    "paused": "paused",
+    "resumed": "goes on",
+    "lost": "a batch did not come back from {}, and is handed out again",
+    "distrusted": "{} is not believed any more: what it has sent is rendered again",
+    "failed": "a batch failed, and is handed out again: {}",
+}
+
+
+class History:
+    """Points (seconds of rendering, samples, noise or None) and events (unix time, kind, words); the engine's thread writes."""
+
+    def __init__(self, points: list[list[float | None]] | None = None, events: list[list[Any]] | None = None) -> None:
+        self.points = points or []
+        self.events = events or []
+        self.has_changed = False
+        self.log = JobLog()
+        self._workers: set[str] = set()
+        for _, kind, words in self.events:
+            if kind == "worker":
+                self._workers.add(words)
+            elif kind == "left":
+                self._workers.discard(words)
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any] | None) -> Self:
+        """From a row; what cannot be made out begins anew."""
+        try:
+            points = [[float(s), float(n), None if e is None else float(e)] for s, n, e in (data or {}).get("points", [])]
+            events = [[float(at), str(kind), str(words)] for at, kind, words in (data or {}).get("events", [])]
+        except (TypeError, ValueError, AttributeError):
+            return cls()
+        return cls(points, events)
+
+    def to_json(self) -> dict[str, Any]:
+        """For the row."""
+        return {"points": self.points, "events": self.events}
+
+    def measured(self, seconds: float, samples: int, noise: float | None, is_end: bool = False) -> None:
+        """So far it is now: noted where that is a step further, and at the end where it is further at all."""
+        last = self.points[-1] if self.points else None
+        has = (last[1] or 0) if last is not None else 0
+        if samples <= has or (samples < STEP * has and not is_end):
+            return
+        if len(self.points) >= MOST_POINTS:
+            del self.points[1::2]  # what is early is seen well enough: the axes are logarithmic
+        self.points.append([round(seconds, 3), float(samples), noise])
+        self.has_changed = True
+
+    def happened(self, kind: str, words: str = "") -> None:
+        """Something happened now; what was the last already is not said again, but in the log."""
+        self.log.say(SENTENCES.get(kind, kind).format(words or "somebody"))
+        if self.events and self.events[-1][1:] == [kind, words]:
+            return
+        if len(self.events) >= MOST_EVENTS:
+            del self.events[1]
+        self.events.append([round(time.time(), 2), kind, words])
+        self.has_changed = True
+
+    def rendered_by(self, worker: str) -> None:
+        """A batch came back from a worker."""
+        if worker not in self._workers:
+            self._workers.add(worker)
+            self.happened("worker", worker)
+
+    def left(self, workers: set[str]) -> None:
+        """These are connected; those that rendered and are not among them have left."""
+        for gone in sorted(self._workers - workers):
+            self._workers.discard(gone)
+            self.happened("left", gone)

@@ -1,0 +1,47 @@
+"""The spans of jobs and scenes, if tracing is on (worker/telemetry/tracing.py)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from worker.telemetry import tracing
+
+if TYPE_CHECKING:
+    from service.scheduling.jobs.active_job import ActiveJob
+
+__all__ = ["headers_of", "job_over", "merged"]
+
+
+def headers_of(what: str, id: str) -> dict[str, str] | None:
+    """What a task's message carries, so that the worker's spans belong to a `job` or a `scene`."""
+    return {tracing.HEADER: str(tracing.root_of(what, id))} if tracing.is_on() else None
+
+
+def job_over(job: ActiveJob, state: str, error: str | None = None) -> None:
+    """A job has ended: from when it was asked for, with a link to the upload of its scene."""
+    if not tracing.is_on():
+        return
+    tracing.record(
+        "job",
+        job.created,
+        time.time(),
+        None,
+        own=tracing.root_of("job", job.id),
+        links=[tracing.root_of("scene", job.scene)],
+        error=error,
+        job=job.id,
+        scene=job.scene,
+        state=state,
+        samples=job.samples,
+        active_s=job.active_s,
+        frames=len(job.frames),
+    )
+
+
+def merged(job: ActiveJob, begun: float, batches: int, of: Iterable[str]) -> None:
+    """Batches were added to a job's film. of: the spans that they were rendered in."""
+    if tracing.is_on():
+        links = [tracing.where(each) for each in of]
+        tracing.record("merge", begun, time.time(), tracing.root_of("job", job.id), links=links, job=job.id, batches=batches)

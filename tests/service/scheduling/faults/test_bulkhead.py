@@ -1,0 +1,129 @@
+"""Whose fault an error is, and what becomes of the step that met it."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+
+import pytest
+import redis
+from sqlalchemy import exc
+
+from renderer.errors import SettingsError
+from service.errors import FilmLost, FilmWaits, NoRoom, QueueError, Unavailable
+from service.scheduling.faults import bulkhead
+from service.scheduling.faults.bulkhead import Bulkheads, Step
+
+FULL = NoRoom("The disk is full.")
+MALFORMED = exc.DatabaseError("INSERT", {}, sqlite3.DatabaseError("database disk image is malformed"))
+ROW = exc.IntegrityError("INSERT", {}, sqlite3.IntegrityError("UNIQUE"))
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    now = [100.0]
+    monkeypatch.setattr(bulkhead.time, "monotonic", lambda: now[0])
+    return now
+
+
+def raising(error: Exception) -> Callable[[], None]:
+    def action() -> None:
+        raise error
+
+    return action
+
+
+@pytest.mark.parametrize("error", [redis.ConnectionError("away"), QueueError("away")])
+def test_redis_is_nobodys_fault(clock: list[float], error: Exception) -> None:
+    heads = Bulkheads()
+    with pytest.raises(type(error)):
+        heads.run("job", Step.HAND_OUT, raising(error))
+    assert heads.may_render("job")
+
+
+def test_what_passes_is_tried_again_after_a_second(clock: list[float]) -> None:
+    heads = Bulkheads()
+    done: list[str] = []
+    assert not heads.run("job", Step.RESULTS, raising(FilmWaits("The film is locked.")))
+    assert heads.sentences() == {"job": "Waits: the film is locked."}
+    assert not heads.may_render("job")
+    assert not heads.run("job", Step.RESULTS, lambda: done.append("too early"))
+    assert heads.run("other", Step.RESULTS, lambda: done.append("other"))
+    clock[0] += 1.1
+    assert heads.run("job", Step.RESULTS, lambda: done.append("job"))
+    assert done == ["other", "job"]
+    assert heads.sentences() == {}
+    assert heads.may_render("job")
+
+
+def test_what_fails_slowly_is_tried_more_rarely(clock: list[float]) -> None:
+    heads = Bulkheads()
+
+    def lock() -> None:
+        clock[0] += 0.25
+        raise FilmWaits("locked")
+
+    heads.run("job", Step.RESULTS, lock)
+    clock[0] += 2.0
+    assert not heads.run("job", Step.RESULTS, lambda: None)
+    clock[0] += 0.6
+    assert heads.run("job", Step.RESULTS, lambda: None)
+
+
+@pytest.mark.parametrize(
+    ("error", "sentence"),
+    [
+        (FULL, "The disk is full."),
+        (Unavailable("The database is locked."), "The database is locked."),
+        (MALFORMED, "The database cannot be used (database disk image is malformed)."),
+    ],
+)
+def test_the_database_is_nobodys_fault_and_left_alone_for_a_while(clock: list[float], error: Exception, sentence: str) -> None:
+    heads = Bulkheads()
+    heads.run("job", Step.RECORD, raising(error), needs_database=True)
+    assert heads.database_fault == sentence
+    assert not heads.run("other", Step.RECORD, lambda: None, needs_database=True)
+    assert heads.run("other", Step.RESULTS, lambda: None), "films go on"
+    assert heads.may_render("job")
+    clock[0] += 1.1
+    assert heads.run("other", Step.RECORD, lambda: None, needs_database=True)
+    assert heads.database_fault is None
+
+
+@pytest.mark.parametrize(
+    ("error", "sentence"),
+    [
+        (FilmLost("The film is damaged. Do this."), "The film is damaged. Do this."),
+        (SettingsError("there is no field wavelengths"), "This job cannot go on: there is no field wavelengths. Make a new one."),
+        (ROW, "IntegrityError"),
+        (KeyError("tile"), "KeyError: 'tile'"),
+        (RecursionError(), "RecursionError"),
+    ],
+)
+def test_the_rest_is_the_jobs_own(clock: list[float], error: Exception, sentence: str) -> None:
+    heads = Bulkheads()
+    assert not heads.run("job", Step.CHANGE, raising(error), needs_database=True)
+    assert sentence in heads.verdicts["job"].error
+    assert not heads.may_render("job")
+    assert not heads.run("job", Step.RESULTS, lambda: None)
+    assert heads.database_fault is None
+
+
+def test_a_verdict_stays_until_the_database_takes_it(clock: list[float]) -> None:
+    heads = Bulkheads()
+    heads.condemn("job", "It failed.", "rayfarm render")
+    ended: list[str] = []
+    heads.carry_out(lambda id, verdict: raising(FULL)())
+    heads.carry_out(lambda id, verdict: ended.append("too early"))
+    clock[0] += 1.1
+    heads.carry_out(lambda id, verdict: ended.append(f"{id} {verdict.error} {verdict.reproduce}"))
+    heads.carry_out(lambda id, verdict: ended.append("twice"))
+    assert ended == ["job It failed. rayfarm render"]
+    assert heads.may_render("job")
+
+
+def test_a_verdict_that_cannot_be_carried_out_is_given_up(clock: list[float]) -> None:
+    heads = Bulkheads()
+    heads.condemn("job", "It failed.")
+    heads.carry_out(lambda id, verdict: raising(ValueError("a row that cannot be read"))())
+    assert heads.verdicts == {}

@@ -1,0 +1,105 @@
+"""What workers say of themselves is shown, added up and computed with: numbers that lie must not take anybody along."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+import pytest
+
+from service.scheduling.fleet.reports import report_of
+from service.scheduling.fleet.speeds import Speeds
+from worker.protocol.contract import WorkerReport, worker_key
+from worker.protocol.site import SiteReport
+from worker.protocol.terms import Offer
+
+REPORT: dict[str, Any] = asdict(WorkerReport("one", "host", 1, 2, "a processor", "kind", "ready", 0.0, 1e6, [{"batch": "b"}]))
+OFFER: dict[str, Any] = asdict(Offer(("tag",), 1 << 30, 2, "terms"))
+SITE: dict[str, Any] = asdict(SiteReport("site", "host", 1, "10.0.0.1", 8010, 0.0))
+
+
+def read(key: str, **changed: Any) -> WorkerReport:
+    return report_of(worker_key(key).encode(), json.dumps({**REPORT, **changed}).encode())
+
+
+def nested(levels: int) -> Any:
+    return [nested(levels - 1)] if levels else []
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"samples_per_s": 1e308},
+        {"samples_per_s": -1.0},
+        {"slots": 5000},
+        {"started": float("inf")},
+        {"pid": 10**30},
+        {"name": "two"},
+        {"kind": "x" * 5000},
+        {"cpu": "a\0b"},
+        {"current": [{}] * 5000},
+        {"current": [{"frame": 10**400}]},
+        {"current": [{"first": float("inf")}]},
+        {"current": [{"tile": [float("nan")]}]},
+        {"current": [{"job": "a\0b"}]},
+        {"current": [{"job": "x" * 5000}]},
+        {"current": [{"tile": nested(40)}]},
+    ],
+    ids=lambda changed: str(changed)[:60],
+)
+def test_a_report_that_makes_no_sense_is_none(changed: dict[str, Any]) -> None:
+    assert read("one").slots == 2
+    with pytest.raises(ValueError):
+        read("one", **changed)
+
+
+@pytest.mark.parametrize("name", ["", "a\nb", "x" * 201])
+def test_a_name_that_nobody_can_read_is_none(name: str) -> None:
+    with pytest.raises(ValueError):
+        read(name, name=name)
+
+
+def test_a_number_beyond_all_others_written_in_another_way_is_none() -> None:
+    text = json.dumps({**REPORT, "current": [{"first": 12345}]}).replace("12345", "1e999")
+    with pytest.raises(ValueError):
+        report_of(worker_key("one").encode(), text.encode())
+
+
+def test_the_fastest_that_is_believed_can_be_added_up() -> None:
+    speeds = Speeds(now=0.0)
+    for second in range(200):
+        speeds.note([read("one", samples_per_s=1e12, slots=4096, current=[{"batch": "b"}] * 4096)], now=float(second))
+    assert all(speed > 0 for speed in speeds.latest["one"])
+
+
+@pytest.mark.parametrize(
+    ("of", "good", "changed"),
+    [
+        (Offer.from_bytes, OFFER, {"memory": 1.5}),
+        (Offer.from_bytes, OFFER, {"memory": -1}),
+        (Offer.from_bytes, OFFER, {"slots_most": float("nan")}),
+        (Offer.from_bytes, OFFER, {"idle_minutes": float("nan")}),
+        (Offer.from_bytes, OFFER, {"idle_minutes": float("inf")}),
+        (Offer.from_bytes, OFFER, {"nice": 10**30}),
+        (Offer.from_bytes, OFFER, {"tags": ["x"] * 2000}),
+        (Offer.from_bytes, OFFER, {"hours": "x" * 5000}),
+        (SiteReport.from_bytes, SITE, {"results": 1.5}),
+        (SiteReport.from_bytes, SITE, {"bytes_in": -1}),
+        (SiteReport.from_bytes, SITE, {"started": float("nan")}),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_what_is_told_beside_it_has_numbers_that_can_be_shown(
+    of: Callable[[bytes], Any], good: dict[str, Any], changed: dict[str, Any]
+) -> None:
+    of(json.dumps(good).encode())
+    with pytest.raises(ValueError):
+        of(json.dumps({**good, **changed}).encode())
+
+
+def test_a_worker_that_root_gave_precedence_is_heard() -> None:
+    assert Offer.from_bytes(json.dumps({**OFFER, "nice": -20}).encode()).nice == -20
+    with pytest.raises(ValueError):
+        Offer.from_bytes(json.dumps({**OFFER, "nice": -21}).encode())

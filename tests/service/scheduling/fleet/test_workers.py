@@ -1,0 +1,90 @@
+"""Workers that a person pauses, and suspicion that grows and is forgiven."""
+
+from __future__ import annotations
+
+import json
+import time
+from urllib.parse import quote
+
+from service.scheduling.faults.suspicion import FORGIVENESS, Suspicion
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker, expected_digest
+from worker.protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
+
+
+def test_a_paused_worker_takes_no_more_until_it_goes_on(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = service.submit(service.ready_scene(), spp=40)
+    until(lambda: len(worker.batches) > 3, "the job is under way")
+    paused = service.http.patch("/api/workers/peer", json={"state": "paused"})
+    assert paused.status_code == 200
+    assert (paused.json()["state"], paused.json()["message"]) == ("paused", "Paused by a person.")
+    time.sleep(0.5)
+    held = len(worker.batches)
+    time.sleep(0.5)
+    assert len(worker.batches) == held
+    assert service.job(job)["message"] == "Waits: all workers are paused."
+    service.restart()
+    until(lambda: bool(service.http.get("/api/workers").json()), "the service sees the worker again")
+    assert service.http.get("/api/workers").json()[0]["state"] == "paused", "it is remembered"
+    assert service.http.patch("/api/workers/peer", json={"state": "running"}).json()["message"] is None
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest(spp=40)
+
+
+def test_a_worker_of_any_name_can_be_paused(service: Service) -> None:
+    for name in ("rack/3", "kühl é 😀", "50%", "a?b#c"):
+        with service.worker(name=name):
+            until(lambda name=name: [w["name"] for w in service.http.get("/api/workers").json()] == [name], "it is there")
+            address = f"/api/workers/{quote(name, safe='')}"
+            assert service.http.patch(address, json={"state": "paused"}).json()["state"] == "paused"
+            assert service.http.get(f"{address}/log").status_code == 503, "it tells none"
+
+
+def test_what_makes_no_sense_is_refused(service: Service, worker: PeerWorker) -> None:
+    until(lambda: bool(service.http.get("/api/workers").json()), "the worker is there")
+    assert "GET /api/workers" in service.http.patch("/api/workers/nobody", json={"state": "paused"}).json()["detail"]
+    assert service.http.patch("/api/workers/nobody", json={"state": "paused"}).status_code == 404
+    for change in ({}, {"state": "tired"}, {"state": "paused", "slots": 0}, {"state": None}):
+        assert service.http.patch("/api/workers/peer", json=change).status_code == 422
+
+
+def test_suspicion_is_of_those_that_fail_alone_and_is_forgiven() -> None:
+    suspicion = Suspicion()
+    for _ in range(3):
+        suspicion.succeeded("good", ["bad", "bad"])
+    suspicion.succeeded("bad", ["bad"])  # its own second try
+    assert (suspicion.of("bad", ["good"]), suspicion.of("good", ["bad"])) == (2, 0)
+    for _ in range(int(3 / FORGIVENESS)):
+        suspicion.succeeded("bad", [])
+    assert suspicion.of("bad", ["good"]) == 0
+    suspicion.succeeded("good", ["bad"])
+    suspicion.forgive("bad")
+    assert suspicion.of("bad", ["good"]) == 0
+
+
+def test_a_row_of_failures_counts_once_another_can() -> None:
+    suspicion = Suspicion()
+    suspicion.succeeded("good", [])
+    for batch in (1, 2, 2, 3):
+        suspicion.failed("bad", batch)
+    assert suspicion.of("bad", ["good"]) == 0, "perhaps it is the job: the other's success was before"
+    suspicion.succeeded("good", [])
+    assert suspicion.of("bad", ["good"]) == 3
+    assert suspicion.of("bad", []) == 0
+    suspicion.succeeded("bad", [])
+    assert suspicion.of("bad", ["good"]) == 0
+
+
+def test_machines_tell_their_memory_and_where_somebody_reads_it_their_log(service: Service, worker: PeerWorker) -> None:
+    until(lambda: bool(service.http.get("/api/workers").json()), "the worker is there")
+    assert service.http.get("/api/workers").json()[0]["memory_total"] is None, "one of an older release"
+    assert service.http.get("/api/workers/peer/log").status_code == 503
+    assert service.http.get("/api/workers/nobody/log").status_code == 404
+    worker.redis.set(vitals_key("peer"), Vitals(3, 8).to_bytes(), ex=60)
+    worker.redis.set(log_key("peer"), json.dumps(["one", "two"]), ex=60)
+    until(lambda: service.http.get("/api/workers").json()[0]["memory_total"] == 8, "its memory is told")
+    told = service.http.get("/api/workers").json()[0]
+    assert (told["memory_used"], told["failures"]) == (3, 0) and len(told["speeds"]) == 1
+    assert service.http.get("/api/workers/peer/log").json() == ["one", "two"]
+    assert worker.redis.exists(log_wanted_key("peer"))

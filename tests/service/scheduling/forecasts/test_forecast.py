@@ -1,0 +1,171 @@
+"""When a job is expected, by itself and among others; the closed form is held against the shares' own rule, played out."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+import pytest
+
+from service.scheduling.forecasts.forecast import NO_COST, NO_SLOTS, Forecast, Forecaster
+from service.scheduling.jobs.active_job import ActiveJob
+from service.scheduling.jobs.shares import EVERYBODY, Shares, Terms
+
+NOW = 1000.0
+
+
+@dataclass
+class Job:
+    """work: seconds of a slot that are left of it."""
+
+    id: str = "job"
+    work: float = 100.0
+    priority: int = 0
+    share: str = EVERYBODY
+    urgency: float = math.inf
+    state: str = "queued"
+    samples_per_s: float = 0.0
+    eta_s: float | None = None
+    max_slots: int | None = None
+    sample_s: float = 0.01
+    samples: int = 0
+    done: bool = False
+    seconds: float | None = None
+    active_s: float = 0.0
+    served: int = 0
+    created: float = 0.0
+
+    @property
+    def target_samples(self) -> float:
+        return self.work / (self.sample_s or 0.01)
+
+    @property
+    def is_late(self) -> bool:
+        return self.urgency < math.inf
+
+
+@dataclass
+class Lines:
+    jobs: list[Job]
+    slots: int = 4
+    found: dict[int, list[Job]] = field(default_factory=dict)
+
+    def kind_for(self, job: Any) -> str | None:
+        return "kind"
+
+    def slots_for(self, job: Any) -> int:
+        return self.slots
+
+    def by_priority(self, kind: str) -> Mapping[int, list[Any]]:
+        found: dict[int, list[Any]] = {}
+        for job in self.jobs:
+            found.setdefault(job.priority, []).append(job)
+        return found
+
+
+def expected(job: Job, *others: Job, slots: int = 4, terms: Mapping[str, Terms] | None = None) -> float | None:
+    shares = Shares()
+    shares.terms = terms or {}
+    found = Forecaster(cast(Any, Lines([job, *others], slots)), shares).of(cast(ActiveJob, job), NOW)
+    return None if found.at is None else found.at - NOW
+
+
+@pytest.mark.parametrize(
+    ("job", "left"),
+    [
+        (Job(), 25.0),
+        (Job(max_slots=1), 100.0),
+        (Job(state="running", samples_per_s=1.0, eta_s=33.0), 33.0),
+        (Job(state="running", samples_per_s=1.0, eta_s=33.0, sample_s=0.0), 33.0),
+        (Job(state="paused"), 25.0),
+        (Job(done=True), 0.0),
+        (Job(seconds=15.0, active_s=5.0), 10.0),
+    ],
+)
+def test_of_one_that_is_alone_what_is_missing_at_the_speed_of_now(job: Job, left: float) -> None:
+    assert expected(job) == pytest.approx(left)
+
+
+def test_where_nobody_knows_it_says_why() -> None:
+    forecaster = Forecaster(cast(Any, Lines([], 0)), Shares())
+    resting = Job(state="running", samples_per_s=1e-9, eta_s=1e10)
+    assert forecaster.of(cast(ActiveJob, resting), NOW) == Forecast(None, NO_SLOTS)
+    assert Forecaster(cast(Any, Lines([])), Shares()).of(cast(ActiveJob, Job(sample_s=0.0)), NOW) == Forecast(None, NO_COST)
+
+
+@pytest.mark.parametrize(
+    ("others", "left"),
+    [
+        ([Job("urgent", 400, priority=1)], 125.0),
+        ([Job("idle", 4000, priority=-1)], 25.0),
+        ([Job("equal", 100)], 50.0),
+        ([Job("short", 40), Job("long", 1000)], 60.0),
+        ([Job("late", 400, urgency=5.0)], 125.0),
+        ([Job("anna", 1000, share="user:anna")], 50.0),
+        ([Job("anna", 30, share="user:anna")], 32.5),
+        ([Job("unknown", 1000, sample_s=0.0)], 50.0),
+        ([Job("over", 1000, done=True)], 25.0),
+        ([Job("timed", 1000, priority=1, seconds=10.0)], 35.0),
+    ],
+)
+def test_what_comes_before_it_counts(others: list[Job], left: float) -> None:
+    if others[0].sample_s == 0.0:  # the least that it can be, with the speed of now
+        assert expected(Job(state="running", samples_per_s=1.0, eta_s=50.0), *others) == pytest.approx(left)
+        return
+    assert expected(Job(), *others) == pytest.approx(left)
+
+
+def test_weights_and_limits_of_shares() -> None:
+    job = Job(share="user:ben")
+    anna = Job("anna", 1000, share="user:anna")
+    assert expected(job, anna, terms={"user:ben": Terms(3.0)}) == pytest.approx(100 / 3)
+    assert expected(job, anna, terms={"user:anna": Terms(3.0)}) == pytest.approx(100.0)
+    assert expected(job, terms={"user:ben": Terms(1.0, 2)}) == pytest.approx(50.0)
+    assert expected(job, anna, terms={"user:ben": Terms(1.0, 1)}) == pytest.approx(100.0)
+
+
+def test_one_that_is_late_is_foretold_as_if_it_were_not() -> None:
+    """Else it would be in time for being late, and late for being in time."""
+    other = Job("other", 1000)
+    assert expected(Job(), other) == expected(Job(urgency=5.0), other)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_it_is_what_the_rule_comes_to(seed: int) -> None:
+    rng = random.Random(seed)
+    shares = [f"user:{name}" for name in "abc"]
+    jobs = [Job(str(i), rng.uniform(20, 200), rng.choice((0, 0, 1)), rng.choice(shares), created=i) for i in range(12)]
+    terms = {share: Terms(rng.choice((1.0, 2.0, 4.0))) for share in shares}
+    told = {job.id: expected(job, *(each for each in jobs if each is not job), slots=3, terms=terms) for job in jobs}
+    ended = played(jobs, 3, terms)
+    for job in jobs:
+        assert told[job.id] == pytest.approx(ended[job.id], rel=0.1, abs=6.0), (job, ended)
+
+
+def played(jobs: list[Job], slots: int, terms: Mapping[str, Terms]) -> dict[str, float]:
+    """When each ends, where batches of half a second are handed out as the scheduler does it."""
+    step, left, ended = 0.5, {job.id: job.work for job in jobs}, dict[str, float]()
+    shares, now, turn = Shares(), 0.0, 0
+    shares.terms = terms
+    at_work: set[str] = set()  # the shares that have had something: the others come back from a rest
+    while left:
+        line = [job for job in jobs if job.id in left]
+        top = [job for job in line if job.priority == max(each.priority for each in line)]
+        queue = shares.line("kind", top, Counter[str](), Counter({job.share: 1 for job in top if job.share in at_work}))
+        at_work = {job.share for job in top}
+        for _ in range(slots):
+            if (job := queue.next()) is None:
+                break
+            turn += 1
+            job.served = turn
+            queue.gave(job, 1, step)
+            left[job.id] -= step
+        now += step
+        for id in [id for id, work in left.items() if work <= 0]:
+            ended[id] = now
+            del left[id]
+    return ended

@@ -1,0 +1,138 @@
+"""What is lost, what is late, and what is neither though a machine has too much to do."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from renderer.settings import Tile
+from service.scheduling.fleet.workers import Roster
+from service.scheduling.handing_out import leases, missing
+from service.scheduling.handing_out.leases import Lease, Leases
+from service.scheduling.handing_out.missing import STRAGGLER_S, Fate, Missing
+from service.scheduling.jobs.plan import Range
+from worker.protocol.contract import WorkerReport
+
+PATIENCE_S = 30.0
+
+
+class World:
+    """What a look sees, and a clock of its own."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 1000.0
+        for module in (leases, missing):
+            monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: self.now))
+        self.waiting: set[str] = set()
+        self.reports: dict[str, WorkerReport] = {}
+        self.living: set[str] = set()  # as Redis knows
+        self.late = False
+        self.read = True
+        self.leases = Leases()
+        workers: Any = SimpleNamespace(
+            are_late=lambda: self.late, away=lambda: self.living - self.reports.keys(), roster=Roster()
+        )
+        self.workers = workers
+        dispatcher: Any = SimpleNamespace(waiting=lambda queue: dict.fromkeys(self.waiting, b""))
+        self.missing = Missing(self.leases, workers, dispatcher)
+        job: Any = SimpleNamespace(id="job", film=SimpleNamespace(tiles=[Tile(0, 0, 8, 8)]))
+        self.jobs = {"job": job}
+
+    def lease(self, expected_s: float = 0.1) -> Lease:
+        lease = Lease("job", "kind", Range(0, 0, 1), PATIENCE_S, expected_s, issued=self.now, queue="q")
+        self.leases.add(lease)
+        return lease
+
+    def works(self, worker: str, *leases: Lease) -> None:
+        hand = [lease.message for lease in leases]
+        self.reports[worker] = WorkerReport(worker, "host", 1, 2, "cpu", "kind", "ready", 0.0, in_hand=hand)
+
+    def look(self, seconds: float = 1.0) -> dict[str, Fate]:
+        self.now += seconds
+        self.workers.roster = Roster(dict(self.reports))
+        results: Any = SimpleNamespace(end=lambda: (1, 0), has_read=lambda position: self.read)
+        return {lease.id: fate for lease, fate in self.missing.look(self.jobs, results)}
+
+
+@pytest.fixture
+def world(monkeypatch: pytest.MonkeyPatch) -> World:
+    return World(monkeypatch)
+
+
+def test_what_has_waited_for_long_is_not_overdue_once_it_is_taken(world: World) -> None:
+    lease = world.lease()
+    world.waiting = {lease.message}
+    assert not world.look(10 * PATIENCE_S)
+    world.waiting = set()
+    assert not world.look(), "somebody has taken it, and has not said so yet"
+    world.works("slow", lease)
+    assert not world.look()
+    assert not world.look(STRAGGLER_S - 1)
+    assert world.look(2.0) == {lease.id: Fate.LATE}
+    lease.doubled = True
+    assert not world.look(3.5 * PATIENCE_S)
+    assert world.look(PATIENCE_S) == {lease.id: Fate.OVERDUE}
+
+
+def test_who_does_not_report_but_lives_is_away_and_loses_nothing(world: World) -> None:
+    mine, others = world.lease(), world.lease()
+    world.works("starved", mine)
+    world.works("other", others)
+    world.look()
+    assert world.leases.turns("kind") == 2
+    del world.reports["starved"]
+    world.living = {"starved"}
+    assert world.look() == {mine.id: Fate.LATE}, "for slots that have nothing else to do"
+    assert world.leases.turns("kind") == world.leases.held()["job"] == 1, "others are given what it would have been given"
+    mine.doubled = others.doubled = True
+    taken = world.lease()
+    for _ in range(int(PATIENCE_S)):
+        assert not world.look(), "what it took before it could say so it may have too"
+    world.leases.end(taken.id)
+    world.works("starved", mine)
+    assert not world.look()
+    assert (mine.is_away, world.leases.turns("kind")) == (False, 2)
+    del world.reports["starved"]
+    assert not world.look()
+    assert world.leases.turns("kind") == 1
+    world.living = set()
+    assert world.look() == {mine.id: Fate.DEAD}, "its connection has ended"
+    world.leases.end(mine.id)
+    world.leases.end(others.id)
+    assert not world.leases.turns("kind")
+    assert not world.leases.held()
+
+
+def test_a_worker_that_died_loses_what_it_had_at_once(world: World) -> None:
+    mine = world.lease()
+    world.works("killed", mine)
+    world.look()
+    del world.reports["killed"]
+    world.read = False
+    assert not world.look(), "its answer may be among those that were not read"
+    world.read = True
+    assert world.look() == {mine.id: Fate.DEAD}
+
+
+def test_one_that_comes_back_without_it_has_lost_it(world: World) -> None:
+    mine = world.lease()
+    world.works("again", mine)
+    world.look()
+    del world.reports["again"]
+    world.living = {"again"}
+    world.look()
+    world.works("again")
+    mine.doubled = True
+    assert mine.id not in world.look(0.1)
+    assert world.look(0.1) == {mine.id: Fate.UNSEEN}
+    assert world.leases.turns("kind") == 1
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_what_nobody_has_is_lost_unless_somebody_is_late_to_say_so(world: World, late: bool) -> None:
+    lease = world.lease()
+    world.late = late
+    found = [world.look() for _ in range(4)]
+    assert found == ([{}] * 4 if late else [{}, {}, {lease.id: Fate.UNSEEN}, {lease.id: Fate.UNSEEN}])

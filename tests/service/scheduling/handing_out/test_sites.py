@@ -1,0 +1,109 @@
+"""A site whose machines add up their sums before they travel: real reducer, real messages, and each sample in the film once."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+import redis
+
+from renderer.film import digest
+from renderer.settings import Tile
+from service.scheduling.incoming.messages import BatchDone, understand
+from service.scheduling.incoming.results import Entry
+from tests.benchmarks.scale.slots import Slots, of_one_sample
+from tests.reducer import Reducing
+from tests.service.conftest import TOKEN, Service, until
+from tests.service.peer_worker import expected_sums
+from worker.protocol.contract import Result
+
+WIDTH, HEIGHT, TILE, SPP = 64, 48, 16, 6000
+SUMS = of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0))
+
+
+@contextmanager
+def machines(service: Service, site: str) -> Iterator[Slots]:
+    """Eight of eight slots."""
+    made = Slots(service.options["redis_url"], service.url, TOKEN, 64, SUMS, 0.01, True, site, 8)
+    made.report()
+    thread = threading.Thread(target=made.run, args=(200.0,))
+    thread.start()
+    try:
+        yield made
+    finally:
+        made.stop_running()
+        thread.join(20)
+        made.stop()
+
+
+@pytest.fixture
+def store(service: Service) -> Iterator[redis.Redis]:
+    with redis.Redis.from_url(service.options["redis_url"]) as connection:
+        yield connection
+
+
+def begin(service: Service, spp: int) -> str:
+    return service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=TILE, spp=spp)
+
+
+def finish(service: Service, job: str, spp: int) -> None:
+    service.wait_for(job, "finished", 120)
+    assert service.digest(job) == digest(np.tile(SUMS * spp, (1, HEIGHT // TILE, WIDTH // TILE)))
+
+
+def counted(service: Service, name: str) -> int:
+    return service.farm.engine.snapshot.counts.get(name, 0)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(300)
+def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Service, store: redis.Redis, tmp_path: Path) -> None:
+    reducing = Reducing(store, service.url, TOKEN, tmp_path)
+    with machines(service, "attic") as slots:
+        job = begin(service, SPP)
+        until(
+            lambda: (r := reducing.report()) is not None and r.sent >= 5,
+            "the reducer sends",
+            60,
+            lambda: counted(service, "merged"),
+        )
+        report = reducing.report()
+        assert report is not None
+        assert report.results > report.sent, "it has added up what several machines sent"
+        reducing.kill()
+        before = slots.direct_bytes
+        until(lambda: slots.direct_bytes > before, "machines send to the service themselves", 60)
+        reducing = Reducing(store, service.url, TOKEN, tmp_path)
+        finish(service, job, SPP)
+        assert counted(service, "merged") > 2 * counted(service, "results")
+        film = service.farm.film(service.farm.records.job(job))
+        assert film is not None
+        assert film.has_sent(f"{slots.name}-0")
+        assert not film.has_sent("site attic")
+    assert reducing.stop() == 0
+
+
+@pytest.mark.long
+@pytest.mark.timeout(300)
+def test_what_waits_for_a_site_that_is_gone_is_rendered_elsewhere(service: Service, store: redis.Redis, tmp_path: Path) -> None:
+    reducing = Reducing(store, service.url, TOKEN, tmp_path)
+    with machines(service, "attic"):
+        job = begin(service, SPP // 2)
+        until(lambda: (r := reducing.report()) is not None and r.results > 0, "its machines work", 60)
+    reducing.kill()
+    with machines(service, ""):
+        finish(service, job, SPP // 2)
+
+
+def test_each_batch_is_known_by_who_rendered_it() -> None:
+    event = {"type": "batches", "job": "j", "frame": 0, "tile": [0, 0, 8, 8], "first": 4, "count": 5, "worker": "site attic"}
+    message = understand(Entry(b"1-0", Result(event | {"parts": [["a", 4, 2, 0.5, "one"], ["b", 6, 3, 0.25, "two"]]}, b"sums")))
+    assert isinstance(message, BatchDone)
+    assert message.senders == ("one", "two")
+    message = understand(Entry(b"1-0", Result(event | {"parts": [["a", 4, 2, 0.5], ["b", 6, 3, 0.25]]}, b"sums")))
+    assert isinstance(message, BatchDone)
+    assert message.senders == ("site attic",)

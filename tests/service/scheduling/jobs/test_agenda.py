@@ -1,0 +1,132 @@
+"""Which frame comes next, and how a budget of samples is laid out over frames of different noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from service.scheduling.jobs.agenda import PILOT, Agenda, shares
+
+
+class Frame:
+    """A frame whose noise falls as the standard error does, and that has what it was given at once."""
+
+    def __init__(self, key: int, grain: float = 1.0, spp: int = 1 << 20) -> None:
+        self.key, self.grain, self.spp = key, grain, spp
+        self.ceiling, self.state, self.is_idle, self.noise = spp, "queued", False, None
+        self.compiled = {"kind": "scene"}
+        self.own: dict[str, object] = {}
+        self.is_preparing = False
+        self.on_change: Callable[[int], None] = lambda key: None
+        self.plan = SimpleNamespace(done=False, has=lambda samples: True)
+
+    @property
+    def is_over(self) -> bool:
+        return self.state in ("finished", "failed")
+
+    def measured(self) -> float:
+        self.noise = self.grain / math.sqrt(self.ceiling)
+        return self.noise
+
+    def rise_to(self, ceiling: int) -> None:
+        self.ceiling = ceiling
+        self.on_change(self.key)
+
+    def finish(self) -> None:
+        self.state = "finished"
+
+
+def agenda(order: str, frames: list[Frame], spp: int = 64, every: int = 8) -> Any:
+    made: Any = {frame.key: frame for frame in frames}
+    plan = Agenda(made, order, every, spp)
+    for frame in frames:
+        frame.on_change = plan.turns.note
+    return plan
+
+
+def laid_out(frames: list[Frame], spp: int) -> Any:
+    """Let a shot be rendered to its end, noisiest first."""
+    plan = agenda("noisiest-first", frames, spp)
+    rounds = 0
+    while not all(frame.is_over for frame in frames):
+        for frame in frames:
+            while plan.passed(frame):
+                pass
+            plan.settled(frame)
+        plan.begin_round()
+        rounds += 1
+        assert rounds < 50
+    return plan
+
+
+def test_the_pilot_is_for_all_and_the_rest_goes_where_the_noise_is() -> None:
+    frames = [Frame(0, 0.1), Frame(1, 1.0), Frame(2, 4.0)]
+    plan = laid_out(frames, 256)
+    assert frames[0].ceiling == PILOT, "quiet as it is"
+    assert sum(frame.ceiling for frame in frames) <= 3 * 256
+    assert sum(frame.ceiling for frame in frames) > 0.99 * 3 * 256, "the budget is spent"
+    assert frames[2].measured() == pytest.approx(frames[1].measured(), rel=0.05), "equal noise"
+    assert plan.forecast == pytest.approx(frames[2].measured(), rel=0.05), "as it was foretold"
+
+
+def test_a_frame_that_failed_leaves_its_samples_to_the_others() -> None:
+    frames = [Frame(0), Frame(1), Frame(2)]
+    frames[1].state = "failed"
+    laid_out(frames, 100)
+    assert [frame.ceiling for frame in frames if frame.state != "failed"] == [100, 100]
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 1000), st.floats(1e-4, 10.0)), min_size=1, max_size=20),
+    st.floats(1.0, 50.0),
+)
+def test_shares_keep_to_the_budget_and_take_nothing_away(frames: list[tuple[int, float]], times: float) -> None:
+    has, noise = [h for h, _ in frames], [n for _, n in frames]
+    budget = int(sum(has) * times)
+    goals, forecast = shares(has, noise, budget, 1 << 20)
+    assert all(goal >= h for goal, h in zip(goals, has, strict=True))
+    assert sum(goals) <= budget
+    assert forecast is not None and forecast <= max(noise) * (1 + 1e-9)
+    aim = max(forecast, max(noise) / 2)
+    for h, n, goal in zip(has, noise, goals, strict=True):
+        assert n * math.sqrt(h / goal) >= min(n, aim) * (1 - 1e-6), "nobody gets more than the level asks for"
+
+
+def test_where_nothing_is_known_everyone_keeps_what_they_have() -> None:
+    assert shares([4, 4], [math.inf, 0.0], 100, 1000) == ([4, 4], None)
+
+
+def test_every_nth_goes_on_with_those_between() -> None:
+    frames = [Frame(key) for key in range(9)]
+    plan = agenda("every-nth", frames, every=6)
+    order = sorted(frames, key=plan.turn)
+    assert [frame.key for frame in order] == [0, 6, 3, 1, 2, 4, 5, 7, 8]
+
+
+def test_breadth_first_a_frame_rises_when_all_under_its_ceiling_is_handed_out() -> None:
+    frames = [Frame(key, spp=6) for key in range(2)]
+    plan = agenda("breadth-first", frames, 6)
+    seen = []
+    while (frame := plan.next("kind")) is not None:
+        seen.append((frame.key, frame.ceiling))
+        if not plan.passed(frame):
+            frame.is_idle = True
+            plan.turns.note(frame.key)
+    assert seen == [(0, 1), (1, 1), (0, 2), (1, 2), (0, 4), (1, 4), (0, 6), (1, 6)]
+
+
+def test_what_is_not_prepared_waits_and_is_named_in_turn() -> None:
+    frames = [Frame(key) for key in range(5)]
+    for key in (1, 3):
+        frames[key].compiled = {}
+    plan = agenda("centre-out", frames)
+    plan.first = 3
+    assert [frame.key for frame in plan.turns.lacking("kind", 5)] == [3, 1]
+    assert plan.next("kind").key == 2
+    assert plan.next("another") is None

@@ -1,0 +1,67 @@
+"""What is kept of a job's way: enough to draw it, and never more than a few kilobytes."""
+
+from __future__ import annotations
+
+import json
+import time
+
+from service.scheduling.jobs.history import MOST_EVENTS, MOST_POINTS, History
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker
+
+
+def test_it_stays_small_and_keeps_its_ends() -> None:
+    history = History()
+    for i in range(1, 100_000, 7):
+        history.measured(i / 10, i, 1 / i**0.5)
+        history.happened("lost", str(i))
+    assert len(history.points) <= MOST_POINTS and len(history.events) == MOST_EVENTS
+    assert history.points[0][1] == 1 and (history.points[-1][1] or 0) > 90_000
+    assert history.events[0][2] == "1" and history.events[-1][2] == "99996"
+    assert [p[1] for p in history.points] == sorted(p[1] or 0 for p in history.points)
+    assert len(json.dumps(history.to_json())) < 16_000
+    assert History.of(history.to_json()).to_json() == history.to_json()
+
+
+def test_the_end_is_a_point_though_it_is_no_step_further() -> None:
+    history = History()
+    history.measured(1.0, 1000, 0.1)
+    history.measured(1.1, 1001, 0.1)
+    assert [samples for _, samples, _ in history.points] == [1000]
+    for _ in range(2):
+        history.measured(1.1, 1001, 0.1, is_end=True)
+    assert [samples for _, samples, _ in history.points] == [1000, 1001]
+
+
+def test_workers_come_and_go_once_each() -> None:
+    history = History()
+    for _ in range(3):
+        history.rendered_by("a")
+        history.rendered_by("b")
+    history.left({"b"})
+    again = History.of(history.to_json())
+    again.rendered_by("b")
+    again.rendered_by("a")
+    assert [tuple(event[1:]) for event in again.events] == [("worker", "a"), ("worker", "b"), ("left", "a"), ("worker", "a")]
+
+
+def test_what_cannot_be_made_out_begins_anew() -> None:
+    assert History.of({"points": [[1, "x", 2]], "events": []}).points == []
+    assert History.of({"points": 3}).events == []
+
+
+def test_a_job_tells_how_it_came_to_its_picture(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.01)
+    job = service.submit(service.ready_scene(), spp=64)
+    until(lambda: service.job(job)["samples"] > 0, "it begins")
+    service.patch(job, state="paused")
+    until(lambda: service.job(job)["state"] == "paused", "it pauses")
+    time.sleep(1.2)
+    service.patch(job, state="running")
+    service.wait_for(job, "finished")
+    found = service.http.get(f"/api/jobs/{job}/history").raise_for_status().json()
+    kinds = [event["kind"] for event in found["events"]]
+    assert kinds[0] == "begun" and {"worker", "picture", "paused"} <= set(kinds)
+    assert [event["at"] for event in found["events"]] == sorted(event["at"] for event in found["events"])
+    last = found["points"][-1]
+    assert last["spp"] == 64 and last["noise"] is not None and last["noise"] > 0

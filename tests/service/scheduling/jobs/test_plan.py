@@ -1,0 +1,205 @@
+"""The plan, driven by a farm that loses, doubles and reorders batches."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from typing import TypeVar
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from renderer.settings import tiles_of
+from service.errors import FilmWaits
+from service.scheduling.jobs.plan import ALONE_UNTIL, FramePlan, Range
+from service.store.coverage import Coverage
+
+T = TypeVar("T")
+
+
+class Bench:
+    """A plan and the coverage that stands for its film; a tile's noise falls with its samples and differs by tile."""
+
+    def __init__(self, spp: int, noise: float | None, size: int = 16) -> None:
+        self.tiles = tiles_of(50, 40, size)
+        self.coverage = [Coverage() for _ in self.tiles]
+        self.args = (self.tiles, spp, noise, self._covered, self._noise)
+        self._faults: random.Random | None = None
+        self.plan = FramePlan(*self.args)
+
+    def _covered(self, tile: int) -> Coverage:
+        self._may_have_to_wait()
+        return self.coverage[tile]
+
+    def _noise(self, tile: int) -> float:
+        self._may_have_to_wait()
+        return (1 + tile % 5) / self.coverage[tile].total ** 0.5
+
+    def _may_have_to_wait(self) -> None:
+        if self._faults is not None and self._faults.random() < 0.3:
+            raise FilmWaits("The film is locked.")
+
+    def again(self, call: Callable[[], T]) -> T:
+        """As the scheduler does: until the film need not be waited for."""
+        while True:
+            try:
+                return call()
+            except FilmWaits:
+                continue
+
+    def arrive(self, batch: Range) -> None:
+        if self.plan.wants(batch) and not self.coverage[batch.tile].overlaps(batch.first, batch.count):
+            self.coverage[batch.tile].add(batch.first, batch.count)
+        self.again(lambda: self.plan.settle(batch))
+
+    def finish(self, seed: int, wanted: int = 8, loss: float = 0.0, restart: float = 0.0, waits: bool = False) -> list[Range]:
+        """Run to the end; returns what was handed out. waits: the film has to be waited for every now and then."""
+        dice = random.Random(seed)
+        self._faults = random.Random(seed) if waits else None
+        of_a_tile = 1 + seed % 4
+        out: list[Range] = []
+        history = []
+
+        def samples_wanted(tile: int) -> int:
+            return dice.randint(1, wanted)
+
+        for _ in range(20_000):
+            if self.plan.done:
+                return history
+            if restart and dice.random() < restart:
+                self.plan = self.again(lambda: FramePlan(*self.args))  # what is in `out` arrives late, from an earlier life
+            while (
+                len(out) < 6
+                and (batch := self.again(lambda: self.plan.next(lambda tile: dice.randint(1, wanted), of_a_tile))) is not None
+            ):
+                out.append(batch)
+                history.append(batch)
+            batch = out.pop(dice.randrange(len(out)))
+            if dice.random() < loss:
+                self.plan.lose(batch)
+                continue
+            self.arrive(batch)
+            if dice.random() < loss:
+                self.arrive(batch)
+        raise AssertionError("the plan does not come to an end")
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.integers(1, 90), st.sampled_from([0.0, 0.3]), st.sampled_from([0.0, 0.05]))
+def test_every_tile_gets_exactly_the_samples(seed: int, spp: int, loss: float, restart: float) -> None:
+    bench = Bench(spp, None)
+    bench.finish(seed, loss=loss, restart=restart)
+    assert [c.ranges for c in bench.coverage] == [[(0, spp)]] * len(bench.tiles)
+    assert bench.plan.samples == bench.plan.target_samples == 50 * 40 * spp
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([0.0, 0.3]), st.sampled_from([0.0, 0.05]))
+def test_where_a_tile_stops_does_not_depend_on_the_way(seed: int, loss: float, restart: float) -> None:
+    plain, disturbed = Bench(300, 0.2), Bench(300, 0.2)
+    plain.finish(0, wanted=300)
+    disturbed.finish(seed, loss=loss, restart=restart)
+    totals = [c.total for c in plain.coverage]
+    assert [c.total for c in disturbed.coverage] == totals
+    assert set(totals) == {32, 128, 256, 300}, "checks are at 32, 64, 128, ... and the cap ends what is noisier"
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([None, 0.2]), st.sampled_from([0.0, 0.3]))
+def test_a_film_that_has_to_be_waited_for_loses_nothing(seed: int, noise: float | None, loss: float) -> None:
+    plain, waiting = Bench(90, noise), Bench(90, noise)
+    plain.finish(0)
+    waiting.finish(seed, loss=loss, waits=True)
+    assert [c.ranges for c in waiting.coverage] == [c.ranges for c in plain.coverage]
+
+
+def test_waiting_hands_nothing_out_twice() -> None:
+    bench = Bench(90, 0.2)
+    history = bench.finish(1, waits=True)
+    assert len(set(history)) == len(history)
+
+
+def test_nothing_is_handed_out_twice_without_need() -> None:
+    bench = Bench(64, None)
+    history = bench.finish(1)
+    assert sum(batch.count for batch in history) == 64 * len(bench.tiles)
+
+
+def test_the_first_wave_covers_the_whole_frame_from_the_middle() -> None:
+    bench = Bench(64, None)
+    wave = [bench.plan.next(lambda tile: 1000) for _ in bench.tiles]
+    assert {batch.tile for batch in wave if batch} == set(range(len(bench.tiles)))
+    assert all(batch and (batch.first, batch.count) == (0, 1) for batch in wave)
+    assert wave[0] is not None
+    assert bench.tiles[wave[0].tile] == (16, 16, 16, 16)
+
+
+def test_batches_of_a_tile_follow_each_other_once_all_tiles_have_some() -> None:
+    bench = Bench(4096, None)
+    for _ in range(400):
+        batch = bench.plan.next(lambda tile: 8, 4)
+        assert batch is not None
+        if batch.first < ALONE_UNTIL:
+            latest = batch.tile
+            bench.arrive(batch)
+            continue
+        run = [batch, *(bench.plan.next(lambda tile: 8, 4) for _ in range(3))]
+        assert min(covered.total for covered in bench.coverage) >= ALONE_UNTIL - 8
+        assert [each and (each.tile, each.first) for each in run] == [(batch.tile, batch.first + 8 * i) for i in range(4)]
+        assert batch.tile != latest, "then another has its turn"
+        latest = batch.tile
+        for each in run:
+            assert each is not None
+            bench.arrive(each)
+
+
+def test_more_samples_on_a_finished_frame_begin_where_it_ended() -> None:
+    bench = Bench(10, None)
+    bench.finish(2)
+    bench.plan = FramePlan(bench.tiles, 25, *bench.args[2:])
+    assert not bench.plan.done
+    assert min(batch.first for batch in bench.finish(3)) == 10
+    assert all(c.ranges == [(0, 25)] for c in bench.coverage)
+
+
+def test_what_is_in_focus_comes_first_and_the_end_is_the_same() -> None:
+    bench = Bench(64, None)
+    bench.plan.focus([5, 7])
+    first = [bench.plan.next(lambda tile: 4) for _ in bench.tiles]
+    assert {batch.tile for batch in first if batch} == set(range(len(bench.tiles))), "the first wave is everybody's"
+    for batch in first:
+        assert batch is not None
+        bench.arrive(batch)
+    while not {5, 7} <= {i for i, c in enumerate(bench.coverage) if c.total == 64}:
+        batch = bench.plan.next(lambda tile: 4)
+        assert batch is not None and batch.tile in (5, 7)
+        bench.arrive(batch)
+    batch = bench.plan.next(lambda tile: 4)
+    assert batch is not None and batch.tile not in (5, 7)
+    bench.arrive(batch)
+    bench.plan.focus([0])
+    batch = bench.plan.next(lambda tile: 4)
+    assert batch is not None and batch.tile == 0
+    bench.arrive(batch)
+    bench.plan.focus([])
+    bench.finish(4)
+    assert [c.ranges for c in bench.coverage] == [[(0, 64)]] * len(bench.tiles)
+
+
+def test_a_ceiling_over_what_is_in_focus_does_not_hold_up_the_others() -> None:
+    bench = Bench(64, None)
+    bench.plan.ceiling = 2
+    bench.plan.focus([3])
+    while (batch := bench.plan.next(lambda tile: 4)) is not None:
+        bench.arrive(batch)
+    assert {c.total for c in bench.coverage} == {2}
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000), st.lists(st.integers(0, 11), max_size=4), st.sampled_from([0.0, 0.3]))
+def test_where_a_tile_stops_does_not_depend_on_the_focus(seed: int, focus: list[int], loss: float) -> None:
+    plain, focused = Bench(300, 0.2), Bench(300, 0.2)
+    plain.finish(0, wanted=300)
+    focused.plan.focus(focus)
+    focused.finish(seed, loss=loss)
+    assert [c.total for c in focused.coverage] == [c.total for c in plain.coverage]

@@ -1,0 +1,61 @@
+"""Who is right of those who rendered the same batch: two different workers that agree, and nobody else."""
+
+from __future__ import annotations
+
+import lz4.block
+import pytest
+
+from renderer.settings import Tile
+from service.scheduling.trust.votes import Votes
+from tests.service.peer_worker import expected_sums
+from worker.protocol.sums import pack_sums
+
+TILE = Tile(0, 0, 8, 4)
+X, Y, Z = (pack_sums(expected_sums(TILE, 0, 2, seed)) for seed in range(3))
+
+
+def votes(*cast: tuple[str, bytes]) -> Votes:
+    made = Votes(TILE)
+    for worker, sums in cast:
+        made.add(worker, sums)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("cast", "wrong", "is_known"),
+    [
+        ([("a", X)], set(), False),
+        ([("a", X), ("b", X)], set(), True),
+        ([("a", X), ("a", X)], set(), False),
+        ([("a", X), ("b", Y)], set(), False),
+        ([("a", X), ("b", Y), ("c", X)], {"b"}, True),
+        ([("a", X), ("b", Y), ("c", Y)], {"a"}, True),
+        ([("a", X), ("b", Y), ("c", Z)], set(), False),
+        ([("a", X), ("b", Y), ("c", Z), ("d", Z)], {"a", "b"}, True),
+        ([("a", X), ("b", Y), ("b", X)], {"b"}, True),
+        ([("a", X), ("b", Y), ("b", Y), ("a", X)], set(), False),
+    ],
+)
+def test_two_that_agree_are_right(cast: list[tuple[str, bytes]], wrong: set[str], is_known: bool) -> None:
+    found = votes(*cast)
+    assert (found.wrong, found.right is not None) == (wrong, is_known)
+
+
+def test_the_same_sums_in_other_bytes_are_the_same_value() -> None:
+    plain = pack_sums(expected_sums(TILE, 0, 2, 0), packing=1)
+    assert plain != X
+    assert votes(("a", X), ("b", plain)).right == 0
+    with pytest.raises(ValueError, match="sums"):
+        votes(("a", lz4.block.compress(b"no sums", store_size=False)))
+
+
+def test_workers_are_asked_while_they_can_say_something_new() -> None:
+    two = votes(("a", X), ("b", Y))
+    assert two.may_help({"a", "b"})
+    two.add("a", X)
+    two.add("b", Y)
+    assert not two.may_help({"a", "b"})
+    assert two.may_help({"a", "b", "c"})
+    assert not votes(("a", X)).may_help({"a"})
+    two.take_back("b")
+    assert (two.workers, two.differ) == ({"a"}, False)
