@@ -1,4 +1,4 @@
-"""`python -m service --host 0.0.0.0 --port 8000 ...`: the service, by uvicorn's options, and with connections that are bounded."""
+"""`python -m service --host 0.0.0.0 --port 8000 ...`: the service, by uvicorn's options and with bounded connections."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from service.connections import Connection, most_connections
 
 __all__ = ["serve"]
 
-# Pictures are noise, which is hardly made smaller, by work on the loop that everybody waits for. What a WebSocket is told is short.
+# Pictures are noise, which is hardly made smaller, by work on the loop that everybody waits for. What a socket is told is short.
 ALWAYS = ("--factory", "--http", "auto", "--ws-per-message-deflate", "false", "--ws-max-size", str(4 << 20))
 
 

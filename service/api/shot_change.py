@@ -9,7 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.farm import Farm
-from service.scheduling.jobs.shot_wishes import FrameNow, ShotWish, change_shot
+from service.scheduling.jobs.shot_wishes import FrameNow, ShotWish, asked_for, change_shot
 from service.shot import Shot
 from service.store.frame_changes import Step, apply_at_once, begin, is_short
 from service.store.models import Frame, FrameChange, Job
@@ -21,11 +21,12 @@ CHANGED = ("shot", "spp", "noise", "seconds", "state", "finished", "error", "rep
 
 @dataclass(frozen=True)
 class ShotChange:
-    """before, after: of the job's columns. steps: what is to be done to its frames."""
+    """before, after: of the job's columns. steps: what is to be done to its frames. samples: that this asks for more."""
 
     before: dict[str, Any]
     after: dict[str, Any]
     steps: list[Step]
+    samples: int
 
     @classmethod
     def of(cls, id: str, wish: ShotWish, farm: Farm) -> Self | None:
@@ -46,7 +47,7 @@ class ShotChange:
             frames = {number: FrameNow(spp, state) for number, spp, state in rows}
         before = _columns(job)
         steps = change_shot(job, shot, frames, wish)
-        return cls(before, _columns(job), steps)
+        return cls(before, _columns(job), steps, asked_for(job, frames, before["spp"], steps))
 
     def fits(self, job: Job, session: Session) -> bool:
         """Whether the job is as it was, and nothing is being done to its frames."""

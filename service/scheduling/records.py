@@ -310,11 +310,13 @@ def _write_shot(session: Session, job: ActiveJob, asked: Shot) -> None:
     row = session.get(Job, job.id)
     shot = Shot.of(row.shot) if row is not None else None
     changed = list(job.unwritten)
+    names: tuple[str, ...]
     if shot is None or shot.revision != asked.revision:
         # Somebody has asked for something else: the frames are what that made of them, and those anew have nothing.
         anew = set(shot.anew_keys) if shot is not None else set()
         changed = [key for key in changed if key not in anew]
-        names: tuple[str, ...] = NUMBERS
+        # What they come to is as that says too, and so is how far they are.
+        names = tuple(name for name in NUMBERS if name not in ("target", "progress"))
     else:
         names = (*NUMBERS, "state", "error")
     given = update(Frame).where(Frame.job == bindparam("of"), Frame.number == bindparam("key"))

@@ -57,7 +57,7 @@ class Looked:
         return self.one("SELECT count(*) FROM frame_changes") == 0
 
 
-class Farm:
+class Mortal:
     """A service that is started again after it was killed."""
 
     def __init__(self, data: Path, redis_url: str, database: str) -> None:
@@ -116,14 +116,15 @@ class Farm:
 
 
 @pytest.fixture
-def farm(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[Farm]:
-    farm = Farm(tmp_path / "data", redis_server.url, database)
+def mortal(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[Mortal]:
+    farm = Mortal(tmp_path / "data", redis_server.url, database)
     yield farm
     farm.service.end()
 
 
 @pytest.mark.long
-def test_what_a_killed_service_had_accepted_is_done_by_the_next(farm: Farm) -> None:
+def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Mortal) -> None:
+    farm = mortal
     scene, looked = farm.scene(), farm.looked
     in_the_midst = 0
 
@@ -167,8 +168,9 @@ def test_what_a_killed_service_had_accepted_is_done_by_the_next(farm: Farm) -> N
 
 
 @pytest.mark.long
-def test_several_clients_at_once_leave_every_shot_whole(farm: Farm) -> None:
+def test_several_clients_at_once_leave_every_shot_whole(mortal: Mortal) -> None:
     """They ask for more samples, frames anew, other priorities, an end and a new beginning, and a deletion, all of two shots."""
+    farm = mortal
     scene, looked = farm.scene(), farm.looked
     kept, gone = (farm.shoot(scene).raise_for_status().json()["id"] for _ in range(2))
     counter = itertools.count(5)
@@ -210,7 +212,8 @@ def test_several_clients_at_once_leave_every_shot_whole(farm: Farm) -> None:
 
 
 @pytest.mark.long
-def test_of_several_long_shots_the_one_of_the_highest_priority_is_rendered(farm: Farm, redis_server: running_redis) -> None:
+def test_of_several_long_shots_the_one_of_the_highest_priority_is_rendered(mortal: Mortal, redis_server: running_redis) -> None:
+    farm = mortal
     scene = farm.scene()
     shots = [farm.shoot(scene, spp=1).raise_for_status().json()["id"] for _ in range(3)]
     for shot in shots:
@@ -226,7 +229,7 @@ def test_of_several_long_shots_the_one_of_the_highest_priority_is_rendered(farm:
 
 
 @contextmanager
-def rendering(farm: Farm, redis_server: running_redis, rendered: list[str]) -> Iterator[None]:
-    with PeerWorker(redis_server.url, farm.service.url, TOKEN) as worker:
+def rendering(mortal: Mortal, redis_server: running_redis, rendered: list[str]) -> Iterator[None]:
+    with PeerWorker(redis_server.url, mortal.service.url, TOKEN) as worker:
         worker.on_batch = lambda batch: rendered.append(batch.job)
         yield
