@@ -8,6 +8,7 @@ from typing import Any, Self
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from service.api.lookup import no_job
 from service.farm import Farm
 from service.scheduling.jobs.shot_wishes import FrameNow, ShotWish, asked_for, change_shot
 from service.shot import Shot
@@ -39,6 +40,8 @@ class ShotChange:
                 return None
             session.expunge(job)
         farm.frame_changes.carry_out(id)
+        if farm.frame_changes.is_dropped(id):
+            raise no_job(id)
         with farm.sessions() as session:
             query = select(Frame.number, Frame.spp, Frame.state).where(Frame.job == id).order_by(Frame.number)
             if wish.is_about_failures:

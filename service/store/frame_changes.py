@@ -111,6 +111,11 @@ class FrameChanges:
         """Whether something is being done to a job's frames."""
         return self._under_way(job) is not None
 
+    def is_dropped(self, job: str) -> bool:
+        """Whether a job is being deleted."""
+        change = self._under_way(job)
+        return change is not None and _is_drop(change)
+
     def carry_out(self, job: str, given: Given | None = None) -> None:
         """Do all that is written down for a job. Raises FarmError; then it is gone on with later.
 
