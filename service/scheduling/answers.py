@@ -13,12 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from service.scheduling.errands.aside import MadeAside
-from service.scheduling.errands.denoising import Denoising
-from service.scheduling.errands.environments import Environments
-from service.scheduling.errands.moments import Moments
-from service.scheduling.errands.preparing import Preparing, Progress
-from service.scheduling.errands.vectors import Vectors
+from service.scheduling.errands.errands import Errands
+from service.scheduling.errands.preparing import Progress
 from service.scheduling.faults.bulkhead import Bulkheads, Step
 from service.scheduling.handing_out.pace import Pace
 from service.scheduling.handing_out.scheduler import Scheduler, named
@@ -27,10 +23,6 @@ from service.scheduling.incoming.messages import (
     BatchDone,
     BatchFailed,
     BatchReturned,
-    DenoiseDone,
-    DenoiseFailed,
-    EnvironmentFailed,
-    EnvironmentShown,
     FrameFailed,
     FramePrepared,
     FramesReturned,
@@ -40,8 +32,6 @@ from service.scheduling.incoming.messages import (
     PrepareGoesOn,
     PrepareReturned,
     PrepareStarted,
-    VectorsFailed,
-    VectorsMade,
     Wake,
     understand,
 )
@@ -85,34 +75,26 @@ class Answers:
         bulkheads: Bulkheads,
         scheduler: Scheduler,
         lifecycle: Lifecycle,
-        preparing: Preparing,
-        moments: Moments,
-        denoising: Denoising,
-        vectors: Vectors,
-        environments: Environments,
+        errands: Errands,
+        trust: Trust,
+        pace: Pace,
+        logs: JobLogs,
         tell: Tell,
         tell_tiles: TellTiles,
-        pace: Pace,
-        trust: Trust,
         settled: Callable[[ActiveJob], None],
-        logs: JobLogs,
     ) -> None:
         """settled: told of a job whose plan knows of all that the film has."""
         self._results = results
         self._bulkheads = bulkheads
         self._scheduler = scheduler
         self._lifecycle = lifecycle
-        self._preparing = preparing
-        self._moments = moments
-        self._denoising = denoising
-        self._vectors = vectors
-        self._environments = environments
+        self._errands = errands
+        self._trust = trust
+        self._pace = pace
+        self._logs = logs
         self._tell = tell
         self._tell_tiles = tell_tiles
-        self._pace = pace
-        self._trust = trust
         self._settled = settled
-        self._logs = logs
         self._kept: dict[str, list[_Answer]] = {}  # by job or scene: read, and not stored yet
         self._stored: list[Entry] = []  # to be deleted from the stream
         self._overlooked = False
@@ -184,7 +166,7 @@ class Answers:
             for piece in message.pieces:
                 self._scheduler.arrived(message.job, piece.batch)
         elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned):
-            self._preparing.arrived(message.scene, message.kind)
+            self._errands.preparing.arrived(message.scene, message.kind)
         self._kept.setdefault(message.owner, []).append(_Answer(entry, message))
 
     def _is_recorded(self, owner: str) -> bool:
@@ -283,23 +265,12 @@ class Answers:
                 if job is not None and batch is not None:
                     self._scheduler.returned(job, message.batch, batch, message.worker, message.error)
                     self._tell("job", job.id)
-            case DenoiseDone():
-                self._denoising.heard(message.work, MadeAside(message.sha256, message.version, message.samples))
-            case DenoiseFailed():
-                self._denoising.heard(message.work, None, message.error)
-            case VectorsMade():
-                self._vectors.heard(message.work, MadeAside(message.sha256))
-            case VectorsFailed():
-                self._vectors.heard(message.work, None, message.error)
-            case EnvironmentShown():
-                self._environments.heard(message.work, MadeAside(message.sha256))
-            case EnvironmentFailed():
-                self._environments.heard(message.work, None, message.error)
             case PrepareStarted():
-                self._preparing.heard(message.scene, message.kind, message.worker, Progress("Reading", 0.0))
+                self._errands.preparing.heard(message.scene, message.kind, message.worker, Progress("Reading", 0.0))
                 self._tell("scene", message.scene)
             case PrepareGoesOn():
-                self._preparing.heard(message.scene, message.kind, message.worker, Progress(message.step, message.fraction))
+                progress = Progress(message.step, message.fraction)
+                self._errands.preparing.heard(message.scene, message.kind, message.worker, progress)
                 self._tell("scene", message.scene)
             case PrepareDone():
                 self._lifecycle.prepared(message.scene, message.info)
@@ -307,7 +278,7 @@ class Answers:
             case PrepareFailed():
                 self._lifecycle.prepare_failed(message.scene, message.kind, message.error)
             case PrepareReturned():
-                self._preparing.returned(message.scene, message.kind, message.error)
+                self._errands.preparing.returned(message.scene, message.kind, message.error)
                 self._tell("scene", message.scene)
             case FramePrepared() | FrameFailed():
                 self._lifecycle.frame_answered(message)
@@ -315,8 +286,10 @@ class Answers:
                 if (job := self._scheduler.jobs.get(message.job)) is not None:
                     log.info("job %s: %s", job.id, message.error, extra=ids(job=job.id, worker=message.worker))
                     job.history.log.say(message.error)
-                    self._moments.returned(job, message.work)
+                    self._errands.moments.returned(job, message.work)
                     self._tell("job", job.id)
+            case _:
+                self._errands.heard_aside(message)
 
     def _failed(self, message: BatchFailed) -> None:
         job = self._scheduler.jobs.get(message.job)

@@ -20,11 +20,7 @@ from service.errors import FarmError
 from service.scheduling.answers import Answers, TellTiles
 from service.scheduling.changes import Changes
 from service.scheduling.errands.aside import MadeAside
-from service.scheduling.errands.denoising import Denoising
-from service.scheduling.errands.environments import Environments
-from service.scheduling.errands.moments import Moments
-from service.scheduling.errands.preparing import Preparing
-from service.scheduling.errands.vectors import Vectors
+from service.scheduling.errands.errands import Errands
 from service.scheduling.faults.bulkhead import Bulkheads, Step
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.forecasts.deadlines import Deadlines
@@ -96,20 +92,14 @@ class Engine:
         self._bulkheads = Bulkheads()
         change = self._board.change
         self._workers = Workers(self._redis, lambda name: change("worker", name))
-        self._preparing = Preparing(self._dispatcher, self._workers, settings.prepare_deadline)
-        self._moments = Moments(self._dispatcher, self._workers, settings.prepare_deadline, settings.frame_scenes_bytes)
-        self._denoising = Denoising(self._dispatcher, self._workers, blobs, let_go)
-        self._vectors = Vectors(self._dispatcher, self._workers, blobs, let_go)
-        self._environments = Environments(self._dispatcher, self._workers, blobs, let_go)
+        self._errands = Errands(settings, self._dispatcher, self._workers, blobs, let_go)
         self.logs = JobLogs(settings.data / "logs-of-jobs")
         self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes, is_watched)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads, self._pace)
         self.trust = Trust(self._scheduler, self._workers, self._dispatcher, settings.batch_deadline)
         self._waiting = Waiting(records, self._bulkheads, self._changes)
         self._lifecycle = Lifecycle(
-            *(records, films, self._scheduler, self._preparing, self._moments, self._denoising),
-            *(self._vectors, self.logs, self._bulkheads, self._changes),
-            waiting=self._waiting,
+            *(records, films, self._scheduler, self._errands, self.logs, self._bulkheads, self._changes, self._waiting),
             tell=change,
             let_go=let_go,
             suspect=suspect,
@@ -118,11 +108,10 @@ class Engine:
         self._forecaster = Forecaster(self._scheduler.line_up, self._scheduler.shares)
         self._keeper = SnapshotKeeper(snapshots, settings.data / "tmp", self._scheduler.jobs.__contains__)
         self._answers = Answers(
-            *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._preparing, self._moments),
-            *(self._denoising, self._vectors, self._environments, change, tell_tiles, self._pace),
-            trust=self.trust,
+            *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._errands, self.trust, self._pace, self.logs),
+            tell=change,
+            tell_tiles=tell_tiles,
             settled=self._keeper.look,
-            logs=self.logs,
         )
         self._asked: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # scenes, each for a kind of workers
         self._terms: dict[str, Terms] = {}  # that workers are asked for, by name
@@ -142,9 +131,7 @@ class Engine:
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(10)
-        self._denoising.close()
-        self._vectors.close()
-        self._environments.close()
+        self._errands.close()
         self._keeper.close()
         self._dispatcher.close()
         self._redis.close()
@@ -188,15 +175,16 @@ class Engine:
 
     def denoise(self, job: str, frame: int, film: Film) -> Future[MadeAside]:
         """The frame as it is now, denoised by a worker. Raises Unavailable where none can."""
-        return self._awaited(self._denoising.want(DenoiseFrame("", job, frame, film.width, film.height), film.version(frame)))
+        wish = DenoiseFrame("", job, frame, film.width, film.height)
+        return self._awaited(self._errands.denoising.want(wish, film.version(frame)))
 
     def vectors(self, wish: FrameVectors) -> Future[MadeAside]:
         """A frame's motion vectors, made by a worker. Raises Unavailable where none can."""
-        return self._awaited(self._vectors.want(wish))
+        return self._awaited(self._errands.vectors.want(wish))
 
     def show_environment(self, wish: ShowEnvironment) -> Future[MadeAside]:
         """A small picture of an image that lights scenes. Its future has Invalid where it does not. Raises Unavailable."""
-        return self._awaited(self._environments.want(wish))
+        return self._awaited(self._errands.environments.want(wish))
 
     def _awaited(self, answer: Future[MadeAside]) -> Future[MadeAside]:
         if not answer.done():
@@ -240,14 +228,12 @@ class Engine:
         self._bulkheads.carry_out(self._lifecycle.end)
         self.trust.carry_out(self._lifecycle.again)
         while not self._asked.empty():
-            self._preparing.want(*self._asked.get())
-        self._preparing.fill()
+            self._errands.preparing.want(*self._asked.get())
+        self._errands.preparing.fill()
         if shots := self._shots():
-            for job in self._moments.fill(shots, self._lifecycle.auto_of, self._scheduler.busy()):
+            for job in self._errands.moments.fill(shots, self._lifecycle.auto_of, self._scheduler.busy()):
                 self._lifecycle.record(job)
-        self._denoising.fill()
-        self._vectors.fill()
-        self._environments.fill()
+        self._errands.fill_aside()
         with self._pace.busy():
             self._answers.look_for_unread()
             self._scheduler.fill(self._lifecycle.start)
@@ -298,15 +284,13 @@ class Engine:
         self._refused = self._fault_of(self._write)
         self.logs.flush()
         self._answers.review()
-        self._denoising.review()
-        self._vectors.review()
-        self._environments.review()
+        self._errands.review_aside()
         self._scheduler.review(self._results)
         self.trust.review()
         self._waiting.review()
-        for scene, kind in self._preparing.review(self._results):
+        for scene, kind in self._errands.preparing.review(self._results):
             self._lifecycle.lost_while_preparing(scene, kind)
-        for job, frame in self._moments.review(self._scheduler.jobs, self._results):
+        for job, frame in self._errands.moments.review(self._scheduler.jobs, self._results):
             self._lifecycle.frame_lost(job, frame)
         needs = [job.needs for job in self._scheduler.jobs.values() if job.needs is not None]
         self._workers.ask(self._terms, [*needs, *self._scheduler.sites.needs()])
@@ -339,7 +323,7 @@ class Engine:
             jobs=numbers,
             ahead=self._scheduler.line_up.ahead(),
             waits={**self.trust.sentences(), **self._bulkheads.sentences()},
-            preparing=dict(self._preparing.progress),
+            preparing=dict(self._errands.preparing.progress),
             counts={
                 **self._answers.counts,
                 **self.trust.counts,

@@ -17,10 +17,7 @@ from service.errors import FarmError
 from service.intake.resolve import frame_settings
 from service.scheduling.changes import Changes
 from service.scheduling.errands.aside import LetGo
-from service.scheduling.errands.denoising import Denoising
-from service.scheduling.errands.moments import Moments
-from service.scheduling.errands.preparing import Preparing
-from service.scheduling.errands.vectors import Vectors
+from service.scheduling.errands.errands import Errands
 from service.scheduling.faults.bulkhead import Bulkheads, Step, Verdict
 from service.scheduling.fleet.needs import Needs
 from service.scheduling.handing_out.scheduler import Scheduler
@@ -52,10 +49,7 @@ class Lifecycle:
         records: Records,
         films: FilmStore,
         scheduler: Scheduler,
-        preparing: Preparing,
-        moments: Moments,
-        denoising: Denoising,
-        vectors: Vectors,
+        errands: Errands,
         logs: JobLogs,
         bulkheads: Bulkheads,
         changes: Changes,
@@ -68,10 +62,7 @@ class Lifecycle:
         self._records = records
         self._films = films
         self._scheduler = scheduler
-        self._preparing = preparing
-        self._moments = moments
-        self._denoising = denoising
-        self._vectors = vectors
+        self._errands = errands
         self._logs = logs
         self._bulkheads = bulkheads
         self._changes = changes
@@ -113,8 +104,7 @@ class Lifecycle:
             self._bulkheads.forget(id)
             if row is None:
                 self._logs.delete(id)
-                self._denoising.forget(id)
-                self._vectors.forget(id)
+                self._errands.forget(id)
                 self._films.delete(id)
             elif job is not None:
                 self._records.progress(job)
@@ -170,7 +160,7 @@ class Lifecycle:
     def start(self, job: ActiveJob, kind: str) -> bool:
         """Whether the job can be rendered by workers of this kind now; if so its kind is fixed."""
         if kind not in job.compiled:
-            self._preparing.want(job.scene, kind)
+            self._errands.preparing.want(job.scene, kind)
             return False
         if job.shot is not None and not job.started and job.agenda.next(kind) is None:
             return False  # its first frame is being prepared
@@ -229,7 +219,7 @@ class Lifecycle:
         if job is None or frame is None or message.kind not in job.compiled:
             return
         found = message.info if isinstance(message, FramePrepared) else None
-        self._moments.heard(job, message.work, message.frame, message.worker, found)
+        self._errands.moments.heard(job, message.work, message.frame, message.worker, found)
         name = f"frame {frame_text(frame_number(message.frame))}"
         if isinstance(message, FrameFailed):
             job.history.log.say(f"{name} could not be prepared by {message.worker}: {message.error}")
@@ -271,7 +261,7 @@ class Lifecycle:
 
     def prepared(self, scene: str, info: SceneInfo) -> None:
         """A scene is ready for a kind of worker: its jobs can go on."""
-        self._preparing.forget_kind(scene, info.kind)
+        self._errands.preparing.forget_kind(scene, info.kind)
         if not self._records.prepared(scene, info):
             return
         for id in self._records.waiting_for(scene):
@@ -287,9 +277,9 @@ class Lifecycle:
     def prepare_failed(self, scene: str, kind: str | None, error: str) -> None:
         """The scene's error ends the jobs that wait for it: all, or those that need it for this kind of worker."""
         if self._records.prepare_failed(scene, error):
-            self._preparing.forget(scene)
+            self._errands.preparing.forget(scene)
         elif kind is not None:
-            self._preparing.forget_kind(scene, kind)
+            self._errands.preparing.forget_kind(scene, kind)
         row = self._records.scene(scene)
         if row is None:
             return
@@ -312,18 +302,18 @@ class Lifecycle:
     def _apply_scene(self, id: str) -> bool:
         scene = self._records.scene(id)
         if scene is None:
-            self._preparing.forget(id)
+            self._errands.preparing.forget(id)
         elif scene.status == "preparing":
             base = self._records.scene(scene.of) if scene.of else None
             if base is None or base.status != "preparing":  # else it is looked at again when that one is prepared
-                self._preparing.want(id, None, by_blender=self._records.is_to_be_opened(scene))
+                self._errands.preparing.want(id, None, by_blender=self._records.is_to_be_opened(scene))
         self._tell("scene", id)
         return True
 
     def _drop(self, job: ActiveJob) -> None:
         self._scheduler.withdraw(job)
         self._scheduler.jobs.pop(job.id, None)
-        self._moments.forget(job.id)
+        self._errands.moments.forget(job.id)
         self._logs.close(job.id)
         self._autos.pop(job.id, None)
         self._rest(job.id)

@@ -1,5 +1,6 @@
 """Other work for workers than batches.
 
+errands.py        all of them together
 preparing.py      scenes
 moments.py        frames of shots
 aside.py          what readers ask for of a frame; the base of the next three

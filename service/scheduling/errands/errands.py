@@ -1,0 +1,73 @@
+"""All errands together, as the engine, what workers answer, and the lifecycle of jobs meet them."""
+
+from __future__ import annotations
+
+from service.scheduling.errands.aside import LetGo, MadeAside
+from service.scheduling.errands.denoising import Denoising
+from service.scheduling.errands.environments import Environments
+from service.scheduling.errands.moments import Moments
+from service.scheduling.errands.preparing import Preparing
+from service.scheduling.errands.vectors import Vectors
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.handing_out.dispatch import Dispatcher
+from service.scheduling.incoming.messages import (
+    DenoiseDone,
+    DenoiseFailed,
+    EnvironmentFailed,
+    EnvironmentShown,
+    Message,
+    VectorsFailed,
+    VectorsMade,
+)
+from service.settings import Settings
+from service.store.blobs import BlobStore
+
+__all__ = ["Errands"]
+
+
+class Errands:
+    """Scenes and frames of shots are prepared in turn with the jobs that wait for them; what readers ask for is made aside."""
+
+    def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
+        self.preparing = Preparing(dispatcher, workers, settings.prepare_deadline)
+        self.moments = Moments(dispatcher, workers, settings.prepare_deadline, settings.frame_scenes_bytes)
+        self.denoising = Denoising(dispatcher, workers, blobs, let_go)
+        self.vectors = Vectors(dispatcher, workers, blobs, let_go)
+        self.environments = Environments(dispatcher, workers, blobs, let_go)
+        self._aside = (self.denoising, self.vectors, self.environments)
+
+    def fill_aside(self) -> None:
+        """Hand out what readers ask for. Raises QueueError."""
+        for each in self._aside:
+            each.fill()
+
+    def review_aside(self) -> None:
+        """Once a second: see what was lost or is late of it."""
+        for each in self._aside:
+            each.review()
+
+    def heard_aside(self, message: Message) -> None:
+        """A worker has made something of it, or says why not. Other messages are none of its business."""
+        match message:
+            case DenoiseDone():
+                self.denoising.heard(message.work, MadeAside(message.sha256, message.version, message.samples))
+            case DenoiseFailed():
+                self.denoising.heard(message.work, None, message.error)
+            case VectorsMade():
+                self.vectors.heard(message.work, MadeAside(message.sha256))
+            case VectorsFailed():
+                self.vectors.heard(message.work, None, message.error)
+            case EnvironmentShown():
+                self.environments.heard(message.work, MadeAside(message.sha256))
+            case EnvironmentFailed():
+                self.environments.heard(message.work, None, message.error)
+
+    def forget(self, job: str) -> None:
+        """The job is deleted."""
+        self.denoising.forget(job)
+        self.vectors.forget(job)
+
+    def close(self) -> None:
+        """Ask the blobs nothing any more."""
+        for each in self._aside:
+            each.close()
