@@ -70,7 +70,7 @@ class Mortal:
         data, redis_url, database = self._arguments
         self.service = Started(data, "one", redis_url=redis_url, database_url=database)
         self.service.http.timeout = httpx.Timeout(PATIENCE_S)
-        until(self.service.is_ready, "the service is ready", 60, lambda: self.service.log.read_text()[-2000:])
+        until(self.service.is_ready, "the service is ready", PATIENCE_S, lambda: self.service.log.read_text()[-2000:])
 
     def kill(self) -> None:
         self.service.process.kill()
@@ -80,7 +80,7 @@ class Mortal:
         http = self.service.http
         with PeerWorker(self._arguments[1], self.service.url, TOKEN):
             scene = http.post("/api/scenes", files={"files": ("scene.obj", OBJ)}).raise_for_status().json()["id"]
-            until(lambda: http.get(f"/api/scenes/{scene}").json()["status"] == "ready", "the scene is prepared", 60)
+            until(lambda: http.get(f"/api/scenes/{scene}").json()["status"] == "ready", "the scene is prepared", PATIENCE_S)
         return str(scene)
 
     def shoot(self, scene: str, key: str = "", spp: int = 4) -> httpx.Response:
