@@ -15,7 +15,7 @@ from pathlib import Path
 from worker.machine.family import family
 from worker.machine.presence import Presence
 from worker.protocol import vitals
-from worker.protocol.hours import Hours
+from worker.protocol.hours import Hours, local_now
 from worker.protocol.terms import Offer, Terms
 
 __all__ = ["Keeping", "memory_limit"]
@@ -42,7 +42,7 @@ class Keeping:
     tags: tuple[str, ...] = ()
     own: Terms = field(default_factory=Terms)
     presence: Presence = field(default_factory=Presence)
-    clock: Callable[[], datetime] = datetime.now
+    clock: Callable[[], datetime] = local_now
     asked: Terms = field(default_factory=Terms)
     why: str | None = None  # it rests
     trouble: str | None = None
