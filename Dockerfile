@@ -27,7 +27,7 @@ VOLUME /data
 EXPOSE 8000
 HEALTHCHECK --interval=5s --timeout=3s --start-period=30s --retries=6 \
   CMD ["python3", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/readyz', timeout=2)"]
-CMD ["uvicorn", "--factory", "service.main:create_app", "--host", "0.0.0.0", "--port", "8000", "--ws-per-message-deflate", "false"]
+CMD ["python3", "-m", "service", "--host", "0.0.0.0", "--port", "8000"]
 
 FROM base AS worker
 COPY worker/requirements.txt worker/requirements.txt

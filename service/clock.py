@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from datetime import datetime, timedelta
 
+from worker.protocol.hours import local_now
+
 __all__ = ["deadline_of"]
 
 FURTHEST = timedelta(days=3660)
@@ -15,7 +17,7 @@ def deadline_of(text: str, now: datetime | None = None) -> float:
     now: by this machine's clock, without a zone. Raises ValueError with a sentence.
     """
     # Without a zone it is a time of this machine's clocks, which may be put forward or back until then.
-    now = now or datetime.now()
+    now = now or local_now()
     text = text.strip()
     try:
         if len(text) <= 5 and ":" in text:

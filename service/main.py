@@ -1,4 +1,4 @@
-"""The FastAPI application: `uvicorn --factory service.main:create_app`."""
+"""The FastAPI application, which `python -m service` serves."""
 
 from __future__ import annotations
 

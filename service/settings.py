@@ -186,7 +186,16 @@ class Settings(BaseSettings):
         return self.login == "always"
 
     def make_folders(self) -> None:
-        """The folders of the data directory, the instance's id, and the tokens where none are given."""
+        """The folders of the data directory, the instance's id, and the tokens where none are given. Raises CannotStart."""
+        try:
+            self._make_folders()
+        except OSError as error:
+            raise CannotStart(
+                f"The data folder {self.data} cannot be written ({error.strerror or error}). "
+                "Make room there, let this user write into it, or choose another folder (RAYFARM_DATA)."
+            ) from error
+
+    def _make_folders(self) -> None:
         self.data.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
         with contextlib.suppress(PermissionError):  # another user's folder: as private as they made it
             self.data.chmod(PRIVATE_FOLDER)

@@ -11,6 +11,7 @@ from rich.table import Table
 from rayfarm import options
 from rayfarm.console import out
 from rayfarm.login import farm_client
+from rayfarm.paged import all_of
 
 __all__ = ["register"]
 
@@ -48,7 +49,7 @@ def add(
 def show(server: options.Server = None) -> None:
     """List the projects that you see, their members, and what is in them."""
     with farm_client(server) as farm:
-        rows = farm.call("GET", "/api/projects")
+        rows = all_of(farm, "/api/projects")
     table = Table("PROJECT", "MEMBERS", "SCENES", "JOBS", box=None, pad_edge=False)
     for row in rows:
         counts = (str(row["counts"].get(kind, 0)) for kind in ("scene", "job"))

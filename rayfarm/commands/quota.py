@@ -13,6 +13,7 @@ from rayfarm import options
 from rayfarm.console import out
 from rayfarm.errors import CommandError
 from rayfarm.login import farm_client
+from rayfarm.paged import all_of
 
 __all__ = ["register"]
 
@@ -36,7 +37,7 @@ def show(
 ) -> None:
     """Show what you may have and do, and what of it is used."""
     with farm_client(server) as farm:
-        rows = farm.call("GET", "/api/quotas" if everybody else "/api/quota")
+        rows = all_of(farm, "/api/quotas") if everybody else farm.call("GET", "/api/quota")
     table = Table("WHOSE", "BYTES", "JOBS AT A TIME", "SAMPLES A DAY", box=None, pad_edge=False)
     for row in rows:
         table.add_row(row["whose"], *(_of(row, name) for name in ("bytes", "jobs", "samples_day")))

@@ -13,6 +13,7 @@ from rich.table import Table
 from rayfarm import options
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.login import farm_client, public_url, server_url
+from rayfarm.paged import all_of
 
 __all__ = ["register"]
 
@@ -53,7 +54,7 @@ def make(
 def show(server: options.Server = None) -> None:
     """List the tokens: whose they are, what they let do, until when, and when each was last shown."""
     with farm_client(server) as farm:
-        rows = farm.call("GET", "/api/tokens?all=true")
+        rows = all_of(farm, "/api/tokens?all=true")
     table = Table("TOKEN", "FOR", "ROLE", "BY", "UNTIL", "LAST SHOWN", box=None, pad_edge=False)
     for row in rows:
         until = _day(row["expires"]) or "withdrawn"

@@ -14,6 +14,7 @@ from rayfarm import options
 from rayfarm.console import out
 from rayfarm.errors import CommandError
 from rayfarm.login import farm_client, link_of, public_url
+from rayfarm.paged import all_of
 
 __all__ = ["register"]
 
@@ -56,7 +57,7 @@ def add(
 def show(server: options.Server = None) -> None:
     """List the users, their roles, and how many browsers each is logged in with."""
     with farm_client(server) as farm:
-        rows = farm.call("GET", "/api/users")
+        rows = all_of(farm, "/api/users")
     if not rows:
         out.print("No users yet. `rayfarm user add NAME` lets one in; you are let in as the farm's owner.")
         return

@@ -121,10 +121,8 @@ class LocalFarm:
         }
         if self.names:
             env["RAYFARM_ALLOWED_HOSTS"] = json.dumps(self.names)
-        uvicorn = [sys.executable, "-m", "service.standby", "service.main:create_app", "--factory", "--no-access-log"]
+        uvicorn = [sys.executable, "-m", "service.standby", "--no-access-log"]
         uvicorn += ["--host", self.host, "--port", str(self.port), "--timeout-graceful-shutdown", "2"]
-        # Pictures are noise, which is hardly made smaller, by work on the loop that everybody waits for.
-        uvicorn += ["--ws-per-message-deflate", "false"]
         if self.tls:
             uvicorn += ["--ssl-certfile", str(self.tls.certificate), "--ssl-keyfile", str(self.tls.key)]
             env[TRUST_VARIABLE] = str(self.tls.certificate)

@@ -6,10 +6,11 @@ import contextlib
 import secrets
 import threading
 import time
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 
-from sqlalchemy import CursorResult, delete, or_, select, update
+from sqlalchemy import ColumnElement, CursorResult, Select, delete, func, or_, select, update
 from sqlalchemy.orm import Session
 
 from service.access.roles import OWNER, Caller, Role
@@ -24,6 +25,7 @@ KeyKind = Literal["session", "token", "link", "worker"]
 FRESH_S = 3.0  # for which a key is not looked up again: another process may have withdrawn it
 SEEN_EVERY_S = 300.0
 MOST_KNOWN = 4096
+KEPT_S = 30 * 86400.0  # for which a key that is over stays: a clock that was ahead for a while must not have deleted any
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,9 @@ class Keys:
         row = Key(id=secrets.token_hex(6), hash=fingerprint(secret), kind=kind, user=user, name=name, role=role.word, created=now)
         row.expires = None if lasts_s is None else now + lasts_s
         with self._sessions.begin() as session:
-            session.execute(delete(Key).where(Key.expires < now))
+            if user != OWNER and session.get(User, user, with_for_update={"read": True, "key_share": True}) is None:
+                raise NotFound(f"There is no user {user[:64]!r} any more.")  # whose namesake it would let in some day
+            session.execute(delete(Key).where(Key.expires < now - KEPT_S))
             session.add(row)
         return secret, row
 
@@ -90,10 +94,25 @@ class Keys:
 
     def listed(self, kind: KeyKind, user: str | None = None) -> list[Key]:
         """Those that let somebody in, the newest first. user: whose; None: everybody's."""
-        wanted = select(Key).where(Key.kind == kind, or_(Key.expires.is_(None), Key.expires > time.time()))
-        wanted = wanted if user is None else wanted.where(Key.user == user)
         with self._sessions() as session:
-            return list(session.scalars(wanted.order_by(Key.created.desc(), Key.id)))
+            return list(session.scalars(self.holding((kind,), user)))
+
+    @staticmethod
+    def holding(kinds: tuple[KeyKind, ...], user: str | None = None) -> Select[Any]:
+        """The query for those of `listed`, of several kinds. user: whose; a worker's key is everybody's."""
+        wanted = select(Key).where(*_that_hold(*kinds)).order_by(Key.created.desc(), Key.id)
+        return wanted if user is None else wanted.where((Key.user == user) | (Key.kind == "worker"))
+
+    def is_there(self, kind: KeyKind, id: str) -> bool:
+        """Whether there is one of this kind and id."""
+        with self._sessions() as session:
+            return session.scalar(select(Key.id).where(Key.id == id, Key.kind == kind)) is not None
+
+    def count(self, kind: KeyKind, users: list[str]) -> Counter[str]:
+        """How many each of some users has."""
+        with self._sessions() as session:
+            query = select(Key.user, func.count()).where(*_that_hold(kind), Key.user.in_(users)).group_by(Key.user)
+            return Counter({user: count for user, count in session.execute(query)})  # noqa: C416 - typed
 
     def withdraw(self, kind: KeyKind, id: str, user: str | None = None) -> Key:
         """It lets nobody in from now on. user: whose it must be. Raises NotFound."""
@@ -132,6 +151,10 @@ def _role_of(user: str, session: Session) -> Role:
         return Role.ADMIN
     found = session.get(User, user)
     return Role.NOBODY if found is None else Role.of(found.role)
+
+
+def _that_hold(*kinds: KeyKind) -> tuple[ColumnElement[bool], ...]:
+    return Key.kind.in_(kinds), or_(Key.expires.is_(None), Key.expires > time.time())
 
 
 def _is_over(expires: float | None) -> bool:

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 from sqlalchemy import ColumnElement, delete, func, select, true
 from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
 
 from service.access.roles import Caller
 from service.access.users import NAME
@@ -21,7 +22,7 @@ from service.errors import Conflict, Invalid, NotAllowed, NotFound
 from service.store.database import Sessions
 from service.store.models import Environment, Job, Member, Project, Reference, Scene, ShareTerms, User
 
-__all__ = ["EVERYTHING", "NOTHING", "Kind", "MemberRole", "Projects", "Sight", "Summary", "only_looks"]
+__all__ = ["EVERYTHING", "NOTHING", "Kind", "MemberRole", "Projects", "Sight", "Summary", "hold_project", "only_looks"]
 
 Kind = Literal["scene", "job", "environment", "reference"]
 MemberRole = Literal["view", "submit"]
@@ -169,6 +170,10 @@ class Projects:
             raise only_looks(name)
         return name
 
+    def check_again(self, name: str, caller: Caller | None, sight: Sight) -> None:
+        """Once all of an upload is here, which may have taken hours. sight: as it was when it began. Raises as `check`."""
+        self.check(name, sight if sight.everything else self.sight(caller))
+
     def let_in(self, name: str, user: str, role: MemberRole = "submit") -> Summary:
         """Make a user one of its members, or give one another role; it holds at once. Raises NotFound."""
         with self._sessions.begin() as session:
@@ -189,11 +194,13 @@ class Projects:
 
     def remove(self, name: str) -> None:
         """An empty one. Raises NotFound and Conflict."""
-        found = self.find(name)
-        left = [f"{count} {kind}{'s' * (count > 1)}" for kind, count in found.counts.items() if count]
-        if left:
-            raise Conflict(f"The project {name!r} still has {', '.join(left)}. Delete them first.")
         with self._sessions.begin() as session:
+            if session.get(Project, name, with_for_update=True) is None:
+                raise no_project(name)
+            counts = {kind: _count(row, name, session) for kind, row in ROWS.items()}
+            left = [f"{count} {kind}{'s' * (count > 1)}" for kind, count in counts.items() if count]
+            if left:
+                raise Conflict(f"The project {name!r} still has {', '.join(left)}. Delete them first.")
             session.execute(delete(Member).where(Member.project == name))
             session.execute(delete(ShareTerms).where(ShareTerms.name == f"project:{name}"))
             session.execute(delete(Project).where(Project.name == name))
@@ -203,6 +210,17 @@ class Projects:
         """Look up anew who sees what."""
         with self._lock:
             self._sights = {}
+
+
+def hold_project(name: str, session: Session) -> None:
+    """Within a transaction that puts something into a project: nobody removes it before that is over. Raises NotFound."""
+    if name and session.get(Project, name, with_for_update={"read": True, "key_share": True}) is None:
+        raise no_project(name)
+
+
+def _count(row: Any, project: str, session: Session) -> int:
+    query = select(func.count()).select_from(row).where(row.project == project)
+    return session.scalar(query.where(Scene.of.is_(None)) if row is Scene else query) or 0
 
 
 def no_project(name: str) -> NotFound:

@@ -11,10 +11,10 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Literal, get_args
 
-from sqlalchemy import ColumnElement, Float, Select, case, cast, delete, func, select
-from sqlalchemy.orm import Session
+from sqlalchemy import Float, Select, case, cast, delete, func, select
+from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from service.access.roles import Caller
 from service.errors import NoRoom, NotFound, OverQuota
@@ -39,7 +39,7 @@ class Limits:
 
 
 NO_LIMITS = Limits()
-NOTHING = Limits(0, 0, 0)
+Kind = Literal["user", "token"]
 
 
 @dataclass(frozen=True)
@@ -73,12 +73,12 @@ class Quotas:
             users = {
                 f"user:{user.name}": NO_LIMITS if user.role == "admin" else self._usual for user in session.scalars(select(User))
             }
-            used = self._used_by_users(session)
+            # By one look at each table for all of a kind: one for each of them would take minutes where both are many.
+            used = {kind: [count(kind, session) for count in (self._bytes, _jobs, _samples)] for kind in get_args(Kind)}
+            named = ((whose, limits, *_parts(whose)) for whose, limits in sorted((users | rows).items()))
             return [
-                Allowance(
-                    whose, limits, used.get(whose, NOTHING) if whose in users else self._used(whose, session), whose in rows
-                )
-                for whose, limits in sorted((users | rows).items())
+                Allowance(whose, limits, Limits(*(each[name] for each in used[kind])), whose in rows)
+                for whose, limits, kind, name in named
             ]
 
     def set(self, whose: str, limits: Limits | None) -> None:
@@ -98,7 +98,8 @@ class Quotas:
             for whose, limits in self._limits(caller, session):
                 if limits.bytes is None:
                     continue
-                used = self._bytes(whose, session)
+                kind, name = _parts(whose)
+                used = self._bytes(kind, session, name)[name]
                 if used + more > limits.bytes or used >= limits.bytes:
                     raise NoRoom(
                         f"{_whose(whose)} uploads and films take {_in_mb(used)} of the {_in_mb(limits.bytes)} that they may"
@@ -111,14 +112,15 @@ class Quotas:
         Raises OverQuota, and NoRoom as above.
         """
         for whose, limits in self._limits(caller, session):
-            if is_new and limits.jobs is not None and (count := self._jobs(whose, session)) >= limits.jobs:
+            kind, name = _parts(whose)
+            if is_new and limits.jobs is not None and (count := _jobs(kind, session, name)[name]) >= limits.jobs:
                 raise OverQuota(
                     f"{_whose(whose)} unfinished jobs are {count}, and {limits.jobs} may be at a time. "
                     f"Wait until one is finished, cancel one, {OTHERS}.",
                     SOON_S,
                 )
             if limits.samples_day is not None:
-                used = self._samples(whose, session)
+                used = _samples(kind, session, name)[name]
                 if used >= limits.samples_day or used + samples > limits.samples_day:
                     raise OverQuota(
                         f"{_whose(whose)} jobs of the last 24 hours come to {used:,} samples, and {limits.samples_day:,} a day "
@@ -144,45 +146,24 @@ class Quotas:
                 yield token, _limits_of(row)
 
     def _used(self, whose: str, session: Session) -> Limits:
-        return Limits(self._bytes(whose, session), self._jobs(whose, session), self._samples(whose, session))
+        kind, name = _parts(whose)
+        return Limits(*(count(kind, session, name)[name] for count in (self._bytes, _jobs, _samples)))
 
-    def _used_by_users(self, session: Session) -> dict[str, Limits]:
-        """What each user has used, by one look at each table: one for each user would take minutes where both are many."""
-        sizes, jobs, samples = Counter[str | None](), Counter[str | None](), Counter[str | None]()
-        for user, size in session.execute(
-            select(Scene.user, func.sum(Scene.bytes)).where(Scene.of.is_(None)).group_by(Scene.user)
-        ):
-            sizes[user] += int(size or 0)
+    def _bytes(self, kind: Kind, session: Session, name: str | None = None) -> Counter[str]:
+        """Of uploads and films, by owner: of one user or token, or of all."""
+        sizes = Counter[str]()
+        uploads = select(_owner(Scene, kind), func.sum(Scene.bytes)).where(Scene.of.is_(None))
+        sizes.update({owner: int(size or 0) for owner, size in session.execute(_of(Scene, kind, name, uploads, grouped=True))})
         for row in (Environment, Reference):
-            for user, file in session.execute(select(row.user, row.file)):
-                sizes[user] += int((file or {}).get("size") or 0)
-        for user, id in session.execute(select(Job.user, Job.id).where(Job.user.is_not(None))):
-            sizes[user] += self._size_of(id)
-        for user, count in session.execute(select(Job.user, func.count()).where(Job.state.in_(ACTIVE)).group_by(Job.user)):
-            jobs[user] += count
-        since = time.time() - DAY_S
-        for query, owner in _samples_since(since):
-            for count, user in session.execute(query.add_columns(owner.user).group_by(owner.user)):
-                samples[user] += int(count or 0)
-        users = {*sizes, *jobs, *samples} - {None}
-        return {f"user:{user}": Limits(sizes[user], jobs[user], min(samples[user], MOST)) for user in users}
-
-    def _bytes(self, whose: str, session: Session) -> int:
-        total = sum(session.scalars(select(Scene.bytes).where(_is(Scene, whose), Scene.of.is_(None))))
-        for row in (Environment, Reference):
-            total += sum(int((file or {}).get("size") or 0) for file in session.scalars(select(row.file).where(_is(row, whose))))
-        return total + sum(map(self._size_of, session.scalars(select(Job.id).where(_is(Job, whose)))))
-
-    def _jobs(self, whose: str, session: Session) -> int:
-        return session.scalar(select(func.count()).select_from(Job).where(_is(Job, whose), Job.state.in_(ACTIVE))) or 0
-
-    def _samples(self, whose: str, session: Session) -> int:
-        since = time.time() - DAY_S
-        found = (session.scalar(query.where(_is(owner, whose))) for query, owner in _samples_since(since))
-        return min(sum(int(each or 0) for each in found), MOST)
+            for owner, file in session.execute(_of(row, kind, name, select(_owner(row, kind), row.file))):
+                sizes[owner] += int((file or {}).get("size") or 0)
+        for owner, id in session.execute(_of(Job, kind, name, select(_owner(Job, kind), Job.id))):
+            sizes[owner] += self._size_of(id)
+        return sizes
 
     def _frees_after(self, whose: str, session: Session) -> float:
-        oldest = session.scalar(select(func.min(Job.created)).where(_is(Job, whose), Job.created > time.time() - DAY_S))
+        kind, name = _parts(whose)
+        oldest = session.scalar(select(func.min(Job.created)).where(_owner(Job, kind) == name, Job.created > time.time() - DAY_S))
         return SOON_S if oldest is None else max(SOON_S, oldest + DAY_S - time.time())
 
 
@@ -211,10 +192,36 @@ def _limits_of(row: Quota) -> Limits:
     return Limits(row.bytes, row.jobs, row.samples_day)
 
 
-def _is(row: Any, whose: str) -> ColumnElement[bool]:
-    kind, _, name = whose.partition(":")
-    found: ColumnElement[bool] = (row.user if kind == "user" else row.key) == name
+def _jobs(kind: Kind, session: Session, name: str | None = None) -> Counter[str]:
+    """Unfinished ones, by owner."""
+    active = select(_owner(Job, kind), func.count()).where(Job.state.in_(ACTIVE))
+    return Counter({row[0]: row[1] for row in session.execute(_of(Job, kind, name, active, grouped=True))})
+
+
+def _samples(kind: Kind, session: Session, name: str | None = None) -> Counter[str]:
+    """Of the last day, by owner."""
+    samples = Counter[str]()
+    for query, row in _samples_since(time.time() - DAY_S):
+        for count, owner in session.execute(_of(row, kind, name, query.add_columns(_owner(row, kind)), grouped=True)):
+            samples[owner] = min(samples[owner] + int(count or 0), MOST)
+    return samples
+
+
+def _of(row: Any, kind: Kind, name: str | None, query: Any, grouped: bool = False) -> Any:
+    """What a query finds of one user or token, or of all that have a name; by its owner, where it adds up."""
+    owner = _owner(row, kind)
+    query = query.where(owner.is_not(None) if name is None else owner == name)
+    return query.group_by(owner) if grouped else query
+
+
+def _owner(row: Any, kind: Kind) -> InstrumentedAttribute[str]:
+    found: InstrumentedAttribute[str] = row.user if kind == "user" else row.key
     return found
+
+
+def _parts(whose: str) -> tuple[Kind, str]:
+    kind, _, name = whose.partition(":")
+    return "user" if kind == "user" else "token", name
 
 
 def _whose(whose: str) -> str:

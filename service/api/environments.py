@@ -17,8 +17,10 @@ from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
 from renderer.presets import PRESETS
+from service.access.projects import hold_project
 from service.api.lookup import no_environment
 from service.api.one_file import UPLOAD_FORM, check_room, only_file, read_one
+from service.api.paged import PageDependency
 from service.api.visit import InProject, IntoProject, VisitDependency
 from service.errors import Conflict
 from service.farm import Farm, FarmDependency
@@ -52,8 +54,13 @@ class EnvironmentOut(BaseModel):
 
 
 @router.get("", response_model=list[EnvironmentOut])
-def list_environments(farm: FarmDependency, visit: VisitDependency, project: InProject = None) -> list[EnvironmentOut]:
-    """The presets, then what was uploaded, the newest first. With a project: its own, and those of none."""
+def list_environments(
+    farm: FarmDependency, visit: VisitDependency, page: PageDependency, project: InProject = None
+) -> list[EnvironmentOut]:
+    """The presets, then what was uploaded, the newest first. With a project: its own, and those of none.
+
+    The header X-Total-Count has their number.
+    """
     presets = [
         EnvironmentOut(
             id=name,
@@ -72,8 +79,8 @@ def list_environments(farm: FarmDependency, visit: VisitDependency, project: InP
     with farm.sessions() as session:
         seen = select(Environment).where(visit.sight.clause(Environment.project))
         seen = seen if project is None else seen.where(serving(Environment.project, project))
-        rows = session.scalars(seen.order_by(Environment.created.desc(), Environment.id))
-        return [*presets, *map(_out, rows)]
+        here, rows = page.rows(seen.order_by(Environment.created.desc(), Environment.id), session, presets)
+        return [*here, *map(_out, rows)]
 
 
 @router.post("", status_code=201, response_model=EnvironmentOut, openapi_extra=UPLOAD_FORM)
@@ -86,6 +93,7 @@ async def add_environment(
     form = await read_one(request, farm, "image")
     try:
         name, file = only_file(form, SUFFIXES, "/api/environments", "no image that lights a scene")
+        await run_in_threadpool(farm.access.projects.check_again, project, visit.caller, visit.sight)
         sha256, size = file.sha256, file.size
         id = id_in(project, sha256[:20])
         if (known := await run_in_threadpool(_known, id, farm)) is None:
@@ -148,6 +156,7 @@ async def _recorded(id: str, name: str, file: BlobRef, owner: dict[str, Any], fa
                 with farm.sessions.begin() as session:
                     found = session.get(Environment, id)
                     if found is None:
+                        hold_project(owner["project"], session)
                         found = Environment(**row)
                         session.add(found)
                         session.flush()

@@ -7,6 +7,7 @@ them.
 
 from __future__ import annotations
 
+import math
 import time
 
 from starlette.concurrency import run_in_threadpool
@@ -39,6 +40,7 @@ WORKERS = "Workers show the farm's token or one of their own: Authorization: Bea
 ROLE = "This needs the role {needed}; {name} has the role {has}. Ask who runs the farm."
 FORWARDED = ("forwarded", "x-forwarded-for", "x-real-ip")  # whoever sends these is a proxy, and others are behind it
 STAYS_OPEN = ("/api/events", "/api/jobs/{id}/frames.zip")
+UPLOADS = ("/api/scenes", "/api/environments", "/api/references")  # whose bodies may take hours to come
 AGAIN_S = 5.0
 LOG_IN_AGAIN = 4401  # a WebSocket's close codes
 NOT_THERE = 4404
@@ -99,6 +101,8 @@ class Gate:
         elif method in SAFE_METHODS or caller is None or not caller.is_known or caller.is_worker or not need.role:
             await self._app(scope, receive, _kept_private(send) if needs_login else send)
         else:
+            if pattern in UPLOADS:
+                receive = _Lasting(access, shown, need, visit, thing, receive, send).take
             await self._app(scope, receive, _written_down(access, caller, address, f"{method} {pattern}", path, send))
 
 
@@ -236,6 +240,15 @@ class _Lasting:
             await self._end("websocket")
         if self._is_over and message["type"] == "websocket.receive":
             return {"type": "websocket.disconnect", "code": self._why[0]}
+        return message
+
+    async def take(self) -> Message:
+        """What comes in of an upload, which is taken from nobody who may not send it any more. Raises Problem."""
+        message = await self._receive()
+        if message["type"] == "http.request" and not message.get("more_body"):
+            self._looked = -math.inf  # before any of it is kept
+        if message["type"] == "http.request" and not await self._may_go_on():
+            raise Problem(401, LOG_IN, {"Connection": "close"})
         return message
 
     async def send(self, message: Message) -> None:

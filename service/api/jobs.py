@@ -31,7 +31,7 @@ from service.errors import Conflict, FarmError, NotFound
 from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
 from service.keeping.reuse import Begun
-from service.scheduling.jobs.shot_wishes import ShotWish
+from service.scheduling.jobs.shot_wishes import ShotWish, samples_of
 from service.scheduling.jobs.wishes import ask_for_samples, focus_on, set_state, wait_no_longer_in_vain
 from service.shot import IN_TURN, Shot
 from service.store.frame_changes import Step, apply_at_once, begin, is_short
@@ -101,12 +101,12 @@ def create_job(
         ):
             scene = session.get(Scene, request.scene, with_for_update=True)
             _check(job, scene, farm)
-            farm.quotas.check_job(visit.caller, session, _samples_of(job, len(keys)))
+            farm.quotas.check_job(visit.caller, session, samples_of(job) * len(keys))
             session.add(job)
             session.flush()
             wait_for(job, request.after, session)
             # which quotas count from now on, also while nothing of it is rendered
-            frames = [Step.of("add", keys, target=_samples_of(job, 1))]
+            frames = [Step.of("add", keys, target=samples_of(job))]
             if is_long := not is_short(frames):
                 begin(job.id, frames, session)
             else:
@@ -213,7 +213,7 @@ def _change(
 ) -> bool:
     """Within a transaction; whether something is left to be carried out."""
     is_long = False
-    state, samples = job.state, _samples_of(job, 1)
+    state, samples = job.state, samples_of(job)
     if change.priority is not None:
         job.priority = change.priority
     if change.pinned is not None:
@@ -222,7 +222,10 @@ def _change(
         job.name = change.name or _name_of_scene(job, session)
     if change.note is not None:
         job.note = change.note or None
+    is_more = change.spp is not None or change.more is not None or change.extend is not None or change.again is not None
     if of_shot is not None:
+        if is_more or (state in FINAL and change.state == "running"):  # before it counts itself
+            farm.quotas.check_job(visit.caller, session, of_shot.samples, is_new=state in FINAL)
         is_long = of_shot.give(job, session)
     elif job.shot is None and change.is_of_frames:
         raise Conflict("The job is a still: it has no frames to choose from. Make a new job, with frames.")
@@ -241,9 +244,8 @@ def _change(
         wait_for_fewer(job.id, change.after, session)
     if change.state is not None:
         set_state(job, change.state, is_anew)
-    is_more = change.spp is not None or change.more is not None or change.extend is not None or change.again is not None
-    if is_more or (state in FINAL and job.state not in FINAL):
-        more = max(0, _samples_of(job, 1) - samples)
+    if of_shot is None and (is_more or (state in FINAL and job.state not in FINAL)):
+        more = max(0, samples_of(job) - samples)
         with session.no_autoflush:  # as it was before: it does not count itself
             farm.quotas.check_job(visit.caller, session, more, is_new=state in FINAL)
     if change.state == "running":
@@ -289,12 +291,6 @@ def _begun(job: Job, keys: list[int], is_fresh: bool, farm: Farm) -> Iterator[Be
         if begun:
             farm.films.delete(job.id)
         raise
-
-
-def _samples_of(job: Job, frames: int) -> int:
-    """As many as a job asks for, as far as that is known: one that ends by noise or time may have fewer."""
-    size = job.settings or job.request
-    return int(size.get("width") or 0) * int(size.get("height") or 0) * (job.spp or 0) * frames
 
 
 def _keys(request: JobIn) -> list[int]:

@@ -6,10 +6,12 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy import select
 
 from service.access.access import LINK_S
 from service.access.passwords import LONGEST
 from service.access.roles import OWNER, Role, RoleName
+from service.api.paged import PageDependency
 from service.api.visit import VisitDependency
 from service.errors import Conflict
 from service.farm import FarmDependency
@@ -80,10 +82,12 @@ class AuditLine(BaseModel):
 
 
 @router.get("/api/users", response_model=list[UserOut])
-def list_users(farm: FarmDependency) -> list[UserOut]:
-    """All users, by name."""
-    sessions = [key.user for key in farm.access.keys.listed("session")]
-    return [_out(user, sessions.count(user.name)) for user in farm.access.users.listed()]
+def list_users(farm: FarmDependency, page: PageDependency) -> list[UserOut]:
+    """A page of the users, by name. The header X-Total-Count has their number."""
+    with farm.sessions() as session:
+        _, rows = page.rows(select(User).order_by(User.name), session)
+    sessions = farm.access.keys.count("session", [user.name for user in rows])
+    return [_out(user, sessions[user.name]) for user in rows]
 
 
 @router.post("/api/users", status_code=201, response_model=UserOut)
@@ -101,7 +105,7 @@ def change_user(name: str, asked: UserChange, farm: FarmDependency) -> UserOut:
         user = users.set_password(name, asked.password)
     if asked.role is not None:
         user = users.set_role(name, Role.of(asked.role))
-    return _out(user, len(farm.access.keys.listed("session", name)))
+    return _out(user, farm.access.keys.count("session", [name])[name])
 
 
 @router.delete("/api/users/{name}", status_code=204)

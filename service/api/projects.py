@@ -8,6 +8,7 @@ from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.access.projects import Kind, MemberRole, Summary
+from service.api.paged import PageDependency
 from service.api.visit import VisitDependency
 from service.farm import FarmDependency
 
@@ -43,9 +44,9 @@ class ProjectOut(BaseModel):
 
 
 @router.get("", response_model=list[ProjectOut])
-def list_projects(farm: FarmDependency, visit: VisitDependency) -> list[ProjectOut]:
-    """Your projects, by name; administrators see all."""
-    return [_out(found) for found in farm.access.projects.listed(visit.sight)]
+def list_projects(farm: FarmDependency, visit: VisitDependency, page: PageDependency) -> list[ProjectOut]:
+    """Your projects, by name; administrators see all. The header X-Total-Count has their number."""
+    return [_out(found) for found in page.of(farm.access.projects.listed(visit.sight))]
 
 
 @router.post("", status_code=201, response_model=ProjectOut)

@@ -9,6 +9,7 @@ from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.access.quotas import MOST, Allowance, Limits
+from service.api.paged import PageDependency
 from service.api.visit import VisitDependency
 from service.farm import FarmDependency
 
@@ -51,9 +52,9 @@ def get_quota(farm: FarmDependency, visit: VisitDependency) -> list[AllowanceOut
 
 
 @router.get("/api/quotas", response_model=list[SetAllowanceOut])
-def list_quotas(farm: FarmDependency) -> list[SetAllowanceOut]:
-    """Of all users, and of tokens that have limits of their own."""
-    return [SetAllowanceOut(**_out(found).model_dump(), is_own=found.is_own) for found in farm.quotas.listed()]
+def list_quotas(farm: FarmDependency, page: PageDependency) -> list[SetAllowanceOut]:
+    """Of all users, and of tokens that have limits of their own: a page. The header X-Total-Count has their number."""
+    return [SetAllowanceOut(**_out(found).model_dump(), is_own=found.is_own) for found in page.of(farm.quotas.listed())]
 
 
 @router.put("/api/quotas/{of}/{name}", status_code=204)

@@ -19,6 +19,7 @@ from service.api.file_names import named
 from service.api.heads import headers_alone, is_head
 from service.api.lookup import no_reference
 from service.api.one_file import UPLOAD_FORM, check_room, only_file, read_one
+from service.api.paged import PageDependency
 from service.api.visit import InProject, IntoProject, VisitDependency
 from service.errors import Invalid
 from service.farm import Farm, FarmDependency
@@ -54,12 +55,15 @@ class ReferenceOut(BaseModel):
 
 
 @router.get("", response_model=list[ReferenceOut])
-def list_references(farm: FarmDependency, visit: VisitDependency, project: InProject = None) -> list[ReferenceOut]:
-    """All of them, the newest first. With a project: its own, and those of none."""
+def list_references(
+    farm: FarmDependency, visit: VisitDependency, page: PageDependency, project: InProject = None
+) -> list[ReferenceOut]:
+    """A page of them, the newest first. With a project: its own, and those of none. The header X-Total-Count has their number."""
     seen = select(Reference).where(visit.sight.clause(Reference.project))
     seen = seen if project is None else seen.where(serving(Reference.project, project))
     with farm.sessions() as session:
-        return [_out(row) for row in session.scalars(seen.order_by(Reference.created.desc(), Reference.id))]
+        _, rows = page.rows(seen.order_by(Reference.created.desc(), Reference.id), session)
+        return [_out(row) for row in rows]
 
 
 @router.post("", status_code=201, response_model=ReferenceOut, openapi_extra=UPLOAD_FORM)
@@ -73,6 +77,7 @@ async def add_reference(
     try:
         name, file = only_file(form, SUFFIXES, "/api/references", "no image that can be compared with")
         temporary = farm.settings.data / "tmp"
+        await run_in_threadpool(farm.access.projects.check_again, project, visit.caller, visit.sight)
         owner = Owner(project, visit.user, visit.token)
         kept = partial(keep_reference, name, file, farm.sessions, farm.blobs, farm.garbage, temporary, owner)
         row = await anyio.to_thread.run_sync(kept, limiter=farm.reading)

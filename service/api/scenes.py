@@ -11,7 +11,6 @@ from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
-from service.access.projects import only_looks
 from service.api.describe import scene_out
 from service.api.job_list import says, words_of
 from service.api.lookup import find_scene, no_scene
@@ -79,8 +78,7 @@ async def upload(
 
     def write(stored: Upload) -> Scene:
         its = replace(owner, project=bases[0].project) if bases and not project else owner
-        if not visit.sight.changes(its.project):
-            raise only_looks(its.project)
+        farm.access.projects.check_again(its.project, visit.caller, visit.sight)
         stored = replace(stored, id=id_in(its.project, stored.id))
         farm.quotas.check_bytes(visit.caller, stored.size)
         return record(stored, farm.sessions, farm.changed, owner=its)

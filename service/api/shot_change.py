@@ -8,8 +8,9 @@ from typing import Any, Self
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from service.api.lookup import no_job
 from service.farm import Farm
-from service.scheduling.jobs.shot_wishes import FrameNow, ShotWish, change_shot
+from service.scheduling.jobs.shot_wishes import FrameNow, ShotWish, asked_for, change_shot
 from service.shot import Shot
 from service.store.frame_changes import Step, apply_at_once, begin, is_short
 from service.store.models import Frame, FrameChange, Job
@@ -21,11 +22,12 @@ CHANGED = ("shot", "spp", "noise", "seconds", "state", "finished", "error", "rep
 
 @dataclass(frozen=True)
 class ShotChange:
-    """before, after: of the job's columns. steps: what is to be done to its frames."""
+    """before, after: of the job's columns. steps: what is to be done to its frames. samples: that this asks for more."""
 
     before: dict[str, Any]
     after: dict[str, Any]
     steps: list[Step]
+    samples: int
 
     @classmethod
     def of(cls, id: str, wish: ShotWish, farm: Farm) -> Self | None:
@@ -38,6 +40,8 @@ class ShotChange:
                 return None
             session.expunge(job)
         farm.frame_changes.carry_out(id)
+        if farm.frame_changes.is_dropped(id):
+            raise no_job(id)
         with farm.sessions() as session:
             query = select(Frame.number, Frame.spp, Frame.state).where(Frame.job == id).order_by(Frame.number)
             if wish.is_about_failures:
@@ -46,7 +50,7 @@ class ShotChange:
             frames = {number: FrameNow(spp, state) for number, spp, state in rows}
         before = _columns(job)
         steps = change_shot(job, shot, frames, wish)
-        return cls(before, _columns(job), steps)
+        return cls(before, _columns(job), steps, asked_for(job, frames, before["spp"], steps))
 
     def fits(self, job: Job, session: Session) -> bool:
         """Whether the job is as it was, and nothing is being done to its frames."""

@@ -8,6 +8,7 @@ from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.access.roles import Caller, Role
+from service.api.paged import PageDependency
 from service.api.problem import Problem
 from service.api.visit import VisitDependency
 from service.errors import Conflict
@@ -59,15 +60,18 @@ class NewToken(TokenOut):
 def list_tokens(
     visit: VisitDependency,
     farm: FarmDependency,
+    page: PageDependency,
     everybody: Annotated[bool, Query(alias="all", description="for administrators: everybody's")] = False,
 ) -> list[TokenOut]:
-    """Your own tokens, the newest first; an administrator sees those of workers too."""
+    """Your own tokens, the newest first; an administrator sees those of workers too. The header X-Total-Count has the number."""
     caller = _caller(visit.caller)
     is_admin = caller.role >= Role.ADMIN
     if everybody and not is_admin:
         raise Problem(403, "Only administrators see others' tokens. Leave `all` out to see your own.")
-    rows = farm.access.keys.listed("token", None if everybody else caller.name)
-    return [_out(row) for row in [*rows, *(farm.access.keys.listed("worker") if is_admin else ())]]
+    query = farm.access.keys.holding(("token", "worker") if is_admin else ("token",), None if everybody else caller.name)
+    with farm.sessions() as session:
+        _, rows = page.rows(query, session)
+    return [_out(row) for row in rows]
 
 
 @router.post("", status_code=201, response_model=NewToken)
@@ -96,7 +100,7 @@ def withdraw_token(id: str, visit: VisitDependency, farm: FarmDependency) -> Non
     if caller.kind == "token" and caller.role < Role.SUBMIT and id != caller.key:
         raise Problem(403, "This token may look and change nothing: it can withdraw itself, and no other.")
     is_admin = caller.role >= Role.ADMIN
-    if is_admin and any(row.id == id for row in farm.access.keys.listed("worker")):
+    if is_admin and farm.access.keys.is_there("worker", id):
         farm.access.keys.withdraw("worker", id)
         farm.redis_users.look_now()
     else:

@@ -12,7 +12,7 @@ import threading
 import time
 import uuid
 
-from sqlalchemy import delete, exists, func, select
+from sqlalchemy import delete, exists, func, or_, select
 
 from service.errors import FarmError
 from service.hooks.deliver import RefusedError, UndeliveredError, post, run, shown
@@ -29,6 +29,7 @@ LOOK_EVERY_S = 1.0
 OVERLAP_S = 60.0  # rows may be committed in another order than their times
 AT_A_TIME = 100
 TURN_S = 5.0
+LONGEST_REST_S = 60.0  # of a hook that does not answer
 KEPT_S = 30 * 86400.0
 RETRIES_S = (5.0, 30.0, 120.0, 600.0, 3600.0, 6 * 3600.0, 12 * 3600.0)  # after each attempt that failed
 
@@ -41,6 +42,7 @@ class Outbox:
         self._sessions = sessions
         self.hooks = [*settings.webhooks, *([settings.job_hook] if settings.job_hook else [])]
         self._since: dict[str, float] = {}
+        self._rests: dict[str, float] = {}  # hooks that did not answer, and until when (time.monotonic)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="hooks", daemon=True)
 
@@ -129,8 +131,12 @@ class Outbox:
 
     def _send_due_to(self, hook: str) -> None:
         """One that does not answer, or slowly, is left for the next time: others wait behind it."""
+        if time.monotonic() < self._rests.get(hook, 0.0):
+            return
+        now = time.time()
         with self._sessions() as session:
-            due = select(Delivery).where(Delivery.due <= time.time(), Delivery.hook == hook)
+            is_due = or_(Delivery.due <= now, Delivery.due > now + 2 * RETRIES_S[-1])  # by a clock that was ahead
+            due = select(Delivery).where(is_due, Delivery.hook == hook)
             rows = list(session.scalars(due.order_by(Delivery.due).limit(AT_A_TIME)))
         begun = time.monotonic()
         for row in rows:
@@ -140,9 +146,12 @@ class Outbox:
             try:
                 self.tell(row.hook, row.id, row.message)
                 row.due, row.done, row.error = None, time.time(), None
+                self._rests.pop(hook, None)
             except Exception as error:  # a fault in one message holds up no other hook, and is not tried for ever
                 if not isinstance(error, UndeliveredError):
                     log.exception("a fault in telling %s of job %s", shown(row.hook), row.job)
+                # Of a thousand messages that wait for it, not each tries for itself whether it answers.
+                self._rests[hook] = time.monotonic() + min(RETRIES_S[min(row.attempts, len(RETRIES_S)) - 1], LONGEST_REST_S)
                 is_given_up = isinstance(error, RefusedError) or row.attempts > len(RETRIES_S)
                 row.due = None if is_given_up else time.time() + RETRIES_S[row.attempts - 1]
                 row.error = str(error)

@@ -8,6 +8,7 @@ from dataclasses import asdict
 
 from sqlalchemy.exc import IntegrityError
 
+from service.access.projects import hold_project
 from service.intake.projects import NOBODY, Owner
 from service.intake.uploads import Upload
 from service.store.database import Sessions
@@ -35,6 +36,7 @@ def _write(stored: Upload, sessions: Sessions, of: str | None, owner: Owner) -> 
     with sessions.begin() as session:
         scene = session.get(Scene, stored.id)
         if scene is None:
+            hold_project(owner.project, session)
             scene = Scene(
                 id=stored.id,
                 name=stored.name,

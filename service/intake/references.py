@@ -13,6 +13,7 @@ from pathlib import Path
 
 from sqlalchemy.exc import IntegrityError
 
+from service.access.projects import hold_project
 from service.errors import Failed, Invalid
 from service.intake import read_reference
 from service.intake.projects import NOBODY, Owner, id_in
@@ -67,6 +68,7 @@ def keep_reference(
 def _recorded(row: Reference, sessions: Sessions) -> Reference:
     try:
         with sessions.begin() as session:
+            hold_project(row.project, session)
             session.add(row)
         return row
     except IntegrityError:  # another sent the same in the same moment

@@ -29,12 +29,26 @@ from service.store.garbage import Garbage
 from service.store.models import ACTIVE, FINAL, Job, Scene
 from service.store.reserve import Reserve
 
-__all__ = ["Item", "Retention", "Rules"]
+__all__ = ["Item", "Retention", "Rules", "WallClock"]
 
 DAY_S = 86400.0
 EVERY_S = 3600.0
+FIRST_S = 600.0  # after the start: the clock of a machine that was just turned on may not be right yet
+MOST_JUMP_S = 600.0
 
 log = logging.getLogger(__name__)
+
+
+class WallClock:
+    """Whether the wall clock goes on as time does."""
+
+    def __init__(self) -> None:
+        self._apart = time.time() - time.monotonic()
+
+    def jumped_s(self) -> float:
+        """By how much it was put forward since it was last asked; less than 0: back."""
+        before, self._apart = self._apart, time.time() - time.monotonic()
+        return self._apart - before
 
 
 @dataclass(frozen=True)
@@ -65,7 +79,8 @@ class Item:
 
 
 class Retention:
-    """Looks each hour, where there are rules. `plan` and `carry_out` may be called from any thread."""
+    """Looks each hour, where there are rules, but not by a clock that was just put forward: what has gone does not come back.
+    `plan` and `carry_out` may be called from any thread."""
 
     def __init__(
         self,
@@ -97,9 +112,12 @@ class Retention:
             self._thread.join(5)
 
     def _run(self) -> None:
-        pause_s = 0.0
+        pause_s, clock = FIRST_S, WallClock()
         while not self._stopping.wait(pause_s):
             pause_s = EVERY_S
+            if (ahead_s := clock.jumped_s()) > MOST_JUMP_S:
+                log.warning("the clock was put forward by %.0f s: nothing goes by its age for an hour. Is it right?", ahead_s)
+                continue
             try:
                 self.carry_out(self.plan(self._rules))
             except FarmError as error:

@@ -37,10 +37,11 @@ from service.scheduling.incoming.messages import (
 )
 from service.scheduling.incoming.results import Entry, Results
 from service.scheduling.jobs import traces
-from service.scheduling.jobs.active_job import ActiveJob, Trouble
+from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.job_log import JobLogs
 from service.scheduling.jobs.plan import Range
 from service.scheduling.jobs.tile_log import words_of
+from service.scheduling.jobs.trouble import Trouble
 from service.scheduling.lifecycle import Lifecycle
 from service.scheduling.snapshot import Tell
 from service.scheduling.trust.trust import Trust

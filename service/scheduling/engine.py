@@ -218,6 +218,7 @@ class Engine:
         self._guard()
         if not self._has_begun:
             self._begin()
+        self._lifecycle.begin_round()
         self._apply_changes()
         self._workers.look()
         if time.monotonic() - self._looked_around >= 1.0:
@@ -236,7 +237,7 @@ class Engine:
         with self._pace.busy():
             self._answers.look_for_unread()
             self._scheduler.fill(self._lifecycle.start)
-        self._answers.take_in(BLOCK_MS)
+        self._answers.take_in(1 if self._lifecycle.is_taking_up else BLOCK_MS)
 
     def _begin(self) -> None:
         """Clean up after an earlier life, and take up what it left."""

@@ -9,12 +9,10 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
-from functools import partial
 from typing import Any
 
 from renderer.errors import SettingsError
 from renderer.frames import frame_number, frame_text
-from renderer.settings import RenderSettings
 from service.errors import FarmError
 from service.intake.resolve import frame_settings
 from service.scheduling.changes import Changes
@@ -26,13 +24,13 @@ from service.scheduling.handing_out.scheduler import Scheduler
 from service.scheduling.incoming.messages import FrameFailed, FramePrepared
 from service.scheduling.jobs.active_frame import ActiveFrame
 from service.scheduling.jobs.active_job import ActiveJob
-from service.scheduling.jobs.history import History
 from service.scheduling.jobs.job_log import JobLogs
 from service.scheduling.jobs.measured import measured
 from service.scheduling.jobs.reproduce import reproduce
 from service.scheduling.jobs.traces import job_over
 from service.scheduling.records import Records
 from service.scheduling.snapshot import Tell
+from service.scheduling.taking_up import TakingUp
 from service.scheduling.waiting import Waiting
 from service.shot import Shot
 from service.store.film_faults import FILM
@@ -68,7 +66,7 @@ class Lifecycle:
         self._logs = logs
         self._bulkheads = bulkheads
         self._changes = changes
-        self._waiting = waiting
+        self._taking_up = TakingUp(records, films, scheduler, waiting, logs, self._took_up)
         self._tell = tell
         self._let_go = let_go
         self._suspect = suspect
@@ -76,17 +74,28 @@ class Lifecycle:
 
     def apply(self, what: str, id: str) -> bool:
         """Apply what the database says of a job or a scene now. False where that has to wait or cannot be."""
+        is_done: list[bool] = []
         step = self._apply_job if what == "job" else self._apply_scene
-        return self._bulkheads.run(id, Step.CHANGE, lambda: step(id), needs_database=True)
+        return self._bulkheads.run(id, Step.CHANGE, lambda: is_done.append(step(id)), needs_database=True) and all(is_done)
+
+    def begin_round(self) -> None:
+        """There is time again to take up long shots."""
+        self._taking_up.begin_round()
+
+    @property
+    def is_taking_up(self) -> bool:
+        """Whether a long shot waits for the next round."""
+        return self._taking_up.is_under_way
 
     def is_awaited(self, id: str) -> bool:
         """Whether a job is about to be taken up, as soon as its film or the database can be read."""
         return id not in self._scheduler.jobs and self._changes.is_open(("job", id))
 
-    def _apply_job(self, id: str) -> None:
+    def _apply_job(self, id: str) -> bool:
         row = self._records.job(id)
         job = self._scheduler.jobs.get(id)
         if row is None or row.state not in ACTIVE:
+            self._taking_up.forget(id)
             if job is not None:
                 job.history.log.say(row.state if row is not None else "deleted")
                 job_over(job, row.state if row is not None else "deleted")
@@ -100,20 +109,24 @@ class Lifecycle:
             elif job is not None:
                 self._records.progress(job)
                 self._give_back(job)
-        elif job is None:
-            self._take_up(row)
-        else:
-            self._adjust(job, row)
+        elif not (self._take_up(row) if job is None else self._adjust(job, row)):
+            return False
         self._tell("job", id)
+        return True
 
-    def _adjust(self, job: ActiveJob, row: Job) -> None:
-        """Take over what a person changed in a job that is being rendered."""
+    def _take_up(self, row: Job) -> bool:
+        if not self._taking_up.go_on(row):
+            return False
+        job = self._scheduler.jobs.get(row.id)
+        return job is None or self._adjust(job, row)  # what was changed since it was begun to be taken up
+
+    def _adjust(self, job: ActiveJob, row: Job) -> bool:
+        """Take over what a person changed in a job that is being rendered; whether all of it is."""
         shot = Shot.of(row.shot)
         if shot is not None and job.shot is not None and shot.revision != job.shot.revision:
             self._records.progress(job)
             self._drop(job)
-            self._take_up(row)
-            return
+            return self._take_up(row)
         job.agenda.first = shot.first if shot else None
         if row.state == "paused" != job.state:
             self._scheduler.withdraw(job)
@@ -131,55 +144,11 @@ class Lifecycle:
         if shot is None and row.spp and job.asks_for(row.spp, row.noise, row.seconds):
             self._scheduler.withdraw(job)
             job.ask(row.spp, row.noise, row.seconds)
+        return True
 
-    def _take_up(self, row: Job) -> None:
-        """Begin or go on with a job, as soon as its scene is ready and what it comes after is finished."""
-        if self._waiting.holds(row.id) or self._records.frames_change(row.id):
-            return
-        scene = self._records.scene(row.stage)
-        if scene is None:
-            self._records.failed(row.id, "The scene of this job was deleted. Upload it again, and make a new job.")
-        elif scene.status == "failed":
-            self._records.failed(row.id, scene.error or "The scene cannot be prepared.")
-        if scene is None or scene.status != "ready":
-            return
-        resolved = self._records.resolve(row.id, scene)
-        if resolved is None or resolved.state == "failed" or resolved.settings is None or resolved.tile_size is None:
-            return
-        frames = self._records.frames(row.id)
-        if not frames:
-            return  # it was deleted a moment ago, which is applied next
-        film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
-        shot = Shot.of(row.shot)
-        if shot is not None and (anew := shot.anew_keys):
-            if film.has_only(set(anew)):
-                self._films.delete(row.id)  # a moment's work, however large it is
-                film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
-            else:
-                film.forget(*anew)
-            self._records.forgot(row.id, anew)
-        verify = row.request.get("verify")
-        film.keeps_apart = (self._scheduler.verify if verify is None else verify) > 0
-        for worker in self._scheduler.distrusted.union(row.doubted or ()):
-            film.take_back(worker)
-        if row.doubted:
-            self._records.believed(row.id)
-        compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
-        job = ActiveJob(resolved, frames, film, compiled, scene.blobs, partial(self._records.frame_settings, row.id))
-        job.verify = self._scheduler.verify if verify is None else verify
-        job.checks = self._scheduler.checks
-        job.looks = self._scheduler.looks
-        job.share = self._scheduler.shares.name_of(job.user, job.project)
-        asked = {"env": row.light or scene.environment, "variant": scene.variant}
-        job.scene_words = [f"--{name}={value}" for name, value in asked.items() if value]
-        upload = self._records.scene(row.scene) if row.lit else scene
-        job.foretold_s = float(((upload and upload.measured) or {}).get("sample_s") or 0.0)
-        job.history = History.of(self._records.history(row.id))
-        job.history.log = self._logs.of(row.id)
-        job.history.log.say(_taken_up(job, scene))
-        self._scheduler.jobs[row.id] = job
+    def _took_up(self, job: ActiveJob, scene: Scene) -> None:
         if job.shot is not None:
-            self._autos[row.id] = (scene.info or {})["cameras"][-1]["view"]
+            self._autos[job.id] = (scene.info or {})["cameras"][-1]["view"]
         self.record(job)
 
     def again(self, job: ActiveJob) -> None:
@@ -330,7 +299,7 @@ class Lifecycle:
         error = "The worker was lost three times while it prepared this scene. It may be too large."
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 
-    def _apply_scene(self, id: str) -> None:
+    def _apply_scene(self, id: str) -> bool:
         scene = self._records.scene(id)
         if scene is None:
             self._errands.preparing.forget(id)
@@ -339,6 +308,7 @@ class Lifecycle:
             if base is None or base.status != "preparing":  # else it is looked at again when that one is prepared
                 self._errands.preparing.want(id, None, by_blender=self._records.is_to_be_opened(scene))
         self._tell("scene", id)
+        return True
 
     def _drop(self, job: ActiveJob) -> None:
         self._scheduler.withdraw(job)
@@ -358,13 +328,3 @@ class Lifecycle:
     def _rest(self, id: str) -> None:
         with suppress(FarmError):  # a film that cannot rest now rests later
             self._films.unpin(id)
-
-
-def _taken_up(job: ActiveJob, scene: Scene) -> str:
-    """What is to be rendered, and how its scene was got ready."""
-    info = scene.info or {}
-    goals = [f"{job.spp} samples per pixel", job.noise and f"noise {job.noise:g}", job.seconds and f"{job.seconds:g} s"]
-    asked = f"{job.film.width} x {job.film.height}, {', '.join(str(goal) for goal in goals if goal)}, {len(job.frames)} frame(s)"
-    kinds = ", ".join(sorted(job.compiled)) or "nobody yet"
-    ready = f"the scene took {float(info.get('seconds') or 0):.2f} s to prepare, and is compiled for {kinds}"
-    return f"{'taken up again' if job.started else 'taken up'}: {asked}; {ready}; {job.samples:,} samples are here"

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
 from typing import Any
@@ -32,6 +32,7 @@ from worker.protocol.terms import Terms as WorkerTerms
 __all__ = ["Records"]
 
 NUMBERS = ("samples", "target", "bad_samples", "progress", "noise", "compiled", "settings")  # of a frame, that the engine tells
+AT_A_TIME = 2000  # frames of a shot that are read at once
 AS_TOLD = {"synchronize_session": False}  # no row was read that would have to know of it
 
 
@@ -152,13 +153,20 @@ class Records:
             query = select(Job.id).where(Job.state.in_(ACTIVE), Job.deadline < now, Job.late.is_(None))
             return list(session.scalars(query))
 
-    def frames(self, job: str) -> list[FrameRow]:
-        """The frames of a job, in their order."""
+    def frames(self, job: str) -> Iterator[list[FrameRow]]:
+        """The frames of a job, in their order, some at a time."""
         columns = [getattr(Frame, name) for name in FrameRow._fields if name != "has_settings"]
-        with self._sessions() as session:
-            # Settings are most of a row: they are read when they are needed.
-            rows = session.execute(select(*columns, Frame.settings.is_not(None)).where(Frame.job == job).order_by(Frame.number))
-            return [FrameRow._make(row) for row in rows]
+        # Settings are most of a row: they are read when they are needed.
+        query = select(*columns, Frame.settings.is_not(None)).where(Frame.job == job).order_by(Frame.number).limit(AT_A_TIME)
+        last = -1
+        while True:
+            with self._sessions() as session:
+                rows = [FrameRow._make(row) for row in session.execute(query.where(Frame.number > last))]
+            if rows:
+                yield rows
+            if len(rows) < AT_A_TIME:
+                return
+            last = rows[-1].number
 
     def frame_settings(self, job: str, frame: int) -> RenderSettings:
         """What a frame is rendered with, as its row says. Raises Conflict, SettingsError."""
@@ -302,11 +310,13 @@ def _write_shot(session: Session, job: ActiveJob, asked: Shot) -> None:
     row = session.get(Job, job.id)
     shot = Shot.of(row.shot) if row is not None else None
     changed = list(job.unwritten)
+    names: tuple[str, ...]
     if shot is None or shot.revision != asked.revision:
         # Somebody has asked for something else: the frames are what that made of them, and those anew have nothing.
         anew = set(shot.anew_keys) if shot is not None else set()
         changed = [key for key in changed if key not in anew]
-        names: tuple[str, ...] = NUMBERS
+        # What they come to is as that says too, and so is how far they are.
+        names = tuple(name for name in NUMBERS if name not in ("target", "progress"))
     else:
         names = (*NUMBERS, "state", "error")
     given = update(Frame).where(Frame.job == bindparam("of"), Frame.number == bindparam("key"))

@@ -14,6 +14,7 @@ from typing import Any
 from pydantic_core import from_json
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import DataError, DBAPIError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import Session, sessionmaker
 
 from service.errors import Invalid, Unavailable
@@ -24,6 +25,7 @@ from service.store.whole import PRIVATE
 __all__ = ["Fence", "Sessions", "connect", "faults", "open_database"]
 
 LOCK_PATIENCE_S = 5.0
+POOL, OVERFLOW = 10, 60  # connections: of 40 threads that answer requests, each may need two, and the engine always needs one
 
 Fence = Callable[[Session], None]  # raises FarmError for a transaction that may not be
 
@@ -80,6 +82,9 @@ def open_database(url: str) -> Engine:
         pool_pre_ping=not is_sqlite,
         connect_args={"timeout": LOCK_PATIENCE_S} if is_sqlite else {},
         json_deserializer=_json_or_nothing,
+        pool_size=POOL,
+        max_overflow=OVERFLOW,
+        pool_timeout=LOCK_PATIENCE_S,
     )
     if is_sqlite:
         _make_private(make_url(url).database)
@@ -105,6 +110,8 @@ def faults() -> Iterator[None]:
     """Raises NoRoom and Unavailable as `Sessions` does, for whoever asks the database without one."""
     try:
         yield
+    except PoolTimeoutError as error:
+        raise Unavailable("Too much is asked of the database at once. Try again in a moment.") from error
     except DBAPIError as error:
         if getattr(error.orig, "sqlite_errorcode", 0) in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE):
             raise no_room() from error

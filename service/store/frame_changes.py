@@ -19,7 +19,7 @@ from sqlalchemy.orm import Session
 from renderer.frames import frame_key, frame_number, frames_text, parse_frames
 from service.errors import FarmError
 from service.store.database import Sessions
-from service.store.models import Frame, FrameChange, Job
+from service.store.models import Frame, FrameChange, Job, Spent
 
 __all__ = ["FrameChanges", "Step", "apply_at_once", "begin", "is_short"]
 
@@ -110,6 +110,11 @@ class FrameChanges:
     def is_under_way(self, job: str) -> bool:
         """Whether something is being done to a job's frames."""
         return self._under_way(job) is not None
+
+    def is_dropped(self, job: str) -> bool:
+        """Whether a job is being deleted."""
+        change = self._under_way(job)
+        return change is not None and _is_drop(change)
 
     def carry_out(self, job: str, given: Given | None = None) -> None:
         """Do all that is written down for a job. Raises FarmError; then it is gone on with later.
@@ -245,6 +250,7 @@ def _apply(job: Job, step: Step, keys: list[int], session: Session, given: Given
         case "unplan":
             frames = frames.values(spp=None)
         case "again":
+            _note_spent(job, keys, session)
             nothing: dict[str, Any] = dict.fromkeys(("samples", "target", "bad_samples"), 0)
             nothing |= {"progress": 0.0, "noise": None, "settings": null(), "compiled": null(), **opened}
             frames = frames.values(nothing | ({"spp": None} if step.unplan else {}))
@@ -260,6 +266,18 @@ def _apply(job: Job, step: Step, keys: list[int], session: Session, given: Given
         case "heal":
             frames = frames.where(Frame.state == "failed").values(opened)
     session.execute(frames, execution_options=AS_TOLD)
+
+
+def _note_spent(job: Job, keys: list[int], session: Session) -> None:
+    """What was rendered of frames that are rendered anew counts as rendered all the same."""
+    rendered = select(func.sum(Frame.samples)).where(Frame.job == job.id, Frame.number.in_(keys))
+    if job.user is None or not (samples := int(session.scalar(rendered) or 0)):
+        return
+    row = session.get(Spent, f"{job.id}/again")
+    if row is None:
+        session.add(Spent(job=f"{job.id}/again", user=job.user, key=job.key, created=job.created, samples=samples))
+    else:
+        row.samples += samples
 
 
 def _aimed(job: Job) -> dict[str, Any]:

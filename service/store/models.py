@@ -310,7 +310,7 @@ class Quota(Base):
 
 
 class Spent(Base):
-    """What a job of the last day has rendered that was deleted."""
+    """What a job of the last day has rendered that was deleted, or by its id and /again, that is rendered anew."""
 
     __tablename__ = "spent"
 

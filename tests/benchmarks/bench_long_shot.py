@@ -161,6 +161,8 @@ def run(service: Service, measured: Measured, options: argparse.Namespace) -> No
     measured("go on", lambda: patch(state="running"))
     until(lambda: job in service.farm.engine.snapshot.jobs, "it is taken up", 300)
     measured("restart of the service", service.restart)
+    http = service.http  # the earlier one ended with its service
+    http.timeout = 600
     measured("it is taken up", lambda: until(lambda: job in service.farm.engine.snapshot.jobs, "it is taken up", 300))
     measured("HEAD of all in a zip", lambda: http.head(f"/api/jobs/{job}/frames.zip?which=all"))
     measured("200 frames in a zip", lambda: get(f"/{job}/frames.zip?which=finished&format=png"))

@@ -46,6 +46,7 @@ ON_BOTH: dict[str, tuple[str, ...]] = {
         "test_cancelling_never_takes_back_what_was_told_of_a_job",
     ),
     "scheduling/test_shots.py": (),
+    "scheduling/test_killed_shots.py": (),
     "scheduling/test_long_shots.py": ("test_what_is_done_in_parts", "test_a_job_whose_deletion"),
     "scheduling/jobs/test_history.py": (),
     "scheduling/test_database_faults.py": ("test_a_database_that_is_away_at_the_start_is_a_sentence",),

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import re
+from pathlib import Path
+
 import pytest
 
 from service.errors import CannotStart
@@ -26,3 +31,13 @@ def test_what_makes_no_sense_is_named(
     with pytest.raises(SystemExit) as ended:
         create_app()
     assert (ended.value.code, why in capsys.readouterr().err) == (3, True)
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS])
+def test_a_data_folder_that_cannot_be_written_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    def refused(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("service.settings.write_once", refused)
+    with pytest.raises(CannotStart, match=f"{re.escape(str(tmp_path))}.*{os.strerror(number)}.*RAYFARM_DATA"):
+        Settings(data=tmp_path / "data").make_folders()

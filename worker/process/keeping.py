@@ -15,7 +15,7 @@ from pathlib import Path
 from worker.machine.family import family
 from worker.machine.presence import Presence
 from worker.protocol import vitals
-from worker.protocol.hours import Hours
+from worker.protocol.hours import Hours, local_now
 from worker.protocol.terms import Offer, Terms
 
 __all__ = ["Keeping", "memory_limit"]
@@ -42,7 +42,7 @@ class Keeping:
     tags: tuple[str, ...] = ()
     own: Terms = field(default_factory=Terms)
     presence: Presence = field(default_factory=Presence)
-    clock: Callable[[], datetime] = datetime.now
+    clock: Callable[[], datetime] = local_now
     asked: Terms = field(default_factory=Terms)
     why: str | None = None  # it rests
     trouble: str | None = None
@@ -60,6 +60,11 @@ class Keeping:
     def slots_now(self) -> int:
         """How many it may use."""
         return min(self.terms.slots or self.slots, self.slots)
+
+    def may_work_ahead(self) -> bool:
+        """Whether it may do what nobody has asked for yet: not where it shall spare the machine."""
+        own = self.own
+        return not (own.hours or own.idle_minutes or own.memory or own.nice)
 
     def ask(self, data: bytes | None) -> None:
         """What the service asks for; None: nothing. What makes no sense is left out."""

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import re
+import time
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-__all__ = ["Hours"]
+__all__ = ["Hours", "local_now"]
 
 DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
 MOST = 50
 _PART = re.compile(r"(?:(?P<days>[a-z]{3}(?:\s*-\s*[a-z]{3})?))?\s*(?:(?P<begin>\d{1,2}:\d\d)\s*-\s*(?P<end>\d{1,2}:\d\d))?")
+
+
+def local_now() -> datetime:
+    """By this machine's clock, in the zone that it is set to now: a process knows only that of its begin unless it asks anew."""
+    time.tzset()
+    return datetime.now()
 
 
 @dataclass(frozen=True)

@@ -26,11 +26,12 @@ from service.scheduling.handing_out.pace import Pace
 from service.scheduling.handing_out.sites import Place, Sites
 from service.scheduling.handing_out.together import Handful, Hands, joint_work_of, together, work_of
 from service.scheduling.incoming.results import Results
-from service.scheduling.jobs.active_job import FAILURES_ALLOWED, LOSSES_ALLOWED, ActiveJob, Trouble
+from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.looks import Looks
 from service.scheduling.jobs.plan import Range
 from service.scheduling.jobs.reproduce import reproduce
 from service.scheduling.jobs.shares import Line, Shares
+from service.scheduling.jobs.trouble import FAILURES_ALLOWED, LOSSES_ALLOWED, Trouble
 from service.settings import Settings
 from worker.telemetry.log_lines import ids
 

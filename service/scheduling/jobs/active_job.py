@@ -5,43 +5,32 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 from renderer.settings import MAX_SPP, RenderSettings, Tile
 from service.scheduling.fleet.needs import Needs
-from service.scheduling.jobs.active_frame import ActiveFrame, FrameNumbers, FrameRow
+from service.scheduling.jobs.active_frame import ActiveFrame, FrameRow
 from service.scheduling.jobs.agenda import Agenda
 from service.scheduling.jobs.history import History
 from service.scheduling.jobs.looks import Looks
 from service.scheduling.jobs.plan import Range
 from service.scheduling.jobs.shares import share_of
+from service.scheduling.jobs.tally import Tally
 from service.scheduling.jobs.totals import Totals
+from service.scheduling.jobs.trouble import Trouble
 from service.shot import IN_TURN, Shot
 from service.store.films import Film
 from service.store.models import Job, blobs_of
 from worker.protocol.contract import render_queue
 
-__all__ = ["FAILURES_ALLOWED", "LOSSES_ALLOWED", "ActiveJob", "Trouble"]
+__all__ = ["ActiveJob"]
 
-FAILURES_ALLOWED = 3
-LOSSES_ALLOWED = 5
 SMALLEST_BATCH_S = 0.04
 SMOOTHING = 0.3
 WORTH_A_SLOT_S = 30.0  # of work, for another slot to pay
+AT_A_TIME = 2000  # frames that are looked at in one step
 LEAST_COST = 32.0  # times less than elsewhere a sample is believed to take in a tile: by a wrong time a batch grows at most so
-
-
-@dataclass
-class Trouble:
-    """What happened to a batch that did not succeed."""
-
-    since: float = field(default_factory=time.monotonic)
-    losses: int = 0
-    workers: list[str] = field(default_factory=list)  # on which it failed, one entry a failure
-    error: str = ""
-    reproduce: str | None = None
 
 
 class ActiveJob:
@@ -50,13 +39,14 @@ class ActiveJob:
     def __init__(
         self,
         row: Job,
-        frames: Sequence[FrameRow],
         film: Film,
         compiled: dict[str, str],
         of_scene: set[str],
         settings_of: Callable[[int], RenderSettings],
     ) -> None:
-        """settings_of: of a frame whose row has its settings.
+        """It has no frames yet: `take` gives it some, and `begin` has to be gone through once it has all.
+
+        settings_of: of a frame whose row has its settings.
 
         compiled: kind of worker -> SHA-256 of the scene compiled for it, as it is at its beginning.
 
@@ -90,17 +80,14 @@ class ActiveJob:
         self.active_s = row.active_s
         self.started = row.started is not None
         self.served = 0  # when it was given a batch last, as a place in the order of all batches
-        self.frames = {frame.number: self._frame(frame) for frame in frames}
-        self.focus: list[int] | None = None
-        self.focus_on(row.focus)
-        self._totals = Totals(self.frames)
+        self.frames: dict[int, ActiveFrame] = {}
+        self.focus = row.focus
+        self.agenda: Agenda  # from `begin` on
+        self._goals: dict[int, int] = {}  # of frames that are to have others than the job
+        self._totals: Totals
+        self.tally = Tally(self.frames)
         self.history = History()
-        order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN, 1)
-        self.agenda = Agenda(self.frames, order, every, row.spp, {f.number: f.spp for f in frames if f.spp})
-        self.agenda.first = self.shot.first if self.shot else None
-        for frame in self.frames.values():
-            frame.on_change = self._note
-        self._without_picture = list(self.frames.values())  # those that may not have a sample of every tile yet, at its end
+        self._without_picture: list[ActiveFrame] = []  # those that may not have a sample of every tile yet, at its end
         self.trouble: dict[Range, Trouble] = {}
         self.handed_back: str | None = None  # why a worker gave a batch back, where none was rendered since
         self.rests_until = 0.0
@@ -113,12 +100,37 @@ class ActiveJob:
         self._pixel_cost = 0.0  # seconds a sample of a pixel, of one slot, over the latest batches
         self._tile_cost: dict[int, float] = {}
         self._clock = time.monotonic()
-        self._rated = (self._clock, self.samples)
-        self._numbers: Mapping[int, FrameNumbers] = {}
-        self._states: Counter[str] = Counter()  # how many of these are in each
-        self._failed: set[int] = set()
-        self._touched = set(self.frames)
+        self._rated = (self._clock, 0)
         self.unwritten: set[int] = set()  # frames that have changed since they were written down
+
+    def take(self, rows: Sequence[FrameRow]) -> None:
+        """Some more of its frames, in their order. Raises FilmWaits or FilmLost."""
+        for row in rows:
+            self.frames[row.number] = frame = self._frame(row)
+            self._without_picture.append(frame)
+            if row.spp:
+                self._goals[row.number] = row.spp
+
+    def begin(self) -> Iterator[None]:
+        """Put its frames in order and add them up: some of a long shot in each step, between which the engine looks after others.
+        Nothing else may be asked of it before."""
+        self.focus_on(self.focus)
+        order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN, 1)
+        assert self.spp is not None
+        self.agenda = Agenda(self.frames, order, every, self.spp, self._goals)
+        self.agenda.first = self.shot.first if self.shot else None
+        self._totals = Totals(self.frames)
+        yield
+        for frame in self.frames.values():
+            frame.on_change = self._note
+        for kind in self.compiled:
+            self.agenda.turns.expect(kind)
+        while not self.agenda.turns.look(AT_A_TIME):
+            yield
+        while not self._totals.count(AT_A_TIME):
+            yield
+        self._rated = (self._clock, self.samples)
+        yield from self.tally.begin(AT_A_TIME)
 
     def _frame(self, row: FrameRow) -> ActiveFrame:
         assert self.spp is not None
@@ -221,23 +233,6 @@ class ActiveJob:
         left_s = max(self.target_samples - self.samples, 0) * self._pixel_cost
         return max(1, math.ceil(left_s / WORTH_A_SLOT_S))
 
-    def frame_numbers(self) -> Mapping[int, FrameNumbers]:
-        """How far each frame is. Never changed: what is made anew is another mapping, with new entries for what has changed."""
-        if self._touched:
-            now = {key: self.frames[key].numbers() for key in self._touched}
-            for key, numbers in now.items():
-                if (before := self._numbers.get(key)) is not None:
-                    self._states[before.state] -= 1
-                self._states[numbers.state] += 1
-                (self._failed.add if numbers.state == "failed" else self._failed.discard)(key)
-            self._numbers = {**self._numbers, **now}
-            self._touched = set()
-        return self._numbers
-
-    def states(self) -> tuple[Mapping[str, int], tuple[int, ...]]:
-        """How many of those frames are in each state, and which have failed, in their order."""
-        return +self._states, tuple(sorted(self._failed))
-
     def touch(self, frame: ActiveFrame) -> None:
         """A frame has changed."""
         self._note(frame.key)
@@ -245,7 +240,7 @@ class ActiveJob:
     def _note(self, key: int) -> None:
         self._totals.note(key)
         self.agenda.turns.note(key)
-        self._touched.add(key)
+        self.tally.note(key)
         self.unwritten.add(key)
 
     def aim_s(self, batch_seconds: float, slots: int) -> float:

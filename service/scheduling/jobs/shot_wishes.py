@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from service.shot import Shot
 from service.store.frame_changes import Step
 from service.store.models import FINAL, Job
 
-__all__ = ["NONE_FIRST", "FrameNow", "ShotWish", "change_shot"]
+__all__ = ["NONE_FIRST", "FrameNow", "ShotWish", "asked_for", "change_shot", "samples_of"]
 
 NONE_FIRST = -1.0
 NOISIEST = "noisiest-first"
@@ -63,12 +63,12 @@ def change_shot(job: Job, shot: Shot, frames: Mapping[int, FrameNow], wish: Shot
             steps.append(Step.of("unplan", list(frames)))
     added = _added(frames, wish)
     if added:
-        steps.append(Step.of("add", added))
+        steps.append(Step.of("add", added, target=samples_of(job)))
     anew = _known(frames, parse_frames(wish.again), "again") if wish.again is not None else []
     if anew:
         steps.append(Step.of("again", anew, unplan=now.order == NOISIEST))
     failed = {key for key, frame in frames.items() if frame.state == "failed"}.difference(anew)
-    aims, is_more = _ask_for_samples(job, now, frames, failed, wish)
+    aims, is_more = _ask_for_samples(job, now, frames, added, failed, wish)
     healed = sorted(failed) if wish.state == "running" else []
     if healed:
         aims.append(Step.of("heal", healed))
@@ -83,6 +83,30 @@ def change_shot(job: Job, shot: Shot, frames: Mapping[int, FrameNow], wish: Shot
     return steps + aims
 
 
+def samples_of(job: Job) -> int:
+    """As many as a job asks for in a frame, as far as that is known: one that ends by noise or time may have fewer."""
+    size = job.settings or job.request
+    return int(size.get("width") or 0) * int(size.get("height") or 0) * (job.spp or 0)
+
+
+def asked_for(job: Job, frames: Mapping[int, FrameNow], spp_before: int | None, steps: Iterable[Step]) -> int:
+    """How many samples steps have a job render that it was not asked for before. job: as it is after them."""
+    per_frame, now = samples_of(job), job.spp or 0
+    pixels = per_frame // now if now else 0
+    samples = 0
+    for step in steps:
+        had = [(frames[key].spp if key in frames else None) or spp_before or 0 for key in step.keys]
+        if step.do == "add":
+            samples += len(had) * step.target
+        elif step.do == "again":
+            samples += len(had) * per_frame
+        elif step.do == "aim":
+            samples += sum(max(now - each, 0) for each in had) * pixels
+        elif step.do == "more":
+            samples += sum(max((step.spp or each + (step.more or 0)) - each, 0) for each in had) * pixels
+    return samples
+
+
 def _added(frames: Mapping[int, FrameNow], wish: ShotWish) -> list[int]:
     if wish.extend is None:
         return []
@@ -93,7 +117,7 @@ def _added(frames: Mapping[int, FrameNow], wish: ShotWish) -> list[int]:
 
 
 def _ask_for_samples(
-    job: Job, shot: Shot, frames: Mapping[int, FrameNow], failed: Set[int], wish: ShotWish
+    job: Job, shot: Shot, frames: Mapping[int, FrameNow], added: Sequence[int], failed: Set[int], wish: ShotWish
 ) -> tuple[list[Step], bool]:
     """From now on frames have so many samples in every pixel as their aim: what is to be done for that, and whether any is to be
     rendered. failed: those that are not."""
@@ -108,7 +132,7 @@ def _ask_for_samples(
     if wish.frames is None:
         job.spp = _more(job.spp if job.noise is None and job.seconds is None else None, wish, "the shot")
         job.noise = job.seconds = None
-        return [Step.of("aim", list(frames), keep=shot.order == NOISIEST)], len(failed) < len(frames)
+        return [Step.of("aim", [*frames, *added], keep=shot.order == NOISIEST)], len(failed) < len(frames)
     chosen = _known(frames, parse_frames(wish.frames), "frames")
     for key in chosen:
         _more(frames[key].spp or job.spp, wish, f"frame {frame_text(frame_number(key))}")

@@ -2,49 +2,42 @@
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Mapping
+from itertools import islice
 from typing import NamedTuple
 
 from service.scheduling.jobs.active_frame import ActiveFrame
+from service.scheduling.jobs.lazy_heap import LazyHeap
 
 __all__ = ["Greatest", "Totals"]
-
-SLACK = 64  # entries that say what was before
 
 
 class Greatest:
     """The greatest of some numbers that change, of which some may not be known."""
 
     def __init__(self) -> None:
-        self._known: dict[int, float | None] = {}
-        self._heap: list[tuple[float, int]] = []
-        self._unknown = 0
+        self._known = LazyHeap[float]()  # each with its sign turned
+        self._unknown: set[int] = set()
 
     def set(self, key: int, value: float | None) -> None:
         """One of them, from now on."""
-        if key in self._known and self._known[key] == value:
-            return
-        self.drop(key)
-        self._known[key] = value
         if value is None:
-            self._unknown += 1
-            return
-        heapq.heappush(self._heap, (-value, key))
-        if len(self._heap) > 2 * len(self._known) + SLACK:
-            self._heap = [(-each, key) for key, each in self._known.items() if each is not None]
-            heapq.heapify(self._heap)
+            self._known.drop(key)
+            self._unknown.add(key)
+        else:
+            self._known.put(key, -value)
+            self._unknown.discard(key)
 
     def drop(self, key: int) -> None:
         """One is not among them any more."""
-        self._unknown -= self._known.pop(key, 0.0) is None
+        self._known.drop(key)
+        self._unknown.discard(key)
 
     @property
     def value(self) -> float | None:
         """The greatest; None where there is none, or some are not known."""
-        while self._heap and self._known.get(self._heap[0][1]) != -self._heap[0][0]:
-            heapq.heappop(self._heap)
-        return -self._heap[0][0] if self._heap and not self._unknown else None
+        first = None if self._unknown else self._known.first()
+        return None if first is None else -first[0]
 
 
 class _Counted(NamedTuple):
@@ -74,8 +67,13 @@ class Totals:
 
     def renewed(self) -> Totals:
         """Count what has changed."""
-        while self._changed:
-            key, _ = self._changed.popitem()
+        self.count()
+        return self
+
+    def count(self, most: int | None = None) -> bool:
+        """Count some of what has changed, at most so many frames; whether that is all."""
+        for key in list(islice(self._changed, most)):
+            del self._changed[key]
             frame = self._frames[key]
             before = self._counted.get(key, _Counted())
             has_failed = frame.state == "failed"
@@ -92,4 +90,4 @@ class Totals:
                 self.noise.set(key, frame.noise)
                 left = (now.samples / max(now.target, 1)) ** 0.5
                 self.ends.set(key, None if frame.noise is None else frame.noise * left)
-        return self
+        return not self._changed

@@ -4,64 +4,17 @@ next is asked for every batch: so they are kept in order, and only frames that h
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Callable, Iterator, Mapping
+from itertools import islice
 
 from service.scheduling.jobs.active_frame import ActiveFrame
+from service.scheduling.jobs.lazy_heap import LazyHeap
 
 __all__ = ["Turn", "Turns"]
 
-SLACK = 64  # entries that say what was before
 Turn = tuple[float, ...]  # the less, the sooner
 TurnOf = Callable[[ActiveFrame], Turn]
-
-
-class _Line:
-    """Some of the frames, in order. What has changed in the meantime stays in the heap, and is passed over."""
-
-    def __init__(self) -> None:
-        self._heap: list[tuple[Turn, int]] = []
-        self._turns: dict[int, Turn] = {}  # of those that are in line
-
-    def put(self, key: int, turn: Turn) -> None:
-        if self._turns.get(key) != turn:
-            self._turns[key] = turn
-            heapq.heappush(self._heap, (turn, key))
-            if len(self._heap) > 2 * len(self._turns) + SLACK:
-                self._heap = [(turn, key) for key, turn in self._turns.items()]
-                heapq.heapify(self._heap)
-
-    def leave(self, key: int) -> None:
-        self._turns.pop(key, None)
-
-    def first(self) -> tuple[Turn, int] | None:
-        while self._heap and not self._is_true(self._heap[0]):
-            heapq.heappop(self._heap)
-        return self._heap[0] if self._heap else None
-
-    def some(self, most: int) -> list[int]:
-        """The first of them."""
-        taken: dict[int, tuple[Turn, int]] = {}
-        while len(taken) < most and (first := self.first()) is not None:
-            taken[first[1]] = heapq.heappop(self._heap)
-        for entry in taken.values():
-            heapq.heappush(self._heap, entry)
-        return list(taken)
-
-    def before(self, turn: Turn, most: int) -> int:
-        """How many come before a turn; `most` where there are more."""
-        found: set[int] = set()
-        look = [0]
-        while look and len(found) < most:
-            at = look.pop()
-            if at < len(self._heap) and self._heap[at][0] < turn:
-                if self._is_true(self._heap[at]):
-                    found.add(self._heap[at][1])
-                look += (2 * at + 1, 2 * at + 2)
-        return len(found)
-
-    def _is_true(self, entry: tuple[Turn, int]) -> bool:
-        return self._turns.get(entry[1]) == entry[0]
+Line = LazyHeap[Turn]
 
 
 class Turns:
@@ -72,8 +25,8 @@ class Turns:
         self._frames = frames
         self._turn = turn
         self._changed: dict[int, None] = {}
-        self._ready: dict[str, _Line] = {}  # by kind of workers: those that can be rendered
-        self._lacking: dict[str, _Line] = {}  # and those that are to be prepared first, and that nobody prepares yet
+        self._ready: dict[str, Line] = {}  # by kind of workers: those that can be rendered
+        self._lacking: dict[str, Line] = {}  # and those that are to be prepared first, and that nobody prepares yet
         self._preparing: dict[int, None] = {}  # those that somebody prepares
         self._owning: dict[int, None] = {}  # those for which something was compiled that only they need
         self.note(*frames)
@@ -103,23 +56,29 @@ class Turns:
 
     def preparing(self) -> list[ActiveFrame]:
         """The frames that somebody prepares."""
-        self._look()
+        self.look()
         return [self._frames[key] for key in self._preparing]
 
     def owning(self) -> list[ActiveFrame]:
         """The frames for which something was compiled that only they need."""
-        self._look()
+        self.look()
         return [self._frames[key] for key in self._owning]
 
-    def _line(self, lines: dict[str, _Line], kind: str) -> _Line:
+    def expect(self, kind: str) -> None:
+        """Workers of a kind will ask for frames."""
         if kind not in self._ready:
-            self._ready[kind], self._lacking[kind] = _Line(), _Line()
+            self._ready[kind], self._lacking[kind] = LazyHeap(), LazyHeap()
             self.note(*self._frames)
-        self._look()
+
+    def _line(self, lines: dict[str, Line], kind: str) -> Line:
+        self.expect(kind)
+        self.look()
         return lines[kind]
 
-    def _look(self) -> None:
-        for key in self._changed:
+    def look(self, most: int | None = None) -> bool:
+        """Look at frames that have changed, at so many of them; whether that is all. By itself it happens when it matters."""
+        for key in list(islice(self._changed, most)):
+            del self._changed[key]
             frame = self._frames[key]
             _keep(self._preparing, key, frame.is_preparing)
             _keep(self._owning, key, bool(frame.own))
@@ -131,10 +90,10 @@ class Turns:
                     if is_open and is_in:
                         line.put(key, turn)
                     else:
-                        line.leave(key)
-        self._changed = {}
+                        line.drop(key)
+        return not self._changed
 
-    def _lines(self) -> Iterator[tuple[str, _Line, _Line]]:
+    def _lines(self) -> Iterator[tuple[str, Line, Line]]:
         for kind, ready in self._ready.items():
             yield kind, ready, self._lacking[kind]
 

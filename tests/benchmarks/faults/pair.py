@@ -63,15 +63,7 @@ class PairGround(Ground):
             self._second = self._start_second()
 
     def _start_second(self) -> subprocess.Popen[bytes]:
-        command = [
-            sys.executable,
-            "-m",
-            "uvicorn",
-            "service.main:create_app",
-            "--factory",
-            "--no-access-log",
-            f"--port={self._port}",
-        ]
+        command = [sys.executable, "-m", "service", "--no-access-log", f"--port={self._port}"]
         environment = {**os.environ, **self.environment, "RAYFARM_DATA": str(self.data), "RAYFARM_PORT": str(self._port)}
         environment |= {"RAYFARM_TOKEN": self.farm.token, "RAYFARM_REDIS_URL": self.redis_url, "RAYFARM_REUSE_FILMS": "false"}
         with (self.folder / "second.log").open("ab") as log:

@@ -109,7 +109,7 @@ def broker_stands(attack: Attack) -> None:
 def two_services(attack: Attack) -> None:
     """Whichever comes to work as the farm, one does; the guest is ended after a while, and the farm's own goes on."""
     ground = attack.ground
-    command = [sys.executable, "-m", "uvicorn", "service.main:create_app", "--factory", "--no-access-log", "--port", "0"]
+    command = [sys.executable, "-m", "service", "--no-access-log", "--port", "0"]
     owner = ground.part("service")
     environment = owner.environ()
     with (ground.folder / "second.log").open("ab") as log:

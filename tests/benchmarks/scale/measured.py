@@ -115,7 +115,7 @@ class Served:
             "REUSE_FILMS": "false",
         }
         environment = os.environ | {f"RAYFARM_{name}": value for name, value in told.items()} | self._more
-        uvicorn = [sys.executable, "-m", "uvicorn", "service.main:create_app", "--factory", "--no-access-log"]
+        uvicorn = [sys.executable, "-m", "service", "--no-access-log"]
         uvicorn += ["--port", str(self.port), "--timeout-graceful-shutdown", "2", "--ws-per-message-deflate", "false"]
         with (self.folder / "service.log").open("ab") as log:
             self.process = subprocess.Popen(uvicorn, cwd=ROOT, env=environment, stdout=log, stderr=log, preexec_fn=spawn_guard())

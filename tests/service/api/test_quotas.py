@@ -180,3 +180,34 @@ def test_what_all_have_used_is_what_each_has(service: Service, chief: httpx.Clie
     assert len(listed()) >= 3
     assert any(used["bytes"] for used in listed().values())
     until(lambda: listed() == each(), "both say the same, once what earlier tests have left is at rest", say=each)
+
+
+def test_what_is_asked_of_a_shot_later_counts_for_each_of_its_frames(service: Service, chief: httpx.Client) -> None:
+    with somebody(service, "frida") as frida:
+        scene = scene_of(frida)
+        may(chief, "users/frida", samples_day=10 * SAMPLES)
+        shot = asked(frida, scene, frames="0-1").raise_for_status().json()["id"]
+
+        def change(**wish: Any) -> int:
+            return frida.patch(f"/api/jobs/{shot}", json=wish).status_code
+
+        assert change(extend="2-10") == 429, "nine frames more are one too many"
+        assert change(extend="2-4") == 200
+        assert used(frida)["samples_day"] == 5 * SAMPLES, "they count before any of them is rendered"
+        assert change(spp=9) == 429, "twice as many samples of each, and one"
+        assert change(spp=8) == 200
+        assert used(frida)["samples_day"] == 10 * SAMPLES
+        assert change(more=1, frames="0") == 429
+
+
+def test_what_is_rendered_anew_counts_each_time(service: Service, chief: httpx.Client) -> None:
+    with somebody(service, "greta") as greta:
+        scene = scene_of(greta)
+        may(chief, "users/greta", samples_day=5 * SAMPLES)
+        shot = asked(greta, scene, frames="0-1").raise_for_status().json()["id"]
+        for times in (2, 3):
+            until(lambda: greta.get(f"/api/jobs/{shot}").json()["state"] == "finished", "it is finished")
+            assert greta.patch(f"/api/jobs/{shot}", json={"again": "0"}).status_code == 200
+            until(lambda times=times: used(greta)["samples_day"] == (1 + times) * SAMPLES, "it counts", say=lambda: used(greta))  # type: ignore[misc]
+        until(lambda: greta.get(f"/api/jobs/{shot}").json()["state"] == "finished", "it is finished")
+        assert greta.patch(f"/api/jobs/{shot}", json={"again": "0-1"}).status_code == 429

@@ -17,10 +17,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import select
 
 from service.hooks import deliver, outbox
 from service.hooks.signing import headers
 from service.scheduling.forecasts import deadlines
+from service.store.models import Delivery
 from tests.service.conftest import Service, until
 
 SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
@@ -93,6 +95,30 @@ def test_a_job_s_end_is_told_signed_and_once(told: Service, receiver: Receiver) 
     assert sent["webhook-signature"] == signed["webhook-signature"]
     (hook,) = told.http.get("/api/hooks").json()
     assert hook == {"number": 0, "hook": "http://127.0.0.1/...", "arrived": 2, "waiting": 0, "given_up": 0, "error": None}
+
+
+def test_a_hook_that_is_dead_is_not_tried_by_each_message_that_waits_for_it(
+    told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    receiver.statuses = [500]
+    monkeypatch.setattr(outbox, "RETRIES_S", (600.0,) * 7)
+    monkeypatch.setattr(outbox, "LONGEST_REST_S", 3.0)
+    for _ in range(20):
+        told.patch(told.submit(told.upload()), state="cancelled")
+    until(lambda: len(receiver.got) > 0, "the hook is tried")
+    until(lambda: told.http.get("/api/hooks").json()[0]["waiting"] == 20, "all wait")
+    assert len(receiver.got) <= 3
+    receiver.statuses = [204]
+    until(lambda: len(receiver.messages) >= 20, "once it answers it is told of all whose turn it is", 30)
+
+
+def test_a_message_whose_time_was_told_by_a_clock_that_was_ahead_is_sent(told: Service, receiver: Receiver) -> None:
+    told.patch(told.submit(told.upload()), state="cancelled")
+    until(lambda: told.http.get("/api/hooks").json()[0]["arrived"] == 1, "the hook is told")
+    with told.farm.sessions.begin() as session:
+        row = session.scalars(select(Delivery).where(Delivery.job != "")).one()
+        row.due, row.done = time.time() + 40 * 86400, None
+    until(lambda: len(receiver.got) == 2, "it is sent again")
 
 
 def test_a_clock_that_is_put_back_keeps_nobody_in_the_dark(

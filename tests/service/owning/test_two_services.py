@@ -3,10 +3,7 @@ when it goes on is refused. The film has every sample once, whenever that was.""
 
 from __future__ import annotations
 
-import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -14,70 +11,18 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from rayfarm.local.farm import free_port
 from service.store.films import Film
-from tests.helpers import ROOT, running_redis
+from tests.helpers import running_redis
 from tests.service.conftest import OBJ, TOKEN, Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.machine.children import spawn_guard
+from tests.service.started import LEASE_S, Started
 
-LEASE_S = 1.0
 PICTURE = {"width": 64, "height": 48, "tile_size": 16}
 SPP = 3000
-
-
-class Started:
-    """A service in a process of its own."""
-
-    def __init__(self, data: Path, name: str, **settings: Any) -> None:
-        port = free_port("127.0.0.1")
-        self.url = f"http://127.0.0.1:{port}"
-        self.log = data.parent / f"{name}.log"
-        told = {
-            "data": data,
-            "token": TOKEN,
-            "port": port,
-            "lease_s": LEASE_S,
-            "reuse_films": False,
-            "batch_deadline": 2.0,
-            **settings,
-        }
-        environment = {f"RAYFARM_{name.upper()}": str(value) for name, value in told.items()}
-        command = [sys.executable, "-m", "uvicorn", "service.main:create_app", "--factory", "--no-access-log", f"--port={port}"]
-        with self.log.open("wb") as log:
-            self.process = subprocess.Popen(
-                command, cwd=ROOT, env={**os.environ, **environment}, stdout=log, stderr=log, preexec_fn=spawn_guard()
-            )
-        self.http = httpx.Client(base_url=self.url, timeout=20)
-
-    def says(self, path: str = "/readyz") -> str:
-        """What it answers to whoever asks whether it is ready: `ready`, or a sentence."""
-        try:
-            answer = self.http.get(path).json()
-        except httpx.HTTPError as error:
-            return str(error)
-        return str(answer.get("status", answer.get("detail")))
-
-    def is_ready(self) -> bool:
-        return self.says() == "ready"
-
-    def stands_by(self) -> bool:
-        return "stands by" in self.says()
-
-    def job(self, id: str) -> dict[str, Any]:
-        answer = self.http.get(f"/api/jobs/{id}")
-        return answer.json() if answer.is_success else {"samples": -1, "state": answer.text}
-
-    def end(self) -> None:
-        self.process.send_signal(signal.SIGCONT)
-        self.process.kill()
-        self.process.wait()
-        self.http.close()
 
 
 @pytest.fixture

@@ -3,11 +3,13 @@ leaves nothing half done."""
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 import pytest
 from sqlalchemy import func, select
 
+from service.scheduling.taking_up import TakingUp
 from service.store import frame_changes
 from service.store.frame_changes import FrameChanges
 from service.store.models import Frame, FrameChange, Job
@@ -126,13 +128,46 @@ def test_a_job_whose_deletion_was_cut_short_goes(service: Service, scene: str, m
 
     with monkeypatch.context() as patched:
         patched.setattr(FrameChanges, "_pause", killed)
-        assert service.http.delete(f"/api/jobs/{job}").status_code == 500
+        answer = service.http.delete(f"/api/jobs/{job}")
+        assert (answer.status_code, answer.headers["connection"]) == (500, "close"), "or the next request would be cut off"
         assert len(rows(service, job)) == LAST + 1 - PARTS
         assert service.job(job)["state"] == "cancelled"
         service.stop()
     service.start()
     until(lambda: service.http.get(f"/api/jobs/{job}").status_code == 404, "it is gone")
     assert not rows(service, job)
+
+
+def test_a_long_shot_is_taken_up_in_steps_between_which_others_are_rendered(
+    service: Service, scene: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("service.scheduling.taking_up.A_ROUND_S", -1.0)  # one step a round
+    monkeypatch.setattr("service.scheduling.records.AT_A_TIME", 10)
+    monkeypatch.setattr("service.scheduling.jobs.active_job.AT_A_TIME", 10)
+    rounds: list[bool] = []
+    go_on = TakingUp.go_on
+
+    def slowly(self: TakingUp, row: Job) -> bool:
+        rounds.append(go_on(self, row))
+        if not may_go_on.is_set():
+            other_done.wait(0.05)
+        return rounds[-1]
+
+    other_done, may_go_on = threading.Event(), threading.Event()
+    monkeypatch.setattr(TakingUp, "go_on", slowly)
+    shot = shoot(service, scene).raise_for_status().json()["id"]
+    until(lambda: len(rounds) > 2, "it is begun to be taken up")
+    assert shot not in service.farm.engine.snapshot.jobs
+    assert service.patch(shot, priority=7, name="later")["priority"] == 7
+    may_go_on.set()
+    until(lambda: is_at_rest(service, shot), "it is taken up")
+    assert rounds.count(False) >= 20, "twelve steps of reading, and as many of adding up"
+    assert service.farm.engine._scheduler.jobs[shot].priority == 7, "what was changed meanwhile"
+    with service.worker():
+        still = service.submit(scene, width=16, height=16, tile_size=16, spp=1, priority=50)
+        service.wait_for(still, "finished")
+        service.wait_for(shot, "finished", 60)
+    assert service.job(shot)["shot"]["states"] == {"finished": LAST + 1}
 
 
 def test_frames_come_in_pages_and_by_their_state(service: Service, scene: str) -> None:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
+import sys
 from datetime import datetime
+from pathlib import Path
 
 import pytest
 
@@ -44,3 +49,30 @@ def test_when_it_works(text: str, moment: str, are_now: bool) -> None:
 def test_what_is_none(text: str) -> None:
     with pytest.raises(ValueError, match=r"is no (part of a week|day|time)"):
         Hours.parse(text)
+
+
+ZONES = """
+import os, shutil, subprocess, sys, time
+from pathlib import Path
+from worker.protocol.hours import local_now
+zone = Path("/etc/localtime")
+subprocess.run(["mount", "--bind", "/usr/share/zoneinfo/Asia/Tokyo", os.path.realpath(zone)], check=True)
+before = local_now()
+subprocess.run(["umount", os.path.realpath(zone)], check=True)
+subprocess.run(["mount", "--bind", "/usr/share/zoneinfo/America/Lima", os.path.realpath(zone)], check=True)
+print(round((before - local_now()).total_seconds() / 3600))
+"""
+
+
+def test_a_machine_whose_zone_is_set_anew_goes_by_that_one() -> None:
+    """In a mount namespace: this machine's own zone stays."""
+    zones = [Path("/usr/share/zoneinfo", name) for name in ("Asia/Tokyo", "America/Lima")]
+    if not all(zone.exists() for zone in zones) or not Path("/etc/localtime").exists() or shutil.which("unshare") is None:
+        pytest.skip("this machine has no zones")
+    environment = {key: value for key, value in os.environ.items() if key != "TZ"}
+    done = subprocess.run(
+        ["unshare", "--mount", sys.executable, "-c", ZONES], capture_output=True, text=True, timeout=60, env=environment
+    )
+    if done.returncode:
+        pytest.skip(f"mounts are not to be had here: {done.stderr[-200:]}")
+    assert done.stdout.strip() == "14"

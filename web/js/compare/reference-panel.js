@@ -5,6 +5,7 @@ import { icon } from "../base/icons.js";
 import { bytes } from "../base/format.js";
 import { addReference, dropReference, loadReferences, references } from "../news/references.js";
 import { takeLights } from "../shell/light-drop.js";
+import { moreButton } from "../shell/more-button.js";
 import { announce, showError } from "../shell/tray.js";
 import { t } from "../base/words.js";
 import { addressOf } from "./pictures.js";
@@ -88,12 +89,15 @@ export function referencePanel(state, life) {
   };
   life.add(references.subscribe(show));
   life.add(state.subscribe(show));
+  const more = moreButton(references);
+  life.add(more.dispose);
   if (!references.value) loadReferences().catch((error) => showError(t("The reference pictures could not be loaded"), error));
   return h(
     "section",
     { class: "side-section stack tight", "aria-label": t("Reference pictures") },
     h("h2", null, t("Reference pictures")),
     list,
+    more.element,
     said,
     h("p", { class: "quiet small for-submit" }, t("Drop an EXR or HDR of the same size on the page. It is read as linear Rec.709.")),
     h("div", { class: "row" }, add, input),

@@ -7,6 +7,7 @@ import { icon } from "../base/icons.js";
 import { addEnvironment, dropEnvironment, environments, loadEnvironments } from "../news/environments.js";
 import { known } from "../news/settings-table.js";
 import { LIGHT_FILES, takeLights } from "../shell/light-drop.js";
+import { moreButton } from "../shell/more-button.js";
 import { Card, announce, showError } from "../shell/tray.js";
 import { field, numberInput, numberOf, setShown } from "./fields.js";
 import { lightChoices } from "./light-choices.js";
@@ -94,11 +95,13 @@ export function environmentFields(first) {
     },
     () => ask((file) => void add(file)),
   );
+  const more = moreButton(environments);
   const element = h(
     "fieldset",
     { class: "light-panel" },
     h("legend", null, t("Light")),
     choices.element,
+    more.element,
     h("div", { class: "row spread" }, hint, remove),
     colourField,
     sky,
@@ -161,7 +164,7 @@ export function environmentFields(first) {
   const drops = takeLights((file) => void add(file));
   return {
     element,
-    dispose: () => (listen(), drops()),
+    dispose: () => (listen(), drops(), more.dispose()),
     handle: lightHandle(),
     get: () => ({
       ...Object.fromEntries(

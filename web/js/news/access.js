@@ -1,14 +1,20 @@
 /** Who else is let in, and by what: users, tokens, and the record of what was done. */
 
-import { call } from "./api.js";
+import { call, getPage } from "./api.js";
 
 /** @typedef {"view" | "submit" | "admin"} Role */
 /** @typedef {{name: string, role: Role, has_password: boolean, created: number, sessions: number}} User */
 /** @typedef {{id: string, name: string, role: Role | "worker", user: string, created: number, expires: number | null, seen: number | null}} Token */
 /** @typedef {{at: number, who: string, what: string, from?: string, about?: string, status?: number | null}} Deed */
 
-/** @returns {Promise<User[]>} by name */
-export const getUsers = () => call("GET", "/users");
+/** As many as one chooses among. */
+const CHOICE = "limit=1000";
+
+/** @param {number} offset @returns {Promise<import("./api.js").Page<User>>} by name */
+export const getUsers = (offset) => getPage("/users", offset);
+
+/** @returns {Promise<User[]>} to choose from, by name */
+export const chooseUsers = () => call("GET", `/users?${CHOICE}`);
 
 /** @param {string} name @param {Role} role @returns {Promise<User>} */
 export const addUser = (name, role) => call("POST", "/users", { json: { name, role } });
@@ -25,8 +31,11 @@ export async function makeLink(user) {
   return `${location.origin}${location.pathname}#/login?code=${code}`;
 }
 
-/** @param {boolean} all everybody's: for administrators @returns {Promise<Token[]>} newest first */
-export const getTokens = (all) => call("GET", `/tokens${all ? "?all=true" : ""}`);
+/** @param {boolean} all everybody's: for administrators @param {number} offset @returns {Promise<import("./api.js").Page<Token>>} newest first */
+export const getTokens = (all, offset) => getPage(`/tokens${all ? "?all=true" : ""}`, offset);
+
+/** @returns {Promise<Token[]>} everybody's, to choose from, newest first */
+export const chooseTokens = () => call("GET", `/tokens?all=true&${CHOICE}`);
 
 /** @param {string} name @param {Role | "worker"} role @param {number | null} days @returns {Promise<Token & {secret: string}>} */
 export const makeToken = (name, role, days) => call("POST", "/tokens", { json: { name, role, days } });
@@ -41,8 +50,8 @@ export const getQuota = () => call("GET", "/quota");
 
 /** is_own: an administrator has said so; else everybody's. @typedef {{whose: string, limits: Amounts, used: Amounts, is_own: boolean}} Allowance */
 
-/** @returns {Promise<Allowance[]>} of all users, and of tokens that have limits of their own */
-export const getQuotas = () => call("GET", "/quotas");
+/** @param {number} offset @returns {Promise<import("./api.js").Page<Allowance>>} of all users, and of tokens that have limits of their own */
+export const getQuotas = (offset) => getPage("/quotas", offset);
 
 /** @param {string} whose user:NAME or token:ID */
 const quotaOf = (whose) => whose.replace(/^(user|token):(.*)/, (_, kind, name) => `/quotas/${kind}s/${encodeURIComponent(name)}`);
@@ -62,7 +71,7 @@ export const forgetQuota = (whose) => call("DELETE", quotaOf(whose));
  */
 
 /** @returns {Promise<Project[]>} by name */
-export const getProjects = () => call("GET", "/projects");
+export const getProjects = () => call("GET", `/projects?${CHOICE}`);
 
 /** @param {string} name @returns {Promise<Project>} */
 export const addProject = (name) => call("POST", "/projects", { json: { name } });

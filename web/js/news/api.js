@@ -74,7 +74,17 @@ export function errorOf(status, body) {
  * @param {{json?: unknown, headers?: Record<string, string>, signal?: AbortSignal, keepalive?: boolean}} [options]
  * @returns {Promise<any>}
  */
-export async function call(method, path, { json, headers = {}, signal, keepalive } = {}) {
+export async function call(method, path, options) {
+  return (await answerOf(method, path, options)).data;
+}
+
+/**
+ * @param {string} method
+ * @param {string} path
+ * @param {{json?: unknown, headers?: Record<string, string>, signal?: AbortSignal, keepalive?: boolean}} [options]
+ * @returns {Promise<{data: any, total: number}>} total: of a list that is told in pages, how many there are
+ */
+async function answerOf(method, path, { json, headers = {}, signal, keepalive } = {}) {
   let response;
   try {
     response = await fetch(`api${path}`, {
@@ -90,7 +100,20 @@ export async function call(method, path, { json, headers = {}, signal, keepalive
   }
   const text = await response.text();
   if (!response.ok) throw errorOf(response.status, text);
-  return text ? JSON.parse(text) : null;
+  return { data: text ? JSON.parse(text) : null, total: Number(response.headers.get("X-Total-Count") ?? 0) };
+}
+
+/**
+ * @template T
+ * @typedef {{items: T[], total: number}} Page some of a list, and how many there are
+ */
+
+const PAGE = 100;
+
+/** @param {string} path @param {number} offset how many come before @returns {Promise<Page<any>>} */
+export async function getPage(path, offset = 0) {
+  const { data, total } = await answerOf("GET", `${path}${path.includes("?") ? "&" : "?"}limit=${PAGE}&offset=${offset}`);
+  return { items: data, total };
 }
 
 export const UPLOAD_URL = "api/scenes";
@@ -148,14 +171,17 @@ export const createJob = (request, idempotencyKey) =>
 /** @param {string} id @param {JobChange} change @returns {Promise<Job>} */
 export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: change });
 
-/** @returns {Promise<Environment[]>} presets, then what was uploaded, newest first */
-export const getEnvironments = () => call("GET", inProject("/environments"));
+/** @param {number} offset @returns {Promise<Page<Environment>>} presets, then what was uploaded, newest first */
+export const getEnvironments = (offset) => getPage(inProject("/environments"), offset);
 
 /** @param {string} id @returns {Promise<void>} */
 export const removeEnvironment = (id) => call("DELETE", `/environments/${id}`);
 
-/** @returns {Promise<import("../base/types.js").Reference[]>} newest first */
-export const getReferences = () => call("GET", inProject("/references"));
+/** @param {number} offset @returns {Promise<Page<import("../base/types.js").Reference>>} newest first */
+export const getReferences = (offset) => getPage(inProject("/references"), offset);
+
+/** @param {string} id @returns {Promise<import("../base/types.js").Reference>} */
+export const getReference = (id) => call("GET", `/references/${id}`);
 
 /** @param {string} id @returns {Promise<void>} */
 export const removeReference = (id) => call("DELETE", `/references/${id}`);

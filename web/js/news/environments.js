@@ -2,17 +2,17 @@
 
 import { inProject } from "../base/project.js";
 import { getEnvironments, removeEnvironment } from "./api.js";
-import { Store } from "../base/store.js";
+import { Listing } from "./listing.js";
 import { sendFiles } from "./upload.js";
 
 /** @typedef {import("../base/types.js").Environment} Environment */
 
-/** null until the service has told. @type {Store<Environment[] | null>} */
-export const environments = new Store(/** @type {Environment[] | null} */ (null));
+/** @type {Listing<Environment>} */
+export const environments = new Listing(getEnvironments);
 
 /** Asks for them anew. */
 export async function loadEnvironments() {
-  environments.set(await getEnvironments());
+  await environments.load();
 }
 
 /**

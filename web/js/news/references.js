@@ -1,18 +1,23 @@
 /** Pictures that were uploaded to compare with. */
 
 import { inProject } from "../base/project.js";
-import { getReferences, removeReference } from "./api.js";
-import { Store } from "../base/store.js";
+import { getReference, getReferences, removeReference } from "./api.js";
+import { Listing } from "./listing.js";
 import { sendFiles } from "./upload.js";
 
 /** @typedef {import("../base/types.js").Reference} Reference */
 
-/** null until the service has told. @type {Store<Reference[] | null>} */
-export const references = new Store(/** @type {Reference[] | null} */ (null));
+/** @type {Listing<Reference>} */
+export const references = new Listing(getReferences);
 
 /** Asks for them anew. */
 export async function loadReferences() {
-  references.set(await getReferences());
+  await references.load();
+}
+
+/** One that may lie beyond what is shown of the list. @param {string} id */
+export async function findReference(id) {
+  references.adopt(await getReference(id));
 }
 
 /**

@@ -5,7 +5,9 @@ import { ago } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { t } from "../base/words.js";
 import { addUser, getAudit, getTokens, getUsers, makeLink, makeToken, removeUser, setRole, withdrawToken } from "../news/access.js";
+import { Listing } from "../news/listing.js";
 import { may, session } from "../news/session.js";
+import { moreButton } from "../shell/more-button.js";
 import { announce, showError } from "../shell/tray.js";
 import { ROLES, choice, field, once, removing, section, submitted } from "./access-pieces.js";
 
@@ -24,11 +26,12 @@ const LASTING = [
 export function tokensSection() {
   const list = h("ul", { class: "rows" });
   const told = h("div", null);
-  const show = async () => {
-    const tokens = await getTokens(may("admin"));
-    list.hidden = tokens.length === 0;
-    fill(list, tokens.map((token) => tokenRow(token, show)));
-  };
+  const tokens = new Listing((offset) => getTokens(may("admin"), offset));
+  const show = () => tokens.load();
+  tokens.subscribe((all) => {
+    list.hidden = !all?.length;
+    fill(list, (all ?? []).map((token) => tokenRow(token, show)));
+  });
   const roles = /** @type {[string, string][]} */ ([...ROLES.filter(([role]) => may(role)), ...(may("admin") ? [["worker", t("Worker")]] : [])]);
   const name = h("input", { type: "text", required: true, maxLength: 100 });
   const role = choice(roles, may("submit") ? "submit" : "view");
@@ -51,7 +54,7 @@ export function tokensSection() {
     h("button", { class: "button", type: "submit" }, t("Create a token")),
   );
   show().catch((error) => showError(t("The tokens cannot be shown"), error));
-  return section(t("Tokens"), h("p", { class: "quiet about" }, t("Programs and workers use a token to get in.")), list, form, told);
+  return section(t("Tokens"), h("p", { class: "quiet about" }, t("Programs and workers use a token to get in.")), list, moreButton(tokens).element, form, told);
 }
 
 /** @param {import("../news/access.js").Token} token @param {() => Promise<void>} show */
@@ -74,11 +77,12 @@ function tokenRow(token, show) {
 export function usersSection() {
   const list = h("ul", { class: "rows" });
   const told = h("div", null);
-  const show = async () => {
-    const users = await getUsers();
-    list.hidden = users.length === 0;
-    fill(list, users.map((user) => userRow(user, show, tell)));
-  };
+  const users = new Listing(getUsers);
+  const show = () => users.load();
+  users.subscribe((all) => {
+    list.hidden = !all?.length;
+    fill(list, (all ?? []).map((user) => userRow(user, show, tell)));
+  });
   /** @param {string} name */
   const tell = async (name) => fill(told, once(t("This link logs {name} in. It works once, within a day.", { name }), await makeLink(name)));
   const name = h("input", { type: "text", required: true, maxLength: 63, autocapitalize: "none", spellcheck: "false", autocomplete: "off" });
@@ -99,7 +103,7 @@ export function usersSection() {
     h("button", { class: "button", type: "submit" }, t("Add a user")),
   );
   show().catch((error) => showError(t("The users cannot be shown"), error));
-  return section(t("Users"), list, form, told);
+  return section(t("Users"), list, moreButton(users).element, form, told);
 }
 
 /** @param {import("../news/access.js").User} user @param {() => Promise<void>} show @param {(name: string) => Promise<void>} tell */

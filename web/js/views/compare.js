@@ -9,7 +9,7 @@ import { emptyState } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { differencesOf, filmOf, namesOf, pictureOfJob, pictureOfReference, pictureUrl, referenceId } from "../compare/pictures.js";
 import { referencePanel } from "../compare/reference-panel.js";
-import { loadReferences, references } from "../news/references.js";
+import { findReference, loadReferences, references } from "../news/references.js";
 import { snapshotsOf } from "../compare/snapshots.js";
 import { compareWays, wayFrom } from "../compare/ways.js";
 import { StillFilm } from "../film/still-film.js";
@@ -95,7 +95,12 @@ export function compareView(a, b) {
       instead(waits.name, said(waits.error ?? waits.message) || t("Waits for its scene."));
       return;
     }
-    const lost = ids.find((id) => references.value && referenceId(id) && !references.value.some((each) => each.id === referenceId(id)));
+    const lost = ids.map(referenceId).find((id) => id !== null && references.value && !references.value.some((each) => each.id === id));
+    if (lost && references.hasMore && !asked.has(lost)) {
+      asked.add(lost);
+      findReference(lost).catch(show);
+      return;
+    }
     if (lost) {
       instead(t("This picture is not here"), t("The reference picture was removed. Upload it again to compare with it."));
       return;

@@ -1,6 +1,8 @@
 /** For administrators: how much each user may have and do, and a token beside that; with what of it is used. */
 
-import { forgetQuota, getQuotas, getTokens, setQuota } from "../news/access.js";
+import { chooseTokens, forgetQuota, getQuotas, setQuota } from "../news/access.js";
+import { Listing } from "../news/listing.js";
+import { moreButton } from "../shell/more-button.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
 import { bytes, compact, count } from "../base/format.js";
 import { icon } from "../base/icons.js";
@@ -32,8 +34,10 @@ export function limitsSection() {
     h("div", { class: "field" }, h("label", { for: "limit-token" }, t("Token")), token),
     h("button", { class: "button", type: "submit" }, t("Limit a token too")),
   );
+  const limits = new Listing(getQuotas);
   async function renew() {
-    const [all, tokens] = await Promise.all([getQuotas(), getTokens(true)]);
+    const [, tokens] = await Promise.all([limits.load(), chooseTokens()]);
+    const all = limits.value ?? [];
     named = new Map(tokens.map(({ id, name, user }) => [`token:${id}`, t("{name} of {user}", { name, user })]));
     list.hidden = all.length === 0;
     show(all);
@@ -43,7 +47,8 @@ export function limitsSection() {
   }
   renew().catch((error) => showError(t("The limits cannot be shown"), error));
   const about = h("p", { class: "quiet about" }, t("An empty field means no limit. How slots are shared is set on the Workers page:"), " ", h("a", { href: linkTo("workers") }, t("Shares")));
-  return section(t("Limits of users and tokens"), about, list, form);
+  limits.subscribe((all) => show(all ?? []));
+  return section(t("Limits of users and tokens"), about, list, moreButton(limits).element, form);
 }
 
 /**

@@ -1,6 +1,6 @@
 /** For administrators: the projects, who their members are, and what each of them may there. */
 
-import { addProject, getProjects, getUsers, letIn, putOut, removeProject } from "../news/access.js";
+import { addProject, chooseUsers, getProjects, letIn, putOut, removeProject } from "../news/access.js";
 import { fill, h } from "../base/dom.js";
 import { t, tn } from "../base/words.js";
 import { lookAtProjects } from "../news/projects.js";
@@ -21,7 +21,7 @@ export function projectsSection() {
   /** Those that are unfolded: a list that is made anew keeps them so. @type {Set<string>} */
   const open = new Set();
   const show = async () => {
-    const [projects, users] = await Promise.all([getProjects(), getUsers()]);
+    const [projects, users] = await Promise.all([getProjects(), chooseUsers()]);
     list.hidden = projects.length === 0;
     const names = users.map((user) => user.name);
     fill(list, projects.map((project) => projectRow(project, names, open, show)));

@@ -6,7 +6,8 @@ import random
 from types import SimpleNamespace
 from typing import Any
 
-from service.scheduling.jobs.totals import SLACK, Greatest, Totals
+from service.scheduling.jobs.lazy_heap import SLACK
+from service.scheduling.jobs.totals import Greatest, Totals
 
 
 class Frame(SimpleNamespace):
@@ -61,4 +62,4 @@ def test_the_greatest_is_known_once_all_are() -> None:
             greatest.set(key, values[key])
         known = list(values.values())
         assert greatest.value == (None if None in known or not known else max(known))  # type: ignore[type-var]
-    assert len(greatest._heap) <= 2 * 12 + SLACK + 1, "what was does not pile up"
+    assert len(greatest._known._heap) <= 2 * 12 + SLACK + 1, "what was does not pile up"

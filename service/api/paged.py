@@ -1,0 +1,46 @@
+"""Lists in pages: a farm of some years has ten thousand of whatever it lists, and nobody wants all of them at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, TypeVar
+
+from fastapi import Depends, Query, Response
+from sqlalchemy import Select, func, select
+from sqlalchemy.orm import Session
+
+__all__ = ["MOST", "TOTAL", "Page", "PageDependency"]
+
+MOST = 1000  # in one answer
+TOTAL = "X-Total-Count"
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Page:
+    """Which part of a list is asked for. The header X-Total-Count of its answer has the number of all."""
+
+    limit: int
+    offset: int
+    response: Response
+
+    def of(self, things: Sequence[T]) -> Sequence[T]:
+        """The part of a list that is at hand."""
+        self.response.headers[TOTAL] = str(len(things))
+        return things[self.offset : self.offset + self.limit]
+
+    def rows(self, query: Select[Any], session: Session, first: Sequence[T] = ()) -> tuple[Sequence[T], list[Any]]:
+        """The part of what a query finds, which is in order; before all of that comes what is in no table: `first`."""
+        count = session.scalar(select(func.count()).select_from(query.order_by(None).subquery())) or 0
+        here = self.of(first)
+        self.response.headers[TOTAL] = str(len(first) + count)
+        left, skipped = self.limit - len(here), max(0, self.offset - len(first))
+        return here, list(session.scalars(query.limit(left).offset(skipped))) if left else []
+
+
+def _page(response: Response, limit: int = Query(100, ge=1, le=MOST), offset: int = Query(0, ge=0, le=1 << 31)) -> Page:
+    return Page(limit, offset, response)
+
+
+PageDependency = Annotated[Page, Depends(_page)]

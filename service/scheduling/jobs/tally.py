@@ -1,0 +1,53 @@
+"""How far each frame of a job is, and how many are in each state."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+
+from service.scheduling.jobs.active_frame import ActiveFrame, FrameNumbers
+
+__all__ = ["Tally"]
+
+
+class Tally:
+    """Lives in the engine's thread; others read what `numbers` returns. `note` has to be told of every frame that changes."""
+
+    def __init__(self, frames: Mapping[int, ActiveFrame]) -> None:
+        self._frames = frames
+        self._numbers: Mapping[int, FrameNumbers] = {}
+        self._states: Counter[str] = Counter()
+        self._failed: set[int] = set()
+        self._changed: set[int] = set()
+
+    def begin(self, some: int) -> Iterator[None]:
+        """Count all frames for the first time, some in each step."""
+        keys, numbers = list(self._frames), dict[int, FrameNumbers]()
+        for at in range(0, len(keys), some):
+            numbers |= self._counted(keys[at : at + some])
+            yield
+        self._numbers = numbers
+
+    def note(self, key: int) -> None:
+        """A frame has changed."""
+        self._changed.add(key)
+
+    def numbers(self) -> Mapping[int, FrameNumbers]:
+        """How far each is. Never changed: what is made anew is another mapping, with new entries for what has changed."""
+        if self._changed:
+            self._numbers = {**self._numbers, **self._counted(self._changed)}
+            self._changed = set()
+        return self._numbers
+
+    def states(self) -> tuple[Mapping[str, int], tuple[int, ...]]:
+        """How many of those are in each state, and which have failed, in their order."""
+        return +self._states, tuple(sorted(self._failed))
+
+    def _counted(self, keys: Iterable[int]) -> dict[int, FrameNumbers]:
+        now = {key: self._frames[key].numbers() for key in keys}
+        for key, numbers in now.items():
+            if (before := self._numbers.get(key)) is not None:
+                self._states[before.state] -= 1
+            self._states[numbers.state] += 1
+            (self._failed.add if numbers.state == "failed" else self._failed.discard)(key)
+        return now

@@ -1,0 +1,153 @@
+"""Jobs on their way from the database into the scheduler's hands. A shot may have a hundred thousand frames: it is taken up in
+steps, with a little time in each of the engine's rounds, so that others' results are merged meanwhile."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+
+from renderer.settings import RenderSettings
+from service.scheduling.handing_out.scheduler import Scheduler
+from service.scheduling.jobs.active_job import ActiveJob
+from service.scheduling.jobs.history import History
+from service.scheduling.jobs.job_log import JobLogs
+from service.scheduling.records import Records
+from service.scheduling.waiting import Waiting
+from service.shot import Shot
+from service.store.film_store import FilmStore
+from service.store.films import Film
+from service.store.models import Job, Scene, blobs_of
+
+__all__ = ["TakingUp"]
+
+A_ROUND_S = 0.05  # of the processor
+
+
+class TakingUp:
+    """Lives in the engine's thread."""
+
+    def __init__(
+        self,
+        records: Records,
+        films: FilmStore,
+        scheduler: Scheduler,
+        waiting: Waiting,
+        logs: JobLogs,
+        taken: Callable[[ActiveJob, Scene], None],
+    ) -> None:
+        """taken: told of a job that the scheduler has from now on."""
+        self._records = records
+        self._films = films
+        self._scheduler = scheduler
+        self._waiting = waiting
+        self._logs = logs
+        self._taken = taken
+        self._under_way: dict[str, tuple[object, Iterator[None]]] = {}  # of a job: as what it is taken up, and the steps left
+        self._until = 0.0
+
+    def begin_round(self) -> None:
+        """There is time again."""
+        self._until = time.thread_time() + A_ROUND_S
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether some job waits for the next round."""
+        return bool(self._under_way)
+
+    def go_on(self, row: Job) -> bool:
+        """Take up a job that is not over, as far as there is time in this round; whether all is done that can be now."""
+        asked = row.shot, row.spp, row.noise, row.seconds, frozenset(self._scheduler.distrusted), row.doubted
+        known, steps = self._under_way.get(row.id, (None, iter(())))
+        if known != asked:
+            steps = self._steps(row)
+        self._under_way.pop(row.id, None)
+        for _ in steps:
+            if time.thread_time() > self._until:
+                self._under_way[row.id] = asked, steps
+                return False
+        return True
+
+    def forget(self, id: str) -> None:
+        """A job is over, or to be taken up from its beginning."""
+        self._under_way.pop(id, None)
+
+    def _steps(self, row: Job) -> Iterator[None]:
+        """As soon as its scene is ready and what it comes after is finished."""
+        if self._waiting.holds(row.id) or self._records.frames_change(row.id):
+            return
+        scene = self._records.scene(row.stage)
+        if scene is None:
+            self._records.failed(row.id, "The scene of this job was deleted. Upload it again, and make a new job.")
+        elif scene.status == "failed":
+            self._records.failed(row.id, scene.error or "The scene cannot be prepared.")
+        if scene is None or scene.status != "ready":
+            return
+        resolved = self._records.resolve(row.id, scene)
+        if resolved is None or resolved.state == "failed" or resolved.settings is None or resolved.tile_size is None:
+            return
+        film = self._film(row, resolved)
+        compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
+        job = ActiveJob(resolved, film, compiled, scene.blobs, partial(self._records.frame_settings, row.id))
+        for frames in self._records.frames(row.id):
+            job.take(frames)
+            yield
+        if not job.frames:
+            return  # it was deleted a moment ago, which is applied next
+        yield from job.begin()
+        self._hand_over(job, row, scene)
+
+    def _film(self, row: Job, resolved: Job) -> Film:
+        """Opened, without what is to be rendered anew or is not believed any more. Raises FilmWaits or FilmLost."""
+        assert resolved.settings is not None and resolved.tile_size is not None
+        film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
+        shot = Shot.of(row.shot)
+        if shot is not None and (anew := shot.anew_keys):
+            if film.has_only(set(anew)):
+                self._films.delete(row.id)  # a moment's work, however large it is
+                film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
+            else:
+                film.forget(*anew)
+            self._records.forgot(row.id, anew)
+        verify = row.request.get("verify")
+        film.keeps_apart = (self._scheduler.verify if verify is None else verify) > 0
+        for worker in self._scheduler.distrusted.union(row.doubted or ()):
+            film.take_back(worker)
+        if row.doubted:
+            self._records.believed(row.id)
+        return film
+
+    def _hand_over(self, job: ActiveJob, row: Job, scene: Scene) -> None:
+        verify = row.request.get("verify")
+        job.verify = self._scheduler.verify if verify is None else verify
+        job.checks = self._scheduler.checks
+        job.looks = self._scheduler.looks
+        job.share = self._scheduler.shares.name_of(job.user, job.project)
+        asked = {"env": row.light or scene.environment, "variant": scene.variant}
+        job.scene_words = [f"--{name}={value}" for name, value in asked.items() if value]
+        upload = self._records.scene(row.scene) if row.lit else scene
+        job.foretold_s = float(((upload and upload.measured) or {}).get("sample_s") or 0.0)
+        job.history = History.of(self._records.history(row.id))
+        job.history.log = self._logs.of(row.id)
+        job.history.log.say(_taken_up(job, scene))
+        self._scheduler.jobs[row.id] = job
+        self._catch_up(job, row.stage)
+        self._taken(job, scene)
+
+    def _catch_up(self, job: ActiveJob, stage: str) -> None:
+        """For which other kinds of workers its scene was prepared in the meantime."""
+        scene = self._records.scene(stage)
+        for kind, ref in (scene.compiled if scene is not None else {}).items():
+            if kind not in job.compiled:
+                job.compiled_for(kind, ref["sha256"])
+                job.of_scene |= blobs_of([ref])
+
+
+def _taken_up(job: ActiveJob, scene: Scene) -> str:
+    """What is to be rendered, and how its scene was got ready."""
+    info = scene.info or {}
+    goals = [f"{job.spp} samples per pixel", job.noise and f"noise {job.noise:g}", job.seconds and f"{job.seconds:g} s"]
+    asked = f"{job.film.width} x {job.film.height}, {', '.join(str(goal) for goal in goals if goal)}, {len(job.frames)} frame(s)"
+    kinds = ", ".join(sorted(job.compiled)) or "nobody yet"
+    ready = f"the scene took {float(info.get('seconds') or 0):.2f} s to prepare, and is compiled for {kinds}"
+    return f"{'taken up again' if job.started else 'taken up'}: {asked}; {ready}; {job.samples:,} samples are here"
