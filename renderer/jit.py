@@ -32,6 +32,7 @@ __all__ = [
     "compiling",
     "device",
     "entry",
+    "is_kept",
     "is_ready",
     "kind",
     "local_floats",
@@ -269,6 +270,11 @@ _ready: set[str] = set()
 def is_ready(name: str) -> bool:
     """Whether this process, or the one that it was forked from, has been in `compiling` with that name."""
     return name in _ready
+
+
+def is_kept(name: str) -> bool:
+    """Whether this machine has compiled a kernel of that name, or fetched it."""
+    return (cache_folder() / f"{name}.done").exists()
 
 
 @contextlib.contextmanager

@@ -1,28 +1,18 @@
-"""The kernels that prepare scenes, compiled beside the one that renders them: a machine has two cores at least.
-
-Numba compiles one function at a time in a process, so this is one of its own. What it compiles lies in the kernels' folder, from
-where the other loads it.
-"""
+"""The kernels that prepare scenes."""
 
 from __future__ import annotations
 
-import contextlib
 import functools
-import os
-import subprocess
-import sys
-from collections.abc import Iterator
 
 import numpy as np
 
+from renderer.bvh.build import build
 from renderer.bvh.top import LEAST_PART
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription
 from renderer.scene.readers.gltf.deform import Bones, skinned
-from renderer.sources import ROOT
-from renderer.threads import cores
 
-__all__ = ["prepare", "preparing_beside"]
+__all__ = ["is_prepared", "prepare", "prepare_trees"]
 
 
 @functools.cache
@@ -38,26 +28,11 @@ def prepare() -> None:
     compile_scene(SceneDescription(meshes=[mesh, small], instances=instances, materials=[Material()], environment=Environment()))
 
 
-@contextlib.contextmanager
-def preparing_beside(is_cold: bool, edition: str | None = None) -> Iterator[None]:
-    """Where they have to be compiled, another process does so meanwhile. If it fails, `prepare` does it again, and says why.
+def prepare_trees() -> None:
+    """About half of them: those that build a tree over a mesh."""
+    build(np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.int32), np.zeros((0, 4), np.float32))
 
-    edition: of the kernel for pictures, a part of which is compiled first (renderer/beside.py); None: of none.
-    """
-    if not is_cold or cores() == 1 or prepare.cache_info().currsize:
-        yield
-        return
-    path = os.pathsep.join([str(ROOT.parent), os.environ.get("PYTHONPATH", "")])
-    other = subprocess.Popen(
-        [sys.executable, "-m", "renderer.beside", *([edition] if edition else [])],
-        env={**os.environ, "PYTHONPATH": path},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        yield
-        other.wait()
-    finally:
-        other.kill()
-        other.wait()
+
+def is_prepared() -> bool:
+    """Whether `prepare` was here."""
+    return prepare.cache_info().currsize > 0

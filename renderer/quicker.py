@@ -6,12 +6,13 @@ Nothing that is compiled comes out otherwise. To import this is enough.
 
 from __future__ import annotations
 
+import functools
 import sys
 from collections.abc import Callable
 from typing import Any
 
 import llvmlite.binding as llvm
-from numba.core import ir, types
+from numba.core import ir, types, utils
 from numba.core.cpu import CPUContext
 from numba.core.errors import TypingError
 from numba.core.typing.context import Context
@@ -33,21 +34,30 @@ def _asked_once(ask: Callable[[Any, Any], int]) -> Callable[[Any, Any], int]:
     return found
 
 
-def _with_new_modules(load: Callable[[Any], None]) -> Callable[[Any], None]:
-    """What Numba's own modules declare: they are imported where any module is new, else it would take fifty imports a function.
-    What has been declared since, as all intrinsics are once they are first called, is taken each time.
+def _where_new(refresh: Callable[[Any], None]) -> Callable[[Any], None]:
+    """What Numba's own modules and the intrinsics declare: looked for where there is any more of it since the last time. Numba
+    goes through fifty modules and as many lists several times a function.
     """
-    seen: dict[int, int] = {}
+    seen: dict[int, tuple[int, int]] = {}
 
     def look(context: Any) -> None:
-        if seen.get(id(context)) != len(sys.modules):
-            load(context)
-            seen[id(context)] = len(sys.modules)
-        else:
-            for registry in tuple(context._registries):
-                context.install_registry(registry)
+        if seen.get(id(context)) != _declared(context):
+            refresh(context)
+            seen[id(context)] = _declared(context)
 
     return look
+
+
+def _declared(context: Any) -> tuple[int, int]:
+    """How many modules there are, and how much has been declared to this context; to that for types too, which comes with it."""
+    contexts = [context, context.typing_context] if isinstance(context, CPUContext) else [context]
+    lists = (
+        getattr(registry, name)
+        for each in contexts
+        for registry, known in each._registries.items()
+        for name in known.registry_items
+    )
+    return len(sys.modules), sum(map(len, lists))
 
 
 def _typed_once(ask: Callable[..., Any]) -> Callable[..., Any]:
@@ -86,28 +96,32 @@ _list_rest = ir.Inst._rec_list_vars
 
 def _list_variables(instruction: Any, value: Any) -> list[Any]:
     """The variables in a part of an instruction: Numba asks each part what it is five times over."""
+    found: list[Any] = []
+    _gather(instruction, value, found)
+    return found
+
+
+def _gather(instruction: Any, value: Any, found: list[Any]) -> None:
     kind = type(value)
     if kind is ir.Var:
-        return [value]
-    if kind in _PLAIN:
-        return []
-    if kind is not dict:
-        return list(_list_rest(instruction, value))
-    found = []
-    for each in value.values():
-        kind = type(each)
-        if kind is ir.Var:
-            found.append(each)
-        elif kind not in _PLAIN:
-            found.extend(_list_variables(instruction, each))
-    return found
+        found.append(value)
+    elif kind is dict or kind is ir.Expr:
+        for each in (value._kws if kind is ir.Expr else value).values():
+            if type(each) not in _PLAIN:
+                _gather(instruction, each, found)
+    elif kind is list or kind is tuple:
+        for each in value:
+            _gather(instruction, each, found)
+    elif kind not in _PLAIN:
+        found.extend(_list_rest(instruction, value))
 
 
 for _name in ("get_abi_sizeof", "get_abi_alignment"):
     setattr(CPUContext, _name, _asked_once(getattr(CPUContext, _name)))
 for _context in (CPUContext, Context):
-    setattr(_context, "load_additional_registries", _with_new_modules(_context.load_additional_registries))  # noqa: B010
+    setattr(_context, "refresh", _where_new(_context.refresh))  # noqa: B010
 setattr(types.BaseFunction, "get_call_type", _typed_once(types.BaseFunction.get_call_type))  # noqa: B010
 setattr(ir.Inst, "_rec_list_vars", _list_variables)  # noqa: B010
+setattr(utils, "pysignature", functools.cache(utils.pysignature))  # noqa: B010 - what arguments a function takes
 # Each function that is being compiled is told of each call of LLVM, to add up its time.
 llvm.ffi.lib._lock._cblist.clear()

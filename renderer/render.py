@@ -15,6 +15,7 @@ from renderer import jit
 from renderer.arrays.edition import edition_of, only
 from renderer.arrays.has import EDITIONS
 from renderer.arrays.scene import example
+from renderer.beside import Helpers
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, COLOR, SAMPLES, BadSample, BatchSums, Sums
 from renderer.kernel.accumulate import MAX_BAD, Batch, Output, has_editions, new_scratch, renderer_of
@@ -23,7 +24,7 @@ from renderer.kernel.integrators import record
 from renderer.kernel.integrators.state import MAX_AGAIN
 from renderer.kernel.integrators.visibility import MAX_PASSED
 from renderer.kernel.options import kernel_options
-from renderer.preparing import prepare, preparing_beside
+from renderer.preparing import is_prepared, prepare
 from renderer.replay import Replay, read_log
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.environment import left_to_surfaces, relit, sampled_alone
@@ -35,6 +36,7 @@ __all__ = [
     "PLAIN",
     "RenderStats",
     "edition_for",
+    "helpers_for",
     "is_warm",
     "kernel_name",
     "pixel_samples",
@@ -208,19 +210,37 @@ def is_warm(settings: RenderSettings, edition: str) -> bool:
     return jit.is_ready(kernel_name(settings, edition))
 
 
-def warm_up(settings: RenderSettings | None = None, edition: str = PLAIN, fetch: Callable[[str], None] | None = None) -> float:
+def warm_up(
+    settings: RenderSettings | None = None,
+    edition: str = PLAIN,
+    fetch: Callable[[str], None] | None = None,
+    helpers: Helpers | None = None,
+) -> float:
     """Compiles the kernels that prepare scenes, and that for these settings (None: for pictures) and the scenes of this edition
     (renderer.arrays.edition), or loads them: the seconds that took.
 
     fetch: called with the kernel's name before anything is compiled that this machine has not compiled yet, to bring it from
-    elsewhere. A parent that does this before it forks shares the machine code with its children.
+    elsewhere. helpers: from `helpers_for`, where they were made before. A parent that does this before it forks shares the
+    machine code with its children.
     """
     begin = time.perf_counter()
     name = kernel_name(settings, edition)
     nothing = only(example(), edition)
     settings = replace(settings or _PICTURE, view=_PICTURE.view)
-    with jit.compiling(name, None if fetch is None else lambda: fetch(name)) as is_cold:
-        with preparing_beside(is_cold, edition if has_editions(settings) else None):
-            _render(nothing, settings, Tile(0, 0, 0, 0), 0, 0)
+    with (
+        helpers or helpers_for(settings, edition) as helping,
+        jit.compiling(name, None if fetch is None else lambda: fetch(name)) as is_cold,
+    ):
+        if is_cold:
+            helping.share()
+        _render(nothing, settings, Tile(0, 0, 0, 0), 0, 0)
+        helping.finish()
         prepare()
     return time.perf_counter() - begin
+
+
+def helpers_for(settings: RenderSettings | None = None, edition: str = PLAIN) -> Helpers:
+    """Processes that help `warm_up`, if it has anything to compile: none where this machine has compiled it."""
+    parts = edition if has_editions(settings or _PICTURE) else ""
+    is_of_use = not jit.is_kept(kernel_name(settings, edition)) and (parts != "" or not is_prepared())
+    return Helpers(parts, is_of_use)

@@ -71,7 +71,9 @@ def _is_known(text: str, known: list[str]) -> bool:
 
 def test_nothing_is_translated_that_nobody_says() -> None:
     said = _said()
-    dead = {key for key in _catalogue("de") if not any(_fits(a, b) or _fits(b, a) for a in _forms(key) for b in said)}
+    forms = {key: _forms(key) for key in _catalogue("de")}
+    left = {key: found for key, found in forms.items() if said.isdisjoint(found)}  # few: most are said as they stand
+    dead = {key for key, found in left.items() if not any(_fits(a, b) or _fits(b, a) for a in found for b in said)}
     assert not dead, "in service.de.json, and said nowhere"
 
 

@@ -24,6 +24,7 @@ from pathlib import Path
 from renderer import denoise, jit
 from renderer.blender import program
 from renderer.blender.program import Blender
+from renderer.render import helpers_for
 from worker import app
 from worker.exchange.cache import BlobCache, default_cache_dir
 from worker.exchange.errors import RefusedError, WorkerError
@@ -78,9 +79,10 @@ def _work(options: argparse.Namespace) -> int:
             name, host, os.getpid(), options.slots, cpu_name(), kind, "starting", started, denoises=denoise.is_available()
         )
 
+    helpers = helpers_for()  # forked now: joining is a thread
     joining = Joining(link, options.redis, options.name or host, host, starting, log.info)
     joining.begin()
-    get_ready(link)
+    get_ready(link, helpers=helpers)
     joined = joining.finish(lambda: bool(stopping))
     if joined is None or stopping:
         return 0

@@ -14,6 +14,7 @@ from celery.exceptions import SecurityWarning
 
 from renderer import __version__
 from worker import tasks
+from worker.exchange.ahead import get_ready_ahead
 from worker.heartbeat import Heartbeat
 from worker.leaving import Leaving
 from worker.machine.children import die_with_parent
@@ -64,6 +65,7 @@ def run(worker: context.WorkerContext) -> int:
     signals.worker_process_init.connect(_child_starts)
     signals.worker_process_shutdown.connect(_child_ends)
     signals.worker_shutting_down.connect(_shutting_down)
+    signals.worker_ready.connect(_ready)
     leaving = Leaving(worker)
     signals.worker_shutting_down.connect(leaving.begin)
     celery = make_app(worker).Worker(
@@ -102,6 +104,13 @@ def _child_starts(**_: Any) -> None:
     die_with_parent(worker.pid)
     worker.after_fork()
     worker.board.write(slot(), {})
+
+
+def _ready(**_: Any) -> None:
+    """Scenes with textures have a kernel of their own: nobody shall wait for it who comes a little later."""
+    worker = context.current()
+    if worker.keeping is None or worker.keeping.may_work_ahead():
+        get_ready_ahead(worker.link)
 
 
 def _child_ends(**_: Any) -> None:

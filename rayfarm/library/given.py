@@ -27,18 +27,25 @@ def as_files(scene: Any, base: str | Path = ".") -> Iterator[Path]:
 
     scene: the path of a scene, a folder or an archive; what docs/scene-format.md describes as a dict, where a mesh may have
     arrays (positions, triangles, normals, uvs, uvs1, colors) in place of `file` and a texture or the environment `pixels` in
-    place of `image`; or a trimesh.Trimesh or trimesh.Scene. base: where the files lie that a dict names.
+    place of `image`; or a trimesh.Trimesh, Scene
+    or PointCloud. base: where the files lie that a dict names.
     Raises SceneError where it is none of them, or an array is not what it should be.
     """
     if isinstance(scene, str | Path):
         yield Path(scene).expanduser()
         return
     with tempfile.TemporaryDirectory(prefix="rayfarm-") as folder:
+        if isinstance(scene, Mapping) and scene.get("type") == "scene":
+            raise SceneError(
+                "This dict is one of Mitsuba's: write it down by mitsuba.xml.dict_to_xml(scene, 'scene.xml') and give the file, "
+                "or say it as docs/scene-format.md has it"
+            )
         if isinstance(scene, Mapping):
             yield _written(scene, Path(folder), Path(base).expanduser())
         elif hasattr(scene, "export") and type(scene).__module__.partition(".")[0] == "trimesh":
-            path = Path(folder) / "scene.glb"
-            path.write_bytes(scene.export(file_type="glb"))
+            kind = "ply" if type(scene).__name__ == "PointCloud" else "glb"  # whose points are shown as balls
+            path = Path(folder) / f"scene.{kind}"
+            path.write_bytes(scene.export(file_type=kind))
             yield path
         else:
             raise SceneError(

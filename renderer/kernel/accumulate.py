@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import typeof, types
+from numba import typeof
 
 from renderer.absent import where_present
 from renderer.arrays.scene import CompiledScene
@@ -26,22 +26,21 @@ from renderer.film import (
 )
 from renderer.jit import device, entry, local_floats, out_of_line, subroutine, template
 from renderer.kernel import vec
-from renderer.kernel.camera import camera_ray, moving_ray
+from renderer.kernel.camera import camera_frame, camera_ray, moving_ray
 from renderer.kernel.fixed import fixed, in_half
 from renderer.kernel.integrators.ao import trace_ao
 from renderer.kernel.integrators.path import trace_path
+from renderer.kernel.integrators.record import COLUMNS
 from renderer.kernel.integrators.transport import FIRST_HIT_SLOTS, TIME_BLOCK, first_hit
 from renderer.kernel.integrators.whitted import trace_whitted
 from renderer.kernel.options import is_special, kernel_options
-from renderer.kernel.pool.lamps import choose_lamps
-from renderer.kernel.pool.scatter import scatter
-from renderer.kernel.pool.trace import pool_for, render_with_pool
+from renderer.kernel.pool.trace import Part, pool_for, render_with_pool, stages
 from renderer.kernel.sampling.filter import filter_offset
 from renderer.kernel.sampling.sampler import Stream, draw4, draw_film, pixel_key
 from renderer.reference import Reference, by_reference
 from renderer.settings import RenderSettings
 
-__all__ = ["MAX_BAD", "Batch", "Output", "half_of_pictures", "has_editions", "new_scratch", "renderer_of"]
+__all__ = ["MAX_BAD", "Batch", "Output", "has_editions", "new_scratch", "parts_of_pictures", "renderer_of"]
 
 Renderer = Callable[..., tuple[int, int]]
 
@@ -232,16 +231,14 @@ def renderer_of(settings: RenderSettings) -> Renderer:
     return _render_pool
 
 
-def half_of_pictures(scene: CompiledScene, settings: RenderSettings) -> None:
-    """Compiles about half of the kernel for pictures, for a process beside the one that compiles the rest: later stages, the one
-    first that has least in common with the rest.
+def parts_of_pictures(scene: CompiledScene, settings: RenderSettings) -> list[Part]:
+    """The parts of the kernel for pictures that take longest to compile, as `stages` lists them.
 
     scene: of the edition that is wanted, with nothing in it.
     """
-    pool = pool_for(0, 0)
-    arguments = Reference(typeof(scene)), *(typeof(part) for part in (pool.rows, pool.lists, kernel_options(settings, scene)))
-    scatter.compile((*arguments, types.boolean))  # type: ignore[attr-defined]  # it is one of Numba's
-    choose_lamps.compile(arguments)  # type: ignore[attr-defined]
+    sums, bad, log = np.zeros((1, 0, 0), np.int64), np.zeros((0, 3), np.int64), np.zeros((0, COLUMNS))
+    given = pool_for(0, 0), camera_frame(settings), kernel_options(settings, scene), Batch(0, 0, 0, 0), Output(sums, bad, log)
+    return stages(scene.has, Reference(typeof(scene)), *given)
 
 
 def new_scratch(renderer: Renderer, width: int, height: int) -> Any:

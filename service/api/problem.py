@@ -160,7 +160,8 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(Exception)
     async def _fault(request: Request, error: Exception) -> ProblemResponse:
         log.exception("fault in %s %s", request.method, request.url.path, exc_info=error)
-        return response(500, "The service has a fault and wrote it into its log. Try again; if it stays, report it.")
+        sentence = "The service has a fault and wrote it into its log. Try again; if it stays, report it."
+        return response(500, sentence, {"Connection": "close"})  # uvicorn closes it: who is not told has the next request cut off
 
 
 JSON_OBJECT = "the body is not a JSON object; send one, with the header Content-Type: application/json"

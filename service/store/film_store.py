@@ -182,7 +182,7 @@ class FilmFolder:
     def size(self, job: str) -> int:
         """See FilmStore."""
         with film_faults():
-            return sum(path.stat().st_size for suffix in FILES if (path := self._path(job, suffix)).exists())
+            return sum(_bytes_of(self._path(job, suffix)) for suffix in FILES)
 
     def delete(self, job: str) -> None:
         """See FilmStore."""
@@ -243,3 +243,11 @@ class FilmFolder:
     def _remove(self, path: Path) -> None:
         for suffix in FILES:
             path.with_name(path.name + suffix).unlink(missing_ok=True)
+
+
+def _bytes_of(path: Path) -> int:
+    """0 where it is not there, also from one look to the next: a film may be deleted, and is closed, while it is asked about."""
+    try:
+        return path.stat().st_size
+    except FileNotFoundError:
+        return 0

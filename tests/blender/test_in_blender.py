@@ -63,6 +63,18 @@ def blender(folder: Path, url: str, tasks: str) -> Any:
     return json.loads(told[-1])
 
 
+@pytest.mark.parametrize("end", ["pass", "raise SystemExit(3)", "raise ValueError('of a script')"])
+def test_a_script_ends_with_the_add_on_registered(tmp_path: Path, end: str) -> None:
+    """Classes of the add-on's that are left in Blender's module kept its Python from ending."""
+    if python_with_bpy() is None:
+        pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
+    script = tmp_path / "script.py"
+    folder = str(ROOT / "blender")
+    script.write_text(f"import sys; sys.path.insert(0, {folder!r})\nimport bpy, rayfarm_addon\nrayfarm_addon.register()\n{end}\n")
+    done = subprocess.run([str(python_with_bpy()), script], capture_output=True, timeout=120, check=False)
+    assert done.returncode == {"pass": 0, "raise SystemExit(3)": 3}.get(end, 1)
+
+
 @pytest.fixture(scope="module")
 def pictures(own_farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list[str]]]:
     folder = tmp_path_factory.mktemp("pictures")

@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 import redis
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from tests.e2e.conftest import Watched
+from tests.e2e.site import call
 from tests.service.conftest import Service, until
 from worker.protocol.contract import WorkerReport, order_key, worker_key
 from worker.protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
@@ -58,3 +59,23 @@ def test_machines_show_what_they_do_and_are_paused_and_taken_back(many: Service,
         for name in ("alpha", "beta"):
             store.delete(worker_key(name), order_key(name))
     assert watched.errors == []
+
+
+def test_no_picture_stands_under_another_ones_name(page: Page) -> None:
+    """A slot that goes on to another job shows nothing until that one's picture has come."""
+    body = """
+        const { jobs } = await import("/js/news/farm.js");
+        jobs.set(["first", "second"].map((id) => ({ id, name: id, width: 8, height: 8, samples: 9 })));
+        const { element, update } = m.machineCard();
+        document.body.replaceChildren(element);
+        const worker = { name: "a", cpu: "", state: "ready", slots: 1, terms: {} };
+        const seen = [];
+        for (const job of ["first", "first", "second", null, "second"]) {
+            update({ ...worker, current: [job ? { job } : {}] });
+            const image = element.querySelector(".slot-tiles img");
+            seen.push([image.hidden, image.getAttribute("src")?.split("/")[2] ?? null]);
+            image.dispatchEvent(new Event("load"));
+        }
+        return seen;"""
+    of = [[True, "first"], [False, "first"], [True, "second"], [True, None], [True, "second"]]
+    assert call(page, "views/machine", body) == of

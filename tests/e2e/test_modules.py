@@ -103,6 +103,106 @@ def test_a_live_picture_acknowledges_and_comes_back_when_it_is_cut_off(page: Pag
     assert site.acks == [1, 2]
 
 
+def test_an_area_is_measured_as_numpy_does(page: Page) -> None:
+    film = rgbe9995.unpack(rgbe9995.pack(radiances()))
+    words = rgbe9995.pack(radiances()).ravel().tolist()
+    body = """
+        const { Film } = await import("/js/film/film.js");
+        const film = new Film(a.width, a.height, new Uint32Array(a.words));
+        film.samples.fill(1);
+        film.samples[10 * a.width + 12] = 0;
+        return a.rects.map((rect) => m.areaOf(film, rect));"""
+    rects = [{"x": 4, "y": 5, "w": 1, "h": 1}, {"x": 8, "y": 6, "w": 20, "h": 9}, {"x": 60, "y": 40, "w": 99, "h": 99}]
+    there = np.ones((HEIGHT, WIDTH), bool)
+    there[10, 12] = False
+    asked = {"width": WIDTH, "height": HEIGHT, "words": words, "rects": rects}
+    for rect, area in zip(rects, call(page, "film/area", body, asked), strict=True):
+        part = np.s_[rect["y"] : rect["y"] + rect["h"], rect["x"] : rect["x"] + rect["w"]]
+        light = film[part][there[part]].astype(float)
+        luminance = light @ [0.2126, 0.7152, 0.0722]
+        wanted = [*light.mean(0), luminance.mean(), luminance.min(), luminance.max(), luminance.std()]
+        assert area["pixels"] == len(light)
+        np.testing.assert_allclose(
+            [*area["rgb"], *(area[name] for name in ("luminance", "least", "most", "spread"))], wanted, rtol=1e-9
+        )
+    nothing = {"width": WIDTH, "height": HEIGHT, "words": words, "rects": [{"x": 12, "y": 10, "w": 1, "h": 1}]}
+    assert call(page, "film/area", body, nothing)[0]["pixels"] == 0
+
+
+def test_pins_go_through_the_url(page: Page) -> None:
+    body = "return a.map((text) => m.pinsText(m.pinsFrom(text)));"
+    kept = ["3,4", "3,4;10,12,20,5", "0,0,1,1"]
+    assert call(page, "job/pins", body, kept) == kept
+    assert call(page, "job/pins", body, ["3", "3,x", "-1,4", "1,2,3", "1,2,0,5", "1,2,3,-4", "", "1,2;what;5,6"]) == [
+        None
+    ] * 7 + ["1,2;5,6"]
+
+
+def test_a_slow_answer_about_a_pin_is_waited_for(page: Page) -> None:
+    """Tiles come meanwhile: areas are measured at once, and the question is not begun anew with each of them."""
+    body = """
+        const { Store, Disposer } = await import("/js/base/store.js");
+        const { Film } = await import("/js/film/film.js");
+        const film = new Film(8, 8);
+        let tile = () => {};
+        const quiet = () => () => {};
+        const onTile = (listener) => ((tile = listener), () => {});
+        const live = { job: "j", frame: 0, film, onTile, onFill: quiet, onTurn: quiet };
+        const asked = [];
+        window.fetch = (url, { signal }) => new Promise((done) => asked.push({ signal, done }));
+        const pins = m.pinsFrom("1,1;2,2,4,4");
+        const { element } = m.pinsPanel({ view: null, live }, new Store({ pins }), new Disposer(), () => {}, () => {});
+        document.body.replaceChildren(element);
+        const shown = () => [...element.querySelectorAll("dd")].map((cell) => cell.textContent);
+        film.put({ x: 0, y: 0, w: 8, h: 8, spp: 1, words: new Uint32Array(64).fill(a) });
+        tile();
+        await new Promise((done) => setTimeout(done, 1300));
+        const before = [asked.length, asked[0].signal.aborted];
+        asked[0].done(new Response(JSON.stringify({ color: [1, 2, 3], samples: 4 })));
+        await new Promise((done) => setTimeout(done, 1300));
+        return [before, asked.length, shown().map(Number)];"""
+    word = int(rgbe9995.pack(np.full((1, 1, 3), 0.5, np.float32))[0, 0])
+    before, asked, shown = call(page, "job/pins", body, word)
+    assert before == [1, False]
+    assert asked == 2, "the tile that came meanwhile"
+    np.testing.assert_allclose(shown, [1, 2, 3, 1.8596, 0.5, 0.5, 0.5, 0.5], rtol=1e-3)
+
+
+def test_how_long_an_upload_still_takes(page: Page) -> None:
+    """From the last seconds alone: it was fast at first."""
+    body = """
+        const pace = new m.Pace(1_000_000);
+        return a.map(([sent, at]) => { pace.put(sent, at); return pace.now; });"""
+    fast = [[0, 0], [100_000, 500], [400_000, 2000]]
+    slow = [[400_000 + 10_000 * s, 2000 + 1000 * s] for s in range(1, 11)]
+    found = call(page, "shell/upload-pace", body, fast + slow)
+    assert found[:2] == [None, None]
+    assert found[2] == {"speed": 200_000, "left": 3}
+    assert found[-1]["speed"] == pytest.approx(10_000) and found[-1]["left"] == pytest.approx(50)
+    assert call(page, "shell/upload-pace", body, [[0, 0], [5, 100], [5, 9000]])[-1] is None, "it stands still"
+
+
+def test_keys_of_one_letter_can_be_turned_off(page: Page) -> None:
+    body = """
+        const done = [];
+        const shortcut = (keys) => ({ keys, does: keys, run: () => done.push(keys) });
+        const off = m.addShortcuts(["E", "?", "ArrowUp", "Escape"].map(shortcut));
+        for (const act of [true, false, true]) {
+            m.letLettersAct(act);
+            for (const key of ["e", "?", "ArrowUp", "Escape"]) dispatchEvent(new KeyboardEvent("keydown", { key }));
+            done.push(m.lettersAct());
+        }
+        off();
+        return done;"""
+    all_of_them = ["E", "?", "ArrowUp", "Escape", True]
+    assert call(page, "shell/shortcuts", body) == [*all_of_them, "ArrowUp", "Escape", False, *all_of_them]
+
+
+def test_a_time_is_as_short_as_it_can_be(page: Page) -> None:
+    times = call(page, "base/format", "return a.map(m.clock);", [7, 125, 3725, 47 * 3600, 622 * 3600 + 1098])
+    assert times == ["0:07", "2:05", "1:02:05", "47:00:00", "25 d 22 h"]
+
+
 def test_the_size_of_a_scene_is_short_whatever_its_unit(page: Page) -> None:
     extents = call(page, "base/format", "return a.map(m.extent);", [[4, 3, 2.54321], [4e5, 3e5, 12], [0, 0, 0], [2e-5, 0, 1e-7]])
     assert extents == ["4 × 3 × 2.54", "4 × 3 × 0.00012 · 10⁵", "0 × 0 × 0", "2 × 0 × 0.01 · 10⁻⁵"]

@@ -22,7 +22,7 @@ from tests.helpers import Farm
 
 pytestmark = [pytest.mark.browser, pytest.mark.farm]
 
-WIDTH, HEIGHT, SPP = 192, 120, 480  # some seconds, so that the page is there before the end
+WIDTH, HEIGHT, SPP = 192, 120, 160  # a second or two, so that the page is there before the end
 
 
 def drop(page: Page, name: str, content: bytes) -> None:
@@ -140,12 +140,24 @@ def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watche
     expect(alert).to_contain_text("File > Export > glTF 2.0")
     alert.get_by_role("button", name="Dismiss").click()
 
+    # While the service does not answer, and when an upload breaks off, the same files are tried again.
+    page.route("**/api/info", lambda route: route.abort("connectionrefused"))
     drop(page, "broken.glb", b"glTF, but not really")
+    expect(alert).to_contain_text("broken.glb was not taken")
+    expect(alert).to_contain_text("The service does not answer")
+    page.unroute("**/api/info")
+    page.route(
+        "**/api/scenes", lambda route: route.abort("connectionreset") if route.request.method == "POST" else route.continue_()
+    )
+    alert.get_by_role("button", name="Try again").click()
+    expect(alert).to_contain_text("The upload broke off")
+    page.unroute("**/api/scenes")
+    alert.get_by_role("button", name="Try again").click()
     problem = page.get_by_role("alert")
     expect(problem).to_contain_text("broken.glb")
     expect(problem).to_contain_text("This cannot be rendered")
     # The browser itself reports the refused request; nothing else may be on the console.
-    assert [error for error in watched.errors if "422" not in error] == []
+    assert [error for error in watched.errors if "422" not in error and "ERR_CONNECTION_RE" not in error] == []
 
 
 @pytest.mark.long

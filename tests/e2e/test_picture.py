@@ -173,6 +173,19 @@ def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched
         shown_values = [float(text) for text in row.locator("dd").all_inner_texts()]
         np.testing.assert_allclose(shown_values, [*film[y, x], film[y, x] @ [0.2126, 0.7152, 0.0722]], rtol=2e-3, atol=1e-4)
     expect(page).to_have_url(re.compile("pins=3(,|%2C)4(;|%3B)100(,|%2C)64"))
+    # A drag pins an area, which is told by its mean, and by how far that is from the first pin.
+    page.mouse.move(*at(page, 20.5, 30.5))
+    page.mouse.down()
+    page.mouse.move(*at(page, 43.5, 41.5), steps=3)
+    page.mouse.up()
+    row = pins.get_by_role("listitem").filter(has_text="24×12 at 20, 30")
+    expect(row.locator("dd").first).to_have_text(re.compile("[0-9]"))
+    mean = light[30:42, 20:44].mean((0, 1))
+    shown_values = [float(text) for text in row.locator("dd").all_inner_texts()]
+    np.testing.assert_allclose(shown_values, [*mean, mean @ [0.2126, 0.7152, 0.0722]], rtol=2e-3, atol=1e-4)
+    expect(row).to_contain_text(
+        f"{np.log2(luminance[30:42, 20:44].mean() / (film[4, 3] @ [0.2126, 0.7152, 0.0722])):+.1f} EV".replace("-", "−")
+    )
     page.keyboard.press("Shift+V")
     expect(pins).to_be_hidden()
 

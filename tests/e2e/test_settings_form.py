@@ -242,6 +242,22 @@ def test_what_is_changed_is_asked_for(page: Page) -> None:
     settings.View.from_json(asked["view"])
 
 
+def test_a_second_press_before_the_answer_asks_for_nothing(page: Page) -> None:
+    body = """
+        let asked = 0;
+        let answer;
+        const form = m.settingsForm(a.scene, () => (asked++, new Promise((done) => (answer = done))));
+        document.body.replaceChildren(form.element);
+        form.element.requestSubmit();
+        form.element.requestSubmit();
+        const first = asked;
+        answer();
+        await new Promise((done) => setTimeout(done));
+        form.element.requestSubmit();
+        return [first, asked];"""
+    assert call(page, "scene/settings-form", TOLD + body, {"scene": SCENE, "table": described(settings.SETTINGS)}) == [1, 2]
+
+
 def test_what_the_scene_asks_for_can_be_taken_back(page: Page) -> None:
     open_form(page)
     page.get_by_label("Roulette").fill("")

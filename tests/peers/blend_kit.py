@@ -125,8 +125,23 @@ def moving(folder: Path) -> dict[str, object]:
     odd.node_tree.links.new(noise.outputs[0], height.inputs["Height"])
     odd.node_tree.links.new(height.outputs[0], odd.node_tree.nodes["Material Output"].inputs["Displacement"])
     round_block.data.materials.append(odd)
+    strewn = made("strewn")
+    strewn.modifiers.new("points", "NODES").node_group = points_on_faces()
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "moving.blend"))
     return {str(frame): told(frame) for frame in FRAMES}
+
+
+def points_on_faces():
+    """Geometry nodes that leave points, and no surface."""
+    tree = bpy.data.node_groups.new("points", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    given, strewn, shown = (
+        tree.nodes.new(kind) for kind in ("NodeGroupInput", "GeometryNodeDistributePointsOnFaces", "NodeGroupOutput")
+    )
+    tree.links.new(given.outputs[0], strewn.inputs[0])
+    tree.links.new(strewn.outputs[0], shown.inputs[0])
+    return tree
 
 
 def bent():

@@ -134,6 +134,7 @@ def test_what_is_not_taken_over_is_named(shot: Shot) -> None:
     said = " ".join(found.warnings)
     assert "Material odd: its displacement is not taken over" in said
     assert "Noise" not in said
+    assert "Point clouds that are instanced or made by geometry nodes are not taken over: strewn" in said
 
 
 def test_what_nodes_make_is_baked(shot: Shot) -> None:

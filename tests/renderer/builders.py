@@ -73,7 +73,15 @@ def as_rendered(made: CompiledScene) -> CompiledScene:
 
 def still(bvh: Bvh) -> Bvh:
     """As `as_rendered`, of a tree alone."""
-    return bvh._replace(motion=None, instance_motion=None, keyed=None)
+    return kept(bvh)._replace(motion=None, instance_motion=None, keyed=None)
+
+
+def kept(bvh: Bvh) -> Bvh:
+    """With its first arrays as `build` gives them, which nobody may write into, also where a test has put the tree together."""
+    views = {name: getattr(bvh, name).view() for name in Bvh._fields[:4]}
+    for view in views.values():
+        view.flags.writeable = False
+    return bvh._replace(**views)
 
 
 def settings(

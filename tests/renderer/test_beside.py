@@ -1,9 +1,16 @@
-"""What a second process compiles is what the first one asks for."""
+"""What several processes compile of a kernel is what the kernel asks for, and each compiles what no other does."""
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import threading
+import time
+from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 from numba import njit, typeof
 from numba.core import ir, types
@@ -13,9 +20,11 @@ from renderer import beside
 from renderer.absent import Compiler
 from renderer.arrays.edition import only
 from renderer.arrays.scene import example
+from renderer.beside import Helpers
 from renderer.kernel import accumulate
+from renderer.kernel.pool.scatter import scatter
 from renderer.reference import Reference
-from renderer.render import _PICTURE, PLAIN, _render, warm_up
+from renderer.render import _PICTURE, FULL, PLAIN, _render, warm_up
 from renderer.settings import Tile
 from renderer.typed_before import TypeOnce
 
@@ -57,35 +66,125 @@ def calls_of(function: Any, arguments: tuple[types.Type, ...]) -> frozenset[tupl
     return TellCalls.calls
 
 
-def test_what_is_compiled_beside_is_a_part_of_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
-    warm_up(edition=PLAIN)  # else all that is called would be compiled here
+@pytest.mark.parametrize("edition", [PLAIN, pytest.param(FULL, marks=pytest.mark.long)])
+def test_what_is_shared_out_are_parts_of_the_kernel(monkeypatch: pytest.MonkeyPatch, edition: str) -> None:
+    warm_up(edition=edition)  # else all that is called would be compiled here
     asked: list[tuple[types.Type, ...]] = []
-    made = set()
-
-    class Stage:
-        def __init__(self, name: str) -> None:
-            self.name = name
-
-        def compile(self, arguments: tuple[types.Type, ...]) -> None:
-            made.add((self.name, str(arguments)))
 
     def asking(*arguments: Any) -> tuple[int, int]:
         asked.append(tuple(typeof(argument) for argument in arguments))
         return 0, 0
 
     monkeypatch.setattr(accumulate, "_render_pool", asking)
-    for name in ("scatter", "choose_lamps"):
-        monkeypatch.setattr(accumulate, name, Stage(name))
-    monkeypatch.setattr(beside, "prepare", lambda: None)
-    _render(only(example(), PLAIN), _PICTURE, Tile(0, 0, 0, 0), 0, 0)
-    beside.main([PLAIN])
+    _render(only(example(), edition), _PICTURE, Tile(0, 0, 0, 0), 0, 0)
     (arguments,) = asked
-    assert len(made) == 2
-    assert made <= calls_of(accumulate._with_pool, (Reference(arguments[0]), *arguments[1:]))
+    parts = accumulate.parts_of_pictures(only(example(), edition), _PICTURE)
+    called = calls_of(accumulate._with_pool, (Reference(arguments[0]), *arguments[1:]))
+    for part, types_of_it in parts:
+        if part.__name__ == "arrive":
+            called |= calls_of(scatter, types_of_it)  # both are called with the same
+    assert {(part.__name__, str(types_of_it)) for part, types_of_it in parts} <= called
+    assert len(parts) > 8
 
 
-def test_no_edition_is_what_prepares_scenes_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    done: list[str] = []
-    monkeypatch.setattr(beside, "prepare", lambda: done.append("prepared"))
-    beside.main([])
-    assert done == ["prepared"]
+class Part:
+    """Something to compile, which writes down who did it."""
+
+    def __init__(self, folder: Path, number: int) -> None:
+        self.path = folder / str(number)
+
+    def compile(self, arguments: Any) -> None:
+        time.sleep(0.02)  # the others have their turn
+        with self.path.open("a") as file:
+            file.write(f"{os.getpid()}\n")
+
+
+class Deadly(Part):
+    """Ends whoever compiles it, unless that is the test."""
+
+    def compile(self, arguments: Any) -> None:
+        if os.getppid() == arguments[0]:
+            os.kill(os.getpid(), signal.SIGKILL)
+        super().compile(arguments)
+
+
+@pytest.fixture
+def parts(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, tuple[int]]]:
+    """What is shared out with one helper, which may be forked. Nothing else is compiled."""
+    found: list[tuple[Any, tuple[int]]] = []
+    monkeypatch.setattr(beside, "parts_of_pictures", lambda *_: found)
+    monkeypatch.setattr(beside, "_helpers", lambda: 1)
+    monkeypatch.setattr(beside, "is_prepared", lambda: True)
+    monkeypatch.setattr(threading, "active_count", lambda: 1)
+    return found
+
+
+def test_each_part_is_compiled_by_one_process(parts: list[tuple[Any, tuple[int]]], tmp_path: Path) -> None:
+    parts += [(Part(tmp_path, number), (os.getpid(),)) for number in range(20)]
+    with Helpers(PLAIN) as helpers:
+        helpers.share()
+        done = [(tmp_path / str(number)).read_text().split() for number in range(20)]
+        helpers.finish()
+    assert all(len(by) == 1 for by in done)
+    assert len({by[0] for by in done}) == 2
+
+
+def test_a_helper_that_is_killed_is_not_waited_for(parts: list[tuple[Any, tuple[int]]], tmp_path: Path) -> None:
+    parts += [(Deadly(tmp_path, number), (os.getpid(),)) for number in range(20)]
+    with Helpers(PLAIN) as helpers:
+        helpers.share()
+        helpers.finish()
+    missing = [number for number in range(20) if not (tmp_path / str(number)).exists()]
+    assert len(missing) <= 1, "what it was at is compiled with the kernel, the rest by who is left"
+
+
+def test_helpers_end_where_nothing_is_shared_and_where_compiling_fails(
+    parts: list[tuple[Any, tuple[int]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(beside, "prepare", lambda: (tmp_path / "prepared").touch())
+    monkeypatch.setattr(beside, "is_prepared", lambda: False)
+    with Helpers(PLAIN) as helpers:
+        (child,) = helpers._forked
+        helpers.finish()
+    assert not psutil.pid_exists(child)
+    assert not (tmp_path / "prepared").exists()
+    with pytest.raises(ZeroDivisionError), Helpers(PLAIN) as helpers:
+        (child,) = helpers._forked
+        _ = 1 / 0
+    assert not psutil.pid_exists(child)
+
+
+def test_beside_other_threads_a_helper_is_started_anew(
+    parts: list[tuple[Any, tuple[int]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[list[str]] = []
+    popen = subprocess.Popen
+
+    def start(command: list[str], **options: Any) -> subprocess.Popen[bytes]:
+        started.append(command)
+        return popen(["true"], **options)
+
+    monkeypatch.setattr(threading, "active_count", lambda: 2)
+    monkeypatch.setattr(subprocess, "Popen", start)
+    parts += [(Part(tmp_path, 0), ())]
+    with Helpers(PLAIN) as helpers:
+        assert started == [], "nobody knows yet whether there is anything to do"
+        helpers.share()
+    assert [command[1:4] for command in started] == [["-m", "renderer.beside", PLAIN]]
+    assert (tmp_path / "0").exists()
+
+
+def test_there_are_as_many_helpers_as_cores_and_memory_allow(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(beside, "cores", lambda: 16)
+    monkeypatch.setattr(beside, "_free", lambda: 64 << 30)
+    assert beside._helpers() == beside.MOST
+    monkeypatch.setattr(beside, "_free", lambda: beside.NEEDS)
+    assert beside._helpers() == 1
+    monkeypatch.setattr(beside, "_free", lambda: beside.NEEDS - 1)
+    assert beside._helpers() == 0
+    monkeypatch.setattr(beside, "_free", lambda: 64 << 30)
+    monkeypatch.setattr(beside, "cores", lambda: 1)
+    assert beside._helpers() == 0
+    with Helpers(PLAIN) as helpers:
+        helpers.share()  # who is alone compiles all of it with the kernel
+        helpers.finish()

@@ -13,7 +13,7 @@ import { here, linkTo, onNavigate } from "./shell/router.js";
 import { followScroll, scrollToPlace } from "./shell/scroll-memory.js";
 import { buildShell } from "./shell/shell.js";
 import { addShortcuts } from "./shell/shortcuts.js";
-import { clearPageErrors, showError } from "./shell/tray.js";
+import { clearPageErrors, showError, undoLast } from "./shell/tray.js";
 import { acceptDrops } from "./shell/uploads.js";
 import { accountView } from "./views/account.js";
 import { compareView } from "./views/compare.js";
@@ -71,7 +71,10 @@ function start() {
     if (!first) main.focus({ preventScroll: true });
   });
 
-  addShortcuts([{ keys: "?", does: t("This help"), run: showHelp }]);
+  addShortcuts([
+    { keys: "?", does: t("This help"), run: showHelp },
+    { keys: "Z", does: t("Undo the last deletion or change"), run: undoLast },
+  ]);
   acceptDrops();
   followFarm();
   followTallies();

@@ -5,18 +5,27 @@ from __future__ import annotations
 import logging
 
 from renderer import jit
+from renderer.beside import Helpers
 from renderer.render import PLAIN, kernel_name, warm_up
 from renderer.settings import RenderSettings
 from worker.exchange.kernels import fetch_kernel, hand_in_beside
 from worker.exchange.link import Link
 
-__all__ = ["get_ready"]
+__all__ = ["fetched_or_compiled", "get_ready"]
 
 _log = logging.getLogger("worker")
 
 
-def get_ready(link: Link, settings: RenderSettings | None = None, edition: str = PLAIN) -> None:
+def get_ready(link: Link, settings: RenderSettings | None = None, edition: str = PLAIN, helpers: Helpers | None = None) -> None:
     """As `warm_up`, with the farm's help."""
+    if not fetched_or_compiled(link, settings, edition, helpers):
+        hand_in_beside(link, jit.cache_folder(), kernel_name(settings, edition))
+
+
+def fetched_or_compiled(
+    link: Link, settings: RenderSettings | None = None, edition: str = PLAIN, helpers: Helpers | None = None
+) -> bool:
+    """As `get_ready`, but for handing in; whether the kernel was fetched, so that the farm has it."""
     folder = jit.cache_folder()
     farm_has_it = False
 
@@ -25,8 +34,6 @@ def get_ready(link: Link, settings: RenderSettings | None = None, edition: str =
         farm_has_it, sentence = fetch_kernel(link, folder, kernel)
         _log.info(sentence)
 
-    took = warm_up(settings, edition, fetch)
-    kernel = kernel_name(settings, edition)
-    _log.info("kernel %s ready after %.1f s", kernel, took)
-    if not farm_has_it:
-        hand_in_beside(link, folder, kernel)
+    took = warm_up(settings, edition, fetch, helpers)
+    _log.info("kernel %s ready after %.1f s", kernel_name(settings, edition), took)
+    return farm_has_it

@@ -61,6 +61,11 @@ class Keeping:
         """How many it may use."""
         return min(self.terms.slots or self.slots, self.slots)
 
+    def may_work_ahead(self) -> bool:
+        """Whether it may do what nobody has asked for yet: not where it shall spare the machine."""
+        own = self.own
+        return not (own.hours or own.idle_minutes or own.memory or own.nice)
+
     def ask(self, data: bytes | None) -> None:
         """What the service asks for; None: nothing. What makes no sense is left out."""
         try:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+
 import bpy
 
 from . import connection, panels, settings
@@ -41,10 +43,12 @@ def register() -> None:
     settings.register()
     for panel in _panels():
         panel.COMPAT_ENGINES.add(RayfarmEngine.bl_idname)
+    atexit.register(unregister)  # a Python that ends with Blender's module and classes of ours still in it never ends
 
 
 def unregister() -> None:
     """None of it."""
+    atexit.unregister(unregister)
     connection.close()
     for panel in _panels():
         panel.COMPAT_ENGINES.discard(RayfarmEngine.bl_idname)

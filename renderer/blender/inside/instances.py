@@ -9,6 +9,13 @@ __all__ = ["VISIBLE", "instances_as_objects"]
 MOST_INSTANCES = 200_000
 MOST_PLACES = 2_000_000  # of all instances over all frames
 KINDS = ("MESH", "CURVE", "SURFACE", "FONT", "META")
+LEFT_OUT = {
+    "POINTCLOUD": "Point clouds",
+    "VOLUME": "Volumes",
+    "CURVES": "Hair curves",
+    "GPENCIL": "Grease pencil drawings",
+    "GREASEPENCIL": "Grease pencil drawings",
+}
 VISIBLE = tuple(f"visible_{kind}" for kind in ("camera", "shadow", "diffuse", "glossy", "transmission"))
 NEAR = 1e-6
 SHEARED = 1e-5
@@ -27,6 +34,7 @@ class _Shown(NamedTuple):
 def instances_as_objects(bpy: Any, scene: Any, shown: set[str], frames: list[int], notes: list[str]) -> None:
     """Makes them of the present frame, and has them move as at the others. shown: names of objects, to which theirs come."""
     found = _found(bpy, shown)
+    _note_left_out(bpy, shown, notes)
     moves = _over_frames(bpy, scene, shown, frames, found, notes)
     for each in found:
         thing = bpy.data.objects.new(f"{each.parent.name} instance", each.mesh)
@@ -67,6 +75,19 @@ def _counts(instance: Any, shown: set[str]) -> bool:
     if not instance.is_instance or instance.parent is None or instance.parent.original.name not in shown:
         return False
     return instance.object.type in KINDS and instance.object.data is not None
+
+
+def _note_left_out(bpy: Any, shown: set[str], notes: list[str]) -> None:
+    """What is instanced, or made by geometry nodes, and is no surface."""
+    names: dict[str, dict[str, None]] = {}
+    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+        if instance.object.type in LEFT_OUT and instance.is_instance and instance.parent is not None:
+            owner = instance.parent.original.name
+            if owner in shown:
+                names.setdefault(LEFT_OUT[instance.object.type], {})[owner] = None
+    for words, owners in names.items():
+        listed = ", ".join(list(owners)[:5])
+        notes.append(f"{words} that are instanced or made by geometry nodes are not taken over: {listed}")
 
 
 def _key(instance: Any) -> Any:

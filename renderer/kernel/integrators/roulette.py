@@ -3,8 +3,8 @@ Synthesis", 1990). Of one path, or of eight.
 
 What a path carries is held against what its first vertex passed on, since that is by which its pixel is bright or dark: a green
 wall's paths are no less worth to the wall's own pixels than a white wall's to its own. It goes on for certain as long as it
-carries five sixths of that: most of its way, and of what it costs, lies behind it, so that ending it sooner saves little and adds
-much noise.
+carries five sevenths of that: most of its way, and of what it costs, lies behind it, so that ending it sooner saves little and
+adds much noise.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["survival", "worth_after"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-_GENEROUS = np.float32(1.2)
+_GENEROUS = np.float32(1.4)
 _SHORT = np.float32(3.0)  # segments that every path may have: what is dark there may still see what is bright
 _LONG = np.float32(8.0)  # segments from which on nothing goes on for certain, that paths in white rooms end
 _MOST_OF_LONG = np.float32(MAX_FLOOR)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from renderer.jit import device, out_of_line, subroutine, template
@@ -49,7 +51,7 @@ from renderer.kernel.surface.departure import departure, leaves
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
 from renderer.wide.values import as_ints, nil, to_int, where
 
-__all__ = ["scatter", "stream_of"]
+__all__ = ["kinds_of_scattering", "scatter", "stream_of"]
 
 _DIFFUSE, _SPECULAR, _METALLIC_ROUGHNESS, _CONDUCTOR, _RARE = (
     np.uintp(which) for which in (DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE)
@@ -200,3 +202,9 @@ def scatter(scene, pool, lists, options, lit):
         _scatter_metallic_roughness(scene, pool, lists, options, lit)
     if length(lists, _CONDUCTOR) > 0:
         _scatter_conductor(scene, pool, lists, options, lit)
+
+
+def kinds_of_scattering(has: Any) -> list[Any]:
+    """What `scatter` calls, with its own arguments, for scenes that have that: what takes longest to compile first."""
+    rare = [_scatter_rare] if has.layers is not None else []
+    return [*rare, _scatter_metallic_roughness, _scatter_conductor, _scatter_specular, _scatter_diffuse]

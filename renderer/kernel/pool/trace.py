@@ -6,6 +6,7 @@ import threading
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import typeof, types
 
 from renderer.bvh.traverse import new_stack
 from renderer.jit import template
@@ -17,11 +18,13 @@ from renderer.kernel.pool.lists import ACTIVE, DONE, LIST_SIZE, LISTS, append, c
 from renderer.kernel.pool.meet import meet, see_lights
 from renderer.kernel.pool.protocol import first_row, record_arrival, record_departure
 from renderer.kernel.pool.rows import CARRIED, ROW, ROWS, line_floats
-from renderer.kernel.pool.scatter import scatter
+from renderer.kernel.pool.scatter import kinds_of_scattering, scatter
 from renderer.kernel.pool.surfaces import arrive, miss
 from renderer.kernel.pool.ways import new_ways, three
 
-__all__ = ["Pool", "pool_for", "render_with_pool"]
+__all__ = ["Part", "Pool", "pool_for", "render_with_pool", "stages"]
+
+Part = tuple[Any, tuple[types.Type, ...]]  # a subroutine, and the types that it is called with
 
 _ZERO = np.float32(0.0)
 
@@ -87,3 +90,25 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         bad_count = keep(paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count)
     unfold(pool.film, output.sums)
     return bad_count, rays
+
+
+def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, batch: Any, output: Any) -> list[Part]:
+    """What `render_with_pool` calls, and can be compiled before it and in any order: what takes longest first.
+
+    has: of the scene; scene: the type of a reference to it.
+    """
+    alone, stack, paths, lists, film = map(typeof, pool)
+    view, asked, wanted, lit = typeof(camera), typeof(options), typeof(batch), types.boolean
+    following = typeof(Next(np.int64(0), np.int64(0), np.int64(0)))
+    bad, scale, number = typeof(output.bad), typeof(options.scale), types.int64
+    scattering = [(each, (scene, paths, lists, asked, lit)) for each in kinds_of_scattering(has)]
+    return [
+        (arrive, (scene, paths, lists, asked, lit)),
+        (meet, (scene, alone, stack, paths, lists)),
+        *scattering,
+        (miss, (scene, paths, lists, asked, lit)),
+        (see_lights, (scene, alone, stack, paths, lists, asked)),
+        (choose_lamps, (scene, paths, lists, asked)),
+        (begin, (paths, lists, following, number, number, view, asked, wanted, typeof(has.motion))),
+        (keep, (paths, lists, film, scale, number, wanted, bad, number)),
+    ]

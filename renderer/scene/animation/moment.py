@@ -19,8 +19,8 @@ class Moment:
     """Frame n shows the time n / fps; a still is frame 0. Frames are counted in halves, for slow motion.
 
     fps: None for the file's own, else DEFAULT_FPS. clip: of the file's animations, by name or number from 0, or ALL_CLIPS
-    together; None for the first. offset: by so many frames its time is another, within the frame's shutter; numbered files are
-    the frame's own.
+    together; None for the first, which is all of them where no two of a glTF file move the same.
+    offset: by so many frames its time is another, within the frame's shutter; numbered files are the frame's own.
     """
 
     frame: float = 0.0

@@ -11,6 +11,7 @@ from renderer.errors import RayfarmError, SceneError
 from renderer.formats import FORMATS, Format
 from renderer.scene.animation import Moment
 from renderer.scene.animation.clips import others_of
+from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 
@@ -60,8 +61,9 @@ def read_file(
         raise SceneError(
             f"{name}: could not be read as {suffix}; it may be damaged, export it again ({_reason(error)})"
         ) from error
-    if moment.clip is None and description.clips is not before and len(description.clips) > 1:
-        description.warnings.append(others_of(name, description.clips))
+    clips = description.clips
+    if moment.clip is None and clips is not before and len(clips) > 1 and clips[0].name != ALL_CLIPS:
+        description.warnings.append(others_of(name, clips))
 
 
 def _reason(error: Exception) -> str:

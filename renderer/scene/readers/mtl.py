@@ -18,6 +18,7 @@ from renderer.scene.textures import TextureShelf
 
 __all__ = ["read_mtl"]
 
+_AMBIENT = ("map_ka", "map_ao", "map_aat")
 _GLASS_MODELS = (4, 6, 7, 9)
 _MATTE_MODELS = (0, 1)
 _BY_TABLE = {p.mtl.lower(): p for p in PARAMETERS if p.mtl}
@@ -45,6 +46,7 @@ class _Statements:
     def __init__(self, name: str, file: str, shelf: TextureShelf) -> None:
         self.name, self.file, self.shelf = name, file, shelf
         self.values: dict[str, str] = {}
+        self._asked: set[str] = set()
 
     def numbers(self, keyword: str) -> list[float]:
         """The finite numbers of a statement; none, with a warning, where there are others or none is one."""
@@ -72,12 +74,18 @@ class _Statements:
 
     def map(self, *keywords: str) -> Map | None:
         """The first of the map statements that names a file."""
+        self._asked |= {*keywords}
         maps = (parse_map(self.values.get(k, "")) for k in keywords)
         return next((m for m in maps if m is not None), None)
 
     def texture(self, *keywords: str, srgb: bool = False) -> int | None:
         found = self.map(*keywords)
         return found.find(self.shelf, self.file, f"Material {self.name}", srgb) if found else None
+
+    def unread(self) -> list[str]:
+        """The map statements that were not asked for; those of ambient light mean nothing here."""
+        maps = (k for k in self.values if (k.startswith("map_") and k not in _AMBIENT) or k in ("disp", "refl"))
+        return [keyword for keyword in maps if keyword not in self._asked]
 
 
 def _material(said: _Statements) -> Material:
@@ -101,6 +109,8 @@ def _material(said: _Statements) -> Material:
         _physical(said, material, roughness, specular)
     if material.kind not in ("glass", "mirror"):
         _opacity(said, material)
+    if left := said.unread():
+        said.shelf.warn_of_surface(f"Material {said.name}: not read and left out: the textures of {', '.join(left)}.")
     return material
 
 
@@ -143,6 +153,11 @@ def _physical(said: _Statements, material: Material, roughness: float, specular:
         material.metallic = 1.0
     if "ks" in said.values and material.metallic == 0:
         material.specular = unit(2 * max(specular))  # 0.5 is what exporters write for the 4 % that plastics reflect
+    tint = said.texture("map_ks", srgb=True)
+    if material.metallic == 1 and material.base_color_texture is None and "pm" not in said.values:
+        material.base_color_texture = tint  # of a metal by Phong, whose colour is that of its highlights
+    else:
+        material.specular_color_texture = tint
     material.anisotropy_rotation = math.remainder(2 * math.pi * said.number("anisor", 0.0), 2 * math.pi)
     sheen = unit(said.number("ps", 0.0))
     if sheen > 0:

@@ -11,7 +11,16 @@ from renderer.image.tonemap import decode_srgb, encode_srgb
 from renderer.scene.description import Image, TextureLayer, UvTransform, Vec3, Wrap
 from renderer.scene.textures import UNMOVED, TextureShelf
 
-__all__ = ["Map", "holds_normals", "parse_map", "with_decal", "with_opacity", "with_roughness_and_metal"]
+__all__ = [
+    "Map",
+    "as_alpha",
+    "holds_normals",
+    "inverted",
+    "parse_map",
+    "with_decal",
+    "with_opacity",
+    "with_roughness_and_metal",
+]
 
 # How many words follow each option of a map statement; the file's name, spaces and all, is the rest of the line.
 _OPTIONS = {
@@ -138,6 +147,27 @@ def with_roughness_and_metal(shelf: TextureShelf, roughness: int | None, metal: 
 
     one, other = (metal if roughness is None else roughness), (roughness if metal is None else metal)
     return shelf.combined(one, other, f"roughness {roughness is not None} metal {metal is not None}", make)
+
+
+def as_alpha(shelf: TextureShelf, texture: int | None) -> int | None:
+    """A white texture whose alpha is what another shows: its own alpha where it has some, else its grey."""
+
+    def make(image: Image) -> Image:
+        grey = _scalar(image)
+        return Image(f"{image.name} as alpha", np.dstack([np.full((*grey.shape, 3), 255, np.uint8), grey]), srgb=False)
+
+    return shelf.derived(texture, "as alpha", make)
+
+
+def inverted(shelf: TextureShelf, texture: int | None) -> int | None:
+    """A texture of data with 1 less what another shows: roughness of gloss."""
+
+    def make(image: Image) -> Image:
+        pixels = _rgba8(image).copy()
+        pixels[..., :3] = 255 - pixels[..., :3]
+        return Image(f"{image.name} inverted", pixels, srgb=False)
+
+    return shelf.derived(texture, "inverted", make)
 
 
 def _spanned(image: Image, span: tuple[float, float]) -> Image:

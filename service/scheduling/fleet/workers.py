@@ -30,7 +30,8 @@ LOOK_EVERY_S = 1.0
 LATE_S = 2.5 * HEARTBEAT_EVERY_S
 AWAY_S = 30.0  # that a worker is waited for, if it lives: a host without power leaves its connection behind
 ORDER_TTL_S = 7 * 86400  # a worker of that name may come back; some day nobody remembers why it was paused
-LOOK_WHILE_IDLE_S = 0.2  # while nobody is ready: the first work should not wait for the next look
+LOOK_SOON_S = 0.2  # while nobody is ready, or somebody starts: the first work should not wait for the next look
+FEW = 100  # workers: to look at so many takes a hundredth of that
 LOG_PATIENCE_S = 3.0
 MAX_LINES, MAX_LINE = 500, 2000
 
@@ -114,6 +115,12 @@ class Roster:
         """The kind of the workers that can denoise, with most slots; None where none is ready."""
         return self._kind_of([report for report in self.ready() if report.denoises])
 
+    def is_about_to_change(self) -> bool:
+        """Whether nobody is ready, or one of few workers starts: it takes tasks from the moment when it is seen as ready."""
+        if not self.ready():
+            return True
+        return len(self.reports) <= FEW and any(report.state == "starting" for report in self.reports.values())
+
     def _kind_of(self, reports: list[WorkerReport]) -> str | None:
         slots: dict[str, int] = {}
         for report in reports:
@@ -140,7 +147,7 @@ class Workers:
     def look(self, now: bool = False) -> None:
         """Renew the roster where it is older than a second, or in any case. Raises redis.RedisError."""
         age = time.monotonic() - self._looked
-        if not now and age < (LOOK_EVERY_S if self.roster.ready() else LOOK_WHILE_IDLE_S):
+        if not now and age < (LOOK_SOON_S if self.roster.is_about_to_change() else LOOK_EVERY_S):
             return
         self._looked = time.monotonic()
         keys = sorted(self._redis.scan_iter(WORKER_KEYS, count=1000))

@@ -37,7 +37,7 @@ def cold_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
 
     farm = start_farm(folder / "compiled", 1, RAYFARM_CACHE=str(cache))
     try:
-        _until_handed_in(farm)
+        _until_handed_in(farm, cache)
         yield _line(
             "a worker joins a farm that has compiled", [_join(farm, folder / f"joining-{i}") for i in range(sizes.rounds)]
         )
@@ -49,10 +49,15 @@ def _line(name: str, seconds: list[float]) -> Line:
     return Line("cold", name, statistics.median(seconds), (min(seconds), max(seconds)), "s", tuple(seconds))
 
 
-def _until_handed_in(farm: Farm) -> None:
-    """The farm's first worker gives its kernels to the service beside its work."""
+def _until_handed_in(farm: Farm, cache: Path) -> None:
+    """The farm's first worker gives its kernels to the service beside its work, and compiles the next."""
+
+    def is_at_rest() -> bool:
+        handed_in = any(is_name(path.name) for path in (farm.data / "kernels").glob("*"))
+        return handed_in and any(cache.glob("kernels/*/render_pool-full.done"))
+
     deadline = time.monotonic() + _PATIENCE_S
-    while not any(is_name(path.name) for path in (farm.data / "kernels").glob("*")):
+    while not is_at_rest():
         if time.monotonic() > deadline:
             raise RuntimeError(f"no kernels were handed in to the farm\n{farm.logs()}")
         time.sleep(0.1)

@@ -76,6 +76,12 @@ def test_a_trimesh_is_a_scene() -> None:
     assert image["object"][12, 16] == 1
 
 
+def test_a_cloud_of_points_is_shown_as_balls() -> None:
+    with pytest.warns(rayfarm.SceneWarning, match="points are shown as balls"):
+        image = rayfarm.render(trimesh.PointCloud(np.eye(3)), spp=1, environment="even-white", **SMALL)
+    assert (image["object"] > 0).any()
+
+
 @pytest.mark.parametrize(
     ("scene", "settings", "kind", "sentence"),
     [
@@ -91,6 +97,7 @@ def test_a_trimesh_is_a_scene() -> None:
         ({"shapes": [{"type": "mesh", "file": "nowhere.obj"}]}, {}, SceneError, r"scene.shapes\[0\]: there is no file"),
         ({"textures": {"a": {"pixels": np.zeros(3)}}}, {}, SceneError, "scene.textures.a: pixels are"),
         ({"shapes": [{"type": "sphere", "radius": object()}]}, {}, SceneError, r"scene.shapes\[0\].radius is object"),
+        ({"type": "scene", "ball": {"type": "sphere"}}, {}, SceneError, "one of Mitsuba's"),
         ({"shapes": [{"type": "spher"}]}, {}, SceneError, "spher"),
     ],
 )

@@ -13,6 +13,7 @@ from renderer.bvh.traverse import any_hit, camera_root, closest_hit, new_stack, 
 from renderer.bvh.without import leave_out
 from renderer.jit import entry
 from renderer.threads import Team
+from tests.renderer.builders import kept
 
 
 @entry
@@ -27,7 +28,7 @@ def _trace(bvh, stack, o, d, time, met, blocked):
 def trace(bvh: Bvh, rays: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """What all rays meet, and the camera's; whether shadow rays are blocked."""
     met, blocked = np.empty((len(rays[0]), 2), np.int32), np.empty(len(rays[0]), np.bool_)
-    _trace(bvh, new_stack(), *rays, met, blocked)
+    _trace(kept(bvh), new_stack(), *rays, met, blocked)
     return met, blocked
 
 

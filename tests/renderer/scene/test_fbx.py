@@ -201,6 +201,35 @@ def test_a_texture_beside_the_file_and_one_that_is_missing(scene, png):
     assert not any("wood" in w for w in found.warnings)
 
 
+def test_textures_of_phongs_highlights_are_read_and_others_are_named(scene, png):
+    objects = material(30, "p", SpecularFactor=0.5, ReflectionFactor=0.2) + texture(40, "a.png") + texture(41, "b.png")
+    links = [(30, 20), (40, 30, "SpecularColor"), (41, 30, "ReflectionFactor")]
+    found = scene("a.fbx", fbx(objects, links), {"a.png": png(255, 0, 0), "b.png": png(0, 255, 0)})
+    shown = found.materials[0]
+    assert shown.specular_color == (0.5, 0.5, 0.5)
+    assert found.images[found.textures[shown.specular_color_texture].image].pixels[0, 0].tolist() == [255, 0, 0, 255]
+    assert [w for w in found.warnings if "not read" in w] == [
+        "Material p: not read and left out: the texture of ReflectionFactor."
+    ]
+
+
+def test_textures_of_a_physical_materials_gloss_and_coat(scene, png):
+    values = {"3dsMax|ClassIDa": 0x3D6B1CEC, "3dsMax|ClassIDb": 0xDEADC001 - 2**32, "3dsMax|Parameters|roughness_inv": True}
+    objects = material(30, "m", "unknown", **values) + "".join(texture(40 + i, f"{i}.png") for i in range(4))
+    maps = ("roughness_map", "reflectivity_map", "coat_map", "bump_map")
+    links = [(30, 20), *((40 + i, 30, f"3dsMax|Parameters|{name}") for i, name in enumerate(maps))]
+    found = scene("a.fbx", fbx(objects, links), {f"{i}.png": png(64, 64, 64) for i in range(4)})
+    shown = found.materials[0]
+
+    def texel(number):
+        return found.images[found.textures[number].image].pixels[0, 0].tolist()
+
+    assert texel(shown.metallic_roughness_texture)[1] == 191
+    assert texel(shown.specular_texture)[3] == 64
+    assert texel(shown.clearcoat_texture)[0] == 64
+    assert shown.clearcoat == 1
+
+
 def test_a_light_of_other_programs(scene):
     lamps = node(50, "fading", "Light", Lcl_Translation=(0, 300, 0)) + node(51, "even", "Light", Lcl_Translation=(0, 300, 0))
     lamps += light(60, Intensity=200.0, Color=(1.0, 0.5, 0.25), DecayType=2) + light(61, Intensity=100.0, DecayType=0)
@@ -290,6 +319,18 @@ def test_of_several_stacks_the_first_that_moves_is_shown_and_the_others_are_name
     assert still == pytest.approx(2.4)
     assert not any("clip" in w for w in description.warnings)
     assert far("Take 001")[0] == 0
+
+
+def test_all_stacks_at_once(scene):
+    """One for each node, as exporters write them that have a take for each object."""
+    (first, links), (second, more) = stack(100, "walk", 240), stack(110, "turn", 120)
+    more = [(a, 21 if b == 20 else b, *rest) for a, b, *rest in more]
+    text = fbx(node(21, "other") + first + second, [(10, 21), (21, 0), *links, *more])
+    for clip, expected in ((None, [1.2, 0]), ("turn", [0, 0.6]), ("all", [1.2, 0.6])):
+        for _ in range(2):
+            description = scene("a.fbx", text, moment=Moment(12, 24, clip))
+            places = {each.name: each.transform[0, 3] for each in description.instances}
+            assert [places["tri"], places["other"]] == pytest.approx(expected)
 
 
 def _turn(axis, degrees):

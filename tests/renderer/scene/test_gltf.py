@@ -268,3 +268,22 @@ def test_a_missing_texture_is_a_warning_and_the_base_colour_stays(scene):
     assert description.materials[0].base_color_texture is None
     assert description.materials[0].base_color == (0.5, 0.4, 0.3)
     assert any("wood" in w and "gone.png" in w for w in description.warnings)
+
+
+@pytest.mark.parametrize(("by", "slots", "warned"), [((2,), (0,), False), ((3, 1), (1, 0), False), ((0, 2, 3), (0, 1, 0), True)])
+def test_a_material_may_lie_by_any_two_sets_of_uvs(scene, png, by, slots, warned):
+    """As gltf-transform writes palettes, behind the sets that a mesh has already; what occludes does not count."""
+    g = Gltf()
+    sets = {f"TEXCOORD_{k}": np.full((3, 2), k / 10, np.float32) for k in range(5)}
+    g.mesh(material=0, **sets)
+    images = [{"bufferView": g.view(png(9 * k, 0, 0)), "mimeType": "image/png"} for k in by]
+    infos = [{"index": g.texture(image), "texCoord": k} for k, image in zip(by, images, strict=True)]
+    keys = ("baseColorTexture", "metallicRoughnessTexture")
+    more = {"normalTexture": infos[2]} if len(infos) > 2 else {}
+    g.material(pbrMetallicRoughness=dict(zip(keys, infos, strict=False)), occlusionTexture={"index": 0, "texCoord": 4}, **more)
+    found = scene("a.glb", g.glb())
+    assert sorted(texture.uv_set for texture in found.textures) == sorted(slots)
+    read = sorted(by)[:2]
+    assert found.meshes[0].uvs[0, 0] == pytest.approx(read[0] / 10)
+    assert found.meshes[0].uvs1 is None or found.meshes[0].uvs1[0, 0] == pytest.approx(read[1] / 10)
+    assert any("uses UV set 3; only sets 0 and 2 are read" in w for w in found.warnings) == warned

@@ -164,6 +164,23 @@ def test_a_clip_is_chosen_by_its_name_or_number(scene, asked, place, size):
     assert summarise(description, compile_scene(description))["animations"] == ["walk", "jump", "grow"]
 
 
+@pytest.mark.parametrize(
+    ("asked", "places"), [(None, (1, 2)), ("all", (1, 2)), ("0", (1, 2)), ("walk", (1, 0)), ("1", (1, 0)), ("fly", (0, 2))]
+)
+def test_clips_of_which_each_moves_something_else_are_shown_together(scene, asked, places):
+    """Blender's exporter writes one for each object's action."""
+    g = Gltf()
+    g.mesh()
+    g.node(mesh=0)
+    clip(g, "walk", (0, "translation", [0, 1], [(0, 0, 0), (1, 0, 0)], "LINEAR"))
+    clip(g, "fly", (1, "translation", [0.5, 2], [(0, 0, 0), (0, 6, 0)], "LINEAR"))
+    description = scene("two.glb", g.glb(), moment=at(1, asked))
+    found = sorted(instance.transform[:3, 3].sum() for instance in description.instances)
+    np.testing.assert_allclose(found, sorted(places), atol=1e-6)
+    assert description.clips == [Clip("all", 0, 2), Clip("walk", 0, 1), Clip("fly", 0.5, 2)]
+    assert not any("clip" in warning for warning in description.warnings)
+
+
 def test_an_unknown_clip_is_told_which_there_are(scene):
     with pytest.raises(SceneError, match=r"two\.glb: has no clip 'swim'; its clips are 0: walk, 1: jump, 2: grow"):
         scene("two.glb", two_clips().glb(), moment=at(1, "swim"))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pxr import Gf, UsdGeom, Vt
+from pxr import Gf, UsdGeom, UsdRender, UsdShade, Vt
 
 from renderer.errors import SceneError
 from tests.renderer.scene.usd_files import CUBE, SQUARE, TYPES, bind, cube, material, mesh, ours, read, stage, texture, world
@@ -294,3 +294,56 @@ def test_a_mesh_whose_faces_are_of_no_type_is_left_out(tmp_path):
         (tmp_path / "a.usda").write_text(text.format(*odd))
         with pytest.raises(SceneError, match="shows no surface"):
             read(tmp_path / "a.usda")
+
+
+def test_the_render_settings_camera_comes_first_and_cuts_away_what_is_near(tmp_path):
+    made = stage(tmp_path / "a.usda", "Y", 0.01)
+    for name in ("one", "other"):
+        UsdGeom.Camera.Define(made, f"/{name}").CreateClippingRangeAttr(Gf.Vec2f(50, 1000))
+    UsdGeom.Camera(made.GetPrimAtPath("/other")).CreateExposureAttr(2.0)
+    cube(made, "/m")
+    settings = UsdRender.Settings.Define(made, "/Render/settings")
+    settings.CreateCameraRel().SetTargets(["/other"])
+    made.SetMetadata("renderSettingsPrimPath", "/Render/settings")
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    assert [c.name for c in found.cameras] == ["other", "one"]
+    assert found.cameras[0].view.near == pytest.approx(0.5)
+    assert any("exposure of cameras is left out" in w and w.endswith("(1): other.") for w in found.warnings)
+
+
+def test_of_levels_of_detail_the_default_is_drawn(tmp_path):
+    made = stage(tmp_path / "a.usda")
+    top = UsdGeom.Xform.Define(made, "/tree").GetPrim()
+    top.ApplyAPI("LODRootAPI")
+    top.CreateAttribute("lod:default:index", TYPES.Int).Set(1)
+    for name in ("fine", "middle", "coarse"):
+        cube(made, f"/tree/{name}")
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    assert [i.name for i in found.instances] == ["middle"]
+    assert any("levels of detail" in w for w in found.warnings)
+
+
+def test_what_instancers_say_of_each_instance_is_named(tmp_path):
+    made = stage(tmp_path / "a.usda")
+    many = UsdGeom.PointInstancer.Define(made, "/many")
+    cube(made, "/many/box")
+    many.CreatePrototypesRel().SetTargets(["/many/box"])
+    many.CreateProtoIndicesAttr([0, 0])
+    many.CreatePositionsAttr([Gf.Vec3f(0), Gf.Vec3f(3, 0, 0)])
+    colors = UsdGeom.PrimvarsAPI(many).CreatePrimvar("displayColor", TYPES.Color3fArray, "varying")
+    colors.Set([Gf.Vec3f(1, 0, 0), Gf.Vec3f(0, 1, 0)])
+    made.GetRootLayer().Save()
+    assert any("each instance (displayColor)" in w for w in read(tmp_path / "a.usda").warnings)
+
+
+def test_materials_for_previews_alone_are_shown_and_unknown_kinds_named(tmp_path):
+    made = stage(tmp_path / "a.usda")
+    red, _ = material(made, "/red", diffuseColor=(TYPES.Color3f, Gf.Vec3f(1, 0, 0)))
+    UsdShade.MaterialBindingAPI.Apply(cube(made, "/m").GetPrim()).Bind(red, materialPurpose="preview")
+    made.DefinePrim("/lamp", "PxrRectLight")
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    assert found.materials[found.meshes[0].material].base_color == (1, 0, 0)
+    assert any("type PxrRectLight, which USD itself does not know" in w for w in found.warnings)

@@ -64,6 +64,30 @@ def test_frames_count_from_the_stages_start_in_its_own_rate(tmp_path):
         read(tmp_path / "a.usda", Moment(clip="walk"))
 
 
+def test_splines_are_animation(tmp_path):
+    """Keys with curves between them, which are no time samples."""
+    from pxr import Ts
+
+    made = stage(tmp_path / "a.usda")
+    made.SetTimeCodesPerSecond(24)
+    turn = cube(made, "/m").AddRotateYOp()
+    spline = Ts.Spline("float")
+    for time, value in ((1, 0.0), (25, 90.0)):
+        knot = Ts.Knot("float")
+        knot.SetTime(time)
+        knot.SetValue(value)
+        knot.SetNextInterpolation(Ts.InterpLinear)
+        spline.SetKnot(knot)
+    turn.GetAttr().SetSpline(spline)
+    made.GetRootLayer().Save()
+    shot = Shot(tmp_path, "a.usda")
+    first = shot.at(Moment(0))
+    assert (first.moves, [(c.start, c.end) for c in first.clips]) == (True, [(0, 1)])
+    for frame in (0, 6, 12, 24):
+        own = np.array(UsdGeom.Xformable(made.GetPrimAtPath("/m")).ComputeLocalToWorldTransform(1 + frame)).T
+        np.testing.assert_allclose(shot.at(Moment(frame)).instances[0].transform, own, atol=1e-6)
+
+
 def arm(path):
     """A stage with a mesh on a skeleton of two joints that bend, and one with blend shapes, below a moved root."""
     made = stage(path, "Z", 0.01)

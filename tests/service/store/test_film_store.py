@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 from pathlib import Path
 
 import numpy as np
@@ -108,6 +109,24 @@ def test_a_damaged_film_is_set_aside_and_the_job_begins_anew(films: FilmFolder, 
     films.set_aside("job")  # nothing is there: nothing to do
     films.delete("job")
     assert list((tmp_path / "films").iterdir()) == []
+
+
+def test_a_film_may_be_deleted_while_its_size_is_asked_for(
+    films: FilmFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = films._path("gone")
+    path.write_bytes(b"film")
+    look = Path.stat
+
+    def looked(self: Path, **options: bool) -> os.stat_result:
+        found = look(self, **options)
+        if self == path:
+            path.unlink()
+        return found
+
+    monkeypatch.setattr(Path, "stat", looked)
+    assert films.size("gone") == 4
+    assert films.size("gone") == 0
 
 
 def test_the_films_of_deleted_jobs_are_swept(films: FilmFolder, tmp_path: Path) -> None:

@@ -113,8 +113,8 @@ def test_a_denoised_picture_is_read_in_bands(small: Film, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("wish", WISHES, ids=lambda wish: f"{wish.extension}-{'+'.join(wish.planes)}-{wish.width}")
-def test_no_picture_takes_more_memory_than_it_says(film: Film, wish: PictureWish, tmp_path: Path) -> None:
-    picture(film, 0, wish, tmp_path)  # what is imported and remembered at the first time
+def test_no_picture_takes_more_memory_than_it_says(film: Film, small: Film, wish: PictureWish, tmp_path: Path) -> None:
+    picture(small, 0, wish, tmp_path)  # what is imported and remembered at the first time
     tracemalloc.start()
     try:
         picture(film, 0, wish, tmp_path)

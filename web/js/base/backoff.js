@@ -10,7 +10,7 @@ export class Backoff {
     this.timer = undefined;
     /** @type {(() => void) | null} */
     this.waiting = null;
-    addEventListener("online", () => this.now());
+    this.online = () => this.now();
   }
 
   /** @param {() => void} attempt */
@@ -18,15 +18,15 @@ export class Backoff {
     const wait = Math.min(LONGEST_MS, FIRST_MS * 2 ** this.failures) * (0.75 + 0.5 * Math.random());
     this.failures += 1;
     this.waiting = attempt;
+    addEventListener("online", this.online);
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.now(), wait);
   }
 
   /** Tries at once what waits. */
   now() {
-    clearTimeout(this.timer);
     const attempt = this.waiting;
-    this.waiting = null;
+    this.cancel();
     attempt?.();
   }
 
@@ -36,6 +36,7 @@ export class Backoff {
 
   cancel() {
     clearTimeout(this.timer);
+    removeEventListener("online", this.online);
     this.waiting = null;
   }
 }

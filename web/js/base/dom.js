@@ -75,9 +75,14 @@ export function setText(element, text) {
  * @property {(item: T) => void} update
  */
 
+/** @param {Element | null | undefined} element a row of a list */
+export function focusRow(element) {
+  /** @type {HTMLElement | null | undefined} */ (element?.querySelector("a, button"))?.focus({ preventScroll: true });
+}
+
 /**
  * Keeps a container's children in step with a list of items: rows keep their identity, and so focus and running
- * transitions, as items change; they are made, moved and removed only as needed.
+ * transitions, as items change; they are made, moved and removed only as needed. The focus of a row that goes is its successor's.
  *
  * @template T
  * @param {Element} container
@@ -97,12 +102,15 @@ export function keyedList(container, key, create) {
       row.update(item);
       next.set(id, row);
     }
+    const place = [...rows.values()].findIndex(({ element }) => element.contains(document.activeElement));
     for (const [id, row] of rows) if (!next.has(id)) row.element.remove();
+    const lost = place >= 0 && document.activeElement === document.body;
     let at = container.firstElementChild;
     for (const row of next.values()) {
       if (row.element === at) at = at.nextElementSibling;
       else container.insertBefore(row.element, at);
     }
     rows = next;
+    if (lost) focusRow([...next.values()].at(Math.min(place, next.size - 1))?.element);
   };
 }

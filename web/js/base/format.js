@@ -50,7 +50,7 @@ export function bytes(n) {
 }
 
 /**
- * A duration on a clock: "0:07", "2:05", "1:02:05".
+ * A duration on a clock: "0:07", "2:05", "1:02:05"; and from two days on "3 d 4 h".
  *
  * @param {number} seconds
  */
@@ -58,8 +58,10 @@ export function clock(seconds) {
   const s = Math.max(0, Math.round(seconds));
   const two = (/** @type {number} */ n) => String(n).padStart(2, "0");
   const minutes = Math.floor(s / 60);
+  const hours = Math.floor(minutes / 60);
+  if (hours >= 48) return t("{days} d {hours} h", { days: Math.floor(hours / 24), hours: hours % 24 });
   if (minutes < 60) return `${minutes}:${two(s % 60)}`;
-  return `${Math.floor(minutes / 60)}:${two(minutes % 60)}:${two(s % 60)}`;
+  return `${hours}:${two(minutes % 60)}:${two(s % 60)}`;
 }
 
 /**

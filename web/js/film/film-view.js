@@ -15,7 +15,7 @@ import { t } from "../base/words.js";
 
 /**
  * @typedef {object} FilmHandlers
- * @property {(at: {x: number, y: number} | null) => void} cursor the pixel under it changed; null: none is
+ * @property {(at: {x: number, y: number} | null, byKeys: boolean) => void} cursor the pixel under it changed; null: none is
  * @property {() => void} moved the viewport may have changed
  */
 
@@ -139,13 +139,13 @@ export class FilmView {
     this.setCursor(at.x >= 0 && at.y >= 0 && at.x < width && at.y < height ? at : null);
   }
 
-  /** @param {{x: number, y: number} | null} at */
-  setCursor(at) {
+  /** @param {{x: number, y: number} | null} at @param {boolean} [byKeys] */
+  setCursor(at, byKeys = false) {
     const was = this.over.cursor;
     if (was?.x === at?.x && was?.y === at?.y) return;
     this.over.cursor = at;
     this.over.draw();
-    this.handlers.cursor(at);
+    this.handlers.cursor(at, byKeys);
   }
 
   /**
@@ -157,7 +157,7 @@ export class FilmView {
   moveCursor(dx, dy) {
     const { width, height } = this.size;
     const { x, y } = this.over.cursor ?? { x: Math.floor(width / 2) - dx, y: Math.floor(height / 2) - dy };
-    this.setCursor({ x: Math.min(Math.max(x + dx, 0), width - 1), y: Math.min(Math.max(y + dy, 0), height - 1) });
+    this.setCursor({ x: Math.min(Math.max(x + dx, 0), width - 1), y: Math.min(Math.max(y + dy, 0), height - 1) }, true);
   }
 
   fit() {

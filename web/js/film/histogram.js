@@ -1,8 +1,10 @@
 /** How bright a film's pixels are: of each channel and of the luminance, how many pixels lie in each quarter of a stop. */
 
+import { luminanceOf } from "../base/colour.js";
 import { decode } from "./rgb9e5.js";
 
 /** @typedef {import("./film.js").Film} Film */
+/** @typedef {import("./region.js").Rect} Rect */
 
 /** Stops about 1, the brightest that a screen shows. */
 export const LOWEST = -12;
@@ -22,21 +24,23 @@ const MOST_PIXELS = 200_000;
 /**
  * @param {Film} film
  * @param {number} exposure stops
+ * @param {Rect} [part] within the film; all of it where left out
  * @returns {Histogram}
  */
-export function histogramOf(film, exposure) {
+export function histogramOf(film, exposure, { x, y, w, h } = { x: 0, y: 0, w: film.width, h: film.height }) {
   const channels = Array.from({ length: 4 }, () => new Float64Array(BINS));
   const gain = 2 ** exposure;
   // A step that shares no factor with the width, so that no columns are left out.
-  let step = Math.max(1, Math.floor(film.words.length / MOST_PIXELS));
-  while (step > 1 && film.width % step === 0) step++;
+  let step = Math.max(1, Math.floor((w * h) / MOST_PIXELS));
+  while (step > 1 && w % step === 0) step++;
   let [pixels, black, above] = [0, 0, 0];
-  for (let i = 0; i < film.words.length; i += step) {
+  for (let at = 0; at < w * h; at += step) {
+    const i = (y + Math.floor(at / w)) * film.width + x + (at % w);
     if (!film.samples[i]) continue;
     pixels++;
-    const [r, g, b] = decode(film.words[i] ?? 0);
-    const values = [r, g, b, 0.2126 * r + 0.7152 * g + 0.0722 * b];
-    if (Math.max(r, g, b) * gain > 1) above++;
+    const light = decode(film.words[i] ?? 0);
+    const values = [...light, luminanceOf(light)];
+    if (Math.max(...light) * gain > 1) above++;
     values.forEach((value, c) => {
       const bin = Math.floor((Math.log2(value * gain) - LOWEST) * 4);
       const channel = channels[c];

@@ -45,10 +45,10 @@ import { t } from "../base/words.js";
  * @returns {PictureStage}
  */
 export function pictureStage({ width, height }, life, { wiped, changed }) {
-  /** @type {(at: {x: number, y: number} | null) => void} */
+  /** @type {import("./film-view.js").FilmHandlers["cursor"]} */
   let pointed = () => {};
   let moved = () => {};
-  const made = filmView(width, height, { cursor: (at) => pointed(at), moved: () => moved() });
+  const made = filmView(width, height, { cursor: (at, byKeys) => pointed(at, byKeys), moved: () => moved() });
   const view = made instanceof FilmView ? made : null;
   const zoom = zoomControls(() => view);
   const divider = wipeDivider(wiped);
@@ -83,8 +83,8 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
       zoom.show(view.viewport.scale);
       remember();
     };
-    pointed = (at) => {
-      for (const part of parts) part?.readout.point(at && within(part.side.live.film, at, width));
+    pointed = (at, byKeys) => {
+      for (const part of parts) part?.readout.point(at && within(part.side.live.film, at, width), byKeys);
     };
     life.add(() => {
       for (const part of parts) part?.dispose();

@@ -3,6 +3,7 @@
  * frame about the pixel under the cursor, and the outlines of the tiles that workers render at this moment.
  */
 
+import { luminanceOf } from "../base/colour.js";
 import { radiance } from "../base/format.js";
 
 /** @typedef {import("./film.js").Film} Film */
@@ -144,7 +145,7 @@ export class PixelOverlay {
         const film = this.filmAt(cx + shift);
         if (film?.width !== this.size.width) continue; // of another size: its pixels are elsewhere
         const { rgb } = film.at(x, y);
-        const luminance = (0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]) * 2 ** this.exposure;
+        const luminance = luminanceOf(rgb) * 2 ** this.exposure;
         const ink = luminance > 0.18 ? "#000" : "#fff";
         const cy = viewport.y + (y + 0.5) * viewport.scale;
         rgb.forEach((value, i) => this.text(radiance(value), cx, cy + (i - 0.65) * size * 1.35, ink, 0));

@@ -42,7 +42,7 @@ export class PixelReadout {
     );
     this.element = h(
       "div",
-      { class: "readout number", role: "status", "aria-label": t("Pixel under the cursor") },
+      { class: "readout number", role: "status", "aria-live": "off", "aria-label": t("Pixel under the cursor") },
       this.hint,
       this.line,
     );
@@ -67,14 +67,19 @@ export class PixelReadout {
     this.element.setAttribute("aria-label", t("Pixel under the cursor") + (name && `, ${name}`));
   }
 
-  /** @param {{x: number, y: number} | null} at */
-  point(at) {
+  /** @param {{x: number, y: number} | null} at @param {boolean} aloud it was moved by keys, by somebody who may not see it */
+  point(at, aloud) {
     this.at = at;
-    this.refresh();
+    this.refresh(aloud);
   }
 
-  /** The film changed, another channel is shown, or the cursor moved. */
-  refresh() {
+  /**
+   * The film changed, another channel is shown, or the cursor moved.
+   *
+   * @param {boolean} [aloud] a screen reader says it: not each move of the mouse, nor each sample that comes
+   */
+  refresh(aloud = false) {
+    this.element.setAttribute("aria-live", aloud ? "polite" : "off");
     clearTimeout(this.timer);
     this.asking.abort();
     const { side } = this;

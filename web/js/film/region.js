@@ -1,4 +1,4 @@
-/** A rectangle drawn on the picture: by a drag with Shift, or by any click or drag while that is what the pointer is for. */
+/** A rectangle drawn on the picture, by a drag that is wanted for that. */
 
 /** @typedef {{x: number, y: number, w: number, h: number}} Rect in pixels of the picture */
 /** @typedef {import("./film-view.js").FilmView} FilmView */
@@ -8,7 +8,8 @@ const CLICK = 4;
 
 /**
  * @param {FilmView} view
- * @param {{wanted: () => boolean, chosen: (rect: Rect) => void}} handlers wanted: without Shift too. A click is a rectangle of one pixel
+ * @param {{wanted: (event: PointerEvent) => boolean, chosen: (rect: Rect) => void}} handlers wanted: else the drag pans. A click is a
+ *   rectangle of one pixel
  * @returns {() => void} ends it
  */
 export function drawsRegions(view, { wanted, chosen }) {
@@ -43,7 +44,7 @@ export function drawsRegions(view, { wanted, chosen }) {
     "pointerdown",
     (event) => {
       const isOnPicture = event.target instanceof HTMLCanvasElement;
-      if (drag || event.button !== 0 || !isOnPicture || !(event.shiftKey || wanted())) return;
+      if (drag || event.button !== 0 || !isOnPicture || !wanted(event)) return;
       event.stopImmediatePropagation();
       event.preventDefault();
       surface.setPointerCapture(event.pointerId);

@@ -2,6 +2,7 @@
 
 import { explainPixel } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
+import { luminanceOf } from "../base/colour.js";
 import { count, radiance } from "../base/format.js";
 import { drawPath } from "../film/path-lines.js";
 import { icon } from "../base/icons.js";
@@ -30,7 +31,6 @@ const BOUNCES = { reflected: t("reflected"), transmitted: t("let through") };
 const LAST_SAMPLE = 1048575;
 
 /** @param {number[]} rgb */
-const luminance = ([r = 0, g = 0, b = 0]) => 0.2126 * r + 0.7152 * g + 0.0722 * b;
 /** @param {(number | null)[] | null} values */
 const listed = (values) => (values ? values.map((value) => (value == null ? "–" : radiance(value))).join("  ") : "–");
 /** @param {number[]} a @param {number[]} b */
@@ -99,7 +99,7 @@ export function explainPanel(picture, life) {
       const words = path.chosen.map((choice) => CHOSEN[choice] ?? choice).join(", ");
       const radio = h("input", { type: "radio", name, onchange: () => pick(path) });
       radio.checked = sample === null ? i === 0 : path.sample === sample;
-      return h("label", null, radio, h("span", { class: "grow" }, words), h("span", { class: "quiet number" }, `#${path.sample}`), h("span", { class: "mono" }, path.value ? radiance(luminance(path.value)) : t("no number")));
+      return h("label", null, radio, h("span", { class: "grow" }, words), h("span", { class: "quiet number" }, `#${path.sample}`), h("span", { class: "mono" }, path.value ? radiance(luminanceOf(path.value)) : t("no number")));
     });
     const pick = (/** @type {PixelPath} */ path) => {
       shown = { path, chosen: null };
@@ -191,14 +191,14 @@ function pathDetail(path, look) {
 /** @param {PathVertex} vertex @param {HTMLElement | undefined} button */
 function row(vertex, button) {
   const { kind, throughput, emitted, direct, light } = vertex;
-  const brought = luminance(sum(emitted, direct));
+  const brought = luminanceOf(sum(emitted, direct));
   const lit = isBlocked(light, direct) ? t("blocked") : "";
   return h(
     "tr",
     null,
     h("th", { scope: "row" }, button),
     h("td", null, h("span", { class: "met" }, nameOf(vertex)), h("span", { class: "quiet small" }, kind === "surface" ? lobe(vertex) : kind === "passed" ? (emitted.some(Boolean) ? t("a lamp, which stops nothing") : t("passed by its alpha")) : "")),
-    h("td", { class: "mono", title: listed(throughput) }, radiance(luminance(throughput))),
+    h("td", { class: "mono", title: listed(throughput) }, radiance(luminanceOf(throughput))),
     h("td", { class: "mono", title: listed(sum(emitted, direct)) }, brought ? `+${radiance(brought)}` : "–", h("span", { class: "quiet small" }, lit)),
   );
 }

@@ -71,7 +71,7 @@ export function focusTool(job, picture, life) {
   };
 
   if (view) {
-    const wanted = () => isOn;
+    const wanted = (/** @type {PointerEvent} */ { shiftKey }) => isOn || shiftKey;
     life.add(drawsRegions(view, { wanted, chosen: (rect) => !button.disabled && ask(rect) }));
     life.add(live.onTurn(show));
   }

@@ -1,7 +1,8 @@
 /** The histogram beside a picture: how bright its pixels are after exposure, in stops; renewed while samples come. */
 
 import { HIGHEST, LOWEST, histogramOf } from "../film/histogram.js";
-import { h, setText } from "../base/dom.js";
+import { areaWithin, keyOf } from "./pins.js";
+import { fill, h, setText } from "../base/dom.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../film/live-film.js").LiveFilm} LiveFilm */
@@ -26,9 +27,11 @@ export function histogramPanel(live, display, life) {
   const canvas = h("canvas", { role: "img", "aria-label": t("Histogram") });
   const told = h("p", { class: "quiet small number" });
   const log = h("input", { type: "checkbox", onchange: () => draw() });
+  const part = h("select", { "aria-label": t("Histogram of"), hidden: true, onchange: () => draw() });
   const body = h(
     "div",
     { class: "stack tight" },
+    part,
     canvas,
     h("div", { class: "ticks quiet small number", "aria-hidden": "true" }, ["−12", "−9", "−6", "−3", "1.0", "+3", "+6"].map((text) => h("span", null, text))),
     told,
@@ -50,7 +53,8 @@ export function histogramPanel(live, display, life) {
     waiting = undefined;
     if (!element.open) return;
     drawnAt = performance.now();
-    const { channels, black, above, pixels } = histogramOf(live.film, display.value.exposure);
+    const chosen = display.value.pins.find((pin) => keyOf(pin) === part.value);
+    const { channels, black, above, pixels } = histogramOf(live.film, display.value.exposure, chosen && areaWithin(chosen, live.film));
     const ratio = devicePixelRatio;
     const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
     const height = HEIGHT * ratio;
@@ -89,6 +93,22 @@ export function histogramPanel(live, display, life) {
     setText(told, t("{words}. Lines: R, G, B; filled: luminance; stops after exposure.", { words }));
     canvas.setAttribute("aria-label", t("Histogram of red, green, blue and luminance: {words}", { words }));
   };
+  let offered = "";
+  const offer = () => {
+    const areas = display.value.pins.flatMap((pin, i) => (areaWithin(pin, live.film) ? [{ key: keyOf(pin), number: i + 1 }] : []));
+    const key = JSON.stringify(areas);
+    if (key === offered) return;
+    offered = key;
+    const was = part.value;
+    fill(
+      part,
+      h("option", { value: "" }, t("The whole picture")),
+      areas.map((area) => h("option", { value: area.key }, t("The area {n}", { n: area.number }))),
+    );
+    part.value = areas.some((area) => area.key === was) ? was : "";
+    part.hidden = areas.length === 0;
+  };
+  life.add(display.subscribe(offer));
   life.add(live.onTile(soon));
   life.add(live.onFill(soon));
   life.add(live.onTurn(soon));

@@ -1,26 +1,47 @@
-/** Pixels that stay pinned: marked on the picture, their exact values listed, and what each has to the first of them. */
+/** Pixels and areas that stay pinned: marked on the picture, their values listed, and what each has to the first of them. */
 
 import { getPixel } from "../news/api.js";
+import { areaOf } from "../film/area.js";
+import { drawsRegions } from "../film/region.js";
+import { luminanceOf } from "../base/colour.js";
 import { fill, h, setText } from "../base/dom.js";
-import { radiance } from "../base/format.js";
+import { percent, radiance, stops } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { announce } from "../shell/tray.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
-/** @typedef {{x: number, y: number}} Pin */
+/** A pixel, or an area with its size. @typedef {{x: number, y: number, w?: number, h?: number}} Pin */
+/** What is read at a pin. @typedef {{light: number[], about: string, title: string}} Reading */
 
 const MOST = 12;
 const RENEW_MS = 1000;
 
-/** @param {string | null} text of the URL: x,y;x,y @returns {Pin[]} */
+/** @param {string | null} text of the URL: x,y;x,y,w,h @returns {Pin[]} */
 export function pinsFrom(text) {
-  const found = (text ?? "").split(";").map((pair) => pair.split(",").map(Number));
-  return found.flatMap(([x = NaN, y = NaN]) => (Number.isInteger(x) && Number.isInteger(y) && x >= 0 && y >= 0 ? [{ x, y }] : [])).slice(0, MOST);
+  const found = (text ?? "").split(";").map((pin) => pin.split(",").map(Number));
+  return found
+    .filter((numbers) => [2, 4].includes(numbers.length) && numbers.every((n) => Number.isInteger(n) && n >= 0) && numbers.slice(2).every((n) => n > 0))
+    .map(([x = 0, y = 0, w, h]) => (w && h ? { x, y, w, h } : { x, y }))
+    .slice(0, MOST);
 }
 
 /** @param {Pin[]} pins @returns {string | null} for the URL */
-export const pinsText = (pins) => pins.map(({ x, y }) => `${x},${y}`).join(";") || null;
+export const pinsText = (pins) => pins.map(keyOf).join(";") || null;
+
+/** A pin as the URL names it. @param {Pin} pin */
+export const keyOf = ({ x, y, w, h }) => (w ? `${x},${y},${w},${h}` : `${x},${y}`);
+
+/**
+ * What of a pinned area lies on a film; nothing of a pixel.
+ *
+ * @param {Pin} pin
+ * @param {{width: number, height: number}} film
+ * @returns {import("../film/region.js").Rect | undefined}
+ */
+export function areaWithin({ x, y, w, h }, { width, height }) {
+  return w && h && x < width && y < height ? { x, y, w: Math.min(w, width - x), h: Math.min(h, height - y) } : undefined;
+}
 
 /**
  * @param {import("../film/live-picture.js").LivePicture} picture
@@ -40,48 +61,64 @@ export function pinsPanel(picture, display, life, explain, tell) {
     rows,
   );
   const set = (/** @type {Pin[]} */ pins) => display.update((look) => ({ ...look, pins }));
-  const toggle = (/** @type {Pin} */ { x, y }) => {
+  const toggle = (/** @type {Pin} */ pin) => {
     const { pins } = display.value;
-    const without = pins.filter((pin) => pin.x !== x || pin.y !== y);
+    const without = pins.filter((other) => keyOf(other) !== keyOf(pin));
     if (without.length === pins.length && pins.length === MOST) {
       announce(t("{most} pixels are pinned; remove one first", { most: MOST }));
       return;
     }
-    set(without.length < pins.length ? without : [...pins, { x, y }]);
+    set(without.length < pins.length ? without : [...pins, pin]);
+  };
+  /** By keys alone: what lies between the last pin and the cursor. */
+  const stretch = () => {
+    const { pins } = display.value;
+    const from = pins.at(-1);
+    const to = view?.over.cursor;
+    if (!from || from.w || !to || (from.x === to.x && from.y === to.y)) {
+      announce(t("Pin one corner with V, go to the other, then press G"));
+      return;
+    }
+    const area = { x: Math.min(from.x, to.x), y: Math.min(from.y, to.y), w: Math.abs(from.x - to.x) + 1, h: Math.abs(from.y - to.y) + 1 };
+    set([...pins.slice(0, -1), area]);
   };
 
   let asking = new AbortController();
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let waiting;
   life.add(() => (clearTimeout(waiting), asking.abort()));
-  /** @type {{pin: Pin, cells: HTMLElement[], ratio: HTMLElement}[]} */
+  /** @type {PinRow[]} */
   let shown = [];
+  /** The service has not answered yet; and whether the film changed since it was asked. */
+  let [isAsked, isOld] = [false, false];
+  const showAll = () => {
+    const first = luminanceOf(shown[0]?.reading?.light ?? []);
+    shown.forEach((row, i) => row.show(i && row.reading ? ratioWords(luminanceOf(row.reading.light), first) : ""));
+  };
   const read = async () => {
+    clearTimeout(waiting);
     waiting = undefined;
     asking.abort();
     const { signal } = (asking = new AbortController());
+    [isAsked, isOld] = [true, false];
+    for (const row of shown) if (row.pin.w) row.reading = readingOfArea(live.film, row.pin);
+    showAll();
     try {
-      const values = await Promise.all(shown.map(({ pin }) => getPixel(live, pin.x, pin.y, signal)));
-      const lights = values.map(({ color }) => {
-        const [r = 0, g = 0, b = 0] = /** @type {number[]} */ (color);
-        return [r, g, b, 0.2126 * r + 0.7152 * g + 0.0722 * b];
-      });
-      lights.forEach((light, i) => {
-        const told = `${t("{n} samples", { n: values[i]?.samples ?? 0 })}${values[i]?.object_name ? `, ${values[i].object_name}` : ""}`;
-        const first = lights[0]?.[3] ?? 0;
-        const ratio = i && first > 0 ? t("{n} × the first", { n: ((light[3] ?? 0) / first).toPrecision(3) }) : "";
-        shown[i]?.cells.forEach((cell, c) => {
-          setText(cell, radiance(light[c] ?? 0));
-          cell.title = told;
-        });
-        setText(shown[i]?.ratio ?? element, ratio);
-      });
+      const pixels = shown.filter(({ pin }) => !pin.w);
+      const readings = await Promise.all(pixels.map(({ pin }) => readingOfPixel(live, pin, signal)));
+      pixels.forEach((row, i) => (row.reading = readings[i] ?? null));
+      showAll();
     } catch {
       // Gone on, or cut off: what was read stays.
     }
+    if (signal.aborted) return;
+    isAsked = false;
+    if (isOld) soon();
   };
+  // A slow answer is waited for: asked anew with each tile there would never be one.
   const soon = () => {
-    if (shown.length && waiting === undefined) waiting = setTimeout(read, RENEW_MS);
+    if (isAsked) isOld = true;
+    else if (shown.length) waiting ??= setTimeout(read, RENEW_MS);
   };
   life.add(live.onTile(soon));
   life.add(live.onFill(soon));
@@ -94,48 +131,25 @@ export function pinsPanel(picture, display, life, explain, tell) {
       if (now === key && shown.length === pins.length) return;
       key = now;
       element.hidden = pins.length === 0;
-      shown = pins.map((pin) => ({ pin, cells: Array.from({ length: 4 }, () => h("dd", null, "…")), ratio: h("span", { class: "quiet grow" }) }));
-      fill(
-        rows,
-        ...shown.map(({ pin, cells, ratio }, i) => {
-          const name = t("Remove the pin at {x}, {y}", { x: pin.x, y: pin.y });
-          const remove = h("button", { class: "icon-button", type: "button", "aria-label": name, title: name, onclick: () => toggle(pin) }, icon("close"));
-          const why = t("Explain the pixel {x}, {y}", { x: pin.x, y: pin.y });
-          const ask = h("button", { class: "icon-button", type: "button", "aria-label": why, title: why, onclick: () => explain(pin) }, icon("path"));
-          const who = t("The log of the tile with {x}, {y}", { x: pin.x, y: pin.y });
-          const log = h("button", { class: "icon-button", type: "button", "aria-label": who, title: who, onclick: () => tell(pin) }, icon("lines"));
-          return h(
-            "li",
-            null,
-            h("div", { class: "row" }, h("strong", null, String(i + 1)), h("span", null, `${pin.x}, ${pin.y}`), ratio, log, ask, remove),
-            h("dl", null, cells.map((cell, c) => h("div", null, h("dt", null, "RGBY"[c] ?? ""), cell))),
-          );
-        }),
-      );
+      shown = pins.map((pin, i) => pinRow(pin, i + 1, { remove: toggle, explain, tell }));
+      fill(rows, ...shown.map((row) => row.element));
       view?.over.setMark("pins", pins.length ? (over, ratio) => pins.forEach((pin, i) => drawPin(over, ratio, pin, i + 1)) : null);
       void read();
     }),
   );
 
-  /** What a click on the picture does, while the tool is on. */
+  /** What a click or a drag on the picture does, while the tool is on. */
   let isOn = false;
   const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Pin pixels"), onclick: () => turn(!isOn) }, icon("pin"));
-  button.title = t("Pin pixels: click on the picture to pin a pixel or let it go (V pins the one under the cursor)");
+  button.title = t("Pin pixels: click on the picture to pin a pixel or let it go (V pins the one under the cursor); drag to measure an area");
   const turn = (/** @type {boolean} */ on) => {
     isOn = on;
     button.setAttribute("aria-pressed", String(on));
+    view?.element.classList.toggle("measuring", on);
   };
   if (view) {
-    /** @type {{x: number, y: number} | null} */
-    let from = null;
-    life.listen(view.element, "pointerdown", (/** @type {PointerEvent} */ event) => {
-      from = isOn && event.button === 0 && !event.shiftKey ? { x: event.clientX, y: event.clientY } : null;
-    });
-    life.listen(view.element, "pointerup", (/** @type {PointerEvent} */ event) => {
-      const still = from && Math.hypot(event.clientX - from.x, event.clientY - from.y) < 4;
-      from = null;
-      if (still && view.over.cursor) toggle(view.over.cursor);
-    });
+    const chosen = (/** @type {import("../film/region.js").Rect} */ { x, y, w, h }) => toggle(w * h > 1 ? { x, y, w, h } : { x, y });
+    life.add(drawsRegions(view, { wanted: ({ shiftKey }) => isOn && !shiftKey, chosen }));
   }
   return {
     element,
@@ -143,9 +157,90 @@ export function pinsPanel(picture, display, life, explain, tell) {
     /** @type {import("../shell/shortcuts.js").Shortcut[]} */
     keys: [
       { keys: "V", does: t("Pin the pixel under the cursor, or let it go"), run: () => view?.over.cursor && toggle(view.over.cursor) },
+      { keys: "G", does: t("Measure the area from the last pin to the cursor"), run: stretch },
       { keys: "Shift+V", does: t("Let all pinned pixels go"), run: () => set([]) },
     ],
   };
+}
+
+/**
+ * A pin's line in the list.
+ *
+ * @typedef {{pin: Pin, element: HTMLElement, reading: Reading | null, show: (ratio: string) => void}} PinRow reading: null until there is one
+ *
+ * @param {Pin} pin
+ * @param {number} number
+ * @param {{remove: (pin: Pin) => void, explain: (pin: Pin) => void, tell: (pin: Pin) => void}} deeds
+ * @returns {PinRow}
+ */
+function pinRow(pin, number, { remove, explain, tell }) {
+  const { x, y, w, h: high } = pin;
+  const cells = Array.from({ length: 4 }, () => h("dd", null, "…"));
+  const about = h("p", { class: "quiet", hidden: true });
+  const button = (/** @type {import("../base/icons.js").IconName} */ sign, /** @type {string} */ name, /** @type {(pin: Pin) => void} */ run) =>
+    h("button", { class: "icon-button", type: "button", "aria-label": name, title: name, onclick: () => run(pin) }, icon(sign));
+  const ofPixel = [
+    button("lines", t("The log of the tile with {x}, {y}", { x, y }), tell),
+    button("path", t("Explain the pixel {x}, {y}", { x, y }), explain),
+  ];
+  const element = h(
+    "li",
+    null,
+    h(
+      "div",
+      { class: "row" },
+      ...[h("strong", null, String(number)), h("span", null, w ? t("{w}×{h} at {x}, {y}", { w, h: high ?? 0, x, y }) : `${x}, ${y}`)],
+      h("span", { class: "grow" }),
+      w ? [] : ofPixel,
+      button("close", t("Remove the pin at {x}, {y}", { x, y }), remove),
+    ),
+    h("dl", null, cells.map((cell, c) => h("div", null, h("dt", null, "RGBY"[c] ?? ""), cell))),
+    about,
+  );
+  return {
+    pin,
+    element,
+    reading: null,
+    show(of) {
+      if (!this.reading) return;
+      const { light, about: words, title } = this.reading;
+      [...light, luminanceOf(light)].forEach((value, c) => {
+        const cell = cells[c];
+        if (!cell) return;
+        setText(cell, radiance(value));
+        cell.title = title;
+      });
+      setText(about, [of, words].filter(Boolean).join(" · "));
+      about.hidden = !about.textContent;
+    },
+  };
+}
+
+/** How far a light is from the first, as a factor and as stops. @param {number} light @param {number} first */
+function ratioWords(light, first) {
+  if (!(first > 0)) return "";
+  const factor = t("{n} × the first", { n: (light / first).toPrecision(3) });
+  return light > 0 ? `${factor}, ${stops(Math.log2(light / first))} EV` : factor;
+}
+
+/**
+ * @param {import("../film/live-film.js").LiveFilm} live
+ * @param {Pin} pin
+ * @param {AbortSignal} signal
+ * @returns {Promise<Reading>}
+ */
+async function readingOfPixel(live, { x, y }, signal) {
+  const { color, samples, object_name } = await getPixel(live, x, y, signal);
+  return { light: /** @type {number[]} */ (color), about: "", title: `${t("{n} samples", { n: samples })}${object_name ? `, ${object_name}` : ""}` };
+}
+
+/** @param {import("../film/film.js").Film} film @param {Pin} pin @returns {Reading} */
+function readingOfArea(film, { x, y, w = 1, h = 1 }) {
+  const { rgb, least, most, luminance, spread, pixels } = areaOf(film, { x, y, w, h });
+  const about = pixels
+    ? t("Y from {least} to {most}, spread {spread}", { least: radiance(least), most: radiance(most), spread: percent(luminance && spread / luminance) })
+    : t("No samples yet");
+  return { light: rgb, about, title: t("The mean of {n} pixels", { n: pixels.toLocaleString("en") }) };
 }
 
 /**
@@ -154,15 +249,17 @@ export function pinsPanel(picture, display, life, explain, tell) {
  * @param {Pin} pin
  * @param {number} number
  */
-function drawPin(over, ratio, { x, y }, number) {
+function drawPin(over, ratio, { x, y, w, h }, number) {
   const { context, viewport } = over;
-  const cx = viewport.x + (x + 0.5) * viewport.scale;
-  const cy = viewport.y + (y + 0.5) * viewport.scale;
-  const arm = Math.max(5 * ratio, viewport.scale / 2);
+  if (w && h) over.strokeTwice(x, y, w, h);
+  const cx = viewport.x + (w ? x + w : x + 0.5) * viewport.scale;
+  const cy = viewport.y + (h ? y + h / 2 : y + 0.5) * viewport.scale;
+  const arm = w ? 0 : Math.max(5 * ratio, viewport.scale / 2);
   for (const [style, line] of /** @type {const} */ ([
     ["rgb(0 0 0 / 0.75)", 3 * ratio],
     ["#fff", 1.25 * ratio],
   ])) {
+    if (!arm) break;
     context.strokeStyle = style;
     context.lineWidth = line;
     context.beginPath();

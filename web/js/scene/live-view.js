@@ -50,7 +50,8 @@ const HAND_KEYS = [
  * @param {(view: View) => void} turned by hand
  * @param {import("../base/store.js").Store<import("./sides.js").Sides>} sides what is seen in its place
  * @param {(a: Job, b: Job) => [string, string]} names of two pictures, by what tells them apart
- * @returns {{element: HTMLElement, refresh: () => void, dispose: () => void}} refresh: the form was changed
+ * @returns {{element: HTMLElement, refresh: () => void, dispose: () => void, look: () => {exposure: number, curve: string}}}
+ *   refresh: the form was changed
  */
 export function liveView(scene, form, meanwhile, turned, sides, names) {
   const canvas = h("canvas", { role: "img", "aria-label": t("The scene as it is seen now") });
@@ -67,7 +68,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     canvas,
     over,
   );
-  const state = h("p", { class: "small quiet number view-state", role: "status" });
+  const state = h("p", { class: "small quiet number view-state", role: "status", "aria-live": "off" });
   const said = h("p", { class: "small quiet view-hint" });
   const exposure = h("input", { type: "range", min: -8, max: 8, step: 0.25, value: "0", "aria-label": t("Exposure in stops") });
   const curve = h(
@@ -84,7 +85,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     picture = new FilmCanvas(canvas, over, viewport);
   } catch (error) {
     if (!(error instanceof CannotShow)) throw error;
-    return { element: h("p", { class: "notice" }, error.message), refresh: () => {}, dispose: () => {} };
+    return { element: h("p", { class: "notice" }, error.message), refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }) };
   }
   // Until the first samples are here: better another view of the scene than a black one.
   if (meanwhile) surface.style.backgroundImage = `url("${meanwhile}")`;
@@ -109,14 +110,19 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     },
     state({ samples, bound, mean, noise, done, slots, message }) {
       surface.dataset.samples = String(samples);
-      if (message) setText(state, inWords(message));
-      else if (bound) setText(state, clarity(mean, noise, done ? null : slots));
+      if (message) say(inWords(message));
+      else if (bound) say(clarity(mean, noise, done ? null : slots), done);
     },
-    failed: (sentence) => setText(state, inWords(sentence)),
+    failed: (sentence) => say(inWords(sentence)),
     picked: (found) => onPicked?.(found),
-    link: (up) => up || setText(state, t("The connection is lost; trying again.")),
-    refused: (sentence) => setText(state, inWords(sentence)),
+    link: (up) => up || say(t("The connection is lost; trying again.")),
+    refused: (sentence) => say(inWords(sentence)),
   });
+  /** @param {string} sentence @param {boolean} [aloud] by a screen reader: its end, and not each sample on the way */
+  const say = (sentence, aloud = true) => {
+    state.setAttribute("aria-live", aloud ? "polite" : "off");
+    setText(state, sentence);
+  };
 
   /** The canvas has the picture's own pixels, and the page's layout stretches it smoothly. @param {number} width @param {number} height */
   const fit = (width, height) => {
@@ -303,6 +309,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   return {
     element,
     refresh,
+    look: () => look.value,
     dispose() {
       resizing.disconnect();
       stage.dispose();

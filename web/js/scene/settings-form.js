@@ -82,7 +82,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const why = !isFree && h("p", { class: "hint", role: "note" }, whyNot(scene.project));
   const onsubmit = async (/** @type {SubmitEvent} */ event) => {
     event.preventDefault();
-    if (!isFree) return;
+    if (render.disabled) return; // a key asks for it too, even while the service has not answered
     if (!element.checkValidity()) {
       showFirstProblem(element);
       return;

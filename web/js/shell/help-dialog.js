@@ -2,7 +2,7 @@
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
-import { shortcuts } from "./shortcuts.js";
+import { letLettersAct, lettersAct, shortcuts } from "./shortcuts.js";
 import { t } from "../base/words.js";
 
 /** Opens the overlay; Escape, its button or a click beside it closes it. */
@@ -12,6 +12,7 @@ export function showHelp() {
     { class: "icon-button", type: "button", "aria-label": t("Close"), onclick: () => dialog.close() },
     icon("close"),
   );
+  const letters = h("input", { type: "checkbox", checked: lettersAct(), onchange: () => letLettersAct(letters.checked) });
   const dialog = h(
     "dialog",
     {
@@ -43,6 +44,7 @@ export function showHelp() {
           ),
       ),
       handsOn().map((sentence) => h("p", { class: "quiet" }, sentence)),
+      h("label", { class: "check" }, letters, t("Single-letter shortcuts (turn off if you dictate)")),
     ),
   );
   document.body.append(dialog);

@@ -61,7 +61,7 @@ export function addMachineHint() {
 export function noWorkerNotice() {
   return h(
     "div",
-    { class: "notice warning", role: "status" },
+    { class: "notice warning no-worker", role: "status" },
     icon("warning"),
     h(
       "div",

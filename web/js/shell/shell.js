@@ -114,8 +114,10 @@ function buildLostBanner() {
   lost.subscribe(({ size }) => {
     if (size) {
       timer ??= setTimeout(() => (banner.hidden = false), LOST_AFTER_MS);
+      document.body.classList.add("is-lost");
       return;
     }
+    document.body.classList.remove("is-lost");
     clearTimeout(timer);
     timer = undefined;
     if (!banner.hidden) announce(t("Connected again"));

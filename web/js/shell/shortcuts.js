@@ -11,6 +11,28 @@
 /** @type {Set<Shortcut>} */
 const active = new Set();
 
+/** "off" where keys of one letter do nothing: dictation types letters (WCAG 2.2, 2.1.4). */
+const LETTERS_KEY = "rayfarm.letters";
+
+/** Whether keys of one letter do something. */
+export function lettersAct() {
+  try {
+    return localStorage.getItem(LETTERS_KEY) !== "off";
+  } catch {
+    return true; // storage is blocked
+  }
+}
+
+/** @param {boolean} act */
+export function letLettersAct(act) {
+  try {
+    if (act) localStorage.removeItem(LETTERS_KEY);
+    else localStorage.setItem(LETTERS_KEY, "off");
+  } catch {
+    // Storage is blocked: they go on acting.
+  }
+}
+
 /**
  * @param {Shortcut[]} shortcuts
  * @returns {() => void} takes them away again
@@ -53,6 +75,7 @@ function dispatch(event) {
   if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented || isTyping(event.target)) return;
   if (document.querySelector("dialog[open]")) return;
   const name = nameOf(event);
+  if (event.key.length === 1 && event.key !== " " && !lettersAct()) return;
   // Enter and Space belong to the button or link that has the focus.
   if (
     (name === "Enter" || name === "Space") &&

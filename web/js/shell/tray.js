@@ -44,7 +44,9 @@ export class Card {
   }
 
   remove() {
+    const hadFocus = this.element.contains(document.activeElement);
     this.element.remove();
+    if (hadFocus) document.getElementById("main")?.focus({ preventScroll: true });
   }
 }
 
@@ -109,26 +111,70 @@ export function showError(title, error, { remedy, action, ofPage = false, brief 
 }
 
 /**
- * A deed that waits a few seconds, so that it can be taken back.
+ * News that can be followed; it stays until it is, or is dismissed.
+ *
+ * @param {string} sentence
+ * @param {{label: string, run: () => void}} action
+ */
+export function offerNews(sentence, { label, run }) {
+  const card = new Card(sentence);
+  announce(sentence);
+  card.onClose(() => card.remove());
+  const follow = () => {
+    card.remove();
+    run();
+  };
+  card.actions.prepend(h("button", { class: "text-button", type: "button", onclick: follow }, label));
+}
+
+/** What can still be taken back, the latest last. @type {(() => void)[]} */
+const pending = [];
+
+/** Takes back what was done last, where there still is time for it. */
+export function undoLast() {
+  const undo = pending.at(-1);
+  if (undo) undo();
+  else announce(t("There is nothing to take back"));
+}
+
+/**
+ * A deed that waits a few seconds, so that it can be taken back; longer while the pointer or the focus is on its card.
  *
  * @param {string} sentence
  * @param {{commit: () => void, undo: () => void, seconds?: number}} deed
  */
 export function undoable(sentence, { commit, undo, seconds = 7 }) {
   const card = new Card(sentence);
-  announce(t("{sentence}. Press Undo to take it back.", { sentence }));
+  announce(t("{sentence}. Press Undo or Z to take it back.", { sentence }));
   let settled = false;
   /** @param {() => void} act */
   const settle = (act) => {
     if (settled) return;
     settled = true;
     clearTimeout(timer);
+    pending.splice(pending.indexOf(takeBack), 1);
     removeEventListener("pagehide", onLeave);
     card.remove();
     act();
   };
   const onLeave = () => settle(commit);
-  const timer = setTimeout(() => settle(commit), seconds * 1000);
+  const takeBack = () => {
+    settle(undo);
+    announce(t("Taken back"));
+  };
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let timer;
+  const run = () => {
+    clearTimeout(timer);
+    timer = setTimeout(() => settle(commit), seconds * 1000);
+  };
+  const { element } = card;
+  for (const [come, go] of /** @type {const} */ ([["pointerenter", "pointerleave"], ["focusin", "focusout"]])) {
+    element.addEventListener(come, () => clearTimeout(timer));
+    element.addEventListener(go, () => !settled && run());
+  }
+  run();
+  pending.push(takeBack);
   addEventListener("pagehide", onLeave);
-  fill(card.actions, h("button", { class: "text-button", type: "button", onclick: () => settle(undo) }, t("Undo")));
+  fill(card.actions, h("button", { class: "text-button", type: "button", title: t("Undo (Z)"), onclick: takeBack }, t("Undo")));
 }

@@ -3,7 +3,7 @@
 import { ApiError, deleteScene, getInfo } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptScene, scenes } from "../news/farm.js";
-import { bytes } from "../base/format.js";
+import { bytes, clock } from "../base/format.js";
 import { chosenProject } from "../base/project.js";
 import { filesOfDrop, filesOfList, titleOf } from "./gather-files.js";
 import { icon } from "../base/icons.js";
@@ -12,7 +12,8 @@ import { addEnvironment } from "../news/environments.js";
 import { said } from "../base/said.js";
 import { mayChange } from "../news/projects.js";
 import { go, here } from "./router.js";
-import { Card, announce, showError } from "./tray.js";
+import { Card, announce, offerNews, showError } from "./tray.js";
+import { Pace } from "./upload-pace.js";
 import { upload } from "../news/upload.js";
 import { filesFor, rivals, whichScene } from "./which-scene.js";
 import { t } from "../base/words.js";
@@ -22,6 +23,11 @@ import { t } from "../base/words.js";
 
 /** What a sentence says of a scene that lacks a file. */
 export const LACKS = /; add (it|them)/;
+
+/** After so long without an answer it is said that one is waited for. */
+const ANSWER_MS = 300;
+/** After so long without progress it is said that there is none. */
+const STALLED_MS = 15_000;
 
 /** @param {NamedFile[]} files */
 async function start(files) {
@@ -40,7 +46,7 @@ async function start(files) {
     if (!offerLight(sent)) explainImages(sent);
     return;
   }
-  const { formats, foreign } = await getInfo();
+  const { formats, foreign } = await whileShown(titleOf(files), getInfo());
   const paths = files.map(({ path }) => path.toLowerCase());
   if (!paths.some((path) => formats.some((suffix) => path.endsWith(suffix)))) {
     for (const [suffix, advice] of Object.entries(foreign)) {
@@ -52,15 +58,53 @@ async function start(files) {
   }
   const mains = paths.some((path) => path.endsWith(".zip")) ? [] : rivals(files, formats);
   if (mains.length < 2) {
-    const scene = await send(files);
-    if (scene) go("scenes", scene.id);
+    const from = here().path.join();
+    show(await send(files), from);
     return;
   }
   const chosen = await whichScene(mains);
   for (const main of chosen) {
+    const from = here().path.join();
     const scene = await send(filesFor(files, main), { main });
-    if (scene && chosen.length === 1) go("scenes", scene.id);
+    if (chosen.length === 1) show(scene, from);
   }
+}
+
+/**
+ * A slow line is busy with the page itself at first: whoever has chosen files sees at once that they were taken.
+ *
+ * @template T
+ * @param {string} title
+ * @param {Promise<T>} asked
+ * @returns {Promise<T>}
+ */
+async function whileShown(title, asked) {
+  /** @type {Card | null} */
+  let card = null;
+  const soon = setTimeout(() => {
+    card = new Card(title);
+    card.lead.replaceWith(icon("upload"));
+    fill(card.body, h("p", { class: "detail" }, t("Begins as soon as the service answers …")));
+  }, ANSWER_MS);
+  try {
+    return await asked;
+  } finally {
+    clearTimeout(soon);
+    /** @type {Card | null} */ (card)?.remove();
+  }
+}
+
+/**
+ * Goes to a scene that has come; whoever has opened something else meanwhile stays there, and is told.
+ *
+ * @param {Scene | null} scene
+ * @param {string} from where the page was when the upload began
+ */
+function show(scene, from) {
+  if (!scene) return;
+  const open = () => go("scenes", scene.id);
+  if (here().path.join() === from) open();
+  else offerNews(t("{name} is uploaded", { name: scene.name }), { label: t("Open"), run: open });
 }
 
 /**
@@ -105,6 +149,17 @@ export async function showOther(base, main) {
  * @returns {Promise<Scene | null>} null where it was called off, or refused, which is said then
  */
 async function send(files, fields = {}) {
+  for (;;) {
+    const outcome = await sendOnce(files, fields);
+    if (outcome !== AGAIN) return outcome;
+  }
+}
+
+/** What a try ends with that broke off, and is wanted once more. */
+const AGAIN = Symbol("again");
+
+/** @param {NamedFile[]} files @param {Record<string, string>} fields @returns {Promise<Scene | null | typeof AGAIN>} */
+async function sendOnce(files, fields) {
   const title = titleOf(files);
   const total = files.reduce((sum, { file }) => sum + file.size, 0);
   const card = new Card(title);
@@ -132,29 +187,57 @@ async function send(files, fields = {}) {
     track.setAttribute("aria-valuenow", String(Math.round(fraction * 100)));
   };
   show(0);
+  const pace = new Pace(total);
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let stalling;
+  const stalled = () => setText(line, t("Nothing was sent for {n} s. It goes on when the connection does.", { n: STALLED_MS / 1000 }));
+  setUnderWay(1);
   try {
     const scene = await upload(files, {
       fields,
       signal: abort.signal,
       progress: (sent, all) => {
         show(sent / Math.max(1, all));
-        setText(line, sent < all ? t("{done} of {all}", { done: bytes(sent), all: bytes(all) }) : t("Storing …"));
+        pace.put(sent, performance.now());
+        clearTimeout(stalling);
+        if (sent < all) stalling = setTimeout(stalled, STALLED_MS);
+        setText(line, sent < all ? progressWords(sent, all, pace.now) : t("Storing …"));
       },
     });
     adoptScene(scene);
     return scene;
   } catch (error) {
-    if (!abort.signal.aborted)
-      showError(t("{title} was not taken", { title }), error, {
-        // The service's own sentences say what to do; a lost connection has none.
-        remedy: error instanceof ApiError && error.status === 0 ? t("Drop it again when the service is back.") : undefined,
-        action: { label: t("Choose other files"), run: () => choose({ folder: false }) },
-      });
+    if (abort.signal.aborted) return null;
+    const heading = t("{title} was not taken", { title });
+    // A service that answered says itself what to do.
+    if (error instanceof ApiError && error.status === 0)
+      return new Promise((resolve) => showError(heading, error, { action: { label: t("Try again"), run: () => resolve(AGAIN) } }));
+    showError(heading, error, { action: { label: t("Choose other files"), run: () => choose({ folder: false }) } });
     return null;
   } finally {
+    clearTimeout(stalling);
+    setUnderWay(-1);
     card.remove();
   }
 }
+
+/** @param {number} sent @param {number} all @param {Pace["now"]} pace */
+function progressWords(sent, all, pace) {
+  const far = t("{done} of {all}", { done: bytes(sent), all: bytes(all) });
+  return pace ? t("{far}, {speed}/s, {time} left", { far, speed: bytes(Math.round(pace.speed)), time: clock(pace.left) }) : far;
+}
+
+let underWay = 0;
+
+/** A page that is closed gives up its uploads, so the browser asks before. @param {1 | -1} more */
+function setUnderWay(more) {
+  underWay += more;
+  if (underWay) addEventListener("beforeunload", ask);
+  else removeEventListener("beforeunload", ask);
+}
+
+/** @param {BeforeUnloadEvent} event */
+const ask = (event) => event.preventDefault();
 
 /** An image alone is no scene; what it may be is said, and one that lights scenes can be kept. @param {File[]} files */
 function explainImages(files) {
@@ -178,10 +261,22 @@ function explainImages(files) {
  * @param {(files: NamedFile[]) => Promise<void>} [take]
  */
 async function startFrom(gather, take = start) {
+  let files;
   try {
-    await take(await gather());
+    files = await gather();
   } catch (error) {
     showError(t("The files could not be read"), error);
+    return;
+  }
+  await attempt(files, take);
+}
+
+/** @param {NamedFile[]} files @param {(files: NamedFile[]) => Promise<void>} take */
+async function attempt(files, take) {
+  try {
+    await take(files);
+  } catch (error) {
+    showError(t("{title} was not taken", { title: titleOf(files) }), error, { action: { label: t("Try again"), run: () => void attempt(files, take) } });
   }
 }
 

@@ -133,12 +133,14 @@ export function shotFields(scene, like, changed, asShot = false) {
 function clipChoices(clips) {
   const seconds = (/** @type {import("../base/types.js").Clip} */ { start, end }) =>
     t("Moves from {start} to {end} s.", { start: Number(start.toFixed(2)), end: Number(end.toFixed(2)) });
+  const together = { name: "all", label: t("All at once"), help: t("As files mean it that have a clip for each object.") };
   const known = new Set();
   const each = clips.map((clip, i) => {
     // By number where it has no name, or that of one before it.
     const plain = clip.name && !known.has(clip.name);
     known.add(clip.name);
+    if (clip.name === "all") return { ...together, help: seconds(clip) };
     return { name: plain ? clip.name : String(i), label: plain ? clip.name : `${clip.name || t("Clip")} (${i})`, help: seconds(clip) };
   });
-  return [...each, { name: "all", label: t("All at once"), help: t("As files mean it that have a clip for each object.") }];
+  return clips.some((clip) => clip.name === "all") ? each : [...each, together];
 }

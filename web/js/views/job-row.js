@@ -85,7 +85,7 @@ export function jobRow(job, lead) {
       setText(when, ago(next.created));
       const now = performance.now() / 1000;
       const due = next.state !== picturedState || (next.state === "running" && now - picturedAt > PICTURE_EVERY_S);
-      if (next.samples > 0 && due) {
+      if (next.samples > 0 && due && !document.hidden) {
         picturedAt = now;
         picturedState = next.state;
         image.src = imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 320, v: next.samples });

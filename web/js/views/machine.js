@@ -129,6 +129,7 @@ function slotTile() {
   const frame = h("div", { class: "frame" }, image, box);
   const label = h("span", { class: "small" });
   const element = h("li", null, frame, label);
+  let pictureOf = "";
   return {
     element,
     update({ key, slot }) {
@@ -147,9 +148,15 @@ function slotTile() {
       }
       // Slots that work on one picture ask for it once: their addresses are the same.
       const turn = Math.floor(Date.now() / PICTURE_EVERY_MS);
-      const source = job && job.samples > 0 ? imageUrl({ job: job.id, frame: slot.frame ?? 0 }, "jpg", { width: 320, v: turn }) : "";
-      if (!source) image.hidden = true;
-      else if (image.getAttribute("src") !== source) image.src = source;
+      const shown = job && job.samples > 0 ? { job: job.id, frame: slot.frame ?? 0 } : null;
+      const of = shown ? `${shown.job} ${shown.frame}` : "";
+      if (of !== pictureOf) {
+        pictureOf = of;
+        image.hidden = true; // under another picture's name not even for a moment
+        image.removeAttribute("src");
+      }
+      const source = shown && imageUrl(shown, "jpg", { width: 320, v: turn });
+      if (source && !document.hidden && image.getAttribute("src") !== source) image.src = source;
     },
   };
 }

@@ -11,6 +11,7 @@ import { offer } from "../news/projects.js";
 import { lightOf, variantOf } from "../base/scene-version.js";
 import { stateChip } from "../shell/state-chip.js";
 import { showError, undoable } from "../shell/tray.js";
+import { said } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
@@ -23,6 +24,7 @@ export function sceneCard(scene) {
   const name = h("a", { class: "name", href: linkTo("scenes", scene.id) });
   const chip = stateChip(scene.status);
   const facts = h("span", { class: "quiet small number" });
+  const why = h("p", { class: "quiet small why", hidden: true });
   const picture = thumbnail();
   let latest = scene;
   const remove = h(
@@ -34,7 +36,7 @@ export function sceneCard(scene) {
     "li",
     { class: "card" },
     picture.element,
-    h("div", { class: "body" }, name, h("div", { class: "row" }, chip.element, facts)),
+    h("div", { class: "body" }, name, h("div", { class: "row" }, chip.element, facts), why),
     remove,
   );
   return {
@@ -48,6 +50,8 @@ export function sceneCard(scene) {
       chip.update(next.status);
       chip.element.hidden = next.status === "ready";
       setText(facts, next.status === "ready" ? shortFacts(next) : "");
+      why.hidden = next.status !== "failed" || !next.error;
+      setText(why, why.hidden ? "" : said(next.error));
       picture.update(next, renderedOf(next));
     },
   };

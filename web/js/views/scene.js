@@ -14,6 +14,7 @@ import { addShortcuts } from "../shell/shortcuts.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce, showError } from "../shell/tray.js";
+import { lookParams } from "../job/display-panel.js";
 import { liveView } from "../scene/live-view.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
 import { renderStrip } from "../scene/render-strip.js";
@@ -122,13 +123,16 @@ function failed(page, scene) {
  * @returns {(scene: Scene) => void}
  */
 function ready(page, scene, life) {
+  const path = here().path.join();
   const notice = h("div", { class: "notice-slot" });
   const submit = async (/** @type {import("../base/types.js").JobRequest} */ request) => {
     try {
       // One key a press: the request may be repeated by the network, but makes one job.
       const job = await createJob(request, crypto.randomUUID?.() ?? String(Math.random()));
       adoptJob(job);
-      go("jobs", job.id);
+      if (here().path.join() !== path) return; // gone on meanwhile: nobody is called back
+      const params = Object.entries(lookParams(view.look())).filter(([, value]) => value !== null);
+      location.hash = linkTo("jobs", job.id) + (params.length ? `?${new URLSearchParams(/** @type {string[][]} */ (params))}` : "");
     } catch (error) {
       showError(t("The job could not be started"), error);
     }
@@ -145,6 +149,7 @@ function ready(page, scene, life) {
     ]),
   );
   const sides = sidesFromUrl(life);
+  const view = viewOf(scene, form, sides, life);
   page.classList.add("workspace");
   life.add(() => page.classList.remove("workspace"));
   fill(
@@ -157,7 +162,7 @@ function ready(page, scene, life) {
       h(
         "div",
         { class: "workspace-view" },
-        viewOf(scene, form, sides, life),
+        view.element,
         warnings(scene),
         renderStrip(scene.id, sides, life),
         facts(scene),
@@ -222,7 +227,7 @@ function viewOf(scene, form, sides, life) {
     removeEventListener("hashchange", follow);
     live.dispose();
   });
-  return live.element;
+  return live;
 }
 
 /** What the service counts in a scene. @type {Record<string, string>} */

@@ -1,6 +1,6 @@
 /** A list of very many rows of one height, of which only those near the screen exist. */
 
-import { h, keyedList } from "../base/dom.js";
+import { focusRow, h, keyedList } from "../base/dom.js";
 
 /** Rows above and below the screen that exist too: what is scrolled to is there already. */
 const BEYOND = 6;
@@ -90,7 +90,7 @@ export function virtualRows(create, life) {
       else if (y + height > innerHeight) scrollBy(0, y + height - innerHeight);
       draw();
       const row = [...list.children].find((child) => child.getAttribute("aria-posinset") === String(at + 1));
-      /** @type {HTMLElement | null | undefined} */ (row?.querySelector("a"))?.focus({ preventScroll: true });
+      focusRow(row);
     },
   };
 }

@@ -8,7 +8,7 @@ from typing import Any
 from renderer.scene.animation import Clip, Moment
 from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.readers.fbx import layout
-from renderer.scene.readers.fbx.library import at, each, pointed, text
+from renderer.scene.readers.fbx.library import Opened, at, each, pointed, text
 from renderer.scene.readers.names import number_of
 
 __all__ = ["Stacks"]
@@ -19,8 +19,9 @@ _STILL = 1e-9  # of a curve's values, by which rounding alone differs
 class Stacks:
     """The animation stacks of a scene."""
 
-    def __init__(self, scene: Any, name: str) -> None:
-        self._file, self._all = name, scene.anim
+    def __init__(self, opened: Opened, name: str) -> None:
+        self._opened, self._file = opened, name
+        scene = opened.scene
         # Blender shows the first that moves anything; files of Mixamo and 3ds Max begin with an empty one.
         stacks = pointed(scene.stacks, layout.AnimStack)
         self._stacks = (
@@ -30,9 +31,12 @@ class Stacks:
 
     def played(self, moment: Moment) -> int | None:
         """The animation to evaluate; None where there is none. Raises SceneError where there is no such clip."""
-        if moment.clip is not None and moment.clip != ALL_CLIPS:
-            number = number_of("clip", [clip.name for clip in self.clips], moment.clip, self._file)
-            return int(self._stacks[number].anim)
+        names = [clip.name for clip in self.clips]
+        if moment.clip == ALL_CLIPS and ALL_CLIPS not in names and len(names) > 1:
+            layers = [layer for stack in self._stacks for layer in pointed(stack.layers, layout.AnimLayer)]
+            return self._opened.together([int(layer.typed_id) for layer in layers], self._file)
+        if moment.clip is not None and (moment.clip != ALL_CLIPS or ALL_CLIPS in names):
+            return int(self._stacks[number_of("clip", names, moment.clip, self._file)].anim)
         return int(self._stacks[0].anim) if self._stacks else None
 
     def moving(self, anim: int | None) -> set[int]:

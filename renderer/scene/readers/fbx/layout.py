@@ -16,6 +16,7 @@ __all__ = [
     "Anim",
     "AnimCurve",
     "AnimLayer",
+    "AnimOptions",
     "AnimProp",
     "AnimStack",
     "AnimValue",
@@ -33,6 +34,7 @@ __all__ = [
     "LoadOptions",
     "Material",
     "MaterialMap",
+    "MaterialTexture",
     "Mesh",
     "Node",
     "Notice",
@@ -161,6 +163,7 @@ Material = _structure(
     " model:list _:list textures:list",
     Element,
 )
+MaterialTexture = _structure("MaterialTexture", "property:list _:list texture:ptr")
 Texture = _structure(
     "Texture",
     "kind:int filename:list absolute:list relative:list _:list _:list _:list content:list video:ptr _:uint has_file:bool"
@@ -217,3 +220,4 @@ LoadOptions = _structure(
 EvaluateOptions = _structure(
     "EvaluateOptions", "_:uint temporary:Allocator result:Allocator _:bool _:bool _:uint _:bool _:Callback _:uint"
 )
+AnimOptions = _structure("AnimOptions", "_:uint layers:list _:list _:list _:list _:bool result:Allocator _:uint")

@@ -61,6 +61,10 @@ def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
         ctypes.POINTER(layout.EvaluateOptions),
         ctypes.POINTER(layout.Error),
     ]
+    library.ufbx_create_anim.restype = ctypes.c_void_p
+    library.ufbx_create_anim.argtypes = [opened, ctypes.POINTER(layout.AnimOptions), ctypes.POINTER(layout.Error)]
+    library.ufbx_free_anim.restype = None
+    library.ufbx_free_anim.argtypes = [ctypes.c_void_p]
     library.ufbx_free_scene.restype = None
     library.ufbx_free_scene.argtypes = [opened]
     library.ufbx_triangulate_face.restype = ctypes.c_uint32
@@ -78,8 +82,11 @@ class Opened:
     def __init__(self, pointer: Any) -> None:
         self._pointer = pointer
         self.scene = pointer.contents
+        self._together: int | None = None
 
     def __del__(self) -> None:
+        if self._together is not None:
+            _library().ufbx_free_anim(self._together)
         _library().ufbx_free_scene(self._pointer)
 
     @classmethod
@@ -101,6 +108,15 @@ class Opened:
         options, error = layout.EvaluateOptions(), layout.Error()
         found = _library().ufbx_evaluate_scene(self._pointer, anim, seconds, ctypes.byref(options), ctypes.byref(error))
         return Opened(found) if found else _failed(error, name)
+
+    def together(self, layers: list[int], name: str) -> int:
+        """The address of an animation of all these of the scene's layers, of which the last counts. Raises SceneError."""
+        if self._together is None:
+            numbers = (ctypes.c_uint32 * len(layers))(*layers)
+            options, error = layout.AnimOptions(), layout.Error()
+            options.layers.data, options.layers.count = ctypes.addressof(numbers), len(layers)
+            self._together = _library().ufbx_create_anim(self._pointer, ctypes.byref(options), ctypes.byref(error))
+        return self._together or int(_failed(error, name))
 
 
 def _failed(error: Any, name: str) -> Any:

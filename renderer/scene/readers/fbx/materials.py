@@ -12,9 +12,9 @@ import numpy as np
 from renderer.scene.description import Vec3
 from renderer.scene.material import ALL_REFLECTING_IOR, Material
 from renderer.scene.readers.fbx import layout
-from renderer.scene.readers.fbx.library import text
+from renderer.scene.readers.fbx.library import each, text
 from renderer.scene.readers.fbx.textures import Pictures
-from renderer.scene.readers.mtl_maps import holds_normals, with_opacity, with_roughness_and_metal
+from renderer.scene.readers.mtl_maps import as_alpha, holds_normals, inverted, with_opacity, with_roughness_and_metal
 from renderer.scene.readers.numbers import clamped, unit, unit_color
 from renderer.scene.textures import TextureShelf
 
@@ -64,11 +64,14 @@ class Materials:
         if source.shader in (_UNKNOWN, _LAMBERT):
             material.kind, material.roughness = "diffuse", None
         elif source.shader == _PHONG:
-            _phong(said, material)
+            self._phong(said, material)
         else:
             self._physical(said, material)
         self._opacity(said, material)
+        if said.feature("unlit"):
+            material.kind, material.roughness, material.emission, material.emission_texture = "unlit", None, (0.0, 0.0, 0.0), None
         left = [words for key, words in _LEFT_OUT.items() if said.has(key)]
+        left += [f"the texture of {name}" for name in said.unread()]
         if left:
             self._shelf.warn_of_surface(f"Material {name}: not read and left out: {', '.join(left)}.")
         return material
@@ -110,17 +113,23 @@ class Materials:
 
     def _physical(self, said: _Said, material: Material) -> None:
         rough, metal = said.texture("roughness"), said.texture("metalness")
+        if rough is None:
+            rough = inverted(self._shelf, said.texture("glossiness"))
         material.metallic_roughness_texture = with_roughness_and_metal(self._shelf, rough, metal)
         material.roughness = 1.0 if rough is not None else said.roughness("", 0.5)
         material.metallic = 1.0 if metal is not None else unit(said.value("metalness", 0.0))
         material.ior = clamped(said.value("specular_ior", 1.5), 1.0, ALL_REFLECTING_IOR)
-        material.specular = unit(said.value("specular_factor", 1.0))
+        material.specular_texture = as_alpha(self._shelf, said.texture("specular_factor"))
+        material.specular = 1.0 if material.specular_texture is not None else unit(said.value("specular_factor", 1.0))
         if said.source.shader == _BLENDER:
             material.specular = unit(2 * material.specular)  # its exporter writes 0.5 for the 4 % that plastics reflect
-        material.specular_color = said.color("specular_color", None, (1.0, 1.0, 1.0))
+        material.specular_color_texture = said.texture("specular_color", srgb=True)
+        if material.specular_color_texture is None:
+            material.specular_color = said.color("specular_color", None, (1.0, 1.0, 1.0))
         material.anisotropy = unit(said.value("specular_anisotropy", 0.0))
         material.anisotropy_rotation = math.remainder(2 * math.pi * said.value("specular_rotation", 0.0), 2 * math.pi)
-        material.transmission = unit(said.value("transmission_factor", 0.0))
+        material.transmission_texture = said.texture("transmission_factor")
+        material.transmission = 1.0 if material.transmission_texture is not None else unit(said.value("transmission_factor", 0.0))
         if material.transmission > 0:
             material.thin = said.feature("thin_walled")
             tint = said.color("transmission_color", None, (1.0, 1.0, 1.0))
@@ -131,11 +140,13 @@ class Materials:
             else:
                 material.base_color = tint
             material.dispersion = clamped(said.value("transmission_dispersion", 0.0), 0.0, 20.0)
-        material.clearcoat = unit(said.value("coat_factor", 0.0))
-        if material.clearcoat > 0:
-            material.clearcoat_roughness = said.roughness("coat_", 0.0)
+        self._coat(said, material)
         if said.value("sheen_factor", 0.0) > 0:
             material.sheen_color = said.color("sheen_color", "sheen_factor", (0.0, 0.0, 0.0))
+            material.sheen_color_texture = said.texture("sheen_color", srgb=True)
+            if material.sheen_color_texture is not None:
+                level = unit(said.value("sheen_factor", 1.0))
+                material.sheen_color = (level, level, level)
             material.sheen_roughness = unit(said.value("sheen_roughness", 0.3))
         if said.value("thin_film_factor", 0.0) > 0 and said.value("thin_film_thickness", 0.0) > 0:
             thickness = clamped(said.value("thin_film_thickness", 0.0), 0.0, 1e5)
@@ -143,16 +154,29 @@ class Materials:
             material.iridescence_thickness = (thickness, thickness)
             material.iridescence_ior = clamped(said.value("thin_film_ior", 1.4), 1.0, 5.0)
 
+    def _coat(self, said: _Said, material: Material) -> None:
+        material.clearcoat_texture = said.texture("coat_factor")
+        material.clearcoat = 1.0 if material.clearcoat_texture is not None else unit(said.value("coat_factor", 0.0))
+        if material.clearcoat > 0:
+            material.clearcoat_roughness_texture = said.texture("coat_roughness")
+            rough = material.clearcoat_roughness_texture is not None
+            material.clearcoat_roughness = 1.0 if rough else said.roughness("coat_", 0.0)
+            material.clearcoat_normal_texture = said.texture("coat_normal")
 
-def _phong(said: _Said, material: Material) -> None:
-    specular = said.fbx_color("specular_color", "specular_factor")
-    exponent = max(said.fbx_value("specular_exponent", 20.0), 0.0)
-    if max(specular) == 0:
-        material.kind, material.roughness = "diffuse", None
-        return
-    # Phong's exponent to GGX roughness: alpha^2 = 2 / (n + 2), roughness = sqrt(alpha). Source: Walter et al. 2007, Karis 2013.
-    material.roughness = unit((2 / (exponent + 2)) ** 0.25)
-    material.specular_color = unit_color(specular)
+    def _phong(self, said: _Said, material: Material) -> None:
+        specular = said.fbx_color("specular_color", "specular_factor")
+        exponent = max(said.fbx_value("specular_exponent", 20.0), 0.0)
+        level = unit(said.fbx_value("specular_factor", 1.0))
+        texture = said.fbx_texture("specular_color", srgb=True) if level > 0 else None
+        if texture is None and max(specular) == 0:
+            material.kind, material.roughness = "diffuse", None
+            return
+        # Phong's exponent to GGX roughness: alpha^2 = 2 / (n + 2), roughness = sqrt(alpha).
+        # Source: Walter et al. 2007, Karis 2013.
+        material.roughness = unit((2 / (exponent + 2)) ** 0.25)
+        material.specular_color = unit_color(specular) if texture is None else (level, level, level)
+        material.specular_color_texture = texture
+        material.specular_texture = as_alpha(self._shelf, said.fbx_texture("specular_factor"))
 
 
 class _Said:
@@ -160,6 +184,7 @@ class _Said:
 
     def __init__(self, source: Any, name: str, pictures: Pictures) -> None:
         self.source, self._name, self._pictures = source, name, pictures
+        self._read: set[int] = set()  # textures, by address
 
     def feature(self, name: str) -> bool:
         return bool(self.source.features[_FEATURES[name]])
@@ -195,12 +220,22 @@ class _Said:
         return _scaled(self.source.fbx[_FBX[name]], (0.0, 0.0, 0.0), self.fbx_value(factor, 1.0), 1.0)
 
     def texture(self, name: str, srgb: bool = False) -> int | None:
-        found = self.source.pbr[_PBR[name]]
+        return self._find(self.source.pbr[_PBR[name]], srgb)
+
+    def fbx_texture(self, name: str, srgb: bool = False) -> int | None:
+        return self._find(self.source.fbx[_FBX[name]], srgb)
+
+    def _find(self, found: Any, srgb: bool) -> int | None:
+        self._read.add(int(found.texture or 0))
         return self._pictures.find(found.texture, f"Material {self._name}", srgb) if found.texture_enabled else None
 
-    def fbx_texture(self, name: str) -> int | None:
-        found = self.source.fbx[_FBX[name]]
-        return self._pictures.find(found.texture, f"Material {self._name}", False) if found.texture_enabled else None
+    def unread(self) -> list[str]:
+        """The properties whose textures were not asked for; what keeps light from corners is left out on purpose."""
+        silent = [self.source.pbr[_PBR[name]].texture for name in (*_LEFT_OUT, "ambient_occlusion")]
+        silent += [self.source.fbx[_FBX[name]].texture for name in ("displacement", "ambient_color", "ambient_factor")]
+        known = self._read | {int(texture or 0) for texture in silent}
+        left = [entry for entry in each(self.source.textures, layout.MaterialTexture) if int(entry.texture or 0) not in known]
+        return list(dict.fromkeys(text(entry.property).rsplit("|", 1)[-1] for entry in left))
 
     def opacity(self) -> float:
         found = self.source.pbr[_PBR["opacity"]]

@@ -47,7 +47,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     opened = files.recall(("FBX", main), lambda: Opened.of(files.read(main), main))
     if opened.scene.nodes.count > MAX_NODES:
         raise SceneError(f"{main}: has {opened.scene.nodes.count} nodes; at most {MAX_NODES} fit")
-    stacks = Stacks(opened.scene, main)
+    stacks = Stacks(opened, main)
     description.clips = stacks.clips
     fps = float(opened.scene.settings.fps)
     if 1e-3 <= fps <= 1e4:

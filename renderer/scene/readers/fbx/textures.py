@@ -26,7 +26,7 @@ class Pictures:
         self._main, self._files, self._shelf = main, files, shelf
         self._sets: dict[str, int] = {}
         for mesh in pointed(scene.meshes, layout.Mesh):
-            for i, uv_set in enumerate(each(mesh.uv_sets, layout.UvSet)[:2]):
+            for i, uv_set in enumerate(each(mesh.uv_sets, layout.UvSet)):
                 self._sets.setdefault(text(uv_set.name), i)
 
     def find(self, address: int | None, user: str, srgb: bool) -> int | None:
@@ -44,6 +44,12 @@ class Pictures:
         picture = files[0]
         wraps = [_WRAPS[1 if way == 1 else 0] for way in (picture.wrap_u, picture.wrap_v)]
         uv_set = self._sets.get(text(picture.uv_set), 0)
+        if uv_set > 1:
+            self._shelf.warn_of_surface(
+                f"{user}: a texture lies by the UV set {text(picture.uv_set)[:60]}; only a mesh's first two are read, and the "
+                "first is taken."
+            )
+            uv_set = 0
         return self._shelf.texture(self._image(picture, user, srgb), wraps[0], wraps[1], uv_set, _transform(picture))
 
     def _image(self, picture: Any, user: str, srgb: bool) -> int | None:

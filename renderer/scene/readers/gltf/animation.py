@@ -46,16 +46,25 @@ class Animations:
         self._times: dict[int, npt.NDArray[np.float64]] = {}
         names = [source.text("name", "") or f"animation {i}" for i, source in enumerate(self._sources)]
         self.clips = [Clip(name, *self._extent(source)) for name, source in zip(names, self._sources, strict=True)]
+        # Blender writes an animation for each object: as none moves what another does, they are meant to be seen together.
+        self._is_of_parts = (
+            len(names) > 1 and ALL_CLIPS not in names and files.recall(("clips apart", root.file), self._are_apart)
+        )
+        if self._is_of_parts:
+            moving = [clip for clip in self.clips if clip.end > clip.start] or self.clips
+            self.clips.insert(0, Clip(ALL_CLIPS, min(clip.start for clip in moving), max(clip.end for clip in moving)))
         self.warnings: list[str] = []
         self.moving: set[Path] = set()  # what has another value at another moment of what is played
 
     def at(self, moment: Moment) -> Json:
         """The file's root with what moves in its place. Raises SceneError where there is no such clip, or it is damaged."""
         names = [clip.name for clip in self.clips]
-        played = self._sources[:1]
-        if moment.clip is not None:
-            together = moment.clip == ALL_CLIPS and ALL_CLIPS not in names and len(names) > 0
-            played = self._sources if together else [self._sources[number_of("clip", names, moment.clip, self._root.file)]]
+        played = self._sources if self._is_of_parts else self._sources[:1]
+        if moment.clip == ALL_CLIPS and ALL_CLIPS not in names and names:
+            played = self._sources
+        elif moment.clip is not None:
+            number = number_of("clip", names, moment.clip, self._root.file) - self._is_of_parts
+            played = self._sources if number < 0 else [self._sources[number]]
         changed = Changed(self._root.value)
         for source in played:
             channels, moving, warnings = self._files.recall(
@@ -69,6 +78,17 @@ class Animations:
                     continue
                 changed.set(path, values[0] != 0 if kind == "flag" else values[0] if kind == "number" else values)
         return Json(self._root.file, "", changed.root)
+
+    def _are_apart(self) -> bool:
+        """Whether no two animations move the same."""
+        known: set[str] = set()
+        for source in self._sources:
+            targets = [target for channel in source.objects("channels") if (target := channel.object("target"))]
+            moved = {pointer for target in targets if (pointer := _pointer(target)) is not None}
+            if not known.isdisjoint(moved):
+                return False
+            known |= moved
+        return True
 
     def _has_weight(self, changed: Changed, path: Path) -> bool:
         """Whether there is such a weight; a node that has its mesh's gets a list of its own."""

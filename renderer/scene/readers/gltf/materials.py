@@ -11,7 +11,7 @@ from renderer.scene.material import AlphaMode, Material
 from renderer.scene.readers.gltf import extensions
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.specular_glossiness import read_specular_glossiness
-from renderer.scene.readers.gltf.textures import Textures
+from renderer.scene.readers.gltf.textures import UV_SETS, Textures, uv_sets_of
 from renderer.scene.readers.numbers import clamped, unit
 from renderer.scene.textures import TextureShelf
 
@@ -33,7 +33,9 @@ class Materials:
         self._passed: dict[tuple[int, bool, bool], int] = {}
         self._default: int | None = None
         self._filled: list[bool] = []
+        self._uv_sets = [uv_sets_of(source.value) for source in self.sources]
         for i, source in enumerate(self.sources):
+            textures.uv_sets = self._uv_sets[i]
             materials.append(self._read(source, source.text("name", "") or f"material {i}"))
             self._filled.append(extensions.has_thickness(source))
 
@@ -45,6 +47,10 @@ class Materials:
             self._materials.append(_standard("glTF default"))
             self._default = len(self._materials) - 1
         return self._default
+
+    def uv_sets(self, index: int | None) -> tuple[int, ...]:
+        """The file's sets of UVs that meshes of a material have as theirs."""
+        return UV_SETS if index is None else self._uv_sets[index]
 
     def depends_on_mesh(self, index: int | None) -> bool:
         """Whether light goes through the material, and the mesh must say if there is an inside to go through."""

@@ -99,15 +99,17 @@ class Meshes:
             self._sources[index] = []
             for source in self.sources[index].objects("primitives"):
                 material = self._variants.material_of(source, self._materials.sources)
+                uv_sets = self._materials.uv_sets(material)
                 primitive = self._files.recall(
-                    ("primitive", self._file, source.where, self._thickness), functools.partial(self._read, source, index)
+                    ("primitive", self._file, source.where, self._thickness, uv_sets),
+                    functools.partial(self._read, source, index, uv_sets),
                 )
                 if primitive is not None:
                     self._sources[index].append((primitive, material))
         return self._sources[index]
 
-    def _read(self, source: Json, index: int) -> Primitive | None:
-        return read_primitive(source, self.name(index), self._accessors, self._shelf, self._thickness)
+    def _read(self, source: Json, index: int, uv_sets: tuple[int, ...]) -> Primitive | None:
+        return read_primitive(source, self.name(index), self._accessors, self._shelf, self._thickness, uv_sets)
 
     def _weights(self, index: int, node: Json) -> tuple[float, ...]:
         return (node if "weights" in node else self.sources[index]).numbers("weights")

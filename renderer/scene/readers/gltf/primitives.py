@@ -15,6 +15,7 @@ from renderer.scene.readers.gltf import draco
 from renderer.scene.readers.gltf.accessors import Accessors, as_floats
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import Bones
+from renderer.scene.readers.gltf.textures import UV_SETS
 from renderer.scene.readers.gltf.thickened import thickened
 from renderer.scene.textures import TextureShelf
 
@@ -32,9 +33,14 @@ class Primitive(NamedTuple):
 
 
 def read_primitive(
-    source: Json, name: str, accessors: Accessors, shelf: TextureShelf, thickness: float | None = None
+    source: Json,
+    name: str,
+    accessors: Accessors,
+    shelf: TextureShelf,
+    thickness: float | None = None,
+    uv_sets: tuple[int, ...] = UV_SETS,
 ) -> Primitive | None:
-    """The primitive; None, with a warning, for points and lines that are given no thickness."""
+    """The primitive, with these of the file's sets of UVs; None, with a warning, for points and lines without a thickness."""
     mode = source.integer("mode", _LIST, high=7)
     if mode < _LIST and thickness is None:
         shelf.warn(
@@ -68,8 +74,7 @@ def read_primitive(
         return Primitive(shown, [], None)
     mesh = Mesh(name, positions, _triangles(indices, _LIST if attributes.indices is not None else mode))
     mesh.normals = attributes.get("NORMAL", (3,))
-    mesh.uvs = attributes.get("TEXCOORD_0", (2,))
-    mesh.uvs1 = attributes.get("TEXCOORD_1", (2,))
+    mesh.uvs, mesh.uvs1, *_ = (*(attributes.get(f"TEXCOORD_{number}", (2,)) for number in uv_sets), None)
     mesh.tangents = attributes.get("TANGENT", (4,)) if mesh.normals is not None else None  # specification 3.7.2.1
     mesh.colors = _with_alpha(attributes.get("COLOR_0", (3, 4)))
     for values in (mesh.normals, mesh.uvs, mesh.uvs1, mesh.tangents, mesh.colors):

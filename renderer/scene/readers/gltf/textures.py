@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from renderer.scene.description import TexelFilter, UvTransform, Wrap
 from renderer.scene.files import SceneFiles, data_uri
@@ -10,7 +11,7 @@ from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.textures import UNMOVED, TextureShelf
 
-__all__ = ["EXTENSIONS", "Textures"]
+__all__ = ["EXTENSIONS", "UV_SETS", "Textures", "uv_sets_of"]
 
 _FORMATS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu")  # images that are not in every glTF viewer
 EXTENSIONS = {*_FORMATS, "KHR_texture_transform"}
@@ -19,7 +20,30 @@ _REPEAT, _LINEAR = 10497, 9729
 _WRAP: dict[int, Wrap] = {_REPEAT: "repeat", 33648: "mirror", 33071: "clamp"}
 _NEAREST = {9728}
 _MIN_NEAREST = {9728, 9984, 9986}  # without mipmaps, with one, between two
-_UV_SETS = 2
+UV_SETS: tuple[int, ...] = (0, 1)  # which a mesh has here, of as many as the file's may have
+_UNSEEN = "occlusionTexture"
+
+
+def uv_sets_of(material: Any) -> tuple[int, ...]:
+    """The file's sets of UVs, two at the most, by which the textures of a material in JSON lie."""
+    used: set[int] = set()
+    left = [material]
+    while left:
+        value = left.pop()
+        if isinstance(value, list):
+            left += value
+        if not isinstance(value, dict):
+            continue
+        if "index" in value:
+            extensions = value.get("extensions")
+            moved = extensions.get("KHR_texture_transform") if isinstance(extensions, dict) else None
+            given = moved.get("texCoord") if isinstance(moved, dict) else None
+            number = value.get("texCoord", 0) if given is None else given
+            used |= {number} if isinstance(number, int) else set()
+        left += [each for key, each in value.items() if key not in (_UNSEEN, "extras")]
+    if used <= {*UV_SETS}:
+        return UV_SETS
+    return tuple(sorted(used)[: len(UV_SETS)])
 
 
 class Textures:
@@ -30,6 +54,7 @@ class Textures:
         self._images = root.objects("images")
         self._samplers = root.objects("samplers")
         self._textures = root.objects("textures")
+        self.uv_sets = UV_SETS  # of the material that is read, by which its meshes have theirs
 
     def find(self, owner: Json, key: str, user: str, srgb: bool = False) -> int | None:
         """The description's number of the texture under a key of a material or extension; None where there is none.
@@ -46,11 +71,13 @@ class Textures:
         if extension:
             uv_set = extension.integer("texCoord", uv_set, high=64)
             transform = _matrix(extension)
-        if uv_set >= _UV_SETS:
+        if uv_set not in self.uv_sets:
+            read = " and ".join(str(number) for number in self.uv_sets)
             self._shelf.warn_of_surface(
-                f"Material {user}: a texture uses UV set {uv_set}; only sets 0 and 1 are read, and 0 is taken."
+                f"Material {user}: a texture uses UV set {uv_set}; only sets {read} are read, and {self.uv_sets[0]} is taken."
             )
-            uv_set = 0
+            uv_set = self.uv_sets[0]
+        uv_set = self.uv_sets.index(uv_set)
         wrap_s, wrap_t, filter = self._sampler(texture)
         return self._shelf.texture(self._image(texture, user, srgb), wrap_s, wrap_t, uv_set, transform, filter=filter)
 

@@ -222,6 +222,10 @@ class Bsdfs:
 
     def _bent(self, source: Element, inner: Material) -> Material:
         texture = source.child("normalmap") or next(iter(source.of("texture")), None)
+        if source.flag("use_shadowing_function", True):
+            self._document.ignore(
+                "Normal maps are not darkened by a shadowing function here; to compare, set it to false in Mitsuba"
+            )
         return inner if texture is None else replace(inner, normal_texture=self._textures.texture(texture, False))
 
     def _roughness(self, source: Element, default: float) -> float:

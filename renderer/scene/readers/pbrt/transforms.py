@@ -78,8 +78,9 @@ def between(ctm: Ctm, share: float) -> Matrix:
 
 
 def _unit(vector: Matrix) -> Matrix:
-    length = math.sqrt(float((vector * vector).sum()))
-    return vector / length if length > 0 else np.zeros(3)
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers of damaged files
+        length = math.sqrt(float((vector * vector).sum()))
+        return vector / length if length > 0 else np.zeros(3)
 
 
 def _parts(transform: Matrix) -> tuple[Matrix, Matrix]:

@@ -19,6 +19,8 @@ __all__ = ["read_camera", "shutter_of"]
 
 _TENTH = 0.1
 _LEAST = 1e-6
+_FAR = 1e9
+_EXPOSURE = ("time", "iso", "fStop", "responsivity")
 
 
 def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) -> View:
@@ -34,6 +36,10 @@ def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) 
 
     if len(camera.GetClippingPlanesAttr().Get(time) or ()):
         notes.add("Clipping planes of cameras cut nothing off", prim.GetName())
+    if abs(said(camera.GetExposureAttr())) > 0 or any(
+        attribute.HasAuthoredValue() for name in _EXPOSURE if (attribute := prim.GetAttribute(f"exposure:{name}"))
+    ):
+        notes.add("The exposure of cameras is left out: it is set when the picture is shown", prim.GetName())
     eye = world[:3, 3]
     forward, up = (v / max(float(np.linalg.norm(v)), 1e-300) for v in (-world[:3, 2], world[:3, 1]))
     focus = said(camera.GetFocusDistanceAttr()) * unit
@@ -42,6 +48,8 @@ def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) 
     offsets = said(camera.GetHorizontalApertureOffsetAttr()), said(camera.GetVerticalApertureOffsetAttr())
     x, y = (clamped(offset / height, -MAX_SHIFT, MAX_SHIFT) if height > 0 else 0.0 for offset in offsets)
     shift: dict[str, Any] = {"shift_x": x, "shift_y": y}
+    if camera.GetClippingRangeAttr().HasAuthoredValue():
+        shift["near"] = clamped(float(camera.GetClippingRangeAttr().Get(time)[0]) * unit, 0.0, _FAR)
     if camera.GetProjectionAttr().Get(time) == "orthographic":
         tall = max(height * _TENTH * unit, _LEAST)
         return View(_vec3(eye), _vec3(target), _vec3(up), projection="orthographic", height=tall, **shift)

@@ -42,7 +42,7 @@ class Stage:
     @cached_property
     def span(self) -> tuple[float, float] | None:
         """The first and the last time code at which anything is said; None where nothing moves."""
-        times = [time for layer in self._layers for time in _ends(layer)]
+        times = [time for layer in self._layers for time in (*_ends(layer), *_knots(layer))]
         return (min(times), max(times)) if times else None
 
 
@@ -176,6 +176,22 @@ class _Opener:
 def _ends(layer: Any) -> list[float]:
     times = layer.ListAllTimeSamples()
     return [float(times[0]), float(times[-1])] if times else []
+
+
+def _knots(layer: Any) -> list[float]:
+    """The times of the keys of a layer's splines, which are no time samples."""
+    if not hasattr(Sdf.AttributeSpec, "GetSpline"):  # before usd-core 25.5
+        return []
+    found: list[float] = []
+
+    def visit(path: Any) -> None:
+        if path.IsPropertyPath():
+            spec = layer.GetAttributeAtPath(path)
+            if spec is not None and spec.HasSpline():
+                found.extend(float(time) for time in spec.GetSpline().GetKnots())
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+    return [min(found), max(found)] if found else []
 
 
 def _place(error: Any) -> str:

@@ -98,9 +98,11 @@ class Placing:
         for prim in list(prims):
             if prim.IsA(UsdGeom.Mesh):
                 prims += [s.GetPrim() for s in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()]
-        if prims:
-            materials, _ = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, UsdShade.Tokens.full)
-            self._bound = {p.GetPath(): m for p, m in zip(prims, materials, strict=True)}
+        for purpose in (UsdShade.Tokens.full, UsdShade.Tokens.preview):  # the latter for what has no other
+            if prims:
+                materials, _ = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, purpose)
+                self._bound |= {p.GetPath(): m for p, m in zip(prims, materials, strict=True)}
+                prims = [p for p, m in zip(prims, materials, strict=True) if not m]
 
     def _surface(self, prim: Any, shown_by: Any = None) -> Surface:
         return self._surfaces.of(self._bound.get(prim.GetPath()), prim if shown_by is None else shown_by)

@@ -18,6 +18,7 @@ __all__ = ["MAX_INSTANCES", "Placed", "matrix", "walk"]
 MAX_PRIMS = 2_000_000
 MAX_INSTANCES = 500_000
 MAX_DEPTH = 400
+_LEVELS = "LODRootAPI"  # UsdLod's, new in usd-core 26
 _DRAWN_PURPOSES = ("default", "render")
 _Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
@@ -84,6 +85,10 @@ class _Walk:
             self._seen += 1
             if self._seen > MAX_PRIMS or prim.GetPath().pathElementCount > MAX_DEPTH:
                 raise SceneError(f"{prim.GetPath()}: is one prim too many, or too deep; at most {MAX_PRIMS} fit")
+            if prim.GetTypeName() and not prim.IsA(Usd.Typed):
+                self._notes.add(
+                    f"Prims of the type {prim.GetTypeName()}, which USD itself does not know, are left out", str(prim.GetPath())
+                )
             if prim.IsA(UsdShade.Material) or prim.IsA(UsdShade.Shader) or prim.IsA(UsdShade.NodeGraph):
                 continue
             inner, moving = self._local(prim, outer)
@@ -105,7 +110,17 @@ class _Walk:
                             yield from self._instanced(prim, inner, moves, depth)
                         continue
                     yield Placed(prim, inner, moves, shown)
-            stack += [(c, inner, moves, shown, purpose) for c in reversed(prim.GetFilteredChildren(self._filter))]
+            stack += [(c, inner, moves, shown, purpose) for c in reversed(self._children(prim))]
+
+    def _children(self, prim: Any) -> list[Any]:
+        """The prims below one that are walked: of levels of detail, which stand in one place, the default."""
+        children = list(prim.GetFilteredChildren(self._filter))
+        if len(children) > 1 and _LEVELS in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+            said = prim.GetAttribute("lod:default:index")
+            index = int((said.Get(self._time) if said else None) or 0)
+            children = [children[min(max(index, 0), len(children) - 1)]]
+            self._notes.add("Of levels of detail the default alone is drawn", str(prim.GetPath()))
+        return children
 
     def _local(self, prim: Any, outer: Matrix) -> tuple[Matrix, bool]:
         """The places of a prim, and whether it moves by itself."""
@@ -142,6 +157,10 @@ class _Walk:
         if count == 0 or len(places) != len(indices) or depth > 8:
             self._notes.add("Point instancers that are damaged, empty or nested too deeply are left out", str(prim.GetPath()))
             return
+        said_of_each = [p for p in UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithValues() if p.GetInterpolation() != "constant"]
+        if said_of_each and count > 1:
+            named = ", ".join(str(primvar.GetPrimvarName()) for primvar in said_of_each[:3])
+            self._notes.add(f"What point instancers say of each instance ({named}) is left out", str(prim.GetPath()))
         attributes = instancer.GetPositionsAttr(), instancer.GetOrientationsAttr(), instancer.GetScalesAttr()
         moves |= any(a.ValueMightBeTimeVarying() for a in (*attributes, instancer.GetProtoIndicesAttr()))
         for number, target in enumerate(targets):

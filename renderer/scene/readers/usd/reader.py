@@ -14,7 +14,7 @@ from renderer.scene.readers.names import number_of
 from renderer.scene.readers.usd.layers import Stage, muted, open_stage, telling
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.placing import Placing
-from renderer.scene.readers.usd.prims import walk
+from renderer.scene.readers.usd.prims import Placed, walk
 from renderer.scene.readers.usd.sources import Sources
 from renderer.scene.readers.usd.textures import Images
 from renderer.scene.textures import TextureShelf
@@ -34,10 +34,11 @@ def read_stage(files: SceneFiles, main: str, description: SceneDescription, vari
         time = _time(stage, main, description, moment)
         notes = Notes()
         placing = Placing(files, (main, variant), stage, description, shelf, Images(stage, sources, shelf, notes), notes, time)
-        placing.place(walk(stage.stage, time, notes))
+        settings = _render_settings(stage.stage)
+        placing.place(_seen_by_its_camera(walk(stage.stage, time, notes), settings))
         for told in (stage.notes, notes):
             told.tell(shelf.warn)
-        _resolution(stage.stage, description)
+        _resolution(settings, description)
 
 
 def _time(stage: Stage, main: str, description: SceneDescription, moment: Moment) -> Any:
@@ -62,10 +63,21 @@ def _time(stage: Stage, main: str, description: SceneDescription, moment: Moment
     return Usd.TimeCode(start + moment.seconds(description.fps) * rate)
 
 
-def _resolution(root: Any, description: SceneDescription) -> None:
-    """The size of the picture that the stage's render settings ask for."""
+def _render_settings(root: Any) -> Any:
+    """The prim of the stage's render settings; None where there is none."""
     path = root.GetMetadata("renderSettingsPrimPath")
-    prim = root.GetPrimAtPath(path) if path else None
-    size = prim.GetAttribute("resolution").Get() if prim else None
+    return (root.GetPrimAtPath(path) or None) if path else None
+
+
+def _seen_by_its_camera(found: list[Placed], settings: Any) -> list[Placed]:
+    """What a stage has, the camera of its render settings before all others."""
+    camera = settings.GetRelationship("camera") if settings else None
+    chosen = set(camera.GetForwardedTargets()) if camera else set()
+    return sorted(found, key=lambda each: each.prim.GetPath() not in chosen) if chosen else found
+
+
+def _resolution(settings: Any, description: SceneDescription) -> None:
+    """The size of the picture that the stage's render settings ask for."""
+    size = settings.GetAttribute("resolution").Get() if settings else None
     if size is not None and len(size) == 2 and all(16 <= n <= 16384 for n in size):
         description.defaults |= {"width": int(size[0]), "height": int(size[1])}

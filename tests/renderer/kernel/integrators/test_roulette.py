@@ -35,12 +35,12 @@ def chances(*weights, eta2=None, **asked):
 
 def test_short_paths_go_on_and_dark_ones_end_after_them():
     assert chances(0.9, 0.01, 0.5)[:2] == [1, 1]
-    assert chances(0.9, 0.01, 0.5)[2] == pytest.approx(1.2 * 0.01 * 0.5)
+    assert chances(0.9, 0.01, 0.5)[2] == pytest.approx(1.4 * 0.01 * 0.5)
 
 
-def test_what_carries_five_sixths_goes_on_for_certain():
+def test_what_carries_five_sevenths_goes_on_for_certain():
     assert chances(1.0, 0.95, 0.9, 1.0) == [1, 1, 1, 1]
-    assert chances(1.0, 0.8, 0.6, 0.9)[2:] == pytest.approx([1.2 * 0.8 * 0.6, 0.9])
+    assert chances(1.0, 0.8, 0.6, 0.9)[2:] == pytest.approx([1.4 * 0.8 * 0.6, 0.9])
 
 
 @pytest.mark.parametrize("first", [0.02, 0.3, 4.0])

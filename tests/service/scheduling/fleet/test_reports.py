@@ -11,6 +11,7 @@ import pytest
 
 from service.scheduling.fleet.reports import report_of
 from service.scheduling.fleet.speeds import Speeds
+from service.scheduling.fleet.workers import FEW, Roster
 from worker.protocol.contract import WorkerReport, worker_key
 from worker.protocol.site import SiteReport
 from worker.protocol.terms import Offer
@@ -69,7 +70,7 @@ def test_a_number_beyond_all_others_written_in_another_way_is_none() -> None:
 
 def test_the_fastest_that_is_believed_can_be_added_up() -> None:
     speeds = Speeds(now=0.0)
-    for second in range(200):
+    for second in range(20):
         speeds.note([read("one", samples_per_s=1e12, slots=4096, current=[{"batch": "b"}] * 4096)], now=float(second))
     assert all(speed > 0 for speed in speeds.latest["one"])
 
@@ -103,3 +104,14 @@ def test_a_worker_that_root_gave_precedence_is_heard() -> None:
     assert Offer.from_bytes(json.dumps({**OFFER, "nice": -20}).encode()).nice == -20
     with pytest.raises(ValueError):
         Offer.from_bytes(json.dumps({**OFFER, "nice": -21}).encode())
+
+
+def test_a_worker_that_starts_is_seen_as_ready_at_once() -> None:
+    def about_to_change(*states: str) -> bool:
+        return Roster({str(i): read(str(i), name=str(i), state=state) for i, state in enumerate(states)}).is_about_to_change()
+
+    assert about_to_change()
+    assert about_to_change("paused")
+    assert not about_to_change("ready", "paused")
+    assert about_to_change("ready", "starting")
+    assert not about_to_change(*["ready"] * FEW, "starting"), "to look at many takes long"

@@ -1,0 +1,69 @@
+"""The kernel for scenes with textures and all else, got ready while a worker that has just started waits or renders: whoever
+brings such a scene would wait half a minute for it.
+
+A process of its own, behind all others in turn: `python -m worker.exchange.ahead --service URL`, with the farm's token in
+RAYFARM_TOKEN. A slot that wants the kernel meanwhile waits for it (renderer.jit.compiling).
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import subprocess
+import sys
+import threading
+
+from renderer import jit
+from renderer.render import FULL, kernel_name
+from worker.exchange.errors import WorkerError
+from worker.exchange.kernels import hand_in
+from worker.exchange.link import Link
+from worker.exchange.ready import fetched_or_compiled
+from worker.machine.children import spawn_guard
+from worker.telemetry import logs
+
+__all__ = ["get_ready_ahead"]
+
+log = logging.getLogger("worker")
+
+STANDS_BACK = 5  # nice levels: on a busy machine, who wants the kernel meanwhile must not wait forever
+
+
+def get_ready_ahead(link: Link) -> None:
+    """Begin, unless this machine has the kernel. The process ends with this one."""
+    if jit.is_kept(kernel_name(edition=FULL)):
+        return
+    guard = spawn_guard()
+
+    def stand_back() -> None:
+        guard()
+        os.nice(STANDS_BACK)
+
+    process = subprocess.Popen(
+        [sys.executable, "-m", "worker.exchange.ahead", f"--service={link.service}"],
+        env={**os.environ, "RAYFARM_TOKEN": link.token},
+        stdin=subprocess.DEVNULL,
+        preexec_fn=stand_back,
+    )
+    threading.Thread(target=process.wait, name="a kernel got ready ahead", daemon=True).start()  # else it stays as a zombie
+
+
+def main() -> int:
+    """Once; what cannot be done is said and forgotten: who wants the kernel then compiles it."""
+    parser = argparse.ArgumentParser(prog="python -m worker.exchange.ahead", description="Gets the next kernel ready.")
+    parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
+    options = parser.parse_args()
+    logs.set_up()
+    link = Link(options.service, os.environ.get("RAYFARM_TOKEN", ""))
+    try:
+        if not fetched_or_compiled(link, edition=FULL):
+            hand_in(link, jit.cache_folder(), kernel_name(edition=FULL))
+    except (WorkerError, OSError) as error:
+        log.warning("the kernel %s is not handed in: %s", kernel_name(edition=FULL), error)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
