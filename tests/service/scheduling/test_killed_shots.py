@@ -29,6 +29,7 @@ SIZE = {"width": 16, "height": 16, "tile_size": 16}
 PIXELS = 16 * 16
 MOMENTS = (0.0, 0.3, 0.8)  # of the work, at which the service is killed
 PATIENCE_S = 240.0
+pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
 
 class Looked:
@@ -72,10 +73,6 @@ class Mortal:
         self.service.http.timeout = httpx.Timeout(PATIENCE_S)
         until(self.service.is_ready, "the service is ready", PATIENCE_S, lambda: self.service.log.read_text()[-2000:])
 
-    def kill(self) -> None:
-        self.service.process.kill()
-        self.service.process.wait()
-
     def scene(self) -> str:
         http = self.service.http
         with PeerWorker(self._arguments[1], self.service.url, TOKEN):
@@ -99,8 +96,9 @@ class Mortal:
         asking.start()
         until(lambda: bool(answered) or is_time(), "its moment comes", PATIENCE_S, rarely=0.005)
         in_the_midst = not answered
-        self.kill()
+        self.service.process.kill()
         asking.join()
+        self.service.end()
         self.start()
         return in_the_midst
 
@@ -122,7 +120,6 @@ def mortal(tmp_path: Path, redis_server: running_redis, database: str) -> Iterat
     farm.service.end()
 
 
-@pytest.mark.long
 def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Mortal) -> None:
     farm = mortal
     scene, looked = farm.scene(), farm.looked
@@ -167,7 +164,6 @@ def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Mortal) 
     assert in_the_midst >= 6, "most of the nine kills came while the request was under way"
 
 
-@pytest.mark.long
 def test_several_clients_at_once_leave_every_shot_whole(mortal: Mortal) -> None:
     """They ask for more samples, frames anew, other priorities, an end and a new beginning, and a deletion, all of two shots."""
     farm = mortal
@@ -211,7 +207,6 @@ def test_several_clients_at_once_leave_every_shot_whole(mortal: Mortal) -> None:
     assert farm.service.process.poll() is None
 
 
-@pytest.mark.long
 def test_of_several_long_shots_the_one_of_the_highest_priority_is_rendered(mortal: Mortal, redis_server: running_redis) -> None:
     farm = mortal
     scene = farm.scene()

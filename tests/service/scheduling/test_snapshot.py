@@ -17,8 +17,7 @@ def job(samples: int, state: str = "running") -> Any:
     about = {
         "samples": samples,
         "shot": None,
-        "frame_numbers": dict,
-        "states": lambda: ({}, ()),
+        "tally": SimpleNamespace(numbers=dict, states=lambda: ({}, ())),
         "state": state,
         "bad_samples": 0,
         "progress": 0.5,
