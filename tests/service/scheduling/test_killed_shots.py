@@ -38,6 +38,9 @@ class Looked:
     def __init__(self, data: Path, url: str) -> None:
         self._engine = create_engine(url or sqlite_url(data / "rayfarm.sqlite"))
 
+    def close(self) -> None:
+        self._engine.dispose()
+
     def all(self, query: str, **values: Any) -> list[Any]:
         with self._engine.connect() as connection:
             return list(connection.execute(text(query), values))
@@ -118,6 +121,7 @@ def mortal(tmp_path: Path, redis_server: running_redis, database: str) -> Iterat
     farm = Mortal(tmp_path / "data", redis_server.url, database)
     yield farm
     farm.service.end()
+    farm.looked.close()
 
 
 def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Mortal) -> None:
