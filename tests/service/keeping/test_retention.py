@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import update
 
+from service.keeping import retention
 from service.keeping.retention import DAY_S
 from service.store.models import Job, Scene
 from tests.service.conftest import OBJ, Service, until
@@ -107,7 +108,8 @@ def test_compiled_scenes_and_uploads_that_nobody_used_go(service: Service, jobs:
     assert service.digest(jobs[3]), "pictures stay"
 
 
-def test_a_farm_goes_by_its_own_rules_by_itself(service: Service, jobs: list[str]) -> None:
+def test_a_farm_goes_by_its_own_rules_by_itself(service: Service, jobs: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(retention, "FIRST_S", 0.0)
     service.options["keep_films_days"] = 15
     service.restart()
     until(lambda: not film_of(service, jobs[2]).exists(), "what is too old is let go")
