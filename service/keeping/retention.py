@@ -43,12 +43,17 @@ class WallClock:
     """Whether the wall clock goes on as time does."""
 
     def __init__(self) -> None:
-        self._apart = time.time() - time.monotonic()
+        self._apart = time.time() - _since_boot()
 
     def jumped_s(self) -> float:
         """By how much it was put forward since it was last asked; less than 0: back."""
-        before, self._apart = self._apart, time.time() - time.monotonic()
+        before, self._apart = self._apart, time.time() - _since_boot()
         return self._apart - before
+
+
+def _since_boot() -> float:
+    """Seconds, with those for which the machine slept where its system counts them."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic()
 
 
 @dataclass(frozen=True)

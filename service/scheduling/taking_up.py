@@ -109,8 +109,7 @@ class TakingUp:
             else:
                 film.forget(*anew)
             self._records.forgot(row.id, anew)
-        verify = row.request.get("verify")
-        film.keeps_apart = (self._scheduler.verify if verify is None else verify) > 0
+        film.keeps_apart = self._verify(row) > 0
         for worker in self._scheduler.distrusted.union(row.doubted or ()):
             film.take_back(worker)
         if row.doubted:
@@ -118,8 +117,7 @@ class TakingUp:
         return film
 
     def _hand_over(self, job: ActiveJob, row: Job, scene: Scene) -> None:
-        verify = row.request.get("verify")
-        job.verify = self._scheduler.verify if verify is None else verify
+        job.verify = self._verify(row)
         job.checks = self._scheduler.checks
         job.looks = self._scheduler.looks
         job.share = self._scheduler.shares.name_of(job.user, job.project)
@@ -133,6 +131,11 @@ class TakingUp:
         self._scheduler.jobs[row.id] = job
         self._catch_up(job, row.stage)
         self._taken(job, scene)
+
+    def _verify(self, row: Job) -> float:
+        """Which part of its batches is rendered twice: as it asks for, or as the farm does."""
+        asked: float | None = row.request.get("verify")
+        return self._scheduler.verify if asked is None else asked
 
     def _catch_up(self, job: ActiveJob, stage: str) -> None:
         """For which other kinds of workers its scene was prepared in the meantime."""

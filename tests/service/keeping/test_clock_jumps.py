@@ -26,6 +26,15 @@ def test_a_wall_clock_that_is_put_forward_is_told_from_one_that_goes_on(monkeypa
     assert clock.jumped_s() < -39 * DAY_S
 
 
+@pytest.mark.skipif(not hasattr(time, "CLOCK_BOOTTIME"), reason="this system does not count the time for which it sleeps")
+def test_a_machine_that_slept_has_not_put_its_clock_forward(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, woken = WallClock(), time.time() + 8 * 3600
+    slept_to = time.clock_gettime(time.CLOCK_BOOTTIME) + 8 * 3600
+    monkeypatch.setattr(time, "time", lambda: woken)
+    monkeypatch.setattr(time, "clock_gettime", lambda _: slept_to)  # while time.monotonic() stood still
+    assert abs(clock.jumped_s()) < 1
+
+
 def test_retention_waits_after_a_jump_and_after_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     pauses: list[float] = []
     jumps = iter([0.0, 40 * DAY_S, 0.0])
