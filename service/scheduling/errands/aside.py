@@ -17,7 +17,7 @@ from typing import Generic, TypeVar
 
 from service.errors import Failed, FarmError, NotFound, TooLate, Unavailable
 from service.scheduling.fleet.workers import Workers
-from service.scheduling.handing_out.dispatch import QueueError
+from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
 from service.scheduling.handing_out.leases import Lease
 from service.store.blobs import BlobStore, is_sha256
 from worker.protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment
@@ -59,8 +59,9 @@ class Aside(ABC, Generic[Wish]):
     _patience_s = 60.0
     _doing: str  # what reports of workers call the job whose frame they have in hand
 
-    def __init__(self, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
         """let_go: of blobs that are wanted no more. Which blob that is a worker has said: something else may refer to it."""
+        self._dispatcher = dispatcher
         self._workers = workers
         self._blobs = blobs
         self._let_go = let_go

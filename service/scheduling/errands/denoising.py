@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from service.errors import Unavailable
-from service.scheduling.errands.aside import Aside, LetGo
-from service.scheduling.fleet.workers import Workers
-from service.scheduling.handing_out.dispatch import Dispatcher
-from service.store.blobs import BlobStore
+from service.scheduling.errands.aside import Aside
 from worker.protocol.contract import DenoiseFrame
 
 __all__ = ["Denoising"]
@@ -17,10 +14,6 @@ class Denoising(Aside[DenoiseFrame]):
 
     _name = "denoised picture"
     _doing = "denoise"
-
-    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
-        super().__init__(workers, blobs, let_go)
-        self._dispatcher = dispatcher
 
     def _kind(self) -> str | None:
         return self._workers.roster.denoising_kind()

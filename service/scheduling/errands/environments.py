@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from service.errors import FarmError, Invalid, Unavailable
-from service.scheduling.errands.aside import Aside, LetGo
-from service.scheduling.fleet.workers import Workers
-from service.scheduling.handing_out.dispatch import Dispatcher
-from service.store.blobs import BlobStore
+from service.scheduling.errands.aside import Aside
 from worker.protocol.contract import ShowEnvironment
 
 __all__ = ["Environments"]
@@ -20,10 +17,6 @@ class Environments(Aside[ShowEnvironment]):
     _name = "environment's picture"
     _doing = "environment"
     _patience_s = 150.0
-
-    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
-        super().__init__(workers, blobs, let_go)
-        self._dispatcher = dispatcher
 
     def _kind(self) -> str | None:
         return self._workers.roster.lighting_kind()

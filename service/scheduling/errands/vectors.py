@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from service.errors import Unavailable
-from service.scheduling.errands.aside import Aside, LetGo
-from service.scheduling.fleet.workers import Workers
-from service.scheduling.handing_out.dispatch import Dispatcher
-from service.store.blobs import BlobStore
+from service.scheduling.errands.aside import Aside
 from worker.protocol.contract import FrameVectors
 
 __all__ = ["Vectors"]
@@ -18,10 +15,6 @@ class Vectors(Aside[FrameVectors]):
     _name = "motion vectors"
     _doing = "vectors"
     _patience_s = 600.0  # the scene is read and compiled for them
-
-    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
-        super().__init__(workers, blobs, let_go)
-        self._dispatcher = dispatcher
 
     def _kind(self) -> str | None:
         return self._workers.roster.pointing_kind()
