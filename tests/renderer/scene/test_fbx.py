@@ -257,6 +257,25 @@ def test_a_film_that_is_offset_is_a_shifted_lens(scene):
     assert (view.shift_x, view.shift_y) == pytest.approx((0.3, -0.1))
 
 
+def test_what_stands_before_a_cameras_near_plane_is_cut_away(scene):
+    """In the file's unit; a file that does not say cuts nothing."""
+    objects = node(51, "a", "Camera") + camera(61, NearPlane=40.0) + node(52, "b", "Camera") + camera(62, Far=9.0)
+    views = [c.view for c in scene("a.fbx", fbx(objects, [(61, 51), (51, 0), (62, 52), (52, 0)], unit=2.54)).cameras]
+    assert [view.near for view in views] == pytest.approx([40 * 0.0254, 0])
+
+
+def test_blenders_textures_are_turned_as_its_mapping_nodes_say(scene, png):
+    """Its exporter writes radians where FBX has degrees; these are the numbers that its glTF exporter writes of the same node."""
+    turned = {"Translation": (0.1, 0.25, 0.0), "Rotation": (0.0, 0.0, math.radians(30)), "Scaling": (1 / 2, 1 / 3, 1.0)}
+    text = fbx(material(30, "p") + texture(40, "a.png", **turned), [(30, 20), (40, 30, "DiffuseColor")])
+    creator = "Blender (stable FBX IO) - 4.5.15 LTS - 5.13.1"
+    texts = text, text.replace("FBX SDK/FBX Plugins version 2020.3", creator)
+    others, blenders = (scene("a.fbx", each, {"a.png": png(255, 0, 0)}).textures[0].transform for each in texts)
+    assert blenders == pytest.approx((1.7321, 1.5, -1.4, -1.0, 2.5981, -1.8481), abs=1e-4)
+    turn = math.radians(math.radians(30))
+    assert others[:2] == pytest.approx((2 * math.cos(turn), 2 * math.sin(turn)))
+
+
 def test_hidden_nodes_are_left_out_and_counted(scene):
     objects = node(21, "off", Visibility=0.0) + node(22, "below")
     description = scene("a.fbx", fbx(objects, [(10, 21), (21, 0), (10, 22), (22, 21)]))
