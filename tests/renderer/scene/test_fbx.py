@@ -266,7 +266,7 @@ def test_what_stands_before_a_cameras_near_plane_is_cut_away(scene):
 
 def test_blenders_textures_are_turned_as_its_mapping_nodes_say(scene, png):
     """Its exporter writes radians where FBX has degrees; these are the numbers that its glTF exporter writes of the same node."""
-    turned = {"Translation": (0.1, 0.25, 0.0), "Rotation": (0.0, 0.0, math.radians(30)), "Scaling": (1 / 2, 1 / 3, 1.0)}
+    turned = {"Translation": (0.1, 0.25, 0.0), "Rotation": (0.0, 0.0, -math.radians(30)), "Scaling": (1 / 2, 1 / 3, 1.0)}
     text = fbx(material(30, "p") + texture(40, "a.png", **turned), [(30, 20), (40, 30, "DiffuseColor")])
     creator = "Blender (stable FBX IO) - 4.5.15 LTS - 5.13.1"
     texts = text, text.replace("FBX SDK/FBX Plugins version 2020.3", creator)
