@@ -1,4 +1,4 @@
-"""Processors with AVX-512 and without it render the same bits: they are workers of one kind, and their samples meet in one film."""
+"""Processors with AVX-512 and without it render the same bits: workers of one kind, whose samples meet in one film."""
 
 from __future__ import annotations
 
