@@ -50,6 +50,7 @@ def test_both_are_one_kind_and_keep_their_kernels_apart() -> None:
 
 
 @pytest.mark.long  # compiles all kernels once more
+@pytest.mark.timeout(1800)
 def test_every_feature_has_the_same_bits() -> None:
     program = "from tests.renderer.test_same_bits import digests; print(*digests(), sep='\\n')"
     assert _without(program) == digests()
