@@ -1,8 +1,8 @@
 """The gate, behind the door: who may do what. Every request and every WebSocket passes it before any route sees it.
 
-A direct connection on loopback, from this machine, is let in as it is. Anybody else sends a session's cookie or a token (Authorization: Bearer
-TOKEN). Connections that stay open are checked again every few seconds: logging out, withdrawing a token or changing a role ends
-them.
+A direct connection on loopback, from this machine, is let in as it is. Anybody else sends a session's cookie or a token
+(Authorization: Bearer TOKEN). Connections that stay open are checked again every few seconds: logging out, withdrawing a token
+or changing a role ends them.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from tests.service.conftest import Service
 def image_command() -> list[str]:
     """What the service's image runs, without `python3 -m service`."""
     lines = (ROOT / "Dockerfile").read_text().partition("AS service")[2].splitlines()
-    (line,) = [line for line in lines if line.startswith("CMD") and "service" in line]
+    (line,) = [line for line in lines if line.startswith("CMD") and '"service"' in line]
     words = [word.strip(",") for word in shlex.split(line.removeprefix("CMD").strip(" []"))]
     assert words[:3] == ["python3", "-m", "service"]
     return words[3:]
