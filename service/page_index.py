@@ -47,10 +47,10 @@ def index_of(html: str, sources: Mapping[str, str], base: str) -> str:
         for name in _named_in(module, _ON_DEMAND, sources)
     }
     table = json.dumps(on_demand, separators=(",", ":")).replace("<", "\\u003c")
-    links = [f'<link rel="modulepreload" href="{name}" />' for name in at_once]
-    html = html.replace(
-        "<script", "\n    ".join([*links, f'<script type="application/json" id="{TABLE}">{table}</script>', "<script"]), 1
-    )
+    html = html.replace("<script", f'<script type="application/json" id="{TABLE}">{table}</script>\n    <script', 1)
+    # Behind the classic scripts: those ask for the rest, and would be the last to come.
+    links = "".join(f'<link rel="modulepreload" href="{name}" />\n    ' for name in at_once)
+    html = html.replace('<script type="module"', f'{links}<script type="module"', 1)
     for name, group in _GROUPS.items():
         tag = f'<link rel="stylesheet" href="{name}" />' if name.endswith(".css") else f'<script src="{name}"></script>'
         html = group.sub(tag, html, count=1)

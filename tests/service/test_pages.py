@@ -84,8 +84,8 @@ def test_the_index_names_all_files_by_their_version_joined_where_it_can_and_all_
     assert re.findall(r'(?:href|src)="([^"]+)"', html) == [
         f"{v}/icon.svg",
         f"{v}/css/joined.css",
-        *(f"{v}/js/{name}.js" for name in ("main", "base/b", "base/c")),
         f"{v}/js/joined.js",
+        *(f"{v}/js/{name}.js" for name in ("main", "base/b", "base/c")),
         f"{v}/js/main.js",
         "/docs",
     ]

@@ -66,7 +66,9 @@ export function homeView() {
     life.add(/** @type {import("../base/store.js").Store<any>} */ (store).subscribe(refresh));
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
 
-  Promise.all([getExamples(), getComparisons()]).then(
+  // Their pictures are large, and on a slow line what is there already should not come after them.
+  const told = new Promise((done) => life.add(scenes.subscribe((all) => all && done(null))));
+  Promise.all([getExamples(), getComparisons(), told]).then(
     ([examples, comparisons]) => {
       fill(
         exampleGrid,
