@@ -14,7 +14,7 @@ from tests.e2e.screen import rendered
 from tests.e2e.small_glb import small_glb
 from tests.helpers import Farm
 
-pytestmark = [pytest.mark.browser, pytest.mark.farm]
+pytestmark = [pytest.mark.browser, pytest.mark.farm, pytest.mark.long]
 
 MOST_STOPS = 80
 # What has the focus is on the screen, nothing lies over it, and something is drawn about it or a part of it.
@@ -50,11 +50,11 @@ def tab_to(page: Page, wanted: Locator) -> None:
 def test_a_picture_by_the_keyboard_alone(farm: Farm, watched: Watched) -> None:
     page = watched.page
     keys = page.keyboard
+    glb = {"name": "small.glb", "mimeType": "model/gltf-binary", "buffer": small_glb()}
+    page.on("filechooser", lambda chooser: chooser.set_files([glb]))
     page.goto(farm.url)
     tab_to(page, page.get_by_role("button", name="Choose files"))
-    with page.expect_file_chooser() as chooser:
-        keys.press("Enter")
-    chooser.value.set_files([{"name": "small.glb", "mimeType": "model/gltf-binary", "buffer": small_glb()}])
+    keys.press("Enter")
     expect(page.get_by_role("button", name="Render", exact=True)).to_be_visible()
     expect(page.get_by_role("main")).to_be_focused()
     scene = page.url.split("/scenes/")[1].split("?")[0]
@@ -83,7 +83,7 @@ def test_a_picture_by_the_keyboard_alone(farm: Farm, watched: Watched) -> None:
     expect(page.locator(".job-head")).to_contain_text("Finished", timeout=60_000)
     expect(more).to_be_focused()
     keys.press("Enter")
-    expect(page.get_by_label("Progress", exact=True)).to_contain_text("of 4,000 samples")
+    expect(page.get_by_role("region", name="Progress")).to_contain_text("of 4,000 samples")
     expect(page.locator(".job-head")).to_contain_text("Finished", timeout=60_000)
     picture = page.url
 
