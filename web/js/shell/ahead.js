@@ -6,7 +6,7 @@
 (() => {
   const REST_AFTER_MS = 3000;
 
-  /** By view: addresses of the modules that it needs and the page does not. The service wrote them. @type {Record<string, string[]>} */
+  /** By view, and for uploads: addresses of the modules that are needed and the page does not have. The service wrote them. @type {Record<string, string[]>} */
   const modules = JSON.parse(document.getElementById("view-modules")?.textContent || "{}");
   /** @type {Set<string>} */
   const asked = new Set();
@@ -53,6 +53,7 @@
       viewAt,
       /** The first view stands. */
       stands() {
+        fetchView("uploads"); // whoever drops a file should not wait for what takes it
         const isThrifty = /** @type {any} */ (navigator).connection?.saveData === true;
         if (!isThrifty) setTimeout(() => void fetchRest(), REST_AFTER_MS);
       },
