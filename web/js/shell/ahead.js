@@ -35,9 +35,9 @@
     for (const href of modules[view] ?? []) if (!asked.has(href)) void ask(href, "auto");
   }
 
-  /** All other views, one module after the other, so that nothing else has to wait for long. */
-  async function fetchRest() {
-    for (const href of Object.values(modules).flat()) if (!asked.has(href)) await ask(href, "low");
+  /** One after the other, so that nothing else has to wait for long. @param {string[]} hrefs */
+  async function fetchSlowly(hrefs) {
+    for (const href of hrefs) if (!asked.has(href)) await ask(href, "low");
   }
 
   fetchView(viewAt(location.hash));
@@ -53,9 +53,9 @@
       viewAt,
       /** The first view stands. */
       stands() {
-        fetchView("uploads"); // whoever drops a file should not wait for what takes it
+        void fetchSlowly(modules.uploads ?? []); // whoever drops a file should not wait for what takes it
         const isThrifty = /** @type {any} */ (navigator).connection?.saveData === true;
-        if (!isThrifty) setTimeout(() => void fetchRest(), REST_AFTER_MS);
+        if (!isThrifty) setTimeout(() => void fetchSlowly(Object.values(modules).flat()), REST_AFTER_MS);
       },
     },
   });
