@@ -39,9 +39,16 @@ FIRST = (
 SHARED = pytest.StashKey[ExitStack]()
 COMPILING = pytest.StashKey[ExitStack]()
 
-# How long an example takes says more about the machine than about the code.
-hypothesis.settings.register_profile("rayfarm", deadline=None)
-hypothesis.settings.load_profile("rayfarm")
+# How long an example takes says more about the machine than about the code. Most properties that do not hold fail early.
+hypothesis.settings.register_profile("long", deadline=None)
+hypothesis.settings.register_profile("ordinary", deadline=None, max_examples=20)
+hypothesis.settings.load_profile("long")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Before any test is collected: its settings are taken then."""
+    if "not long" in config.option.markexpr:
+        hypothesis.settings.load_profile("ordinary")
 
 
 def pytest_collection_finish() -> None:

@@ -11,6 +11,7 @@ from tests.service.conftest import Service
 pytestmark = pytest.mark.browser
 
 
+@pytest.mark.long
 def test_a_module_that_did_not_arrive_is_asked_for_again(many: Service, watched: Watched) -> None:
     page = watched.page
     page.route("**/js/shell/router.js", lambda route: route.abort(), times=1)
