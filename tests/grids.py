@@ -27,7 +27,7 @@ def grid(
         cells = [cell._replace(id=cell.id or (None if id is None else str(id))) for cell, id in zip(cells, told, strict=True)]
     kept = [0, len(cells) - 1] if ordinary is None else []
     for one in ordinary or ():
-        found = [i for i, cell in enumerate(cells) if cell.id == one or (cell.id is None and _is(cell.values[0], one))]
+        found = [i for i, cell in enumerate(cells) if _is(cell.id, one) or _is(cell.values[0], one)]
         if not found:
             raise ValueError(f"no cell of this grid is {one!r}")
         kept += found

@@ -63,6 +63,7 @@ def test_mirrors_show_it_with_what_is_behind(kernel: dict[str, object]) -> None:
     np.testing.assert_allclose(found, 6.5, rtol=1e-5)
 
 
+@pytest.mark.long
 def test_nothing_lies_in_its_shade() -> None:
     """With one lamp before another, the floor has the light of both."""
     down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=20.0)

@@ -15,6 +15,7 @@ from renderer.render import render_frame
 from renderer.scene.animation.orbit import orbit
 from renderer.scene.description import Material, Sphere
 from renderer.settings import RenderSettings, View
+from tests.grids import grid
 from tests.renderer.builders import emitter, gray, icosphere, scene, square
 from tests.renderer.judge import assert_mean
 
@@ -87,7 +88,7 @@ def test_a_panorama_is_all_directions_by_longitude_and_latitude():
 
 
 @pytest.mark.parametrize("integrator", ["path", "direct"])
-@pytest.mark.parametrize("sampler", ["sobol", "independent"])
+@grid("sampler", ["sobol", "independent"], ordinary=("sobol",))
 @pytest.mark.parametrize("projection", ["perspective", "lens", "orthographic", "panorama"])
 def test_a_furnace_is_a_furnace_to_every_camera(projection, sampler, integrator):
     lens = {"projection": "perspective", "aperture": 0.05, "focus": 0.5} if projection == "lens" else {"projection": projection}

@@ -60,6 +60,7 @@ def test_a_white_microfacet_mirror_scatters_once_what_is_known():
         assert sum(ggx_albedo(1.0, alpha)) == pytest.approx(albedo, abs=4e-4)
 
 
+@pytest.mark.long
 def test_the_tables_are_what_makes_them():
     """Every node of the microfacets', some of the sheen's, and both tables' last row."""
     np.testing.assert_allclose(np.load(table_path("ggx_albedo")), ggx_table(), atol=2e-6)
