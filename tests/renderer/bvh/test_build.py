@@ -77,7 +77,7 @@ coordinate = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.5, 1e-30, 1e-3, 1e3, 1e15,
 
 
 @given(st.data())
-@hypothesis_settings(max_examples=60, deadline=None)
+@hypothesis_settings(deadline=None)
 def test_any_primitives_make_a_whole_tree(data):
     """Equal points, slivers, dots, enormous and minute: all kept, once, within every box above them."""
     points = data.draw(st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=1, max_size=30))

@@ -13,6 +13,7 @@ from sqlalchemy import event
 
 from service.farm import Farm
 from service.settings import Settings
+from tests.grids import grid
 from tests.helpers import running_redis
 from tests.many_jobs import many_jobs
 from tests.service.conftest import Databases, Service
@@ -111,7 +112,7 @@ def test_tallies_count_what_is_sought_whichever_state_is_shown(service: Service)
     assert kitchens["failed"] == len(get(service, "/ids", search="kitchen", state="failed"))
 
 
-@pytest.mark.parametrize(
+@grid(
     ("sort", "key"),
     [
         ("oldest", lambda job: job["created"]),
@@ -122,6 +123,7 @@ def test_tallies_count_what_is_sought_whichever_state_is_shown(service: Service)
             lambda job: (["running", "queued", "paused", "failed", "cancelled", "finished"].index(job["state"]), -job["created"]),
         ),
     ],
+    ordinary=("priority",),
 )
 def test_orders(service: Service, sort: str, key: Any) -> None:
     page = get(service, sort=sort, limit=1000)

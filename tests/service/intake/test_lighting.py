@@ -100,6 +100,7 @@ def test_what_was_let_go_is_made_again_for_a_job_that_goes_on(service: Service) 
     assert service.wait_for(job["id"], "finished")["spp"] == job["spp"] + 4
 
 
+@pytest.mark.long
 def test_only_so_many_stay_that_nobody_needs_and_they_go_with_their_scene(service: Service) -> None:
     scene = scene_of(service, b"# many\n")
     before = {each.name for each in (service.options["data"] / "blobs").rglob("*") if each.is_file()}

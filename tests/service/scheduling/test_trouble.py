@@ -162,6 +162,7 @@ def test_results_that_wait_unread_are_not_lost(service: Service, worker: PeerWor
     assert service.digest(job) == expected_digest(spp=20)
 
 
+@pytest.mark.long
 def test_a_result_that_could_not_be_deleted_is_dropped_when_it_is_read_again(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -296,6 +297,7 @@ def test_a_batch_that_fails_once_is_forgiven(service: Service, worker: PeerWorke
     assert service.digest(job) == expected_digest()
 
 
+@pytest.mark.long
 def test_a_broken_film_is_rendered_again_and_holds_up_no_other(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     broken, sound = service.submit(scene, spp=2), service.submit(scene, spp=2, seed=1)

@@ -50,6 +50,7 @@ def test_a_film_that_a_watcher_holds_is_the_one_that_is_rendered(films: FilmFold
     assert watched is rendered
 
 
+@pytest.mark.long
 def test_a_film_that_nobody_holds_is_closed(films: FilmFolder) -> None:
     film = pinned(films)
     database = rows_of(film)
