@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from service.settings import Settings
+from tests.grids import grid
 from worker.__main__ import _options
 
 ROOT = Path(__file__).parents[1]
@@ -19,7 +20,7 @@ FILES = ("redis", "service", "worker", "standby/services")
 PARTS = [part for file in FILES for part in yaml.safe_load_all((CLUSTER / f"{file}.yaml").read_text())]
 
 
-@pytest.mark.parametrize("part", PARTS, ids=lambda part: f"{part['kind']}-{part['metadata']['name']}")
+@grid("part", PARTS, ids=lambda part: f"{part['kind']}-{part['metadata']['name']}", ordinary=("1.29",))
 @pytest.mark.parametrize("release", ["1.29", "1.34"])
 def test_kubernetes_understands_every_part(part: dict[str, Any], release: str) -> None:
     kubernetes_validate.validate(part, release, strict=True)

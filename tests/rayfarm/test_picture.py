@@ -129,6 +129,7 @@ def any_settings(draw: Any) -> RenderSettings:
     )
 
 
+@pytest.mark.long
 @given(any_settings())
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_a_failing_batchs_command_asks_for_the_same_settings_to_the_bit(wanted: RenderSettings) -> None:

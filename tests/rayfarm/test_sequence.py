@@ -18,6 +18,7 @@ from renderer.denoise import is_available
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
+from tests.grids import grid
 from tests.rayfarm.program import rayfarm
 from tests.renderer.scene.builders import TRIANGLE, Gltf
 
@@ -263,7 +264,7 @@ def test_numbered_files_are_rendered_and_a_hole_is_named(tmp_path: Path) -> None
     assert len(belonging(tmp_path / "s.yaml")) == 4
 
 
-@pytest.mark.parametrize("camera_alone", [False, True])
+@grid("camera_alone", [False, True], ordinary=(False,))
 def test_with_a_shutter_each_frame_is_blurred_and_still_the_still_of_its_moment(tmp_path: Path, camera_alone: bool) -> None:
     shot = tmp_path / "shot.glb"
     shot.write_bytes(turning(camera_alone).glb())

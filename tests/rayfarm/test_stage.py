@@ -10,6 +10,7 @@ from renderer.scene import compile as compiling
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import Shot, read
+from tests.grids import grid
 from tests.renderer.builders import icosphere
 from tests.renderer.scene.builders import Gltf, clip
 
@@ -111,7 +112,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("name", NAMES)
+@grid("name", NAMES, ordinary=("all.glb",))
 def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
     stage = Stage(Shot(folder, name), threads=1)
     seen = set()
@@ -125,7 +126,7 @@ def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
     assert len(seen) == (5 if name == "numbered.yaml" else 6)  # half a frame is the file before it
 
 
-@pytest.mark.parametrize("name", NAMES)
+@grid("name", NAMES, ordinary=("numbered.yaml",))
 def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
     asked = {"shutter": 0.5}
     stage = Stage(Shot(folder, name), threads=1, shutter=asked)
@@ -141,7 +142,7 @@ def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
         assert [("views" in camera) for camera in summary["cameras"]] == [bool(c.keys) for c in description.cameras] + [False]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@grid("name", NAMES, ordinary=("all.glb",))
 def test_a_look_at_the_frames_beside_leaves_no_trace(folder, name):
     stage = Stage(Shot(folder, name), threads=1)
     for frame in (5, 6):

@@ -57,6 +57,7 @@ def test_a_part_that_dies_is_started_again_and_it_is_said(
     assert f"sleeper ended (by {name})" in said[0]
 
 
+@pytest.mark.long
 def test_a_part_that_cannot_live_is_tried_ever_more_rarely(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:
     part = Part("broken", [sys.executable, "-c", "raise SystemExit(7)"], tmp_path / "log")
     supervisor.start(part)

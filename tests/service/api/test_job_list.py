@@ -18,7 +18,7 @@ from tests.helpers import running_redis
 from tests.many_jobs import many_jobs
 from tests.service.conftest import Databases, Service
 
-N = 10_000
+N = 3_000
 
 
 @pytest.fixture(scope="module", params=["sqlite", pytest.param("postgresql", marks=pytest.mark.long)])

@@ -16,6 +16,7 @@ import pytest
 import redis
 
 from rayfarm.local.farm import free_port
+from tests.grids import grid
 from tests.helpers import wait_until
 from tests.reducer import Reducing
 from tests.worker.bench import FakeService
@@ -73,6 +74,7 @@ def test_one_result_becomes_of_many_whoever_is_killed(service: str, store: redis
     assert not another.send(sums(0, 4))
 
 
+@pytest.mark.long
 def test_a_second_one_takes_nothing_from_the_first(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
     reducing = Reducing(store, service, "token", tmp_path)
     try:
@@ -178,8 +180,10 @@ def test_a_result_without_a_run_goes_to_the_service(redis_url: str) -> None:
     assert not SiteLink(redis_url).send(result)
 
 
-@pytest.mark.parametrize(
-    ("token", "reduces", "said"), [("wrong", True, "does not know this token"), ("token", False, "older release")]
+@grid(
+    ("token", "reduces", "said"),
+    [("wrong", True, "does not know this token"), ("token", False, "older release")],
+    ordinary=("wrong",),
 )
 def test_where_it_is_of_no_use_it_ends_with_a_sentence(
     redis_url: str, store: redis.Redis, tmp_path: Path, token: str, reduces: bool, said: str
