@@ -20,8 +20,8 @@ FILES = ("redis", "service", "worker", "standby/services")
 PARTS = [part for file in FILES for part in yaml.safe_load_all((CLUSTER / f"{file}.yaml").read_text())]
 
 
-@grid("part", PARTS, ids=lambda part: f"{part['kind']}-{part['metadata']['name']}", ordinary=("1.29",))
-@pytest.mark.parametrize("release", ["1.29", "1.34"])
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: f"{part['kind']}-{part['metadata']['name']}")
+@grid("release", ["1.29", "1.34"], ordinary=("1.29",))
 def test_kubernetes_understands_every_part(part: dict[str, Any], release: str) -> None:
     kubernetes_validate.validate(part, release, strict=True)
 
