@@ -63,6 +63,7 @@ def test_a_child_that_is_lost_loses_one_file():
     assert found == {number: None if number in (3, 5, 7) else {"twice": 2 * number} for number in range(10)}
 
 
+@pytest.mark.long
 @grid(
     ("ends", "outcome"),
     [

@@ -108,7 +108,7 @@ def kill_part(name: str) -> Callable[[Farm], None]:
         pytest.param(kill_a_slot, id="a slot", marks=pytest.mark.long),
         pytest.param(kill_part("worker"), id="the worker"),
         pytest.param(kill_part("service"), id="the service"),
-        pytest.param(kill_part("redis"), id="Redis"),
+        pytest.param(kill_part("redis"), id="Redis", marks=pytest.mark.long),
     ],
 )
 def test_what_is_killed_half_way_does_not_matter(chaos_farm: Farm, expected: str, kill: Callable[[Farm], None]) -> None:

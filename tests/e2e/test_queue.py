@@ -15,6 +15,7 @@ from worker.protocol.terms import Terms
 pytestmark = pytest.mark.browser
 
 
+@pytest.mark.long
 def test_a_job_says_what_it_waits_for_and_by_when_it_is_wanted(many: Service, watched: Watched) -> None:
     page = watched.page
     first = many.submit("scene1", name="The first")

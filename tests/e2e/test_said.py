@@ -75,6 +75,7 @@ def test_what_the_service_refuses_is_told_in_german(german: Page) -> None:
     assert call(german, "news/api", "return m.errorOf(507, a).message;", problem) == "Der Upload ist leer. Noch einmal senden."
 
 
+@pytest.mark.long
 def test_long_texts_and_deep_quotes_take_no_time(german: Page) -> None:
     """Patterns with several places, against texts that have their words many times: none goes back over what it has read."""
     body = "const begun = performance.now(); for (const each of a) m.said(each); return performance.now() - begun;"

@@ -145,6 +145,7 @@ def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
     ]
 
 
+@pytest.mark.long
 def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) -> None:
     """Of an older release they are scenes of their own, of the same files and the same name; else the job says it."""
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
@@ -175,6 +176,7 @@ def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) 
     ]
 
 
+@pytest.mark.long
 def test_a_job_is_told_by_what_it_ends_at_and_not_by_its_cap(page: Page) -> None:
     ends = {
         "512 spp": {"spp": 512, "noise": None, "seconds": None},

@@ -222,6 +222,7 @@ def test_of_two_thousand_frames_only_those_in_sight_are_there(page: Page) -> Non
     expect(page.locator(f"[id='{active}']")).to_have_accessible_name("Frame 1999 is rendered, 50 %")
 
 
+@pytest.mark.long
 def test_playing_keeps_time_and_leaves_out_what_comes_too_late(page: Page) -> None:
     """By a clock of the test's own: that of a busy machine draws when it can."""
     body = """

@@ -185,6 +185,7 @@ def test_the_camera_that_frames_a_scene_stands_still_while_that_moves(tmp_path: 
     assert start == later == alone
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("camera_alone", [False, True])
 def test_motion_vectors_are_layers_that_leave_the_picture_alone(tmp_path: Path, camera_alone: bool) -> None:
     """The triangle goes 2 units a second to the right, or the camera does, 5 units away from it."""

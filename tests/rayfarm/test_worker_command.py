@@ -28,6 +28,7 @@ def test_a_worker_waits_for_no_library_that_it_has_no_use_for() -> None:
         assert not set(without.split()) & set(found.split())
 
 
+@pytest.mark.long
 @grid(
     ("answer", "words"),
     [

@@ -194,6 +194,7 @@ def test_spheres_and_what_is_infinitely_far(way: str) -> None:
     np.testing.assert_allclose(found[outside], expected[outside], rtol=1e-5, atol=NEAR)
 
 
+@pytest.mark.long
 def test_every_vertex_of_a_file_that_turns_morphs_and_bends(tmp_path: Path) -> None:
     """A glTF file with a hierarchy, a morph, a skin and a camera that flies: each pixel's triangle, found by trying all."""
     (tmp_path / "all.glb").write_bytes(everything())

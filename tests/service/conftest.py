@@ -48,8 +48,8 @@ ON_BOTH: dict[str, tuple[str, ...]] = {
     "scheduling/jobs/test_history.py": (),
     "scheduling/test_database_faults.py": (),
     "keeping/test_retention.py": (),
-    "store/test_garbage.py": ("test_an_upload_beside_a_deletion_of_the_same_files",),
-    "owning/test_candidate.py": ("test_of_two_that_find_it_free", "test_an_owner_that_hangs", "test_one_that_does_not_move"),
+    "store/test_garbage.py": (),
+    "owning/test_candidate.py": ("test_of_two_that_find_it_free", "test_an_owner_that_hangs"),
     "owning/test_two_services.py": (),
 }
 

@@ -132,6 +132,7 @@ def test_parts_of_a_view_are_exact_and_stale_ones_are_dropped(bench: Bench, info
         assert not got[DEPTH].any(), "what a view does not show does not travel"
 
 
+@pytest.mark.long
 def test_a_scene_that_moves_is_kept_in_parts_and_rendered_from_them(bench: Bench, tmp_path: Path) -> None:
     data = everything()
     (tmp_path / "moves.glb").write_bytes(data)

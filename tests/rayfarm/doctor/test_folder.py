@@ -56,6 +56,7 @@ def test_a_folder_that_is_well_has_no_fault_also_while_its_farm_runs(stored: Pat
     assert [each.about for each in found] == ["Data folder", "Room", "Database", "Uploads", "Films"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("break_it", "deep", "sentence"),
     [

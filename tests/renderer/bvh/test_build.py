@@ -130,6 +130,7 @@ def test_a_heap_far_from_the_rest_is_cut_into_parts_too(monkeypatch):
         assert_whole(corner.astype(np.float32), np.arange(len(corner), dtype=np.int32).reshape(-1, 3), NO_SPHERES, team)
 
 
+@pytest.mark.long
 def test_a_tree_of_several_parts_is_the_same_by_any_number_of_threads():
     count = 90_000
     assert part_size(count) < count / 2

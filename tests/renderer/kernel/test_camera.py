@@ -115,6 +115,7 @@ def test_what_is_in_focus_is_sharp_and_the_rest_blurs_as_the_lens_says():
     assert np.linalg.norm(far - far.mean(0), axis=1).max() == pytest.approx(0.2 * (7.5 / 2.5 - 1), rel=0.02)
 
 
+@pytest.mark.long
 def test_a_small_light_out_of_focus_is_a_disk_of_the_circle_of_confusion():
     """A point at distance z images to a disk of radius aperture |z - f| / z in the plane of focus f: its area and its edge."""
     aperture, focus, z, size = 0.3, 2.0, 4.0, 64

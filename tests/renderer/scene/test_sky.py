@@ -74,6 +74,7 @@ def test_at_noon_the_sun_gives_several_times_what_the_sky_gives():
     assert 0.6 < (diffuse + direct) / (math.pi * math.sin(math.radians(60))) < 0.95
 
 
+@pytest.mark.long
 def test_the_ground_lights_the_air_above_it_and_light_is_never_made(coarse):
     """Snow brightens the sky; all that leaves the air downwards stays below what the sun sends in."""
     for height in (5, 60):
@@ -105,6 +106,7 @@ def test_colours():
     assert with_ozone[2] / with_ozone[0] > 1.2 * without[2] / without[0]
 
 
+@pytest.mark.long
 def test_below_the_horizon_is_the_ground_that_sun_and_sky_light():
     sky = Sky(30, ground_albedo=(0.5, 0.25, 0.1))
     image = image_of_sky(sky)
@@ -135,6 +137,7 @@ def test_the_sky_is_brightest_at_its_sun_and_alike_on_both_sides_of_it(azimuth, 
     assert min(abs(x - column), 1024 - abs(x - column)) < 1e-6
 
 
+@pytest.mark.long
 def test_the_wrap_is_a_column_as_any_other():
     image = image_of_sky(Sky(10, 90.0 + 180 / 1024))[:256, :, 1]  # the sun at the middle of a texel, the wrap at its side
     steps = np.abs(np.diff(image, axis=1, append=image[:, :1]))

@@ -90,6 +90,7 @@ def test_a_view_asks_for_light_without_a_job_and_holds_it(both: tuple[Service, P
     assert (elsewhere.status, elsewhere.compiled) == ("preparing", None)
 
 
+@pytest.mark.long
 def test_what_was_let_go_is_made_again_for_a_job_that_goes_on(service: Service) -> None:
     scene = scene_of(service, b"# again\n")
     job, lit = rendered(service, scene, sky={"elevation": 20})

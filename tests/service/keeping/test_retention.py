@@ -52,6 +52,7 @@ def jobs(service: Service) -> list[str]:
     return jobs
 
 
+@pytest.mark.long
 def test_old_films_go_and_are_rendered_again_to_the_same_bits(service: Service, jobs: list[str]) -> None:
     digest = service.digest(jobs[1])
     assert would_go(service) == [], "the farm has no rules of its own"

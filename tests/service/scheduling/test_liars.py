@@ -68,6 +68,7 @@ def test_one_alone_that_sends_nothing_of_use_ends_its_job_with_a_sentence(servic
     assert service.digest(job) == expected_digest()
 
 
+@pytest.mark.long
 def test_news_by_the_batch_of_another_job_or_of_other_samples_keep_nobody_waiting(service: Service, worker: PeerWorker) -> None:
     types = ["batch", "batch-failed", "batch-returned"]
     held: list[RenderBatch] = []

@@ -64,6 +64,7 @@ def test_a_redis_that_is_away_for_a_while(service: Service, worker: PeerWorker, 
     assert service.digest(job) == expected_digest(spp=30)
 
 
+@pytest.mark.long
 def test_samples_that_are_no_numbers_are_named_with_the_command_that_follows_them(service: Service, worker: PeerWorker) -> None:
     def with_bad(batch: RenderBatch) -> bool:
         sums = expected_sums(batch.tile, batch.first, batch.count, 0)

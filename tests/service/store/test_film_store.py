@@ -63,6 +63,7 @@ def test_a_film_that_nobody_holds_is_closed(films: FilmFolder) -> None:
         database.execute("SELECT 1")
 
 
+@pytest.mark.long
 def test_a_film_that_is_rendered_stays_open(films: FilmFolder) -> None:
     database = rows_of(pinned(films))
     for other in range(MAX_OPEN + 1):

@@ -120,6 +120,7 @@ def test_what_is_missing_is_rendered_again_by_itself(
     assert service.digest(job) == digest
 
 
+@pytest.mark.long
 def test_what_a_reader_met_is_mended_at_once(service: Service, job: str) -> None:
     digest = service.digest(job)
     with service.farm.sessions.begin() as session:
@@ -133,6 +134,7 @@ def test_what_a_reader_met_is_mended_at_once(service: Service, job: str) -> None
     assert service.digest(job) == digest
 
 
+@pytest.mark.long
 def test_a_film_whose_scene_is_gone_says_so(service: Service, job: str) -> None:
     with service.farm.sessions.begin() as session:
         session.execute(delete(Scene))

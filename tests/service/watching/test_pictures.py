@@ -100,6 +100,7 @@ def test_pictures_are_those_of_the_whole_frame(small: Film, sums: np.ndarray, tm
         assert same(made(small, PictureWish("exr", (name,)), tmp_path), encode(grey, "exr"), tmp_path)
 
 
+@pytest.mark.long
 def test_a_smaller_copy_is_at_least_as_wide_as_asked_for(film: Film, tmp_path: Path) -> None:
     assert shown(made(film, PictureWish("png", width=300), tmp_path)).shape == (300, 366, 3)
     (tmp_path / "small.exr").write_bytes(made(film, PictureWish("exr", width=300), tmp_path))

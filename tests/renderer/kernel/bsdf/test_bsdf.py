@@ -107,7 +107,7 @@ def test_a_sharp_lobe_follows_its_density(name, degrees):
     chi_squared(np.append(counts.ravel(), n - counts.sum()), expected, 4 * len(ANGLES), f"{name} at {degrees}")
 
 
-@pytest.mark.parametrize(("name", "front"), CASES)
+@grid(("name", "front"), CASES)
 def test_a_samples_weight_is_eval_over_density(subjects, name, front):
     wo = hemisphere(20_000, 1)
     wi, weight, pdf, scale = subjects[name, front].sample(wo, len(wo))
@@ -140,7 +140,7 @@ def assert_reciprocal(material, wo, wi, name=""):
     np.testing.assert_allclose(there, back, rtol=2e-3, atol=2e-5 * max(there.max(), 1e-3), err_msg=name)
 
 
-@pytest.mark.parametrize("name", MODELS)
+@grid("name", MODELS)
 def test_scattering_is_reciprocal(name):
     assert_reciprocal(MODELS[name], hemisphere(4000, 2), sphere(4000, 3))
 
@@ -244,7 +244,7 @@ BRUSHED = [
 def furnaces():
     """What is brushed, how, and whence it is seen: the corners always, what lies between them with --long."""
     for what, *place in itertools.product(BRUSHED, (0.5, 0.8, 1.0), (0.15, 0.35, 0.7), (0, 60, 80, 86), (0, 45, 90)):
-        between = any(at in inner for at, inner in zip(place, ((0.8,), (0.35,), (60, 86), (45,)), strict=True))
+        between = any(at in inner for at, inner in zip(place, ((0.5, 0.8), (0.35,), (0, 60, 86), (45,)), strict=True))
         yield pytest.param(what, *place, marks=pytest.mark.long if between else (), id=str((what, *place)))
 
 

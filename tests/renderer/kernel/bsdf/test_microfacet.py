@@ -101,6 +101,7 @@ def test_lookups_of_brushed_surfaces_are_good():
     assert np.sqrt(np.square(found - expected).mean()) < 3e-3
 
 
+@pytest.mark.long
 def test_lookups_between_the_nodes_are_good():
     rng = np.random.default_rng(1)
     cosine, roughness = rng.uniform(0.05, 1, 200).astype(np.float32), rng.uniform(0.1, 1, 200).astype(np.float32)

@@ -61,6 +61,7 @@ def test_mis_is_about_as_good_as_the_best_of_the_others(lit_room):
     assert found["mis"] <= 1.1 * min(found.values()), found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sampling", ["mis", "light", "bsdf", "uniform"])
 def test_variance_falls_with_the_number_of_independent_samples(sampling):
     made = room(0.5)
@@ -89,6 +90,7 @@ def test_roulette_of_any_probability_is_unbiased(roulette, sampling):
     assert_mean(render_frame(furnace, asked, samples), 1.0, slack=1e-4, tests=10)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("floor", [0.15, 0.5, MAX_FLOOR])
 def test_roulette_with_a_floor_is_unbiased_and_follows_dark_paths_further(floor):
     """Reflectance 0.1: by throughput alone hardly a path goes on after three bounces."""

@@ -135,7 +135,7 @@ def test_every_operation_has_a_number():
     assert set(OPERATIONS) == set(BLENDS)
 
 
-@pytest.mark.parametrize("strength", [0.0, 0.35, 1.0])
+@grid("strength", [0.0, 0.35, 1.0])
 @pytest.mark.parametrize("blend", BLENDS)
 def test_a_layer_is_blended_in_linear_light_by_its_alpha_and_strength(blend, strength):
     textures = [Texture(0, layers=(TextureLayer(1, blend, strength),)), Texture(1, "mirror", "mirror")]

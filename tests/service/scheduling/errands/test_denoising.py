@@ -182,6 +182,7 @@ def test_a_job_without_a_picture_or_that_is_deleted(service: Service, worker: Pe
         assert "deleted" in problem(reader.result(), 404)
 
 
+@pytest.mark.long
 def test_only_workers_read_a_films_means(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
     problem(service.http.get(f"/api/farm/films/{job}/0"), 401)
