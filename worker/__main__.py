@@ -7,7 +7,10 @@ The kernels are compiled or loaded here, before Celery forks, so that all slots 
 
 from __future__ import annotations
 
+import gc
 import os
+
+gc.disable()  # while modules come: each collection looks through all that have come, a fifteenth of the time
 
 # Slots are processes: a thread pool inside each of them would only fight for the same cores.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -42,6 +45,8 @@ from worker.protocol.terms import TAG, Terms
 from worker.telemetry import logs
 from worker.telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 from worker.work.files import memory_budget
+
+gc.enable()
 
 EXIT_REFUSED = 3
 

@@ -14,7 +14,8 @@ from service.errors import FilmLost
 from service.store.film_faults import FilmClosed
 from service.store.film_snapshots import FilmSnapshots
 from service.store.film_store import MAX_OPEN, FilmFolder
-from service.store.films import FOLD_AT, Film
+from service.store.films import Film
+from service.store.folding import FOLD_AT
 from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import HEIGHT, TILE, WIDTH, part, rows_of
 
@@ -50,6 +51,7 @@ def test_a_film_that_a_watcher_holds_is_the_one_that_is_rendered(films: FilmFold
     assert watched is rendered
 
 
+@pytest.mark.long
 def test_a_film_that_nobody_holds_is_closed(films: FilmFolder) -> None:
     film = pinned(films)
     database = rows_of(film)
@@ -62,6 +64,7 @@ def test_a_film_that_nobody_holds_is_closed(films: FilmFolder) -> None:
         database.execute("SELECT 1")
 
 
+@pytest.mark.long
 def test_a_film_that_is_rendered_stays_open(films: FilmFolder) -> None:
     database = rows_of(pinned(films))
     for other in range(MAX_OPEN + 1):
