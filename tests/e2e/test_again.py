@@ -11,7 +11,8 @@ from tests.service.conftest import Service
 pytestmark = pytest.mark.browser
 
 
-@pytest.mark.parametrize("module", ["shell/router", pytest.param("views/workers", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("module", ["shell/router", "views/workers"])
 def test_a_module_that_did_not_arrive_is_asked_for_again(many: Service, watched: Watched, module: str) -> None:
     page = watched.page
     page.route(f"**/js/{module}.js", lambda route: route.abort())

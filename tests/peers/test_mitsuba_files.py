@@ -19,6 +19,7 @@ from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.scene.readers.mitsuba.metals import CONDUCTORS
 from renderer.settings import RenderSettings, chosen
+from tests.grids import grid
 from tests.peers.compare import assert_same_picture
 from tests.peers.mitsuba_scene import mitsuba_dict
 
@@ -96,7 +97,7 @@ def write_files(folder: Path) -> None:
     (folder / "painted.xml").write_text(PAINTED)
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@grid("name", SHAPES, ordinary=("files of meshes, textures, instances, lights without a body",))
 def test_the_same_picture_of_a_file(name: str, tmp_path: Path) -> None:
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")

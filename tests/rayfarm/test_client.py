@@ -18,6 +18,7 @@ from rayfarm.client import Client, ClientError
 from rayfarm.console import bar
 from rayfarm.named_files import by_name
 from tests.foreign_server import NOT_A_FARM, foreign_server, http_answer, json_answer
+from tests.grids import grid
 from tests.helpers import ROOT
 
 OLD = json.loads((ROOT / "tests" / "data" / "release-0.1.0.json").read_text())
@@ -52,7 +53,7 @@ def command(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple
     return int(ended.value.code or 0), said.out, said.err
 
 
-@pytest.mark.parametrize("name", NOT_A_FARM)
+@grid("name", NOT_A_FARM)
 def test_what_is_no_farm_is_told_by_every_method(name: str) -> None:
     answer, words = NOT_A_FARM[name]
     with foreign_server(answer) as port, Client(f"http://127.0.0.1:{port}") as farm:
@@ -63,7 +64,7 @@ def test_what_is_no_farm_is_told_by_every_method(name: str) -> None:
                 assert words in str(said.value)
 
 
-@pytest.mark.parametrize("name", NOT_A_FARM)
+@grid("name", NOT_A_FARM)
 def test_what_is_no_farm_ends_every_command_with_a_sentence(
     name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -100,7 +101,7 @@ def test_a_list_is_a_farms_only_where_a_farm_sends_it() -> None:
         assert farm.workers() == []
 
 
-@pytest.mark.parametrize(
+@grid(
     ("answer", "words"),
     [
         (http_answer(b"<html>Bad Gateway", "text/html", "502 Bad Gateway"), "answers 502"),
