@@ -35,6 +35,7 @@ def test_the_import_contracts_hold() -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.long
 def test_the_service_starts_without_what_compiles_kernels() -> None:
     """Its image has no numba in it: importing it must not need one."""
     program = """

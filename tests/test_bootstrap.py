@@ -10,6 +10,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pytest
+
 from tests.helpers import ROOT
 
 
@@ -49,6 +51,7 @@ def test_a_python_too_old_gets_a_sentence() -> None:
     assert "This is Python 3.9; Rayfarm needs Python 3.11 or 3.12" in done.stderr
 
 
+@pytest.mark.long
 def test_nothing_is_skipped_where_ci_is_set(tmp_path: Path) -> None:
     skips = "def test_{}(monkeypatch):\n    monkeypatch.setenv('CI', '{}')\n    pytest.skip('no Chromium')\n"
     (tmp_path / "test_page.py").write_text("import pytest\n\n" + skips.format("here", "") + skips.format("there", "true"))

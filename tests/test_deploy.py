@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 from service.settings import Settings
+from tests.grids import grid
 from worker.__main__ import _options
 
 ROOT = Path(__file__).parents[1]
@@ -23,7 +24,7 @@ PARTS = [part for file in FILES for part in yaml.safe_load_all((CLUSTER / f"{fil
 
 
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: f"{part['kind']}-{part['metadata']['name']}")
-@pytest.mark.parametrize("release", ["1.29", "1.34"])
+@grid("release", ["1.29", "1.34"], ordinary=("1.29",))
 def test_kubernetes_understands_every_part(part: dict[str, Any], release: str) -> None:
     kubernetes_validate.validate(part, release, strict=True)
 

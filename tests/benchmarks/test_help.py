@@ -8,12 +8,13 @@ import sys
 
 import pytest
 
+from tests.grids import grid
 from tests.helpers import ROOT
 
 BENCHMARKS = sorted(path.stem for path in (ROOT / "tests" / "benchmarks").glob("bench_*.py"))
 
 
-@pytest.mark.parametrize("name", BENCHMARKS)
+@grid("name", BENCHMARKS)
 def test_a_benchmark_answers_help(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     module = importlib.import_module(f"tests.benchmarks.{name}")
     monkeypatch.setattr(sys, "argv", [name, "--help"])

@@ -13,6 +13,7 @@ from tests.benchmarks.mutations.damage import WAYS, damaged
 from tests.benchmarks.mutations.reading import read_all
 from tests.benchmarks.mutations.seed import Seed, draw, kind_of
 from tests.benchmarks.mutations.tally import OUTCOMES, Tally, into_page, table
+from tests.grids import grid
 from worker.work.bounded import Bounds
 
 TEXT = b"v 1.5 2 3\nv 4 5 6\nf 1 2 3\n" * 20
@@ -56,12 +57,14 @@ def lost(number, _):
     return {"twice": 2 * number}
 
 
+@pytest.mark.long
 def test_a_child_that_is_lost_loses_one_file():
     found = {came.number: came.answer for came in read_all(range(10), lost, Bounds(1 << 30, 4.0), 2)}
     assert found == {number: None if number in (3, 5, 7) else {"twice": 2 * number} for number in range(10)}
 
 
-@pytest.mark.parametrize(
+@pytest.mark.long
+@grid(
     ("ends", "outcome"),
     [
         (lambda *_: {"outcome": "read"}, "read"),

@@ -108,7 +108,7 @@ def kill_part(name: str) -> Callable[[Farm], None]:
         pytest.param(kill_a_slot, id="a slot", marks=pytest.mark.long),
         pytest.param(kill_part("worker"), id="the worker"),
         pytest.param(kill_part("service"), id="the service"),
-        pytest.param(kill_part("redis"), id="Redis"),
+        pytest.param(kill_part("redis"), id="Redis", marks=pytest.mark.long),
     ],
 )
 def test_what_is_killed_half_way_does_not_matter(chaos_farm: Farm, expected: str, kill: Callable[[Farm], None]) -> None:
@@ -169,6 +169,7 @@ def finished_frames(farm: Farm, *jobs: str) -> dict[float, str]:
         return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "order", ["breadth-first", *(pytest.param(order, marks=pytest.mark.long) for order in ("in-turn", "centre-out"))]
 )
@@ -176,6 +177,7 @@ def test_the_order_of_frames_does_not_matter(chaos_farm: Farm, shot: Path, few: 
     assert finished_frames(chaos_farm, shoot(chaos_farm, shot, order=order, spp=FEW)) == few
 
 
+@pytest.mark.long
 def test_a_shot_in_two_jobs_at_a_time_is_the_shot_in_one(chaos_farm: Farm, shot: Path, few: dict[float, str]) -> None:
     jobs = [shoot(chaos_farm, shot, frames, spp=FEW) for frames in ("0-21x6", "3-21x6")]
     assert finished_frames(chaos_farm, *jobs) == few

@@ -9,7 +9,7 @@ from pathlib import Path
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from renderer import settings
 from service.api.schemas import JobIn
@@ -21,24 +21,41 @@ from tests.rayfarm.test_sequence import turning
 SIZE = {"width": 96, "height": 64}
 
 
-@pytest.mark.browser
-@pytest.mark.farm
-def test_each_side_of_the_wipe_shows_its_own_picture(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def opened(farm: Farm, page: Page, tmp_path: Path) -> tuple[list[str], list[np.ndarray]]:
+    """Two pictures of a scene, as they are to be seen; the page shows them beside each other."""
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     jobs = [rendered(farm, scene, **SIZE, spp=4, max_depth=depth) for depth in (2, 9)]
     films = [read_exr(f"{farm.url}/api/jobs/{job}/frames/0/image.exr", tmp_path) for job in jobs]
     pictures = [shown(film, -1.0, "hue") for film in films]
     assert np.abs(pictures[0] - pictures[1]).max() > 50, "the two differ, or this test says nothing"
-
-    page = watched.page
     page.goto(f"{farm.url}/#/compare/{jobs[0]}/{jobs[1]}?ev=-1&tone=hue")
-    divider = page.get_by_role("slider", name="Wipe")
-    expect(divider).to_be_visible()
+    expect(page.get_by_role("slider", name="Wipe")).to_be_visible()
     expect(page.locator(".channel-tag.left")).to_have_text("depth 2")
     expect(page.locator(".channel-tag.right")).to_have_text("depth 9")
     page.keyboard.press("1")
     page.mouse.move(5, 5)
+    return jobs, pictures
+
+
+@pytest.mark.browser
+@pytest.mark.farm
+def test_each_side_of_the_wipe_shows_its_own_picture(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+    page = watched.page
+    _, pictures = opened(farm, page, tmp_path)
     assert_screen(page, split(*pictures, page), "the middle")
+    page.get_by_role("slider", name="Wipe").focus()
+    page.keyboard.press("Home")
+    assert_screen(page, pictures[1], "all of the right one")
+    assert watched.errors == []
+
+
+@pytest.mark.long
+@pytest.mark.browser
+@pytest.mark.farm
+def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+    page = watched.page
+    jobs, pictures = opened(farm, page, tmp_path)
+    divider = page.get_by_role("slider", name="Wipe")
 
     # By keys: to an end, and back by tens.
     divider.focus()

@@ -34,6 +34,7 @@ def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
     expect(page.locator(".stage")).to_have_attribute("data-film", "here")
 
 
+@pytest.mark.long
 def test_a_pixel_is_explained_over_the_picture(farm: Farm, finished: str, watched: Watched) -> None:
     """By the tool's click and by the pin's button; the table is the service's answer; Escape ends it."""
     page = watched.page

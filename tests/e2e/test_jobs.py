@@ -54,6 +54,7 @@ def test_all_of_them_are_found_sought_and_ordered_and_the_address_says_how(many:
     assert watched.errors == []
 
 
+@pytest.mark.long
 def test_many_are_selected_changed_and_taken_back(many: Service, watched: Watched) -> None:
     page = watched.page
     page.goto(f"{many.url}/#/jobs?show=active")
@@ -125,6 +126,7 @@ def test_a_job_that_is_deleted_elsewhere_leaves_quietly(many: Service, watched: 
     expect(page.locator("#tray > *")).to_have_count(0)
 
 
+@pytest.mark.long
 def test_the_same_error_again_is_counted_and_few_are_kept(page: Page, site: Site) -> None:
     page.goto(f"{site.url}/index.html")
     expect(page.locator("main h1").first).to_be_visible()  # a page that begins forgets the errors of the one before

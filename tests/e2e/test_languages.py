@@ -78,6 +78,7 @@ def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, fore
     assert_nothing_is_english(page, locale)
 
 
+@pytest.mark.long
 def test_the_menu_changes_the_language_and_it_stays(farm: Farm, foreign: tuple[Page, str]) -> None:
     page, locale = foreign
     page.goto(farm.url)

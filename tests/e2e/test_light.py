@@ -64,6 +64,7 @@ def render(page: Page) -> None:
     expect(page.locator(".job-page")).to_be_visible()
 
 
+@pytest.mark.long
 def test_a_scene_is_lit_by_what_is_chosen_and_dropped(
     watched: Watched, farm: Farm, scene: dict[str, Any], tmp_path: Path
 ) -> None:

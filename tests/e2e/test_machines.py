@@ -61,6 +61,7 @@ def test_machines_show_what_they_do_and_are_paused_and_taken_back(many: Service,
     assert watched.errors == []
 
 
+@pytest.mark.long
 def test_no_picture_stands_under_another_ones_name(page: Page) -> None:
     """A slot that goes on to another job shows nothing until that one's picture has come."""
     body = """

@@ -138,6 +138,7 @@ def test_pins_go_through_the_url(page: Page) -> None:
     ] * 7 + ["1,2;5,6"]
 
 
+@pytest.mark.long
 def test_a_slow_answer_about_a_pin_is_waited_for(page: Page) -> None:
     """Tiles come meanwhile: areas are measured at once, and the question is not begun anew with each of them."""
     body = """
@@ -168,6 +169,7 @@ def test_a_slow_answer_about_a_pin_is_waited_for(page: Page) -> None:
     np.testing.assert_allclose(shown, [1, 2, 3, 1.8596, 0.5, 0.5, 0.5, 0.5], rtol=1e-3)
 
 
+@pytest.mark.long
 def test_how_long_an_upload_still_takes(page: Page) -> None:
     """From the last seconds alone: it was fast at first."""
     body = """
@@ -198,11 +200,13 @@ def test_keys_of_one_letter_can_be_turned_off(page: Page) -> None:
     assert call(page, "shell/shortcuts", body) == [*all_of_them, "ArrowUp", "Escape", False, *all_of_them]
 
 
+@pytest.mark.long
 def test_a_time_is_as_short_as_it_can_be(page: Page) -> None:
     times = call(page, "base/format", "return a.map(m.clock);", [7, 125, 3725, 47 * 3600, 622 * 3600 + 1098])
     assert times == ["0:07", "2:05", "1:02:05", "47:00:00", "25 d 22 h"]
 
 
+@pytest.mark.long
 def test_the_size_of_a_scene_is_short_whatever_its_unit(page: Page) -> None:
     extents = call(page, "base/format", "return a.map(m.extent);", [[4, 3, 2.54321], [4e5, 3e5, 12], [0, 0, 0], [2e-5, 0, 1e-7]])
     assert extents == ["4 × 3 × 2.54", "4 × 3 × 0.00012 · 10⁵", "0 × 0 × 0", "2 × 0 × 0.01 · 10⁻⁵"]

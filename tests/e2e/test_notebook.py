@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from playwright.sync_api import Page, expect
 
 import rayfarm
@@ -13,6 +14,7 @@ from tests.helpers import ROOT, Farm, wait_until
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
 
 
+@pytest.mark.long
 def test_a_job_shows_itself_in_a_notebook(farm: Farm, page: Page) -> None:
     with Client(farm.url) as client:
         scene = client.wait_for_scene(client.upload([CORNELL]).id)

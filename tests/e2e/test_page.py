@@ -124,6 +124,7 @@ def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm,
     assert watched.origins == {farm.url.removeprefix("http://")}
 
 
+@pytest.mark.long
 def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watched) -> None:
     page = watched.page
     page.goto(farm.url)

@@ -146,6 +146,7 @@ def test_the_tiles_in_hand_say_whose_they_are(page: Page) -> None:
     assert found[0]["colour"] != found[1]["colour"]
 
 
+@pytest.mark.long
 def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     open_job(page, farm, finished, "?pins=3,4")
@@ -235,6 +236,7 @@ def test_the_histogram_counts_the_films_pixels(page: Page) -> None:
     assert found["above"] == pytest.approx((light.max(axis=2) > 1).mean()) and found["pixels"] == 2000
 
 
+@pytest.mark.long
 def test_the_history_tells_what_happened(farm: Farm, finished: str, watched: Watched) -> None:
     page = watched.page
     open_job(page, farm, finished)

@@ -89,6 +89,7 @@ def _projects(owner: httpx.Client) -> dict[str, str]:
     return {each["name"]: each["project"] for each in owner.get("/api/scenes").json()}
 
 
+@pytest.mark.long
 def test_an_administrator_manages_projects_and_limits(service: Service, watched: Watched, tmp_path: Path) -> None:  # noqa: F811
     page = watched.page
     token = (tmp_path / "data" / "owner-token").read_text().strip()

@@ -15,6 +15,7 @@ from worker.protocol.terms import Terms
 pytestmark = pytest.mark.browser
 
 
+@pytest.mark.long
 def test_a_job_says_what_it_waits_for_and_by_when_it_is_wanted(many: Service, watched: Watched) -> None:
     page = watched.page
     first = many.submit("scene1", name="The first")
@@ -49,6 +50,7 @@ def test_a_job_says_what_it_waits_for_and_by_when_it_is_wanted(many: Service, wa
     assert watched.errors == []
 
 
+@pytest.mark.long
 def test_a_job_is_renamed_and_a_note_stands_in_the_list(many: Service, watched: Watched) -> None:
     page = watched.page
     job = many.submit("scene1", name="Take 1")
@@ -74,6 +76,7 @@ def test_a_job_is_renamed_and_a_note_stands_in_the_list(many: Service, watched: 
     many.patch(job, state="cancelled")
 
 
+@pytest.mark.long
 def test_shares_are_seen_and_changed(many: Service, watched: Watched) -> None:
     page = watched.page
     many.http.put("/api/shares/user:anna", json={"weight": 2, "max_slots": 8}).raise_for_status()

@@ -30,6 +30,7 @@ def form(page: Page) -> Page:
     return page
 
 
+@pytest.mark.long
 def test_what_is_left_alone_is_not_asked_for(form: Page) -> None:
     asked = submitted(form)
     assert not {"deadline", "priority", "max_slots", "needs", "after", "verify", "fresh"} & asked.keys()
@@ -58,6 +59,7 @@ def test_a_job_is_asked_for_with_its_place_among_the_others(form: Page) -> None:
     assert [asked[name] for name in names] == [5, 3, ["gpu", "memory_gb=12"], ["j2"], 0.025, True]
 
 
+@pytest.mark.long
 def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
     fold = form.locator(".queue-fold")
     fold.locator("summary").click()
@@ -86,6 +88,7 @@ def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
     assert submitted(form)["needs"] == ["gpu", "memory_gb=16"]
 
 
+@pytest.mark.long
 def test_the_request_is_shown_as_a_program_asks_for_it(form: Page) -> None:
     fold = form.locator(".by-program")
     form.locator(".queue-fold").get_by_label("Priority").fill("5")

@@ -69,11 +69,13 @@ def test_sentences_of_the_service_are_put_together_in_german(german: Page) -> No
     assert dict(zip(SAID, found, strict=True)) == SAID
 
 
+@pytest.mark.long
 def test_what_the_service_refuses_is_told_in_german(german: Page) -> None:
     problem = '{"title": "Insufficient Storage", "detail": "The upload is empty. Send it again.", "status": 507}'
     assert call(german, "news/api", "return m.errorOf(507, a).message;", problem) == "Der Upload ist leer. Noch einmal senden."
 
 
+@pytest.mark.long
 def test_long_texts_and_deep_quotes_take_no_time(german: Page) -> None:
     """Patterns with several places, against texts that have their words many times: none goes back over what it has read."""
     body = "const begun = performance.now(); for (const each of a) m.said(each); return performance.now() - begun;"
@@ -81,6 +83,7 @@ def test_long_texts_and_deep_quotes_take_no_time(german: Page) -> None:
     assert call(german, "base/said", body, [each * (3900 // len(each)) for each in words]) < 2000
 
 
+@pytest.mark.long
 def test_on_an_english_page_they_stay(page: Page) -> None:
     assert call(page, "base/said", "return a.map((each) => m.said(each));", list(SAID)) == list(SAID)
     assert call(page, "base/said", "return m.said(null);") == ""

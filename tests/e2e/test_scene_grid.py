@@ -42,6 +42,7 @@ def test_few_are_shown_at_first_and_all_are_found(page: Page) -> None:
     expect(cards.nth(24).get_by_role("link")).to_be_focused()
 
 
+@pytest.mark.long
 def test_where_there_are_few_nothing_is_sought(page: Page) -> None:
     call(page, "views/scene-grid", SHOW, [scene(i, f"Take {i}") for i in range(5)])
     expect(page.locator(".card")).to_have_count(5)

@@ -77,6 +77,7 @@ def test_a_setting_that_the_renderer_declares_has_a_field(page: Page) -> None:
     assert "sparkle" not in submitted(page)
 
 
+@pytest.mark.long
 def test_each_quality_says_what_it_takes_here_and_how_noisy_it_will_be(page: Page) -> None:
     """By what the scene's latest picture measured: a slot's microsecond a sample of a pixel, and a noise of 0.4 with one."""
     call(page, "news/farm", "m.workers.set([{ slots: 2, samples_per_s: 1 }]);")
@@ -94,6 +95,7 @@ def test_each_quality_says_what_it_takes_here_and_how_noisy_it_will_be(page: Pag
     assert submitted(page)["spp"] == 2048
 
 
+@pytest.mark.long
 def test_what_is_changed_is_marked_and_goes_back(page: Page) -> None:
     open_form(page)
     depth = page.get_by_label("Max depth")
@@ -143,6 +145,7 @@ def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
     ]
 
 
+@pytest.mark.long
 def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) -> None:
     """Of an older release they are scenes of their own, of the same files and the same name; else the job says it."""
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
@@ -173,6 +176,7 @@ def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) 
     ]
 
 
+@pytest.mark.long
 def test_a_job_is_told_by_what_it_ends_at_and_not_by_its_cap(page: Page) -> None:
     ends = {
         "512 spp": {"spp": 512, "noise": None, "seconds": None},
@@ -184,12 +188,14 @@ def test_a_job_is_told_by_what_it_ends_at_and_not_by_its_cap(page: Page) -> None
     assert call(page, "news/settings-table", body, {"ends": list(ends.values()), "table": described()}) == list(ends)
 
 
+@pytest.mark.long
 def test_what_is_left_alone_is_the_scenes_own(page: Page) -> None:
     open_form(page)
     plain = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 50}
     assert submitted(page) == plain
 
 
+@pytest.mark.long
 def test_cameras_of_the_same_name_are_told_apart(page: Page) -> None:
     """A name means the first of them; the others are asked for by their numbers."""
     front, auto = SCENE["cameras"]  # type: ignore[misc]
@@ -202,6 +208,7 @@ def test_cameras_of_the_same_name_are_told_apart(page: Page) -> None:
         assert submitted(page)["camera"] == asked
 
 
+@pytest.mark.long
 def test_a_pictures_settings_are_asked_for_again(page: Page) -> None:
     """All that a finished job was rendered with, but what is the scene's own anyway."""
     view = settings.View((0.1, 2, 3), (0, 0.5, 0), fov=33, aperture=0.02, focus=2.5)
@@ -258,6 +265,7 @@ def test_a_second_press_before_the_answer_asks_for_nothing(page: Page) -> None:
     assert call(page, "scene/settings-form", TOLD + body, {"scene": SCENE, "table": described(settings.SETTINGS)}) == [1, 2]
 
 
+@pytest.mark.long
 def test_what_the_scene_asks_for_can_be_taken_back(page: Page) -> None:
     open_form(page)
     page.get_by_label("Roulette").fill("")
@@ -269,6 +277,7 @@ def test_what_the_scene_asks_for_can_be_taken_back(page: Page) -> None:
     assert (asked["heuristic"], asked["light_choice"]) == ("balance", "uniform")
 
 
+@pytest.mark.long
 def test_only_what_an_integrator_reads_is_shown_and_sent(page: Page) -> None:
     open_form(page)
     expect(page.get_by_label("AO distance")).to_be_hidden()
@@ -282,6 +291,7 @@ def test_only_what_an_integrator_reads_is_shown_and_sent(page: Page) -> None:
     assert "max_depth" not in asked
 
 
+@pytest.mark.long
 def test_whitteds_constant_is_a_grey_and_a_mistake_is_asked_for_by_name(page: Page) -> None:
     open_form(page)
     expect(page.get_by_label("Ambient light")).to_be_hidden()
@@ -296,6 +306,7 @@ def test_whitteds_constant_is_a_grey_and_a_mistake_is_asked_for_by_name(page: Pa
     assert (asked["view"]["near"], asked["view"]["shift_y"]) == (1.5, 0.25)
 
 
+@pytest.mark.long
 def test_a_panorama_is_twice_as_wide_as_high(page: Page) -> None:
     open_form(page)
     page.get_by_label("Projection").select_option("panorama")

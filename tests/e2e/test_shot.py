@@ -179,6 +179,7 @@ def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Wa
     assert watched.errors == []
 
 
+@pytest.mark.long
 @pytest.mark.farm
 @pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.long)])
 def test_a_phone_has_all_of_it_below_the_picture(farm: Farm, browser: Browser, scheme: Any) -> None:
@@ -221,6 +222,7 @@ def test_of_two_thousand_frames_only_those_in_sight_are_there(page: Page) -> Non
     expect(page.locator(f"[id='{active}']")).to_have_accessible_name("Frame 1999 is rendered, 50 %")
 
 
+@pytest.mark.long
 def test_playing_keeps_time_and_leaves_out_what_comes_too_late(page: Page) -> None:
     """By a clock of the test's own: that of a busy machine draws when it can."""
     body = """
@@ -262,6 +264,7 @@ def test_playing_keeps_time_and_leaves_out_what_comes_too_late(page: Page) -> No
     assert (done["playing"], done["last"]) == (False, 19)
 
 
+@pytest.mark.long
 def test_a_small_picture_that_does_not_come_is_asked_for_again(page: Page) -> None:
     asked: list[int] = []
 
@@ -281,6 +284,7 @@ def test_a_small_picture_that_does_not_come_is_asked_for_again(page: Page) -> No
     assert asked == [503, 200]
 
 
+@pytest.mark.long
 def test_what_is_held_stays_within_its_bound(page: Page) -> None:
     for size, count in (((480, 270), 96), ((1280, 720), 250), ((3840, 2160), 2000), ((97, 31), 100_000)):
         body = "return m.planOf({ width: a.size[0], height: a.size[1] }, a.count, 2 ** 29);"

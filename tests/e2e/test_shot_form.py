@@ -12,6 +12,7 @@ from renderer.errors import SettingsError
 from renderer.frames import frames_text, parse_frames
 from tests.e2e.site import call
 from tests.e2e.test_settings_form import SCENE, open_form, submitted
+from tests.grids import grid
 
 pytestmark = pytest.mark.browser
 
@@ -44,6 +45,7 @@ def test_frames_are_what_the_renderer_takes_them_for(page: Page) -> None:
             assert again == frames_text(wanted), text
 
 
+@pytest.mark.long
 def test_a_shot_of_what_moves_is_as_long_as_its_clip(page: Page) -> None:
     open_form(page, scene=MOVES)
     expect(page.get_by_label("Frames", exact=True)).to_be_hidden()
@@ -66,7 +68,7 @@ def test_a_shot_of_what_moves_is_as_long_as_its_clip(page: Page) -> None:
     assert submitted(page) == {**STILL, "frames": "0-9", "clip": "2", "order": "every-nth", "every": 4}
 
 
-@pytest.mark.parametrize(("scene", "frames"), [(MOVES, "0-50"), (SCENE, None)])
+@grid(("scene", "frames"), [(MOVES, "0-50"), (SCENE, None)], ordinary=[MOVES])
 def test_what_is_opened_as_a_shot_is_one_of_its_whole_clip(page: Page, scene: dict[str, Any], frames: str | None) -> None:
     open_form(page, scene=scene, as_shot=True)
     shown = page.get_by_label("Frames", exact=True)
@@ -77,6 +79,7 @@ def test_what_is_opened_as_a_shot_is_one_of_its_whole_clip(page: Page, scene: di
         expect(page.get_by_label("Frame", exact=True)).to_be_hidden()
 
 
+@pytest.mark.long
 def test_an_example_that_is_a_shot_says_how_long_and_is_opened_as_one(page: Page) -> None:
     told = {"name": "toy", "title": "A toy", "description": "It moves."}
     page.route("**/api/examples", lambda route: route.fulfill(json=[{**told, "frames": "0-95", "fps": 24}]))
@@ -87,6 +90,7 @@ def test_an_example_that_is_a_shot_says_how_long_and_is_opened_as_one(page: Page
     expect(page).to_have_url(re.compile(r"#/scenes/abc\?shot$"))
 
 
+@pytest.mark.long
 def test_a_still_of_what_moves_has_a_moment(page: Page) -> None:
     open_form(page, scene=MOVES)
     assert submitted(page) == STILL
@@ -98,6 +102,7 @@ def test_a_still_of_what_moves_has_a_moment(page: Page) -> None:
     assert submitted(page) == {**STILL, "frame": 40}
 
 
+@pytest.mark.long
 def test_what_does_not_move_is_turned_about(page: Page) -> None:
     open_form(page)
     expect(page.get_by_label("Frame", exact=True)).to_be_hidden()

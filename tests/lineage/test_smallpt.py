@@ -33,6 +33,7 @@ def ours() -> tuple[np.ndarray, np.ndarray]:
     return pictures.mean(0), pictures.var(0, ddof=1) / SEEDS
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("reference_spp", [400, pytest.param(1500, marks=pytest.mark.long)])
 def test_every_pixel_agrees_with_the_plain_evaluation(reference_spp):
     """Mitsuba's test: 99.75 % of all pixels pass a Z-test at alpha 0.01 with Sidak's correction; and the means agree."""

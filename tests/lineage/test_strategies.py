@@ -12,6 +12,7 @@ from renderer.film import COLOR, mean
 from renderer.render import render_frame
 from renderer.scene.description import Material, Sphere
 from renderer.settings import RenderSettings
+from tests.grids import grid
 from tests.renderer.builders import emitter, gray, scene, settings, square
 from tests.renderer.judge import limit
 
@@ -68,7 +69,7 @@ def test_all_strategies_have_the_same_mean(room):
     assert_same({s: means(room, look(sampling=s), n) for s, n in spp.items()})
 
 
-@pytest.mark.parametrize("sampling", STRATEGIES)
+@grid("sampling", STRATEGIES)
 def test_variance_falls_as_one_over_the_samples(room, sampling):
     few, many = (variance(room, look(sampling=sampling), spp) for spp in (16, 128))
     assert few / many == pytest.approx(8, rel=0.35)
@@ -79,7 +80,7 @@ def test_mis_is_as_good_as_the_best_of_the_others(room):
     assert found["mis"] <= 1.1 * min(v for s, v in found.items() if s != "mis"), found
 
 
-@pytest.mark.parametrize("survival", [0.2, 0.5, 0.8])
+@grid("survival", [0.2, 0.5, 0.8])
 def test_roulette_at_a_constant_chance_keeps_the_mean(room, survival):
     assert_same(
         {

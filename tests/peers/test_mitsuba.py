@@ -10,6 +10,7 @@ import pytest
 from renderer.film import mean
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
+from tests.grids import grid
 from tests.peers.compare import assert_same_picture
 from tests.peers.mitsuba_scene import mitsuba_dict
 from tests.peers.scenes import SCENES
@@ -26,7 +27,7 @@ def mi():
     return mitsuba
 
 
-@pytest.mark.parametrize("name", SCENES)
+@grid("name", SCENES, ordinary=("cornell_box", "mirror_and_glass", "textured_light", "instances"))
 def test_the_same_picture(name, mi, tmp_path):
     description, settings = SCENES[name]()
     their_scene = mi.load_dict(mitsuba_dict(mi, description, settings, tmp_path))

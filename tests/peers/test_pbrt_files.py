@@ -17,6 +17,7 @@ from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.settings import RenderSettings, chosen
+from tests.grids import grid
 from tests.peers.test_mitsuba_files import write_files
 from tests.renderer.scene.pbrt_files import SQUARE
 
@@ -104,7 +105,7 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("name", SCENES)
+@grid("name", SCENES, ordinary=("a box, textured, glass and metal",))
 def test_the_same_picture_of_a_scene_in_both_formats(name: str, tmp_path: Path) -> None:
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")

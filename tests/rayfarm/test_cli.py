@@ -17,6 +17,7 @@ from PIL import Image
 from rayfarm import cli
 from renderer.denoise import is_available
 from renderer.errors import RayfarmError
+from tests.grids import grid
 from tests.helpers import ROOT, wait_until
 from tests.rayfarm.program import rayfarm, started
 
@@ -67,7 +68,7 @@ def test_only_the_command_that_is_typed_is_imported(
     assert cli._asked_for() == imported
 
 
-@pytest.mark.parametrize("suffix", ["png", "jpg", "exr", "hdr"])
+@grid("suffix", ["png", "jpg", "exr", "hdr"], ordinary=("exr",))
 def test_render_writes_every_format(tmp_path: Path, suffix: str) -> None:
     picture = tmp_path / f"cornell.{suffix}"
     program = started if suffix == "png" else rayfarm

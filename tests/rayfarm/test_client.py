@@ -16,7 +16,9 @@ from rayfarm.answers import Job, Scene, Worker, read
 from rayfarm.cli import main
 from rayfarm.client import Client, ClientError
 from rayfarm.console import bar
+from rayfarm.named_files import by_name
 from tests.foreign_server import NOT_A_FARM, foreign_server, http_answer, json_answer
+from tests.grids import grid
 from tests.helpers import ROOT
 
 OLD = json.loads((ROOT / "tests" / "data" / "release-0.1.0.json").read_text())
@@ -51,7 +53,7 @@ def command(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple
     return int(ended.value.code or 0), said.out, said.err
 
 
-@pytest.mark.parametrize("name", NOT_A_FARM)
+@grid("name", NOT_A_FARM)
 def test_what_is_no_farm_is_told_by_every_method(name: str) -> None:
     answer, words = NOT_A_FARM[name]
     with foreign_server(answer) as port, Client(f"http://127.0.0.1:{port}") as farm:
@@ -62,7 +64,7 @@ def test_what_is_no_farm_is_told_by_every_method(name: str) -> None:
                 assert words in str(said.value)
 
 
-@pytest.mark.parametrize("name", NOT_A_FARM)
+@grid("name", NOT_A_FARM)
 def test_what_is_no_farm_ends_every_command_with_a_sentence(
     name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -82,6 +84,14 @@ def test_what_is_no_farm_ends_every_command_with_a_sentence(
     assert not list(tmp_path.iterdir())
 
 
+def test_files_are_named_by_paths_and_by_texts() -> None:
+    here = Path("a")
+    expected = {"x.obj": here / "x.obj", "x.mtl": here / "x.mtl"}
+    assert by_name(["a/x.obj", here / "x.mtl"]) == expected
+    assert by_name({"x.obj": "a/x.obj", "x.mtl": here / "x.mtl"}) == expected
+    assert by_name("a/x.obj") == by_name(here / "x.obj") == {"x.obj": here / "x.obj"}
+
+
 def test_a_list_is_a_farms_only_where_a_farm_sends_it() -> None:
     def answer(request: bytes) -> bytes:
         return json_answer({"name": "rayfarm", "version": "0.1.0"} if b"/api/info" in request else [])
@@ -91,7 +101,7 @@ def test_a_list_is_a_farms_only_where_a_farm_sends_it() -> None:
         assert farm.workers() == []
 
 
-@pytest.mark.parametrize(
+@grid(
     ("answer", "words"),
     [
         (http_answer(b"<html>Bad Gateway", "text/html", "502 Bad Gateway"), "answers 502"),

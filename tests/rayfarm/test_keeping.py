@@ -36,6 +36,7 @@ def test_a_running_farm_is_copied_and_made_again(service: Service, job: str, tmp
     assert (done.returncode, "pg_dump" in done.stderr) == (1, True)
 
 
+@pytest.mark.long
 def test_what_may_go_is_shown_and_goes_only_when_that_is_meant(service: Service, job: str) -> None:
     asked = ("gc", "--films-older-than=0", "--server", service.url)
     shown = rayfarm(*asked, "--dry-run", COLUMNS="200").stdout

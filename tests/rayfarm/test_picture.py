@@ -129,8 +129,9 @@ def any_settings(draw: Any) -> RenderSettings:
     )
 
 
+@pytest.mark.long
 @given(any_settings())
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_a_failing_batchs_command_asks_for_the_same_settings_to_the_bit(wanted: RenderSettings) -> None:
     words = shlex.split(batch_command(wanted, Tile(1, 2, 3, 4), 5, 6))
     assert words[:4] == ["rayfarm", "render", "SCENE", "-o"]
@@ -139,7 +140,7 @@ def test_a_failing_batchs_command_asks_for_the_same_settings_to_the_bit(wanted: 
 
 
 @given(any_settings())
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_what_is_asked_of_a_farm_is_what_it_takes(wanted: RenderSettings) -> None:
     words = shlex.split(batch_command(wanted, Tile(1, 2, 3, 4), 5, 6))
     JobIn(scene="scene", **parsed(words[5:]).request(CAMERAS))

@@ -18,6 +18,7 @@ from renderer.denoise import is_available
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
+from tests.grids import grid
 from tests.rayfarm.program import rayfarm
 from tests.renderer.scene.builders import TRIANGLE, Gltf
 
@@ -184,6 +185,7 @@ def test_the_camera_that_frames_a_scene_stands_still_while_that_moves(tmp_path: 
     assert start == later == alone
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("camera_alone", [False, True])
 def test_motion_vectors_are_layers_that_leave_the_picture_alone(tmp_path: Path, camera_alone: bool) -> None:
     """The triangle goes 2 units a second to the right, or the camera does, 5 units away from it."""
@@ -263,7 +265,7 @@ def test_numbered_files_are_rendered_and_a_hole_is_named(tmp_path: Path) -> None
     assert len(belonging(tmp_path / "s.yaml")) == 4
 
 
-@pytest.mark.parametrize("camera_alone", [False, True])
+@grid("camera_alone", [False, True], ordinary=(False,))
 def test_with_a_shutter_each_frame_is_blurred_and_still_the_still_of_its_moment(tmp_path: Path, camera_alone: bool) -> None:
     shot = tmp_path / "shot.glb"
     shot.write_bytes(turning(camera_alone).glb())

@@ -10,6 +10,7 @@ from renderer.scene import compile as compiling
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import Shot, read
+from tests.grids import grid
 from tests.renderer.builders import icosphere
 from tests.renderer.scene.builders import Gltf, clip
 
@@ -111,7 +112,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("name", NAMES)
+@grid("name", NAMES, ordinary=("all.glb",))
 def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
     stage = Stage(Shot(folder, name), threads=1)
     seen = set()
@@ -125,7 +126,7 @@ def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
     assert len(seen) == (5 if name == "numbered.yaml" else 6)  # half a frame is the file before it
 
 
-@pytest.mark.parametrize("name", NAMES)
+@grid("name", NAMES, ordinary=("numbered.yaml",))
 def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
     asked = {"shutter": 0.5}
     stage = Stage(Shot(folder, name), threads=1, shutter=asked)
@@ -141,7 +142,8 @@ def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
         assert [("views" in camera) for camera in summary["cameras"]] == [bool(c.keys) for c in description.cameras] + [False]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.long
+@grid("name", NAMES, ordinary=("all.glb",))
 def test_a_look_at_the_frames_beside_leaves_no_trace(folder, name):
     stage = Stage(Shot(folder, name), threads=1)
     for frame in (5, 6):
@@ -169,6 +171,7 @@ def test_where_a_frame_beside_shows_nothing_the_frame_stands_still(tmp_path):
     assert shot.between(Moment(23)).keys == 0
 
 
+@pytest.mark.long
 def test_what_stands_still_is_made_once(folder, monkeypatch):
     made = []
     for name in ("make_still", "make_bodies", "pack"):
@@ -199,6 +202,7 @@ def test_a_camera_that_moves_needs_nothing_compiled(tmp_path, monkeypatch):
     assert len(calls) == 1
 
 
+@pytest.mark.long
 def test_the_camera_that_frames_a_scene_does_so_at_its_beginning(folder):
     late, soon = Stage(Shot(folder, "all.yaml"), threads=1), Stage(Shot(folder, "all.yaml"), threads=1)
     first = soon.at(Moment(0))[1]["cameras"][-1]

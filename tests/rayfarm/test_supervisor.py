@@ -57,6 +57,7 @@ def test_a_part_that_dies_is_started_again_and_it_is_said(
     assert f"sleeper ended (by {name})" in said[0]
 
 
+@pytest.mark.long
 def test_a_part_that_cannot_live_is_tried_ever_more_rarely(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:
     part = Part("broken", [sys.executable, "-c", "raise SystemExit(7)"], tmp_path / "log")
     supervisor.start(part)
@@ -68,6 +69,7 @@ def test_a_part_that_cannot_live_is_tried_ever_more_rarely(supervisor: Superviso
     assert "exit code 7" in said[0]
 
 
+@pytest.mark.long
 def test_a_part_that_is_killed_again_and_again_is_soon_back(supervisor: Supervisor, tmp_path: Path) -> None:
     part = Part("sleeper", SLEEPER, tmp_path / "log")
     supervisor.start(part)
@@ -145,6 +147,7 @@ WAITS = [
 ]
 
 
+@pytest.mark.long
 def test_one_that_waits_takes_the_place_of_one_that_died(
     supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

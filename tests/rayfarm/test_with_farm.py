@@ -196,6 +196,7 @@ def test_a_blurred_frame_is_what_render_gives(farm: Farm, tmp_path: Path) -> Non
     assert len(digests) == 6
 
 
+@pytest.mark.long
 def test_a_farm_makes_a_film_of_a_shot(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "shot.glb").write_bytes(turning().glb())
     arguments = ["--size=64x48", "--spp=2", "--frames=0-5", "--fps=12"]
@@ -238,6 +239,7 @@ def test_a_scene_that_is_none_is_a_sentence(farm: Farm, tmp_path: Path) -> None:
     assert "Traceback" not in err
 
 
+@pytest.mark.long
 def test_ctrl_c_leaves_the_job_running_and_says_how_to_find_it(farm: Farm) -> None:
     process = start("submit", CORNELL, "--server", farm.url, "--wait", "--size=256x256", "--spp=100000")
     assert process.stdout is not None
@@ -279,6 +281,7 @@ def test_a_farm_that_is_not_there_is_a_sentence() -> None:
         client.jobs()
 
 
+@pytest.mark.long
 def test_a_second_farm_on_the_same_folder_or_port_is_told_why_not(farm: Farm, tmp_path: Path) -> None:
     port = farm.url.rpartition(":")[2]
     for arguments, sentence in (

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from tests.foreign_server import NOT_A_FARM, foreign_server, json_answer
+from tests.grids import grid
 from tests.helpers import ROOT
 from tests.rayfarm.program import rayfarm
 
@@ -27,13 +28,15 @@ def test_a_worker_waits_for_no_library_that_it_has_no_use_for() -> None:
         assert not set(without.split()) & set(found.split())
 
 
-@pytest.mark.parametrize(
+@pytest.mark.long
+@grid(
     ("answer", "words"),
     [
         NOT_A_FARM["html"],
         (json_answer({"redis_url": None, "instance": "i", "data_dir": ""}), "RAYFARM_PUBLIC_REDIS_URL"),
     ],
     ids=["html", "no redis_url"],
+    ordinary=("no redis_url",),
 )
 def test_what_is_no_farm_ends_it_with_a_sentence(answer: bytes, words: str) -> None:
     with foreign_server(answer) as port:
@@ -44,6 +47,7 @@ def test_what_is_no_farm_ends_it_with_a_sentence(answer: bytes, words: str) -> N
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.long
 def test_a_redis_that_is_away_is_waited_for_until_ctrl_c() -> None:
     with foreign_server(json_answer({"redis_url": "redis://127.0.0.1:9/0", "instance": "i", "data_dir": ""})) as port:
         command = [sys.executable, "-m", "rayfarm", *WORKER, "--token=t", f"--join=127.0.0.1:{port}"]

@@ -83,6 +83,7 @@ def test_the_inputs_stay_and_the_result_is_the_same_again(pictures):
     np.testing.assert_array_equal(first, denoise.denoise(*inputs, threads=1))
 
 
+@pytest.mark.long
 def test_light_is_kept_in_high_dynamic_range(pictures):
     color, albedo, normal = pictures[1][0]
     bright = denoise.denoise(color * 1000, albedo, normal)

@@ -8,6 +8,7 @@ from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Instance, Light, Material, Mesh, SceneDescription, Sphere
 from renderer.settings import RenderSettings, View
+from tests.grids import grid
 from tests.renderer.builders import box, emitter, gray, icosphere, square
 from tests.renderer.judge import limit, mean_and_error
 
@@ -78,7 +79,7 @@ def test_a_power_of_two_in_size_changes_no_bit_of_the_picture(kept, scale):
         np.testing.assert_array_equal(one[plane], other[plane])
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1e3])
+@grid("scale", [1e-3, 1e3])
 def test_a_thousandth_and_a_thousand_times_the_size_are_the_same_picture(kept, scale):
     one, other = (mean_and_error(render_frame(compile_scene(room(s)), view(s, seed), 64)) for seed, s in enumerate((1.0, scale)))
     assert abs(one[0] - other[0]) < limit(2) * np.hypot(one[1], other[1])

@@ -11,6 +11,7 @@ from renderer.film import ALBEDO, DEPTH, NORMAL, OBJECT, SAMPLES, Sums, mean
 from renderer.render import render_frame
 from renderer.scene.description import Material
 from renderer.settings import RenderSettings, View
+from tests.grids import grid
 from tests.renderer.builders import emitter, gray, scene, square
 from tests.renderer.judge import assert_mean, mean_and_error
 
@@ -45,7 +46,7 @@ def test_the_camera_sees_what_is_behind(kernel: dict[str, object]) -> None:
     assert not without[OBJECT].all()
 
 
-@pytest.mark.parametrize("kernel", [{}, PATH])
+@grid("kernel", [{}, PATH])
 def test_it_lights_as_a_body_does(kernel: dict[str, object]) -> None:
     below = View((0.3, 2.0, 0.4), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=30.0)
     sums = picture([WHITE, emitter(4.0)], FLOOR, ABOVE, view=below, max_depth=2, spp=256)
@@ -63,6 +64,7 @@ def test_mirrors_show_it_with_what_is_behind(kernel: dict[str, object]) -> None:
     np.testing.assert_allclose(found, 6.5, rtol=1e-5)
 
 
+@pytest.mark.long
 def test_nothing_lies_in_its_shade() -> None:
     """With one lamp before another, the floor has the light of both."""
     down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=20.0)

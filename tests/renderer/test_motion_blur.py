@@ -19,6 +19,7 @@ from renderer.scene.compiled import load, save
 from renderer.scene.description import Camera, Environment, Image, Instance, Light, Material, SceneDescription, Sphere, Texture
 from renderer.scene.moving import while_open
 from renderer.settings import RenderSettings, Tile, View, tiles_of
+from tests.grids import grid
 from tests.renderer.builders import gray, icosphere, square
 
 FLAT = View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), projection="orthographic", height=4.0)
@@ -254,7 +255,7 @@ SCENES = [spinning_child, bending, rolling, lamps, sliding]
 OTHERS = [pytest.param(each, marks=pytest.mark.long) for each in (growing, turning_lamps, one_lamp, punctual, fly_by)]
 
 
-@pytest.mark.parametrize("at", [*SCENES, *OTHERS], ids=lambda at: at.__name__)
+@grid("at", [*SCENES, *OTHERS], ids=lambda at: at.__name__, ordinary=(spinning_child, bending))
 def test_a_blurred_picture_is_the_mean_of_its_moments(at: At) -> None:
     moving = over(at)
     views = moving.cameras[0].keys if moving.cameras else ()

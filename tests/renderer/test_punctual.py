@@ -10,6 +10,7 @@ from renderer.film import mean
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Light, Material, SceneDescription, Sphere
+from tests.grids import grid
 from tests.renderer.builders import gray, scene, settings, square
 from tests.renderer.judge import assert_mean
 
@@ -62,9 +63,10 @@ def smooth_step(x):
     return x * x * (3 - 2 * x)
 
 
-@pytest.mark.parametrize(
+@grid(
     ("falloff", "by", "curve"),
     [("smooth", math.cos, smooth_step), ("linear", float, float), ("smooth angle", float, smooth_step)],
+    ordinary=("smooth",),
 )
 @pytest.mark.parametrize(("inner", "outer"), [(0, 45), (20, 30), (30, 30)])
 def test_a_spot_falls_off_as_each_renderer_says(falloff, by, curve, inner, outer):

@@ -34,6 +34,7 @@ from renderer.render import RenderStats, render_batch, render_frame
 from renderer.scene.compiled import seal
 from renderer.scene.description import Material, Sphere
 from renderer.settings import Tile, tiles_of
+from tests.grids import grid
 from tests.renderer.builders import box, emitter, gray, scene, settings, square
 from tests.renderer.judge import ALPHA, assert_mean, limit, sidak
 
@@ -267,7 +268,7 @@ def test_noise_is_what_many_seeds_show(spp):
     assert abs(found - spread) < 3 * 2 * error  # both sides are estimates of like precision
 
 
-@pytest.mark.parametrize("spp", [2, 8, 13, 64])
+@grid("spp", [2, 8, 13, 64], ordinary=(13,))
 def test_noise_of_sobol_samples_is_not_told_too_low_nor_as_if_they_were_independent(spp):
     spread, found, error = spread_and_estimate("sobol", spp)
     assert spread < found + 3 * 2 * error

@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from renderer import jit, sources
 from renderer.sources import ARRAYS, MACHINE_CODE, ROOT, files_of, kept_meaning, meaning
 
@@ -87,6 +89,7 @@ def test_every_reader_is_hashed_for_the_arrays() -> None:
             assert not missing, f"{path.relative_to(ROOT)} imports {missing}"
 
 
+@pytest.mark.long
 def test_another_checkout_of_the_same_sources_has_the_same_kind(tmp_path: Path) -> None:
     """And so has one in which a reader's docstring was edited; a kernel that was touched compiles nothing anew."""
     copy = tmp_path / "renderer"

@@ -12,6 +12,7 @@ from renderer.film import Sums, mean
 from renderer.render import render_frame
 from renderer.scene.description import Light, Material, Sphere
 from renderer.settings import RenderSettings, View
+from tests.grids import grid
 from tests.renderer.builders import gray, scene, square
 from tests.renderer.judge import assert_mean, mean_and_error
 
@@ -51,7 +52,7 @@ def test_the_camera_sees_it_where_it_may(kernel: dict[str, object]) -> None:
     assert not mean(picture(WHITE, SUN, view=up, spp=4, **kernel), 24).any()
 
 
-@pytest.mark.parametrize("kernel", [{}, PATH, {"sampling": "bsdf"}, {"sampling": "light"}])
+@grid("kernel", [{}, PATH, {"sampling": "bsdf"}, {"sampling": "light"}], ordinary=({},))
 @pytest.mark.parametrize("others", [0, 4])
 def test_what_is_seen_is_counted_once(kernel: dict[str, object], others: int) -> None:
     """Rough metal under a sun is as bright however its light is found, with a tree of lights or without."""
@@ -79,7 +80,7 @@ GLOW = Material(base_color=gray(0.0), emission=gray(3.0), lamp=True, unseen=True
 
 
 @pytest.mark.parametrize("height", [2.0, 1.0, 0.4])
-@pytest.mark.parametrize("kernel", [{}, PATH, {"sampling": "bsdf"}, {"sampling": "light"}])
+@grid("kernel", [{}, PATH, {"sampling": "bsdf"}, {"sampling": "light"}], ordinary=({},))
 def test_a_disk_that_faces_is_as_bright_as_its_angle_says(height: float, kernel: dict[str, object]) -> None:
     """Under its middle: radiance times pi sin^2 of the half angle; also where the floor would cut through a ball."""
     irradiance = 3.0 * math.pi * 0.8**2 / (0.8**2 + height**2)

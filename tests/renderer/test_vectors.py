@@ -17,6 +17,7 @@ from renderer.scene.load import Shot
 from renderer.scene.moving import while_open
 from renderer.settings import RenderSettings, View
 from renderer.vectors import motion_vectors
+from tests.grids import grid
 from tests.rayfarm.test_stage import everything
 from tests.renderer.builders import gray, square
 from tests.renderer.scene.builders import world
@@ -158,7 +159,7 @@ WAYS: dict[str, list[View]] = {
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("move", MOVES)
+@grid("move", MOVES, ordinary=("hangs on what turns",))
 def test_what_moves_and_stays_flat_is_where_geometry_has_it(move: str, way: str) -> None:
     at, views = MOVES[move], WAYS[way]
     points, inside = on_the_square(at, views[1])
@@ -193,6 +194,7 @@ def test_spheres_and_what_is_infinitely_far(way: str) -> None:
     np.testing.assert_allclose(found[outside], expected[outside], rtol=1e-5, atol=NEAR)
 
 
+@pytest.mark.long
 def test_every_vertex_of_a_file_that_turns_morphs_and_bends(tmp_path: Path) -> None:
     """A glTF file with a hierarchy, a morph, a skin and a camera that flies: each pixel's triangle, found by trying all."""
     (tmp_path / "all.glb").write_bytes(everything())

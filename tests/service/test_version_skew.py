@@ -91,6 +91,7 @@ def test_reports_that_cannot_be_read_hurt_nobody(service: Service, worker: PeerW
     assert {row["name"] for row in service.http.get("/api/workers").raise_for_status().json()} == {"newer", worker.name}
 
 
+@pytest.mark.long
 def test_what_an_older_service_left_in_redis_is_left_aside(service: Service, store: redis.Redis) -> None:
     kind = OLD["report"]["kind"]
     service.stop()

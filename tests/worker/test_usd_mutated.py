@@ -11,7 +11,7 @@ import pytest
 
 from tests.helpers import ROOT
 
-TRIES = 8
+TRIES = 4
 
 
 @pytest.fixture(scope="module")

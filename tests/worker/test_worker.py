@@ -132,6 +132,7 @@ def test_parts_of_a_view_are_exact_and_stale_ones_are_dropped(bench: Bench, info
         assert not got[DEPTH].any(), "what a view does not show does not travel"
 
 
+@pytest.mark.long
 def test_a_scene_that_moves_is_kept_in_parts_and_rendered_from_them(bench: Bench, tmp_path: Path) -> None:
     data = everything()
     (tmp_path / "moves.glb").write_bytes(data)
@@ -150,6 +151,7 @@ def test_a_scene_that_moves_is_kept_in_parts_and_rendered_from_them(bench: Bench
     np.testing.assert_array_equal(unpack_sums(result.sums, Tile(0, 0, 24, 24)), alone.sums)
 
 
+@pytest.mark.long
 def test_a_frame_sends_its_own_parts_alone_and_is_rendered_from_them(bench: Bench, tmp_path: Path) -> None:
     data = everything()
     (tmp_path / "moves.glb").write_bytes(data)
@@ -311,6 +313,7 @@ def test_the_batch_of_a_killed_slot_is_rendered_by_another(bench: Bench, info: S
     assert (event["type"], event["batch"]) == ("batch", "long"), event
 
 
+@pytest.mark.long
 def test_a_batch_that_kills_every_slot_is_given_up(bench: Bench, info: SceneInfo) -> None:
     bench.render(batch_of(info, "deadly", 0, 1 << 20))
     kill_whoever_has(bench, "deadly")
@@ -339,6 +342,7 @@ def test_of_several_batches_the_one_that_kills_is_given_up_alone(bench: Bench, i
     assert "died 3 times" in answered["killer"]["error"]
 
 
+@pytest.mark.long
 def test_a_wrong_token_ends_the_worker_with_a_sentence(bench: Bench) -> None:
     command = [sys.executable, "-m", "worker", f"--service={bench.url}", "--slots=1"]
     done = subprocess.run(

@@ -56,12 +56,18 @@ def test_a_folder_that_is_well_has_no_fault_also_while_its_farm_runs(stored: Pat
     assert [each.about for each in found] == ["Data folder", "Room", "Database", "Uploads", "Films"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("break_it", "deep", "sentence"),
     [
         pytest.param(lambda data: blob(data).unlink(), False, "Uploads: Of .* 1 are not there", marks=pytest.mark.long),
         (lambda data: flip(blob(data)), True, "Uploads: Of .* 1 are damaged"),
-        (lambda data: film(data).unlink(), False, "Films: Of 1 finished jobs 1 have a damaged film or none"),
+        pytest.param(
+            lambda data: film(data).unlink(),
+            False,
+            "Films: Of 1 finished jobs 1 have a damaged film or none",
+            marks=pytest.mark.long,
+        ),
         pytest.param(
             lambda data: one_bit(film(data)),
             True,
@@ -83,6 +89,7 @@ def test_what_is_wrong_is_said(stored: Path, break_it: Callable[[Path], object],
         assert faults(stored) == [], "without reading nobody knows"
 
 
+@pytest.mark.long
 def test_a_damaged_database_and_one_of_a_newer_release_are_named(service: Service, stored: Path) -> None:
     service.stop()
     try:

@@ -57,6 +57,7 @@ def test_what_stands_in_the_terminal_is_the_picture(service: Service, worker: Pe
     assert "finished" in err and "64x48" in err
 
 
+@pytest.mark.long
 def test_it_grows_and_a_job_is_cancelled_only_when_that_is_confirmed(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.05)
     job = service.submit(service.ready_scene(), spp=100_000)
@@ -77,6 +78,7 @@ def test_it_grows_and_a_job_is_cancelled_only_when_that_is_confirmed(service: Se
     assert window.raw.count(b"\x1b[2J") <= 4, "it does not clear the screen to draw"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("number", "code"),
     [(signal.SIGINT, 130), *(pytest.param(number, 0, marks=pytest.mark.long) for number in (signal.SIGTERM, signal.SIGHUP))],
@@ -115,6 +117,7 @@ def test_pixels_where_the_terminal_has_them(service: Service, worker: PeerWorker
         assert window.ends()[0] == 0
 
 
+@pytest.mark.long
 def test_a_farm_that_goes_away_and_a_job_that_is_deleted(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
     with Window("watch", job, "--server", service.url) as window:
@@ -143,6 +146,7 @@ def test_in_a_pipe_it_tells_lines_and_ends_with_the_job(service: Service, worker
     assert "was cancelled" in err
 
 
+@pytest.mark.long
 def test_a_tev_gets_the_film_while_it_grows_and_a_viewer_the_exr(service: Service, worker: PeerWorker, tmp_path: Path) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=64)

@@ -77,7 +77,7 @@ coordinate = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.5, 1e-30, 1e-3, 1e3, 1e15,
 
 
 @given(st.data())
-@hypothesis_settings(max_examples=60, deadline=None)
+@hypothesis_settings(deadline=None)
 def test_any_primitives_make_a_whole_tree(data):
     """Equal points, slivers, dots, enormous and minute: all kept, once, within every box above them."""
     points = data.draw(st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=1, max_size=30))
@@ -130,6 +130,7 @@ def test_a_heap_far_from_the_rest_is_cut_into_parts_too(monkeypatch):
         assert_whole(corner.astype(np.float32), np.arange(len(corner), dtype=np.int32).reshape(-1, 3), NO_SPHERES, team)
 
 
+@pytest.mark.long
 def test_a_tree_of_several_parts_is_the_same_by_any_number_of_threads():
     count = 90_000
     assert part_size(count) < count / 2

@@ -7,6 +7,7 @@ from renderer.bvh.build import build
 from renderer.bvh.instances import Instances
 from renderer.bvh.layout import ROW_CHILD
 from renderer.bvh.transforms import inverted
+from tests.grids import grid
 from tests.renderer.builders import icosphere
 from tests.renderer.bvh.rays import NO_SPHERES, trace, triangles_by_numpy
 
@@ -46,7 +47,7 @@ def copied(position, triangle, instances):
     return np.concatenate(corners), np.concatenate(primitive), np.concatenate(instance)
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+@grid("scale", [1e-3, 1.0, 1e3], ordinary=(1e3,))
 def test_instances_are_met_where_their_copies_would_be(scale):
     rng = np.random.default_rng(1)
     position, triangle, _, instances = forest(rng)

@@ -103,7 +103,7 @@ def test_a_decompression_bomb_is_refused_before_it_is_decoded(monkeypatch):
 SAMPLES = [png((RGB * 60).astype(np.uint8)), *(encode.encode(RGB, kind) for kind in ("jpg", "hdr", "exr"))]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(deadline=None)
 @given(st.sampled_from(SAMPLES), st.data())
 def test_damaged_bytes_give_pixels_or_a_sentence(sample, data):
     damaged = bytearray(sample[: data.draw(st.integers(0, len(sample)))])

@@ -15,6 +15,7 @@ from renderer.render import render_frame
 from renderer.scene.animation.orbit import orbit
 from renderer.scene.description import Material, Sphere
 from renderer.settings import RenderSettings, View
+from tests.grids import grid
 from tests.renderer.builders import emitter, gray, icosphere, scene, square
 from tests.renderer.judge import assert_mean
 
@@ -87,7 +88,7 @@ def test_a_panorama_is_all_directions_by_longitude_and_latitude():
 
 
 @pytest.mark.parametrize("integrator", ["path", "direct"])
-@pytest.mark.parametrize("sampler", ["sobol", "independent"])
+@grid("sampler", ["sobol", "independent"], ordinary=("sobol",))
 @pytest.mark.parametrize("projection", ["perspective", "lens", "orthographic", "panorama"])
 def test_a_furnace_is_a_furnace_to_every_camera(projection, sampler, integrator):
     lens = {"projection": "perspective", "aperture": 0.05, "focus": 0.5} if projection == "lens" else {"projection": projection}
@@ -114,6 +115,7 @@ def test_what_is_in_focus_is_sharp_and_the_rest_blurs_as_the_lens_says():
     assert np.linalg.norm(far - far.mean(0), axis=1).max() == pytest.approx(0.2 * (7.5 / 2.5 - 1), rel=0.02)
 
 
+@pytest.mark.long
 def test_a_small_light_out_of_focus_is_a_disk_of_the_circle_of_confusion():
     """A point at distance z images to a disk of radius aperture |z - f| / z in the plane of focus f: its area and its edge."""
     aperture, focus, z, size = 0.3, 2.0, 4.0, 64

@@ -245,7 +245,7 @@ def compiled_or_told(description):
         assert summarise(description, scene)["cameras"]
 
 
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 @pytest.mark.parametrize("kind", ["glb", "gltf", "obj", "yaml", "ply"])
 def test_damaged_bytes_give_a_scene_or_a_sentence(tmp_path, png, kind, data):
@@ -266,7 +266,7 @@ def test_damaged_bytes_give_a_scene_or_a_sentence(tmp_path, png, kind, data):
     compiled_or_told(description)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_a_gltf_with_any_value_anywhere_gives_a_scene_or_a_sentence(tmp_path, png, data):
     g = full_gltf(png)

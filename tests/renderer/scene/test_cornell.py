@@ -60,6 +60,7 @@ def test_nothing_is_left_to_warn_of(ours):
     assert ours.environment is None
 
 
+@pytest.mark.long
 def test_its_mean_is_mitsubas(ours):
     """0.1471 is the mean of R, G and B that Mitsuba gives at depth 8. A wider filter also looks past the walls: 1 % less."""
     scene = compile_scene(ours)

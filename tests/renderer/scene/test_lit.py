@@ -1,13 +1,12 @@
 """Another light on a compiled scene: the very files that compiling it so would write, and none that the two share."""
 
-import pytest
-
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import load
 from renderer.scene.kept import Kept
 from renderer.scene.lit import CHANGED, lit
 from renderer.scene.load import read
 from renderer.scene.parts import Saver, parts_of, save_changed
+from tests.grids import grid
 
 SCENE = """
 lights: [{type: point, position: [1, 3, 1], color: 20}]
@@ -25,7 +24,7 @@ def compiled(folder, environment, out):
     return scene, Saver(out).save(scene, kept.cuts), kept.lights_power
 
 
-@pytest.mark.parametrize("text", [SCENE, NO_LIGHT], ids=["lamp", "nothing"])
+@grid("text", [SCENE, NO_LIGHT], ids=["lamp", "nothing"])
 def test_a_scene_under_other_light_is_the_one_that_is_compiled_so(tmp_path, text):
     (tmp_path / "scene.yaml").write_text(text)
     base, manifest, power = compiled(tmp_path, None, tmp_path / "base")

@@ -4,12 +4,12 @@ import json
 import struct
 
 import numpy as np
-import pytest
 
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
+from tests.grids import grid
 from tests.renderer.scene.builders import full_gltf, moving_gltf
 from tests.renderer.scene.finite import is_finite
 
@@ -57,7 +57,7 @@ def mutated(root, rng):
     return root
 
 
-@pytest.mark.parametrize("file", FILES)
+@grid("file", FILES, ordinary=("full",))
 def test_a_mutated_glb_is_a_scene_or_a_sentence(samples, tmp_path, png, file):
     root, binary = chunks(sample(samples, png, file))
     rng = np.random.default_rng(11)
@@ -94,7 +94,7 @@ def compiled_or_told(description):
         assert is_finite(scene)
 
 
-@pytest.mark.parametrize("file", FILES)
+@grid("file", FILES, ordinary=("moving",))
 def test_a_glb_with_damaged_numbers_is_a_scene_or_a_sentence(samples, tmp_path, png, file):
     root, binary = chunks(sample(samples, png, file))
     rng = np.random.default_rng(12)

@@ -8,6 +8,7 @@ from renderer.presets import PRESETS
 from renderer.scene.description import SceneDescription
 from renderer.scene.environment import tabulate_environment
 from renderer.scene.presets import light_by_name, preset_image
+from tests.grids import grid
 
 
 def tables(name):
@@ -16,7 +17,7 @@ def tables(name):
     return tabulate_environment(description)
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@grid("name", PRESETS)
 def test_every_preset_exposes_a_scene_about_as_white_light_would(name):
     found = tables(name)
     assert np.isfinite(found.radiance).all()

@@ -130,6 +130,7 @@ def test_the_village_is_that_of_its_script(monkeypatch):
             assert np.abs(kept - content).max() <= 1, name  # a power may end differently elsewhere
 
 
+@pytest.mark.long
 def test_the_village_is_small_whole_and_instanced():
     """No warning, below 300 kB, and a hundred trees cost one."""
     folder = Path(__file__).parents[3] / "scenes" / "christmas"

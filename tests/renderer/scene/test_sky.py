@@ -16,6 +16,7 @@ from renderer.scene.environment import relit, tabulate_environment
 from renderer.scene.lights import luminance
 from renderer.scene.load import read
 from renderer.scene.sky import image_of_sky, parse_sky, sun_of_sky
+from tests.grids import grid
 from tests.renderer.builders import gray, settings, square
 from tests.renderer.judge import assert_mean
 
@@ -64,6 +65,7 @@ def lit(sky, rotation=0.0, mesh=FLOOR, material=WHITE):
     return compile_scene(description)
 
 
+@pytest.mark.long
 def test_at_noon_the_sun_gives_several_times_what_the_sky_gives():
     """Clear days: the diffuse share of the light on level ground is a tenth to a fourth; all of it about 3/4 of pi."""
     sky = Sky(sun_elevation=60)
@@ -72,6 +74,7 @@ def test_at_noon_the_sun_gives_several_times_what_the_sky_gives():
     assert 0.6 < (diffuse + direct) / (math.pi * math.sin(math.radians(60))) < 0.95
 
 
+@pytest.mark.long
 def test_the_ground_lights_the_air_above_it_and_light_is_never_made(coarse):
     """Snow brightens the sky; all that leaves the air downwards stays below what the sun sends in."""
     for height in (5, 60):
@@ -81,6 +84,7 @@ def test_the_ground_lights_the_air_above_it_and_light_is_never_made(coarse):
         assert (dark + facing(sun_of_sky(Sky(height))) * math.sin(math.radians(height)) < incoming).all()
 
 
+@pytest.mark.long
 def test_light_fades_as_the_sun_sinks(coarse):
     heights = [90, 50, 20, 5, 0, -1, -6, -10]
     sky = [luminance(onto_ground(image_of_sky(Sky(h)))) for h in heights]
@@ -102,6 +106,7 @@ def test_colours():
     assert with_ozone[2] / with_ozone[0] > 1.2 * without[2] / without[0]
 
 
+@pytest.mark.long
 def test_below_the_horizon_is_the_ground_that_sun_and_sky_light():
     sky = Sky(30, ground_albedo=(0.5, 0.25, 0.1))
     image = image_of_sky(sky)
@@ -110,6 +115,7 @@ def test_below_the_horizon_is_the_ground_that_sun_and_sky_light():
     np.testing.assert_allclose(image[256:], expected, rtol=1e-4)
 
 
+@pytest.mark.long
 def test_dust_makes_a_glow_around_the_sun_and_no_air_no_sky():
     clear, hazy = image_of_sky(Sky(40, 0, dust=0)), image_of_sky(Sky(40, 0, dust=4))
     near, far = (slice(130, 150), slice(500, 524)), (slice(130, 150), slice(0, 24))
@@ -119,7 +125,7 @@ def test_dust_makes_a_glow_around_the_sun_and_no_air_no_sky():
     assert luminance(facing(sun_of_sky(empty))) == pytest.approx(math.pi, rel=1e-4)  # by Rec.709's rounded coefficients
 
 
-@pytest.mark.parametrize(("azimuth", "column"), [(0, 512), (90, 768), (-90, 256), (180, 0), (450, 768)])
+@grid(("azimuth", "column"), [(0, 512), (90, 768), (-90, 256), (180, 0), (450, 768)], ordinary=(90,))
 def test_the_sky_is_brightest_at_its_sun_and_alike_on_both_sides_of_it(azimuth, column):
     image = image_of_sky(Sky(20, azimuth))
     _, brightest = np.unravel_index(image[:256, :, 1].argmax(), (256, 1024))
@@ -131,6 +137,7 @@ def test_the_sky_is_brightest_at_its_sun_and_alike_on_both_sides_of_it(azimuth, 
     assert min(abs(x - column), 1024 - abs(x - column)) < 1e-6
 
 
+@pytest.mark.long
 def test_the_wrap_is_a_column_as_any_other():
     image = image_of_sky(Sky(10, 90.0 + 180 / 1024))[:256, :, 1]  # the sun at the middle of a texel, the wrap at its side
     steps = np.abs(np.diff(image, axis=1, append=image[:, :1]))

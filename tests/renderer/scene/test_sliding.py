@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import PIL.Image
-import pytest
 
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Instance, SceneDescription, Texture
 from renderer.scene.load import Shot
+from tests.grids import grid
 from tests.renderer.builders import square
 from tests.renderer.scene.builders import Gltf, clip
 from tests.renderer.test_motion_blur import GRAY, UNLIT, described, over, picture, settings_of, striped
@@ -44,7 +44,7 @@ def sliding_glb() -> bytes:
     return clip(g, "slide", (path, "pointer", [0, 1], [(0, 0), (4, 2)], "LINEAR")).glb()
 
 
-@pytest.mark.parametrize("name", ["sheet.yaml", "sheet.glb"])
+@grid("name", ["sheet.yaml", "sheet.glb"], ordinary=("sheet.glb",))
 def test_files_say_how_textures_slide(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(SLIDING_YAML.encode() if name.endswith("yaml") else sliding_glb())
     shot = Shot(tmp_path, name)

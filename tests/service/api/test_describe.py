@@ -25,6 +25,7 @@ def write(service: Service, table: str, id: str, column: str, value: Any) -> Non
         session.execute(text(f"UPDATE {table} SET {column} = :value WHERE id = :id"), {"value": value, "id": id})
 
 
+@pytest.mark.long
 def test_a_job_of_another_release_does_not_hide_the_others(service: Service) -> None:
     scene = service.ready_scene()
     good = service.submit(scene)

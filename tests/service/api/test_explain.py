@@ -115,6 +115,7 @@ def test_workers_of_an_older_release_are_not_asked(service: Service) -> None:
         assert (answer.status_code, "older release" in answer.json()["detail"]) == (503, True)
 
 
+@pytest.mark.long
 def test_a_frame_that_moves_is_prepared_for_it_again(service: Service, worker: PeerWorker) -> None:
     worker.on_frame = lambda frame: b"frame" + str(frame).encode()
     worker.on_explain = explained

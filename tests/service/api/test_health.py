@@ -14,6 +14,7 @@ from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker
 
 
+@pytest.mark.long
 def test_health_needs_no_thread(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     """As many slow requests as there are threads, and more."""
     hold = threading.Event()

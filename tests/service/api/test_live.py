@@ -64,6 +64,7 @@ def watch(service: Service, job: str, query: str = "", **options: Any) -> Iterat
         yield Watcher(connection)
 
 
+@pytest.mark.long
 def test_a_watcher_of_a_finished_job_gets_the_film(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene())
     service.wait_for(job, "finished")
@@ -94,6 +95,7 @@ def test_a_watcher_sees_the_picture_grow(service: Service, worker: PeerWorker) -
     assert any(len(counts) > 1 for counts in seen.values())
 
 
+@pytest.mark.long
 def test_a_slow_watcher_gets_fewer_pictures_and_then_the_newest(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.005)
     scene = service.ready_scene()
@@ -143,6 +145,7 @@ def test_a_foreign_page_cannot_watch(service: Service) -> None:
         pass
 
 
+@pytest.mark.long
 def test_watchers_do_not_hold_up_the_end_of_the_service(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene(), spp=500)
     with watch(service, job) as watcher:
@@ -231,6 +234,7 @@ def test_a_film_comes_whole_and_then_only_what_it_lacks(service: Service, worker
         assert not watcher.words, "what nobody needs to say keeps nobody waiting while it is read"
 
 
+@pytest.mark.long
 def test_what_changes_before_a_watcher_says_what_it_has_is_sent(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.01)
     job = service.submit(service.ready_scene(), spp=60)

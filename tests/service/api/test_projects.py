@@ -286,6 +286,7 @@ def test_events_tell_others_nothing(people: People) -> None:
     assert not any(id in told["ben"] for id in people.ids.values())
 
 
+@pytest.mark.long
 def test_a_worker_at_work_on_it_is_busy_and_says_no_more(people: People) -> None:
     asked = {"scene": people.ids["scene"], "width": 64, "height": 64, "spp": 100_000, "tile_size": 16}
     job = made(people.anna.post("/api/jobs", json=asked), 201)["id"]

@@ -106,6 +106,7 @@ def test_samples_a_day_also_of_jobs_that_are_deleted(service: Service, chief: ht
         assert asked(bea, scene).status_code == 201
 
 
+@pytest.mark.long
 def test_samples_count_from_the_moment_they_are_asked_for(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "hal") as hal:
         scene = scene_of(hal)
@@ -214,6 +215,7 @@ def test_what_is_asked_of_a_shot_later_counts_for_each_of_its_frames(service: Se
         assert change(more=1, frames="0") == 429
 
 
+@pytest.mark.long
 def test_what_is_rendered_anew_counts_each_time(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "greta") as greta:
         scene = scene_of(greta)

@@ -14,6 +14,7 @@ from service.api.security import MAX_BODY
 from service.intake.read_reference import from_srgb
 from service.watching.film_packet import HEADER
 from service.watching.film_picture import light
+from tests.grids import grid
 from tests.helpers import running_redis
 from tests.service.conftest import Service
 
@@ -81,6 +82,7 @@ def test_a_picture_of_8_bits_is_decoded_and_said_to_be_one(service: Service) -> 
     service.http.delete(f"/api/references/{found['id']}").raise_for_status()
 
 
+@pytest.mark.long
 def test_a_picture_may_be_longer_than_other_bodies(service: Service) -> None:
     file = encode.encode(np.random.default_rng(1).uniform(0, 1, (400, 422, 3)).astype(np.float32), "exr")
     assert len(file) > MAX_BODY
@@ -116,7 +118,7 @@ def _film_of(service: Service, id: str) -> str:
         return str(row.film["sha256"])
 
 
-@pytest.mark.parametrize(
+@grid(
     ("name", "content", "status", "sentence"),
     [
         ("truth.exr", b"no picture at all", 422, "damaged or not what its name says"),

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.grids import grid
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker
 
@@ -41,6 +42,7 @@ def test_a_zip_has_each_frame_under_its_number(service: Service, shot: str) -> N
         assert b"Normal.X" in archive.read("scene.0002.exr")[:2000]
 
 
+@pytest.mark.long
 def test_a_zip_comes_while_frames_are_finished(service: Service, worker: PeerWorker) -> None:
     gate = threading.Event()
     worker.on_batch = lambda batch: (batch.frame < 4 or gate.wait(20)) and None
@@ -60,7 +62,7 @@ def test_a_zip_comes_while_frames_are_finished(service: Service, worker: PeerWor
         assert sorted(archive.namelist()) == NAMES
 
 
-@pytest.mark.parametrize("kind", ["mp4", "webm", "webp"])
+@grid("kind", ["mp4", "webm", "webp"], ordinary=("mp4",))
 def test_a_film_shows_the_frames_as_the_pictures_do(service: Service, shot: str, kind: str, tmp_path: Path) -> None:
     answer = service.http.get(f"/api/jobs/{shot}/movie.{kind}?exposure=0.5").raise_for_status()
     path = tmp_path / f"shot.{kind}"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO
+import pytest
 
 from renderer import film as film_math
 from renderer.image import rgbe9995
@@ -88,6 +89,7 @@ def test_a_picture_is_kept_on_its_way_and_survives_a_restart(service: Service, t
     assert service.http.get(f"/api/jobs/{job}/snapshots").status_code == 404
 
 
+@pytest.mark.long
 def test_a_picture_that_goes_on_is_kept_from_where_it_was(service: Service) -> None:
     with service.worker(several=False) as worker:
         jobs = in_step(service, worker)

@@ -72,6 +72,7 @@ def test_a_view_ends_when_its_noise_is_as_low_as_is_wanted(service: Service, wor
         assert "noise" in viewer.errors[0]["detail"]
 
 
+@pytest.mark.long
 def test_the_first_picture_is_as_large_as_the_farm_is_fast(service: Service, worker: PeerWorker) -> None:
     with look(service, service.ready_scene()) as viewer:
         viewer.show(1, spp=1)
@@ -102,6 +103,7 @@ def test_a_newer_view_takes_the_place_of_an_older_one_at_once(service: Service, 
         assert ids == sorted(ids)
 
 
+@pytest.mark.long
 def test_a_slow_watcher_gets_fewer_pictures(service: Service, worker: PeerWorker) -> None:
     with look(service, service.ready_scene()) as viewer:
         viewer.acknowledges = False
@@ -170,6 +172,7 @@ def test_a_worker_that_vanishes_only_costs_its_part(service: Service) -> None:
             np.testing.assert_array_equal(viewer.words, rgbe9995.pack(expected))
 
 
+@pytest.mark.long
 def test_several_watchers_share_and_a_hidden_page_costs_nothing(service: Service, worker: PeerWorker) -> None:
     worker.on_part = lambda work, part: time.sleep(0.002)
     scene = service.ready_scene()
@@ -227,6 +230,7 @@ def test_a_view_that_is_whole_lets_other_work_through(service: Service) -> None:
             assert service.farm.desk.is_watched, "before the view is"
 
 
+@pytest.mark.long
 def test_a_hand_on_the_sun_sees_the_lights_that_are_prepared(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     before = len(worker.prepared)
@@ -244,6 +248,7 @@ def test_a_hand_on_the_sun_sees_the_lights_that_are_prepared(service: Service, w
         assert len(worker.prepared) - before <= 2 * len(seen) + 3, "and hardly any others are asked for"
 
 
+@pytest.mark.long
 def test_a_light_that_cannot_be_prepared_is_told_once(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     tried = []
@@ -264,6 +269,7 @@ def test_a_light_that_cannot_be_prepared_is_told_once(service: Service, worker: 
         viewer.wait(2, 2)
 
 
+@pytest.mark.long
 def test_where_memory_is_full_a_view_waits_for_another_to_leave(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:

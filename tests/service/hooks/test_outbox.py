@@ -23,6 +23,7 @@ from service.hooks import deliver, outbox
 from service.hooks.signing import headers
 from service.scheduling.forecasts import deadlines
 from service.store.models import Delivery
+from tests.grids import grid
 from tests.service.conftest import Service, until
 
 SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
@@ -97,6 +98,7 @@ def test_a_job_s_end_is_told_signed_and_once(told: Service, receiver: Receiver) 
     assert hook == {"number": 0, "hook": "http://127.0.0.1/...", "arrived": 2, "waiting": 0, "given_up": 0, "error": None}
 
 
+@pytest.mark.long
 def test_a_hook_that_is_dead_is_not_tried_by_each_message_that_waits_for_it(
     told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -143,7 +145,7 @@ def test_what_does_not_arrive_is_sent_again_under_the_same_id(told: Service, rec
     assert len({sent["webhook-id"] for sent, _ in receiver.got}) == 1
 
 
-@pytest.mark.parametrize(("status", "attempts"), [(500, 8), (410, 1)])
+@grid(("status", "attempts"), [(500, 8), (410, 1)], ordinary=(410,))
 def test_it_is_given_up_in_the_end(
     told: Service, receiver: Receiver, status: int, attempts: int, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -156,6 +158,7 @@ def test_it_is_given_up_in_the_end(
     assert "127.0.0.1/..." in caplog.text and "of-the-receiver" not in caplog.text and "/hook" not in caplog.text
 
 
+@pytest.mark.long
 def test_a_new_hook_is_not_told_of_what_ended_before(service: Service, receiver: Receiver) -> None:
     service.patch(service.submit(service.upload()), state="cancelled")
     service.options |= {"webhooks": [receiver.url]}

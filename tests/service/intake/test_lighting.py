@@ -90,6 +90,7 @@ def test_a_view_asks_for_light_without_a_job_and_holds_it(both: tuple[Service, P
     assert (elsewhere.status, elsewhere.compiled) == ("preparing", None)
 
 
+@pytest.mark.long
 def test_what_was_let_go_is_made_again_for_a_job_that_goes_on(service: Service) -> None:
     scene = scene_of(service, b"# again\n")
     job, lit = rendered(service, scene, sky={"elevation": 20})
@@ -100,6 +101,7 @@ def test_what_was_let_go_is_made_again_for_a_job_that_goes_on(service: Service) 
     assert service.wait_for(job["id"], "finished")["spp"] == job["spp"] + 4
 
 
+@pytest.mark.long
 def test_only_so_many_stay_that_nobody_needs_and_they_go_with_their_scene(service: Service) -> None:
     scene = scene_of(service, b"# many\n")
     before = {each.name for each in (service.options["data"] / "blobs").rglob("*") if each.is_file()}

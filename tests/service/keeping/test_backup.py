@@ -89,6 +89,7 @@ def test_a_half_done_job_is_finished_from_its_backup(
         service.start()  # which the fixture stops
 
 
+@pytest.mark.long
 def test_the_next_one_takes_only_what_is_new(service: Service, tmp_path: Path) -> None:
     target = tmp_path / "copy"
     (service.options["data"] / "webhook-secret").write_text("whsec_")
@@ -121,6 +122,7 @@ def test_who_was_logged_in_logs_in_anew_and_tokens_hold(service: Service, tmp_pa
         assert database.execute("SELECT kind FROM keys").fetchall() == [("token",)]
 
 
+@pytest.mark.long
 def test_what_the_farm_lacks_is_named_and_the_rest_is_kept(service: Service, tmp_path: Path) -> None:
     with service.worker():
         jobs = [service.submit(service.ready_scene(), seed=seed) for seed in range(2)]

@@ -52,6 +52,7 @@ def jobs(service: Service) -> list[str]:
     return jobs
 
 
+@pytest.mark.long
 def test_old_films_go_and_are_rendered_again_to_the_same_bits(service: Service, jobs: list[str]) -> None:
     digest = service.digest(jobs[1])
     assert would_go(service) == [], "the farm has no rules of its own"
@@ -82,6 +83,7 @@ def test_the_oldest_films_go_until_the_rest_fits(service: Service, jobs: list[st
     assert [id for _, id in would_go(service, films_bytes=0)] == jobs[1:]
 
 
+@pytest.mark.long
 def test_compiled_scenes_and_uploads_that_nobody_used_go(service: Service, jobs: list[str]) -> None:
     scene = service.job(jobs[0])["scene"]
     with service.worker():
@@ -108,6 +110,7 @@ def test_compiled_scenes_and_uploads_that_nobody_used_go(service: Service, jobs:
     assert service.digest(jobs[3]), "pictures stay"
 
 
+@pytest.mark.long
 def test_a_farm_goes_by_its_own_rules_by_itself(service: Service, jobs: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(retention, "FIRST_S", 0.0)
     service.options["keep_films_days"] = 15

@@ -85,6 +85,7 @@ def test_what_would_show_in_the_bits_is_not_taken(service: Service, worker: Peer
     assert service.job(service.submit(other, spp=16))["taken"] is None
 
 
+@pytest.mark.long
 def test_samples_of_another_kind_of_workers_are_not_mixed_in(service: Service) -> None:
     with service.worker(name="old", kind="old-kernels"):
         scene = service.ready_scene()
@@ -129,6 +130,7 @@ def expected_frames(frames: str, spp: int = 4) -> list[str]:
     return [expected_digest(32, 24, spp, round(2000 * number)) for number in parse_frames(frames)]
 
 
+@pytest.mark.long
 def test_a_shot_that_is_asked_for_again_is_there_at_once_in_whatever_order(service: Service) -> None:
     with service.worker() as worker:
         scene = service.ready_scene()
@@ -144,6 +146,7 @@ def test_a_shot_that_is_asked_for_again_is_there_at_once_in_whatever_order(servi
     assert frame_digests(service, again, "1-3") == expected_frames("1-3")
 
 
+@pytest.mark.long
 def test_a_shot_takes_its_frames_from_several_and_renders_the_others_alone(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -187,6 +190,7 @@ def test_what_would_show_in_a_shot_is_not_taken(service: Service, worker: PeerWo
     assert not taken(fresh=True)
 
 
+@pytest.mark.long
 def test_a_damaged_film_is_not_taken(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     first = service.submit(scene)

@@ -85,6 +85,7 @@ def test_who_comes_first_owns_and_the_other_does_as_soon_as_that_is_given_up(
     assert row.takeovers == 0, "it was given up"
 
 
+@pytest.mark.long
 def test_an_owner_that_answers_keeps_the_farm(candidates: Callable[..., Candidate], clock: Time) -> None:
     first = owned(candidates())
     second = candidates()

@@ -18,6 +18,7 @@ from tests.service.scheduling.test_faults import film_of, locked, rendered_once,
 from worker.protocol.contract import RESULTS
 
 
+@pytest.mark.long
 def test_a_locked_database_stops_no_job_that_is_under_way(service: Service, worker: PeerWorker) -> None:
     if service.options["database_url"]:
         return  # PostgreSQL has no lock of the whole
@@ -35,6 +36,7 @@ def test_a_locked_database_stops_no_job_that_is_under_way(service: Service, work
     assert rendered_once(worker, job)
 
 
+@pytest.mark.long
 def test_a_read_only_database(service: Service, worker: PeerWorker) -> None:
     if service.options["database_url"]:
         return

@@ -21,6 +21,7 @@ from service.store.film_file import FilmFile
 from service.store.films import Film
 from service.store.models import Frame, Job
 from service.store.room import no_room
+from tests.grids import grid
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
 from worker.protocol.contract import RenderBatch
@@ -138,6 +139,7 @@ def test_a_film_that_is_lost_is_rendered_anew_by_itself(
     assert service.digest(lost) == expected_digest(spp=120)
 
 
+@pytest.mark.long
 def test_a_film_that_is_lost_ends_its_own_job_and_is_rendered_anew_when_asked_to(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     lost = under_way(service, worker)
@@ -169,6 +171,7 @@ def test_a_film_that_cannot_be_written_waits_and_keeps_what_it_has(service: Serv
     assert rendered_once(worker, job)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spoil", [*(pytest.param(spoil, marks=pytest.mark.long) for spoil in ("missing", "empty")), "damaged"])
 def test_a_finished_picture_that_is_lost_is_rendered_again_when_asked_to(
     service: Service, worker: PeerWorker, spoil: str
@@ -231,6 +234,7 @@ def test_every_call_to_the_database_may_fail_and_is_made_again(service: Service,
 FILM = ("load", "coverage", "samples", "bad_samples", "merge", "tile_planes", "index_of")
 
 
+@pytest.mark.long
 def test_every_call_to_a_film_may_have_to_wait_and_is_made_again(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -273,6 +277,7 @@ def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(
     assert service.digest(one) == expected_digest(spp=30)
 
 
+@pytest.mark.long
 def test_a_job_that_is_deleted_while_it_is_taken_up_holds_up_no_other(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -294,7 +299,7 @@ def test_a_job_that_is_deleted_while_it_is_taken_up_holds_up_no_other(
     assert not [line for line in caplog.messages if "fault" in line or "cannot go on" in line]
 
 
-@pytest.mark.parametrize("camera", ["²", "7" * 5000])
+@grid("camera", ["²", "7" * 5000], ordinary=("²",))
 def test_a_camera_that_is_no_number_is_a_sentence_at_once_or_fails_its_job(
     service: Service, worker: PeerWorker, camera: str
 ) -> None:
@@ -310,6 +315,7 @@ def test_a_camera_that_is_no_number_is_a_sentence_at_once_or_fails_its_job(
     assert "camera" in refused.json()["detail"]
 
 
+@pytest.mark.long
 def test_settings_of_a_newer_release_end_their_job_and_the_others_go_on(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     newer, other = under_way(service, worker), under_way(service, worker, seed=1)

@@ -10,6 +10,7 @@ import pytest
 
 from renderer import film as film_math
 from renderer.settings import Tile
+from tests.grids import grid
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
 from worker.protocol.contract import RenderBatch, render_queue
@@ -27,7 +28,7 @@ def test_a_job_comes_to_the_very_sums_that_its_samples_have(service: Service, wo
     np.testing.assert_array_equal(np.float32(pixel["color"]), film_math.mean(sums, 24)[0, 0])
 
 
-@pytest.mark.parametrize("tile_size", [16, 64])
+@grid("tile_size", [16, 64], ordinary=(16,))
 def test_the_size_of_tiles_does_not_matter(service: Service, worker: PeerWorker, tile_size: int) -> None:
     job = service.submit(service.ready_scene(), tile_size=tile_size)
     service.wait_for(job, "finished")
@@ -54,6 +55,7 @@ def test_more_can_be_asked_for_as_so_many_more(service: Service, worker: PeerWor
     assert service.digest(job) == expected_digest()
 
 
+@pytest.mark.long
 def test_a_job_by_noise_that_has_converged_gets_more_samples_all_the_same(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene(), spp=None, noise=0.5)
     done = service.wait_for(job, "finished")
@@ -163,6 +165,7 @@ def test_a_higher_priority_goes_first(service: Service, worker: PeerWorker) -> N
     assert jobs[first:last].count(slow) <= 4, "no more than what was in the window"
 
 
+@pytest.mark.long
 def test_a_job_whose_kernel_is_compiled_first_says_so(service: Service, worker: PeerWorker) -> None:
     go = threading.Event()
 
@@ -177,6 +180,7 @@ def test_a_job_whose_kernel_is_compiled_first_says_so(service: Service, worker: 
     assert service.wait_for(job, "finished")["message"] is None
 
 
+@pytest.mark.long
 def test_jobs_of_one_priority_share_the_workers(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     scene = service.ready_scene()
@@ -212,6 +216,7 @@ def test_noise_stops_tiles_by_their_own_films(service: Service, worker: PeerWork
     assert len(digests) == 1
 
 
+@pytest.mark.long
 def test_a_scene_is_prepared_again_for_workers_of_another_kind(service: Service) -> None:
     with service.worker(kind="old"):
         scene = service.ready_scene()
@@ -245,6 +250,7 @@ def test_deleting_a_job_removes_its_film(service: Service, worker: PeerWorker) -
     assert service.http.get(f"/api/jobs/{job}").status_code == 404
 
 
+@pytest.mark.long
 def test_a_rectangle_is_rendered_first_and_changes_no_bit(service: Service, worker: PeerWorker) -> None:
     """It holds across a restart of the service, and ends with the digest of a job without it."""
     worker.on_batch = lambda batch: time.sleep(0.02)

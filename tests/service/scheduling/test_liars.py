@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from renderer.film import SAMPLES
+from tests.grids import grid
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
 from worker.protocol.contract import DenoiseFrame, RenderBatch
@@ -28,7 +29,7 @@ def spoilt(batch: RenderBatch, how: str) -> bytes:
     return {"cut off": packed[:-7], "nothing": b"", "of another tile": packed + b"more"}.get(how, packed)
 
 
-@pytest.mark.parametrize("how", ["too heavy", "below nothing", "cut off"])
+@grid("how", ["too heavy", "below nothing", "cut off"], ordinary=("cut off",))
 def test_who_sends_what_is_no_batch_is_set_aside(service: Service, how: str) -> None:
     with service.worker(name="good") as good, service.worker(name="bad") as bad:
 
@@ -67,6 +68,7 @@ def test_one_alone_that_sends_nothing_of_use_ends_its_job_with_a_sentence(servic
     assert service.digest(job) == expected_digest()
 
 
+@pytest.mark.long
 def test_news_by_the_batch_of_another_job_or_of_other_samples_keep_nobody_waiting(service: Service, worker: PeerWorker) -> None:
     types = ["batch", "batch-failed", "batch-returned"]
     held: list[RenderBatch] = []
@@ -95,6 +97,7 @@ def test_news_by_the_batch_of_another_job_or_of_other_samples_keep_nobody_waitin
     assert not types, "all was said"
 
 
+@pytest.mark.long
 def test_times_that_are_not_so_starve_nobody(service: Service, worker: PeerWorker) -> None:
     def lie(batch: RenderBatch) -> bool:
         seconds = 80000.0 if batch.first % 2 else 1e-12
@@ -111,6 +114,7 @@ def test_times_that_are_not_so_starve_nobody(service: Service, worker: PeerWorke
     assert (measured.measured or {}).get("sample_s", 0.0) < 1.0, "and nothing is foretold by them"
 
 
+@pytest.mark.long
 def test_a_denoised_picture_is_no_other_file_and_deletes_none(service: Service, worker: PeerWorker) -> None:
     """A worker that names an upload as what it made: nobody reads it by that, and it stays."""
     upload = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".ljust(64 * 48 * 12)

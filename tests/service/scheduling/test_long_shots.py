@@ -138,6 +138,7 @@ def test_a_job_whose_deletion_was_cut_short_goes(service: Service, scene: str, m
     assert not rows(service, job)
 
 
+@pytest.mark.long
 def test_a_long_shot_is_taken_up_in_steps_between_which_others_are_rendered(
     service: Service, scene: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -72,6 +72,7 @@ def test_a_shot_in_two_jobs_has_the_digests_of_one(service: Service, worker: Pee
     assert digest(service, still, 3) == digest(service, one, 3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("order", "sequence"),
     [
@@ -162,6 +163,7 @@ def test_a_shot_is_extended_and_gets_more_samples_here_and_there(service: Servic
     assert [digest(service, job, n) for n in range(5)] == [expected(n, 8) for n in range(5)]
 
 
+@pytest.mark.long
 def test_frames_are_rendered_again_from_nothing(service: Service, worker: PeerWorker) -> None:
     job = shoot(service, service.ready_scene(), "0-3")
     service.wait_for(job, "finished")
@@ -174,6 +176,7 @@ def test_frames_are_rendered_again_from_nothing(service: Service, worker: PeerWo
     assert [digest(service, job, n) for n in range(4)] == [expected(n) for n in range(4)]
 
 
+@pytest.mark.long
 def test_one_frame_goes_before_all_others(service: Service, worker: PeerWorker) -> None:
     gate = threading.Event()
     worker.on_batch = lambda batch: gate.wait(10) and None
@@ -252,6 +255,7 @@ def test_a_worker_that_knows_nothing_of_frames_is_not_given_any(service: Service
             service.wait_for(job, "finished")
 
 
+@pytest.mark.long
 def test_a_worker_that_does_not_blur_is_given_no_frame_with_an_open_shutter(service: Service) -> None:
     with service.worker(name="old", kind="old-kind", blurs=False) as old:
         scene = service.ready_scene()

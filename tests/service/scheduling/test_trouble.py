@@ -64,6 +64,7 @@ def test_a_redis_that_is_away_for_a_while(service: Service, worker: PeerWorker, 
     assert service.digest(job) == expected_digest(spp=30)
 
 
+@pytest.mark.long
 def test_samples_that_are_no_numbers_are_named_with_the_command_that_follows_them(service: Service, worker: PeerWorker) -> None:
     def with_bad(batch: RenderBatch) -> bool:
         sums = expected_sums(batch.tile, batch.first, batch.count, 0)
@@ -162,6 +163,7 @@ def test_results_that_wait_unread_are_not_lost(service: Service, worker: PeerWor
     assert service.digest(job) == expected_digest(spp=20)
 
 
+@pytest.mark.long
 def test_a_result_that_could_not_be_deleted_is_dropped_when_it_is_read_again(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -296,6 +298,7 @@ def test_a_batch_that_fails_once_is_forgiven(service: Service, worker: PeerWorke
     assert service.digest(job) == expected_digest()
 
 
+@pytest.mark.long
 def test_a_broken_film_is_rendered_again_and_holds_up_no_other(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     broken, sound = service.submit(scene, spp=2), service.submit(scene, spp=2, seed=1)

@@ -42,6 +42,7 @@ def test_a_job_begins_when_those_before_it_are_finished(service: Service, worker
     assert service.job(second)["state"] == "finished", "what was waited for may go"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("end", ["cancelled", *(pytest.param(end, marks=pytest.mark.long) for end in ("failed", "deleted"))])
 def test_what_waits_in_vain_fails_with_what_waits_for_it(service: Service, worker: PeerWorker, end: str) -> None:
     scene = service.ready_scene()
@@ -82,6 +83,7 @@ def test_a_long_chain_falls_at_once(service: Service, worker: PeerWorker) -> Non
     service.wait_for(last, "failed", 30.0)  # at one a second it would take a minute
 
 
+@pytest.mark.long
 def test_a_job_may_be_told_to_wait_no_longer(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     first, other = submit_paused(service, scene, seed=1), submit_paused(service, scene, seed=1)

@@ -51,6 +51,7 @@ def test_a_film_that_a_watcher_holds_is_the_one_that_is_rendered(films: FilmFold
     assert watched is rendered
 
 
+@pytest.mark.long
 def test_a_film_that_nobody_holds_is_closed(films: FilmFolder) -> None:
     film = pinned(films)
     database = rows_of(film)
@@ -63,6 +64,7 @@ def test_a_film_that_nobody_holds_is_closed(films: FilmFolder) -> None:
         database.execute("SELECT 1")
 
 
+@pytest.mark.long
 def test_a_film_that_is_rendered_stays_open(films: FilmFolder) -> None:
     database = rows_of(pinned(films))
     for other in range(MAX_OPEN + 1):

@@ -38,7 +38,7 @@ def part(film: Film, tile: int, first: int, count: int, **more: object) -> Part:
     return Part(0, tile, first, count, pack_sums(sums), **more)  # type: ignore[arg-type]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(deadline=None)
 @given(
     st.lists(st.tuples(st.integers(0, 5), st.integers(0, 11), st.integers(1, 5)), max_size=24), st.integers(1, 5), st.booleans()
 )

@@ -207,6 +207,7 @@ def test_a_refusal_of_the_database_deletes_nothing(garbage: tuple[Garbage, BlobF
     assert blobs.exists(sha256)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("column", "value"), [("files", [{"path": "scene.obj"}, 7]), ("compiled", {"kind": "?"})])
 def test_a_scene_whose_row_is_damaged_keeps_no_other_from_being_deleted(service: Service, column: str, value: object) -> None:
     damaged, other = service.upload(), service.upload(OBJ + b"# other")

@@ -11,6 +11,7 @@ import pytest
 from sqlalchemy import delete, update
 
 from service.store.models import Job, Scene
+from tests.grids import grid
 from tests.service.conftest import Service, until
 
 READERS = ("image.png", "image.exr?aov=normal", "digest", "pixel?x=3&y=4")
@@ -42,7 +43,7 @@ def half_of_it(path: Path) -> None:
     database.close()
 
 
-@pytest.mark.parametrize(
+@grid(
     ("break_it", "sentence"),
     [
         (damaged, "is damaged"),
@@ -50,6 +51,7 @@ def half_of_it(path: Path) -> None:
         (Path.unlink, "is missing or was emptied"),
         (half_of_it, "has only 12288 of its 24576 samples"),
     ],
+    ordinary=(damaged,),
 )
 def test_readers_are_told_what_is_wrong(service: Service, job: str, break_it: Callable[[Path], object], sentence: str) -> None:
     service.stop()
@@ -66,6 +68,7 @@ def test_readers_are_told_what_is_wrong(service: Service, job: str, break_it: Ca
     assert service.http.delete(f"/api/jobs/{job}").status_code == 204
 
 
+@pytest.mark.long
 def test_a_film_that_another_program_holds_is_read_later(service: Service, job: str) -> None:
     service.restart()
     other = sqlite3.connect(film_of(service, job), isolation_level=None)
@@ -91,7 +94,7 @@ def one_bit(path: Path) -> None:
     database.close()
 
 
-@pytest.mark.parametrize(
+@grid(
     ("break_it", "tiles"),
     [
         pytest.param(damaged, 12, marks=pytest.mark.long),
@@ -99,6 +102,7 @@ def one_bit(path: Path) -> None:
         (half_of_it, 6),
         (one_bit, 1),
     ],
+    ordinary=(one_bit,),
 )
 def test_what_is_missing_is_rendered_again_by_itself(
     service: Service, job: str, break_it: Callable[[Path], object], tiles: int
@@ -116,6 +120,7 @@ def test_what_is_missing_is_rendered_again_by_itself(
     assert service.digest(job) == digest
 
 
+@pytest.mark.long
 def test_what_a_reader_met_is_mended_at_once(service: Service, job: str) -> None:
     digest = service.digest(job)
     with service.farm.sessions.begin() as session:
@@ -129,6 +134,7 @@ def test_what_a_reader_met_is_mended_at_once(service: Service, job: str) -> None
     assert service.digest(job) == digest
 
 
+@pytest.mark.long
 def test_a_film_whose_scene_is_gone_says_so(service: Service, job: str) -> None:
     with service.farm.sessions.begin() as session:
         session.execute(delete(Scene))

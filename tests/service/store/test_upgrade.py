@@ -20,6 +20,7 @@ from service.store.database import connect
 from service.store.migrations.versions import r0001_release_0_1_0
 from service.store.models import Base, Job
 from service.store.upgrade import upgrade
+from tests.grids import grid
 from tests.service.conftest import Databases, empty_database
 
 # What release 0.1.0 made, word for word as its database said (SELECT sql FROM sqlite_master).
@@ -111,7 +112,7 @@ def postgres(databases: Databases) -> Iterator[Engine]:
         server.drop(url)
 
 
-@pytest.mark.parametrize("is_old", [False, True])
+@grid("is_old", [False, True], ordinary=(True,))
 def test_the_same_on_postgresql(postgres: Engine, is_old: bool) -> None:
     empty_database(postgres.url.render_as_string(hide_password=False))
     if is_old:

@@ -19,6 +19,7 @@ from renderer.image.encode import encode
 from service.store.films import Film, Part
 from service.store.tile_cache import TileCache
 from service.watching.pictures import PictureWish, memory, picture
+from tests.grids import grid
 from tests.service.peer_worker import expected_sums
 from worker.protocol.sums import pack_sums
 
@@ -84,6 +85,7 @@ def shown(data: bytes) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(data)))
 
 
+@pytest.mark.long
 def test_pictures_are_those_of_the_whole_frame(small: Film, sums: np.ndarray, tmp_path: Path) -> None:
     color = film_math.mean(sums, 24)
     for extension in ("exr", "hdr"):
@@ -98,6 +100,7 @@ def test_pictures_are_those_of_the_whole_frame(small: Film, sums: np.ndarray, tm
         assert same(made(small, PictureWish("exr", (name,)), tmp_path), encode(grey, "exr"), tmp_path)
 
 
+@pytest.mark.long
 def test_a_smaller_copy_is_at_least_as_wide_as_asked_for(film: Film, tmp_path: Path) -> None:
     assert shown(made(film, PictureWish("png", width=300), tmp_path)).shape == (300, 366, 3)
     (tmp_path / "small.exr").write_bytes(made(film, PictureWish("exr", width=300), tmp_path))
@@ -112,7 +115,7 @@ def test_a_denoised_picture_is_read_in_bands(small: Film, tmp_path: Path) -> Non
     assert same(made(small, wish, tmp_path), encode(color, "exr"), tmp_path)
 
 
-@pytest.mark.parametrize("wish", WISHES, ids=lambda wish: f"{wish.extension}-{'+'.join(wish.planes)}-{wish.width}")
+@grid("wish", WISHES, ids=lambda wish: f"{wish.extension}-{'+'.join(wish.planes)}-{wish.width}")
 def test_no_picture_takes_more_memory_than_it_says(film: Film, small: Film, wish: PictureWish, tmp_path: Path) -> None:
     picture(small, 0, wish, tmp_path)  # what is imported and remembered at the first time
     tracemalloc.start()

@@ -16,6 +16,7 @@ import pytest
 import redis
 
 from rayfarm.local.farm import free_port
+from tests.grids import grid
 from tests.helpers import wait_until
 from tests.reducer import Reducing
 from tests.worker.bench import FakeService
@@ -73,6 +74,7 @@ def test_one_result_becomes_of_many_whoever_is_killed(service: str, store: redis
     assert not another.send(sums(0, 4))
 
 
+@pytest.mark.long
 def test_a_second_one_takes_nothing_from_the_first(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
     reducing = Reducing(store, service, "token", tmp_path)
     try:
@@ -107,10 +109,20 @@ def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: red
         assert post(body, signature(secret, body), "/") == 404
         assert post(b"no result", signature(secret, b"no result")) == 409
         with ExitStack() as held:  # many who say that much comes, and send nothing
-            for _ in range(MOST_COMING // LARGEST):
+
+            def hold() -> None:
                 wire = held.enter_context(socket.create_connection(("127.0.0.1", report.port), timeout=20))
                 wire.sendall(f"POST {SUMS_PATH} HTTP/1.1\r\nContent-Length: {LARGEST}\r\n\r\n".encode())
-            wait_until(lambda: post(body, signature(secret, body)) == 503, 20, "there is room for no more")
+
+            def is_full() -> bool:
+                if post(body, signature(secret, body)) == 503:
+                    return True
+                hold()  # who came while this was received found no room, and is gone
+                return False
+
+            for _ in range(MOST_COMING // LARGEST):
+                hold()
+            wait_until(is_full, 20, "there is room for no more")
             assert SiteLink(redis_url).send(sums(4, 4)), "but for who says that it belongs here"
         wait_until(lambda: post(body, signature(secret, body)) == 204, 30, "they have left, and there is room again")
     finally:
@@ -168,8 +180,10 @@ def test_a_result_without_a_run_goes_to_the_service(redis_url: str) -> None:
     assert not SiteLink(redis_url).send(result)
 
 
-@pytest.mark.parametrize(
-    ("token", "reduces", "said"), [("wrong", True, "does not know this token"), ("token", False, "older release")]
+@grid(
+    ("token", "reduces", "said"),
+    [("wrong", True, "does not know this token"), ("token", False, "older release")],
+    ordinary=("wrong",),
 )
 def test_where_it_is_of_no_use_it_ends_with_a_sentence(
     redis_url: str, store: redis.Redis, tmp_path: Path, token: str, reduces: bool, said: str

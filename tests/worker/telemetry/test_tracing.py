@@ -82,6 +82,7 @@ def test_spans_reach_a_collector_with_their_parents_errors_and_from_forks() -> N
     assert spans["long"].attributes == {}, "more than a pipe takes at once is left out"
 
 
+@pytest.mark.long
 def test_a_collector_that_is_away_holds_up_nobody_and_samplers_are_obeyed() -> None:
     program = """
 import time

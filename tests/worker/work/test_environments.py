@@ -82,6 +82,7 @@ def test_a_lamp_does_not_darken_what_is_around_it() -> None:
     assert environments.small_picture(np.ones((2, 4, 3), np.float32), 32).shape == (16, 32, 3)
 
 
+@pytest.mark.long
 def test_the_pictures_that_the_service_has_are_those_of_the_presets(tmp_path: Path) -> None:
     assert {path.stem for path in light_pictures.FOLDER.iterdir()} == set(PRESETS)
     for name in PRESETS:

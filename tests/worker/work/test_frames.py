@@ -24,6 +24,7 @@ from renderer.scene.compiled import CompiledScene
 from renderer.scene.load import Shot
 from renderer.scene.parts import MANIFEST_STARTS
 from renderer.settings import View
+from tests.grids import grid
 from tests.renderer.scene.builders import TRIANGLE, Gltf
 from worker.exchange.cache import BlobCache
 from worker.exchange.link import FarmAnswer, Link
@@ -96,7 +97,7 @@ class Bench:
         return None if sha256 == self.hash_of(self.base) else sha256, [settings["view"], *settings["views"]]
 
 
-@pytest.mark.parametrize(
+@grid(
     ("camera", "thing", "asked"),
     [
         (True, False, {}),

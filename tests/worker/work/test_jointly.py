@@ -78,6 +78,7 @@ def test_more_pieces_than_slots_are_left_to_others(bench: Bench, info: SceneInfo
     assert [end for end, _ in ranges(found)] == [0, 3, 6], "three at a time"
 
 
+@pytest.mark.long
 def test_a_killed_slot_loses_its_own_piece_alone(bench: Bench, info: SceneInfo) -> None:
     long = 3500
     hand_out(bench, joint(info, "killed", [4, long, 4]))

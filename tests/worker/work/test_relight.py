@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from renderer.scene.studio import STUDIO_NOTES
+from tests.grids import grid
 from tests.worker.work.test_environments import image
 from worker.exchange.cache import BlobCache
 from worker.exchange.link import FarmAnswer, Link
@@ -57,7 +58,7 @@ def prepared(worker: Any, manifest: Manifest) -> SceneInfo:
     return prepare.prepare_scene(worker, manifest, lambda step, part: None)
 
 
-@pytest.mark.parametrize("light", ["sky:20,40", "window.exr"])
+@grid("light", ["sky:20,40", "window.exr"], ordinary=("sky:20,40",))
 def test_only_the_light_is_made_and_stored(worker: Any, tmp_path: Path, light: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = worker.link.put("scene.yaml", SCENE)
     pixels = np.random.default_rng(1).random((16, 32, 3))

@@ -60,6 +60,7 @@ def test_a_white_microfacet_mirror_scatters_once_what_is_known():
         assert sum(ggx_albedo(1.0, alpha)) == pytest.approx(albedo, abs=4e-4)
 
 
+@pytest.mark.long
 def test_the_tables_are_what_makes_them():
     """Every node of the microfacets', some of the sheen's, and both tables' last row."""
     np.testing.assert_allclose(np.load(table_path("ggx_albedo")), ggx_table(), atol=2e-6)
@@ -100,6 +101,7 @@ def test_lookups_of_brushed_surfaces_are_good():
     assert np.sqrt(np.square(found - expected).mean()) < 3e-3
 
 
+@pytest.mark.long
 def test_lookups_between_the_nodes_are_good():
     rng = np.random.default_rng(1)
     cosine, roughness = rng.uniform(0.05, 1, 200).astype(np.float32), rng.uniform(0.1, 1, 200).astype(np.float32)

@@ -7,6 +7,7 @@ import pytest
 
 from renderer.kernel.bsdf.albedo_tables import ggx_albedo
 from renderer.scene.description import Material
+from tests.grids import grid
 from tests.renderer.kernel.bsdf.facets import walk
 from tests.renderer.kernel.subject import Subject
 
@@ -25,7 +26,7 @@ def sky(axis: tuple[float, ...], w: np.ndarray) -> np.ndarray:
     return np.asarray(np.maximum(w @ np.array(axis), 0))
 
 
-@pytest.mark.parametrize("alpha", FARTHEST)
+@grid("alpha", FARTHEST, ordinary=(0.25,))
 @pytest.mark.parametrize("cosine", [0.1, 0.4, 0.8])
 def test_what_facets_scatter_once_is_what_the_tables_say(alpha, cosine):
     _, facets = walk(from_above(cosine), alpha, RAYS, seed=1)
@@ -33,7 +34,7 @@ def test_what_facets_scatter_once_is_what_the_tables_say(alpha, cosine):
     assert abs(share - sum(ggx_albedo(cosine, alpha))) < 4 * np.sqrt(share * (1 - share) / RAYS) + 1e-3
 
 
-@pytest.mark.parametrize("alpha", FARTHEST)
+@grid("alpha", FARTHEST, ordinary=(0.5,))
 def test_light_scattered_more_than_once_goes_about_where_the_walk_takes_it(alpha):
     """Our lobe for it has no direction of its own, the walk's leans forward: this holds how much that makes."""
     white = Subject(

@@ -12,6 +12,7 @@ from renderer.film import COLOR, mean
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, Mesh, SceneDescription, Texture
+from tests.grids import grid
 from tests.renderer.builders import gray, icosphere, scene, settings, square
 from tests.renderer.judge import assert_mean, mean_and_error
 
@@ -98,8 +99,8 @@ def test_white_with_bent_normals_is_invisible_in_a_white_world(name, of):
         assert mean(sums, 24).max() < 1.03
 
 
-@pytest.mark.parametrize("of", [*MESHES, bumpy_square])
-@pytest.mark.parametrize("name", [*METALS, *OTHERS])
+@grid("of", [*MESHES, bumpy_square])
+@grid("name", [*METALS, *OTHERS], ordinary=("metal", "plastic", "smooth conductor"))
 def test_meetings_with_the_same_facet_are_no_bounces(name, of):
     """The picture of what is convex is the same to the bit, however deep paths may go."""
     made, asked = lit({**METALS, **OTHERS}[name], of)

@@ -6,6 +6,7 @@ import pytest
 from renderer.jit import entry
 from renderer.kernel.integrators.mixture import aim, target_density
 from renderer.scene.description import Material, Sphere
+from tests.grids import grid
 from tests.renderer.builders import emitter, gray, scene, square
 from tests.renderer.judge import direction_test
 
@@ -35,7 +36,7 @@ def targets():
     return scene([emitter(1.0), Material(base_color=gray(0.5))], meshes, (Sphere((1, 1, 1), 0.5, 1), Sphere((0, 0, 0), 0.6, 1)))
 
 
-@pytest.mark.parametrize("point", POINTS)
+@grid("point", POINTS, ordinary=((-0.6, 0.9, -0.4),))
 @pytest.mark.parametrize("primitive", range(4))
 def test_directions_follow_their_density(targets, point, primitive):
     p = np.array(point, np.float32)

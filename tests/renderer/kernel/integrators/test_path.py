@@ -9,6 +9,7 @@ from renderer.kernel.integrators.strategy import heuristic_weight
 from renderer.render import render_frame
 from renderer.scene.description import Material, Sphere
 from renderer.settings import HEURISTICS
+from tests.grids import grid
 from tests.renderer.builders import box, emitter, gray, icosphere, scene, settings, square
 from tests.renderer.judge import assert_mean, mean_and_error
 
@@ -34,7 +35,7 @@ def test_max_depth_1_shows_only_what_the_camera_sees_emit():
     assert (picture[31, 16] == 0).all()
 
 
-@pytest.mark.parametrize("scale", [2.0**-10, 1.0, 2.0**10])
+@grid("scale", [2.0**-10, 1.0, 2.0**10], ordinary=(1.0,))
 @pytest.mark.parametrize("mesh", [icosphere, box])
 def test_no_light_leaks_into_a_closed_mesh(mesh, scale):
     """A sky of 1e6, and within not a quantum of it, though 800 000 paths meet walls, edges and corners."""

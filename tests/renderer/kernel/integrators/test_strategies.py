@@ -10,6 +10,7 @@ from renderer.film import COLOR, SAMPLES, mean, noise
 from renderer.render import RenderStats, render_batch, render_frame
 from renderer.scene.description import Light, Material, Sphere
 from renderer.settings import HEURISTICS, MAX_FLOOR, Tile
+from tests.grids import grid
 from tests.renderer.builders import box, emitter, gray, scene, settings, square
 from tests.renderer.judge import assert_mean, limit, mean_and_error
 
@@ -40,7 +41,7 @@ def lit_room(request):
     return made, reference
 
 
-@pytest.mark.parametrize("sampling", ["light", "bsdf", "uniform"])
+@grid("sampling", ["light", "bsdf", "uniform"], ordinary=("light",))
 def test_each_strategy_alone_gives_the_mean_of_all(lit_room, sampling):
     made, (expected, error) = lit_room
     sums = render_frame(made, settings(*VIEW, max_depth=5, size=32, sampling=sampling, sampler="independent"), 1024)
@@ -60,6 +61,7 @@ def test_mis_is_about_as_good_as_the_best_of_the_others(lit_room):
     assert found["mis"] <= 1.1 * min(found.values()), found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sampling", ["mis", "light", "bsdf", "uniform"])
 def test_variance_falls_with_the_number_of_independent_samples(sampling):
     made = room(0.5)
@@ -79,8 +81,8 @@ def test_lights_without_a_body_are_seen_by_every_strategy(sampling):
     assert_mean(render_frame(made, asked, 16), 0.25, slack=1e-4)
 
 
-@pytest.mark.parametrize("roulette", [0.2, 0.5, 0.8, 1.0, 0.0])
-@pytest.mark.parametrize("sampling", ["mis", "bsdf"])
+@grid("roulette", [0.2, 0.5, 0.8, 1.0, 0.0], ordinary=(0.2, 0.0))
+@grid("sampling", ["mis", "bsdf"], ordinary=("mis",))
 def test_roulette_of_any_probability_is_unbiased(roulette, sampling):
     furnace = scene([emitter(0.7, 0.3, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     asked = settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=200, roulette=roulette, sampling=sampling, sampler="independent")
@@ -88,6 +90,7 @@ def test_roulette_of_any_probability_is_unbiased(roulette, sampling):
     assert_mean(render_frame(furnace, asked, samples), 1.0, slack=1e-4, tests=10)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("floor", [0.15, 0.5, MAX_FLOOR])
 def test_roulette_with_a_floor_is_unbiased_and_follows_dark_paths_further(floor):
     """Reflectance 0.1: by throughput alone hardly a path goes on after three bounces."""
@@ -105,6 +108,7 @@ def test_a_floor_changes_nothing_where_roulette_is_constant():
     np.testing.assert_array_equal(*pictures)
 
 
+@pytest.mark.long
 def test_both_heuristics_and_all_choices_of_lights_give_one_mean(lit_room):
     made, (expected, error) = lit_room
     ways = [("balance", "tree"), ("balance", "uniform"), ("power", "power"), ("power", "uniform")]
@@ -128,6 +132,7 @@ def test_a_cut_by_depth_darkens_where_roulette_does_not():
     assert_mean(render_frame(furnace, asked, 64), 1 - 0.8**5, slack=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [2, 5, 16])
 def test_more_light_samples_are_the_same_picture_with_less_noise(count):
     made = scene([Material(base_color=gray(1.0)), emitter(1.0)], (FLOOR, square((0, 1, 0), (0.5, 0, 0), (0, 0, 0.5), 1)))

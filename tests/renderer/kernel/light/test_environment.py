@@ -12,6 +12,7 @@ from renderer.scene.cutpoints import cutpoints
 from renderer.scene.description import Environment, Image, Material, SceneDescription
 from renderer.scene.environment import search_tables, tabulate_environment
 from renderer.scene.lights import cumulative
+from tests.grids import grid
 from tests.renderer.builders import scene, square
 from tests.renderer.judge import chi_squared
 
@@ -93,7 +94,7 @@ def solid_angles(height, width):
     return (edge[:-1] - edge[1:])[:, None] * 2 * np.pi / width * np.ones(width)
 
 
-@pytest.mark.parametrize("rotation", [0.0, 77.0, -160.0])
+@grid("rotation", [0.0, 77.0, -160.0], ordinary=(-160.0,))
 def test_samples_fall_on_texels_as_the_density_says(rotation):
     """Chi-squared over the texels themselves, within which the density is constant; so is that over their quarters."""
     sky = Sky(random_sky(), rotation)
@@ -126,7 +127,7 @@ def test_the_density_exceeds_zero_where_the_sky_exceeds_its_mean():
     assert chosen[pixels[..., 0] < mean].sum() < 1e-4 * N
 
 
-@pytest.mark.parametrize("height", [1, 2, 64, 1024, 4096, 16384])
+@grid("height", [1, 2, 64, 1024, 4096, 16384], ordinary=(1, 64))
 def test_every_row_of_a_tall_image_has_its_solid_angle(height):
     """Near the poles of a 16k image cosines differ by 1e-8: less than float32 tells, if they are subtracted."""
     pixels = np.zeros((height, 2, 3), np.float32)

@@ -13,6 +13,7 @@ from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, 
 from renderer.kernel.surface.surface import shines, surface_at
 from renderer.scene.description import Environment, Material, Sky, Sphere
 from renderer.scene.lights import chosen_by
+from tests.grids import grid
 from tests.renderer.builders import as_rendered, emitter, gray, scene, square
 from tests.renderer.bvh.rays import trace
 from tests.renderer.judge import assert_uniform, direction_test, limit
@@ -97,7 +98,11 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize(("name", "normal"), [*((name, NO_NORMAL) for name in SCENES), ("parallelograms", NORMAL)])
+@grid(
+    ("name", "normal"),
+    [*((name, NO_NORMAL) for name in SCENES), ("parallelograms", NORMAL)],
+    ordinary=("parallelograms", "a sphere", "a sky with a sun"),
+)
 def test_directions_follow_the_density_that_mis_is_told(name, normal):
     made = SCENES[name]()
     direction, _, _, pdf = sample(made, n=150_000, normal=normal)

@@ -98,6 +98,7 @@ def test_chances_sum_to_one_but_for_dead_ends(made):
     assert sums.mean() > 0.7  # of spots that point anywhere, of powers like these, many ways end
 
 
+@pytest.mark.long
 def test_lights_are_chosen_as_often_as_the_tree_says(made):
     rng = np.random.default_rng(3)
     count = 100_000

@@ -6,6 +6,7 @@ import pytest
 from renderer.film import ALBEDO, DEPTH, MATERIAL, NORMAL, OBJECT, mean
 from renderer.render import render_frame
 from renderer.scene.description import Material, Sphere
+from tests.grids import grid
 from tests.renderer.builders import emitter, gray, scene, settings, square
 from tests.renderer.judge import assert_mean
 
@@ -18,7 +19,7 @@ def cards(count, material, distance=1.0):
     return tuple(square((0, 0, 2 - 0.1 * distance * i), (9, 0, 0), (0, 9, 0), material) for i in range(count))
 
 
-@pytest.mark.parametrize("integrator", ["path", "direct", "whitted"])
+@grid("integrator", ["path", "direct", "whitted"])
 @pytest.mark.parametrize("count", [1, 4])
 def test_cards_before_a_light_let_the_rest_through(integrator, count):
     """Black cards of opacity a: (1 - a)**n of the light behind; no card is a segment."""
@@ -28,7 +29,7 @@ def test_cards_before_a_light_let_the_rest_through(integrator, count):
     assert_mean(sums, 2.0 * 0.7**count, tests=6)
 
 
-@pytest.mark.parametrize("sampling", ["mis", "light", "bsdf"])
+@grid("sampling", ["mis", "light", "bsdf"], ordinary=("mis",))
 def test_a_shadow_through_cards_is_as_dark_as_their_product(sampling):
     card = Material(base_color=gray(0.0), opacity=0.4, alpha_mode="blend")
     over = tuple(square((0, y, 0), (9, 0, 0), (0, 0, -9), 2) for y in (1.0, 1.2))
@@ -64,7 +65,7 @@ def test_planes_are_those_of_the_first_thing_that_is_there():
         np.testing.assert_allclose(mean(other, 24, DEPTH), mean(a, 24, DEPTH), rtol=1e-5)
 
 
-@pytest.mark.parametrize("sampling", ["mis", "light", "bsdf", "uniform"])
+@grid("sampling", ["mis", "light", "bsdf", "uniform"], ordinary=("mis",))
 def test_invisible_shells_change_nothing(sampling):
     """Bounces and shadow rays pass too, and MIS weighs by the vertex before, not by the shell."""
     air = Material(base_color=gray(0.9), opacity=0.0, alpha_mode="blend")

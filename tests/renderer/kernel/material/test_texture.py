@@ -22,6 +22,7 @@ from renderer.scene.description import (
 )
 from renderer.scene.material import PARAMETERS
 from renderer.scene.packing import pack
+from tests.grids import grid
 from tests.renderer.builders import settings
 from tests.renderer.judge import assert_mean
 
@@ -134,7 +135,7 @@ def test_every_operation_has_a_number():
     assert set(OPERATIONS) == set(BLENDS)
 
 
-@pytest.mark.parametrize("strength", [0.0, 0.35, 1.0])
+@grid("strength", [0.0, 0.35, 1.0])
 @pytest.mark.parametrize("blend", BLENDS)
 def test_a_layer_is_blended_in_linear_light_by_its_alpha_and_strength(blend, strength):
     textures = [Texture(0, layers=(TextureLayer(1, blend, strength),)), Texture(1, "mirror", "mirror")]
@@ -200,7 +201,7 @@ def test_a_wall_shows_its_stack():
     np.testing.assert_allclose(seen, expected, atol=2e-3)
 
 
-@pytest.mark.parametrize("sampling", ["mis", "light", "bsdf"])
+@grid("sampling", ["mis", "light", "bsdf"], ordinary=("mis",))
 @pytest.mark.parametrize("kind", ["square", "square with others", "sphere"])
 @pytest.mark.parametrize("uv_set", [0, 1])
 def test_a_lamp_with_a_stack_lights_as_brute_force_says(kind, sampling, uv_set):

@@ -14,6 +14,7 @@ from renderer.kernel.pool.rows import ROWS
 from renderer.render import render_batch, replay
 from renderer.scene.compiled import seal
 from renderer.settings import Tile
+from tests.grids import grid
 from tests.renderer.kernel.pool.features import SIZE, made
 
 SCENES = ("metal and plastic", "half clear glass", "a coat on bumps")
@@ -27,7 +28,7 @@ def whole(name: str) -> Sums:
     return render_batch(scene, settings, Tile(0, 0, SIZE, SIZE), FIRST, COUNT).sums
 
 
-@pytest.mark.parametrize("name", SCENES)
+@grid("name", SCENES, ordinary=("a coat on bumps",))
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (7, 5), (32, 32)])
 def test_tiles_of_any_shape_make_the_same_film(name: str, width: int, height: int) -> None:
     scene, settings = made(name)
@@ -39,7 +40,7 @@ def test_tiles_of_any_shape_make_the_same_film(name: str, width: int, height: in
     np.testing.assert_array_equal(sums, whole(name))
 
 
-@pytest.mark.parametrize("name", SCENES)
+@grid("name", SCENES, ordinary=("a coat on bumps",))
 @pytest.mark.parametrize("at_once", [1, 3, 64])
 def test_any_number_of_samples_at_once_makes_the_same_film(name: str, at_once: int) -> None:
     scene, settings = made(name)

@@ -9,6 +9,7 @@ import scipy.stats
 from renderer.jit import entry
 from renderer.kernel.sampling.sampler import INDEPENDENT, SOBOL, Stream, draw_film, pixel_key, uniform4
 from renderer.kernel.sampling.sobol import direction_numbers
+from tests.grids import grid
 from tests.renderer.judge import assert_uniform, limit
 
 N = 1 << 18
@@ -62,7 +63,7 @@ def test_numbers_are_uniform_in_one_two_and_three_dimensions(runs, name):
     assert_uniform(np.bincount((coarse[:, 0] * 16 + coarse[:, 1]) * 16 + coarse[:, 2], minlength=4096), 60, name)
 
 
-@pytest.mark.parametrize("name", RUNS)
+@grid("name", RUNS)
 def test_neighbours_are_independent(runs, name):
     """Serial correlation at several lags, within a dimension and across, and joint uniformity with the next."""
     values = runs[name].astype(float) - 0.5
@@ -209,7 +210,7 @@ def film_places(pixels, samples, kind=SOBOL):
     return out.reshape(pixels, samples, 4)
 
 
-@pytest.mark.parametrize("first", [0, 512, 640])
+@grid("first", [0, 512, 640])
 @pytest.mark.parametrize("log_n", range(1, 8))
 def test_places_in_a_pixel_are_far_apart(first, log_n):
     """Any aligned run of 2**k: one in each of 2**k slices, across and down; no two nearer than in a good lattice."""

@@ -10,6 +10,7 @@ from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import surface_at
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Instance, Material, Mesh, SceneDescription, Sphere, Texture
+from tests.grids import grid
 from tests.renderer.builders import as_rendered, box, icosphere, scene
 from tests.renderer.kernel.subject import many
 from tests.renderer.kernel.wander import touch, wander
@@ -177,7 +178,7 @@ def slab():
     return mesh
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+@grid("scale", [1e-3, 1.0, 1e3], ordinary=(1.0,))
 @pytest.mark.parametrize("away", [0.0, 300.0])
 def test_no_path_leaves_a_closed_room(sharing, scale, away):
     """Even where walls of 2 stand 300 units from the origin, and coordinates are good to 1.5e-5 there."""
@@ -189,7 +190,7 @@ def test_no_path_leaves_a_closed_room(sharing, scale, away):
         assert (wander(made, places[0][:3, 3], 15_000, 20) == 20).all()
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+@grid("scale", [1e-3, 1.0, 1e3], ordinary=(1e-3,))
 @pytest.mark.parametrize("away", [0.0, 300.0])
 def test_nothing_convex_shadows_itself(sharing, scale, away):
     rng = np.random.default_rng(4)

@@ -83,6 +83,7 @@ def test_many_readers_wait_for_one_and_block_nobody(service: Service, worker: Pe
     assert worker.denoised == [job]
 
 
+@pytest.mark.long
 def test_a_store_that_is_slow_holds_up_no_job(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     job = finished(service)
     raw(service, job, "?denoise=true")
@@ -113,6 +114,7 @@ def test_a_store_that_is_slow_when_the_picture_is_made_holds_up_no_job(
         assert reader.result().status_code == 200
 
 
+@pytest.mark.long
 def test_while_a_job_is_rendered(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=60)
@@ -162,6 +164,7 @@ def test_too_late_is_told(service: Service, worker: PeerWorker, monkeypatch: pyt
     assert "in time" in problem(raw(service, job, "?denoise=true"), 504)
 
 
+@pytest.mark.long
 def test_a_job_without_a_picture_or_that_is_deleted(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     worker.on_batch = lambda batch: False
@@ -179,6 +182,7 @@ def test_a_job_without_a_picture_or_that_is_deleted(service: Service, worker: Pe
         assert "deleted" in problem(reader.result(), 404)
 
 
+@pytest.mark.long
 def test_only_workers_read_a_films_means(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
     problem(service.http.get(f"/api/farm/films/{job}/0"), 401)

@@ -37,6 +37,7 @@ def test_a_paused_worker_takes_no_more_until_it_goes_on(service: Service, worker
     assert service.digest(job) == expected_digest(spp=40)
 
 
+@pytest.mark.long
 def test_a_worker_of_any_name_can_be_paused(service: Service) -> None:
     for name in ("rack/3", "kühl é 😀", "50%", "a?b#c"):
         with service.worker(name=name):

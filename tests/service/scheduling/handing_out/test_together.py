@@ -10,6 +10,7 @@ from tests.service.conftest import Service, until
 from tests.service.scheduling.test_shots import digest, expected, shoot
 
 
+@pytest.mark.long
 def test_short_frames_go_several_in_a_message_where_all_workers_know_that(service: Service) -> None:
     with service.worker(name="one") as one:
         scene = service.ready_scene()

@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+import pytest
+
 from service.scheduling.jobs.job_log import KEPT, LARGEST, JobLogs
 from service.scheduling.jobs.tile_log import TILES, TileLogs
 from tests.service.conftest import Service, until
@@ -105,6 +107,7 @@ def test_the_log_of_a_job_says_who_did_what_and_outlasts_the_service(service: Se
     until(lambda: not file.exists(), "the log goes with its job")
 
 
+@pytest.mark.long
 def test_of_each_tile_it_is_known_who_rendered_what_and_what_was_warned_of(service: Service, worker: PeerWorker) -> None:
     send = worker.send
 

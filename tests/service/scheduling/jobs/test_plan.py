@@ -84,7 +84,7 @@ class Bench:
         raise AssertionError("the plan does not come to an end")
 
 
-@settings(max_examples=30, deadline=None)
+@settings(deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 90), st.sampled_from([0.0, 0.3]), st.sampled_from([0.0, 0.05]))
 def test_every_tile_gets_exactly_the_samples(seed: int, spp: int, loss: float, restart: float) -> None:
     bench = Bench(spp, None)
@@ -93,7 +93,7 @@ def test_every_tile_gets_exactly_the_samples(seed: int, spp: int, loss: float, r
     assert bench.plan.samples == bench.plan.target_samples == 50 * 40 * spp
 
 
-@settings(max_examples=30, deadline=None)
+@settings(deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 0.3]), st.sampled_from([0.0, 0.05]))
 def test_where_a_tile_stops_does_not_depend_on_the_way(seed: int, loss: float, restart: float) -> None:
     plain, disturbed = Bench(300, 0.2), Bench(300, 0.2)
@@ -104,7 +104,7 @@ def test_where_a_tile_stops_does_not_depend_on_the_way(seed: int, loss: float, r
     assert set(totals) == {32, 128, 256, 300}, "checks are at 32, 64, 128, ... and the cap ends what is noisier"
 
 
-@settings(max_examples=30, deadline=None)
+@settings(deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([None, 0.2]), st.sampled_from([0.0, 0.3]))
 def test_a_film_that_has_to_be_waited_for_loses_nothing(seed: int, noise: float | None, loss: float) -> None:
     plain, waiting = Bench(90, noise), Bench(90, noise)

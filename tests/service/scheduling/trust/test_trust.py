@@ -145,6 +145,7 @@ def test_of_two_that_differ_a_person_decides_by_pausing_one(service: Service) ->
         assert service.digest(job) == expected_digest(spp=20)
 
 
+@pytest.mark.long
 def test_one_worker_alone_is_not_looked_at_and_honest_ones_lose_nothing(service: Service) -> None:
     with service.worker(name="alone") as alone:
         scene = service.ready_scene()

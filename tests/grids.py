@@ -1,0 +1,39 @@
+"""A grid of like tests: its corners are ordinary, the cells between them `long`."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from typing import Any
+
+import pytest
+from _pytest.mark.structures import ParameterSet
+
+__all__ = ["grid"]
+
+
+def grid(
+    names: str | tuple[str, ...], values: Iterable[Any], ordinary: Collection[Any] | None = None, **options: Any
+) -> pytest.MarkDecorator:
+    """`pytest.mark.parametrize`, most of whose cells are run by --long alone.
+
+    ordinary: those that stay in the ordinary run, by the first of their values, or by their id; None: the first and the last.
+    One that is in no cell is an error, so that a cell which is renamed does not leave the ordinary run unnoticed.
+    """
+    several = (not isinstance(names, str) and len(names) > 1) or (isinstance(names, str) and "," in names)
+    cells = [value if isinstance(value, ParameterSet) else pytest.param(*(value if several else (value,))) for value in values]
+    ids = options.pop("ids", None)
+    if ids is not None:
+        told = [ids(cell.values[0]) for cell in cells] if callable(ids) else list(ids)
+        cells = [cell._replace(id=cell.id or (None if id is None else str(id))) for cell, id in zip(cells, told, strict=True)]
+    kept = [0, len(cells) - 1] if ordinary is None else []
+    for one in ordinary or ():
+        found = [i for i, cell in enumerate(cells) if _is(cell.id, one) or _is(cell.values[0], one)]
+        if not found:
+            raise ValueError(f"no cell of this grid is {one!r}")
+        kept += found
+    listed = [cell if i in kept else cell._replace(marks=[*cell.marks, pytest.mark.long]) for i, cell in enumerate(cells)]
+    return pytest.mark.parametrize(names, listed, **options)
+
+
+def _is(value: Any, one: Any) -> bool:
+    return value is one or (type(value) is type(one) and bool(value == one))
