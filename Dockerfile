@@ -35,7 +35,10 @@ RUN pip install --constraint constraints.txt --requirement worker/requirements.t
 COPY renderer renderer
 COPY worker worker
 USER rayfarm
-# The kernels are compiled here, so that no container compiles them; the volume holds fetched scenes alone.
-RUN python3 -c "from renderer.render import EDITIONS, warm_up; [warm_up(edition=name) for name in EDITIONS]" && mkdir -p /home/rayfarm/.cache/rayfarm/blobs
+# The kernels are compiled here, so that no container compiles them, for processors with AVX-512 (if this one has it) and without
+# it; the volume holds fetched scenes alone.
+RUN for avx512 in true false; do \
+      RAYFARM_AVX512=$avx512 python3 -c "from renderer.render import EDITIONS, warm_up; [warm_up(edition=name) for name in EDITIONS]" || exit; \
+    done && mkdir -p /home/rayfarm/.cache/rayfarm/blobs
 VOLUME /home/rayfarm/.cache/rayfarm/blobs
 CMD ["python3", "-m", "worker", "--service", "http://service:8000"]

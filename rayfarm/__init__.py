@@ -20,6 +20,7 @@ Options and files
     declared_options.py  options made from the declared settings
     picture.py           the options that describe a picture
     log_format.py        the option of commands that start processes
+    named_files.py       the files that a program uploads, by their names in the scene
     scene_files.py       which files belong to a scene that a person names
     output_files.py      pictures on their way to disk
 The machine

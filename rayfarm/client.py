@@ -16,7 +16,7 @@ import json
 import os
 import time
 import uuid
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -25,6 +25,7 @@ from urllib.parse import quote
 import httpx
 
 from rayfarm.answers import Environment, Frame, Job, Scene, Worker, read, read_list
+from rayfarm.named_files import Files, by_name
 from renderer.errors import RayfarmError
 from renderer.frames import frame_text
 from worker.exchange.foreign import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
@@ -118,20 +119,20 @@ class Client:
 
     def upload(
         self,
-        files: Mapping[str, Path] | Sequence[Path],
+        files: Files,
         main: str | None = None,
         environment: str | None = None,
         name: str | None = None,
         project: str = "",
     ) -> Scene:
-        """Upload a scene: files by their path inside it, or a list of files side by side.
+        """Upload a scene: a file, a list of files side by side, or files by their path inside it.
 
         main: which file is the scene, where that is not plain. environment: the path of an environment image among them.
         project: whose members alone see it.
 
             farm.upload({"spot.obj": here / "spot.obj", "textures/spot.png": here / "spot.png"}, main="spot.obj")
         """
-        named = files if isinstance(files, Mapping) else {path.name: path for path in files}
+        named = by_name(files)
         fields = {key: value for key, value in (("main", main), ("environment", environment), ("name", name)) if value}
         with contextlib.ExitStack() as stack:
             try:
@@ -142,18 +143,18 @@ class Client:
                 Scene, self._send("POST", "/api/scenes", params=_into(project), data=fields, files=parts, timeout=LONG)
             )
 
-    def upload_environment(self, image: Path, project: str = "") -> Environment:
+    def upload_environment(self, image: str | Path, project: str = "") -> Environment:
         """Upload an equirectangular image that lights scenes.
 
         farm.submit(scene.id, environment={"image": farm.upload_environment(here / "studio.exr").id})
         """
         try:
-            with image.open("rb") as file:
+            with Path(image).open("rb") as file:
                 sent = self._send(
                     "POST",
                     "/api/environments",
                     params=_into(project),
-                    files=[("file", (image.name, file))],
+                    files=[("file", (Path(image).name, file))],
                     timeout=httpx.Timeout(3600.0),
                 )
         except OSError as error:

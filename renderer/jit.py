@@ -1,8 +1,9 @@
 """The one owner of every compiler option, of the machine that kernels are compiled for, and of the folder that keeps them.
 
-Import this before numba: it pins the target. Every host runs the same machine code, x86-64-v3 on Intel and AMD, because a
-film adds up samples of many hosts and must not depend on which. ARM hosts compile for their own baseline and are a kind of
-their own (`kind`), whose films never mix with the others'.
+Import this before numba: it pins the target. A film adds up samples of many hosts and must not depend on which, so all Intel and
+AMD hosts are one kind (`kind`): they compile for x86-64-v3, or, where the processor has it, for AVX-512, whose more registers,
+masks and byte operations give the same bits sooner (tests/renderer/test_same_bits.py). ARM hosts compile for their own baseline
+and are a kind of their own, whose films never mix with the others'.
 """
 
 from __future__ import annotations
@@ -21,10 +22,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import IO, Any, ClassVar
 
+import llvmlite.binding as llvm  # which has nothing of Numba's options
+
 from renderer import __version__, sources
 from renderer.places import cache_home
 
 __all__ = [
+    "HAS_AVX512",
     "TARGET",
     "KeptByMeaning",
     "builder",
@@ -45,17 +49,32 @@ __all__ = [
 COMPILE_PATIENCE_S = 300.0
 _X86 = ("x86_64", "amd64")
 _ARM = ("aarch64", "arm64")
+_V3 = ("avx2", "fma", "bmi", "bmi2", "lzcnt", "movbe", "f16c")
+_AVX512 = ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl", "avx512vbmi", "gfni")
 
 
-def _target() -> tuple[str, str]:
-    """This host's target: its name in a kind, and LLVM's name of the CPU."""
+def _target() -> tuple[str, str, str]:
+    """This host's target: its name in a kind, LLVM's name of the CPU, and what that is to use beyond.
+
+    AVX-512 as Intel has it since Ice Lake and AMD since Zen 4, unless $RAYFARM_AVX512 is false: processors before these slow down
+    for it.
+    """
     machine = platform.machine().lower()
-    if machine in _X86:
-        return "x86-64-v3", "x86-64-v3"
-    return ("aarch64" if machine in _ARM else machine), "generic"
+    if machine not in _X86:
+        return ("aarch64" if machine in _ARM else machine), "generic", ""
+    has = llvm.get_host_cpu_features()
+    if lacks := [name for name in _V3 if not has.get(name)]:
+        raise RuntimeError(
+            f"This processor lacks {', '.join(lacks)}. Rayfarm's kernels need x86-64-v3: Intel since 2013, AMD since 2017."
+        )
+    wanted = os.environ.get("RAYFARM_AVX512", "true").lower() not in ("false", "0", "no", "off")
+    if wanted and all(has.get(name) for name in _AVX512):
+        return "x86-64-v3", "x86-64-v4", "+avx512vbmi,+gfni"
+    return "x86-64-v3", "x86-64-v3", ""
 
 
-TARGET, _CPU = _target()
+TARGET, _CPU, _MORE = _target()
+HAS_AVX512 = _CPU == "x86-64-v4"
 
 
 def _meaning(name: str, parts: Iterable[str]) -> str:
@@ -65,13 +84,13 @@ def _meaning(name: str, parts: Iterable[str]) -> str:
     return sources.kept_meaning(sources.files_of(parts), folder / f"{name}.meaning")
 
 
-def _hash(*meanings: str) -> str:
+def _hash(*parts: str) -> str:
     """Of what sources mean, of the compiler and of the target."""
-    return hashlib.sha256(f"{' '.join(meanings)} {version('numba')} {version('llvmlite')} {TARGET}".encode()).hexdigest()
+    return hashlib.sha256(f"{' '.join(parts)} {version('numba')} {version('llvmlite')} {TARGET}".encode()).hexdigest()
 
 
 _MEANING = _meaning("machine-code", sources.MACHINE_CODE)
-_MACHINE_CODE = _hash(_MEANING)
+_MACHINE_CODE = _hash(_MEANING, _CPU, _MORE)
 
 
 @functools.cache
@@ -96,7 +115,7 @@ def cache_folder() -> Path:
 def _configure() -> None:
     settings = {
         "NUMBA_CPU_NAME": _CPU,
-        "NUMBA_CPU_FEATURES": "",
+        "NUMBA_CPU_FEATURES": _MORE,
         "NUMBA_CACHE_DIR": str(cache_folder()),
         "NUMBA_CACHE_LOCATOR_CLASSES": "renderer.jit.KeptByMeaning,UserProvidedCacheLocator",
         # What is to be SIMD here says so itself. LLVM's own search for it, and its third level of optimisation, take a fifth of
@@ -113,7 +132,6 @@ def _configure() -> None:
 
 _configure()
 
-import llvmlite.binding as llvm  # noqa: E402
 from llvmlite import ir  # noqa: E402
 from numba import njit, types  # noqa: E402
 from numba.core import cgutils  # noqa: E402
@@ -125,14 +143,6 @@ import renderer.quicker  # noqa: E402, F401
 from renderer.absent import Compiler  # noqa: E402
 from renderer.linking import stay_apart  # noqa: E402
 from renderer.machine_code import Kept, noted  # noqa: E402
-
-if TARGET == "x86-64-v3":
-    _has = llvm.get_host_cpu_features()
-    _lacks = [name for name in ("avx2", "fma", "bmi", "bmi2", "lzcnt", "movbe", "f16c") if not _has.get(name)]
-    if _lacks:
-        raise RuntimeError(
-            f"This processor lacks {', '.join(_lacks)}. Rayfarm's kernels need x86-64-v3: Intel since 2013, AMD since 2017."
-        )
 
 # No nnan/ninf: they delete the NaN checks that the film relies on. No arcp/afn: they let LLVM use rcpps and rsqrtps, whose
 # low bits differ between Intel and AMD. `contract` forms fused multiply-adds, which every target of ours has.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+import os
 import sys
 from collections.abc import Sequence
 
@@ -14,13 +16,23 @@ __all__ = ["serve"]
 
 # Pictures are noise, which is hardly made smaller, by work on the loop that everybody waits for. What a socket is told is short.
 ALWAYS = ("--factory", "--http", "auto", "--ws-per-message-deflate", "false", "--ws-max-size", str(4 << 20))
+HOST, PORT = "127.0.0.1", "8000"
 
 
 def serve(arguments: Sequence[str]) -> None:
-    """Run the service until it is told to end. arguments: more of uvicorn's."""
+    """Run the service until it is told to end. arguments: more of uvicorn's.
+
+    Where it listens decides who is asked for a login and by which names it is reached, so the settings say the same.
+    """
     Connection.most = most_connections()
     HTTP_PROTOCOLS["auto"] = f"{Connection.__module__}:{Connection.__qualname__}"
-    uvicorn.main(args=["service.main:create_app", *ALWAYS, *arguments], prog_name="python -m service")
+    where = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    where.add_argument("--host", default=os.environ.get("RAYFARM_HOST") or HOST)
+    where.add_argument("--port", default=os.environ.get("RAYFARM_PORT") or PORT)
+    told, others = where.parse_known_args(arguments)
+    os.environ |= {"RAYFARM_HOST": told.host, "RAYFARM_PORT": told.port}
+    listening = ("--host", told.host, "--port", told.port)
+    uvicorn.main(args=["service.main:create_app", *ALWAYS, *listening, *others], prog_name="python -m service")
 
 
 if __name__ == "__main__":

@@ -88,6 +88,7 @@ class Farm:
         self.tiles = CapacityLimiter(2)  # threads that read a tile for one of its pixels
         self.reading = CapacityLimiter(2)  # threads that wait while an uploaded picture is read, which takes much memory
         self.readiness = CapacityLimiter(2)  # threads that ask the database whether it answers
+        self.logins = CapacityLimiter(2)  # threads that look at passwords, which takes long on purpose
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         self.lighting = Lighting(self.sessions, self.garbage, self.changed, lambda id, kind: self.engine.prepare(id, kind))
         self.outbox = Outbox(settings, self.sessions)

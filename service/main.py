@@ -19,6 +19,7 @@ from starlette.responses import RedirectResponse
 from renderer import __version__
 from service.api import problem, routes
 from service.api.gate import Gate
+from service.api.packing import Packing
 from service.api.security import Door
 from service.api.standing_by import StandingBy
 from service.errors import CannotStart
@@ -93,6 +94,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.mount("/", WebPages(settings.web), name="web")
     else:
         app.add_api_route("/", lambda: RedirectResponse("/docs/"), include_in_schema=False)
+    app.add_middleware(Packing)
     app.add_middleware(Gate)
     app.add_middleware(StandingBy)
     app.add_middleware(Door, settings=settings)  # the outermost: who speaks to the service at all

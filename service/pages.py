@@ -1,7 +1,7 @@
 """The page's files. Addresses in index.html contain a hash of all files, so these never need to be revalidated.
 
-A page of an older release that is still loading asks with an older hash, and is given the current files; index.html itself is
-revalidated each time, so the next load is consistent.
+A page of an older release asks with an older hash. It is given no module, which it would mix with its own: it says so, or loads
+again (`web/js/shell/again.js`). Anything else may be newer than it is. index.html itself is revalidated each time.
 """
 
 from __future__ import annotations
@@ -9,8 +9,6 @@ from __future__ import annotations
 import gzip
 import hashlib
 import mimetypes
-import posixpath
-import re
 import threading
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -22,15 +20,15 @@ from starlette.datastructures import Headers
 from starlette.responses import Response
 from starlette.types import Scope
 
+from service.page_index import index_of, joined
+
 __all__ = ["Pages", "WebPages"]
 
 FOLDER = "v"  # v/HASH/js/main.js
 PARTS = ("js", "css", "words", "examples")
 FOREVER = "public, max-age=31536000, immutable"
 PACKED = (".js", ".css", ".svg", ".html", ".json")
-_NAMED = re.compile(r'\b(href|src)="((?:js|css)/[^"]+|icon\.svg)"')
-_MODULE = re.compile(r'<script type="module" src="([^"]+)"')
-_IMPORT = re.compile(r'^(?:import|export|\})[^"\n]*"(\.{1,2}/[^"]+)"', re.MULTILINE)
+SOURCES = (".js", ".css", ".html")
 
 mimetypes.add_type("text/javascript", ".js")
 
@@ -68,8 +66,9 @@ class WebPages(Pages):
             return await super().get_response(path, scope)
         version, _, name = rest.partition("/")
         shelf = self._shelf if version == self._shelf.version else await run_in_threadpool(self._latest)
-        lasts = FOREVER if version == shelf.version else "no-store"
-        if (content := shelf.contents.get(name)) is not None:
+        is_of_it = version == shelf.version
+        lasts = FOREVER if is_of_it else "no-store"
+        if (content := shelf.contents.get(name)) is not None and (is_of_it or not name.endswith(".js")):
             return _answer(content, name, lasts, scope)
         return await super().get_response("no such file", scope)
 
@@ -107,34 +106,19 @@ class Shelf:
     files: tuple[tuple[str, int, int], ...]
     contents: dict[str, Content] = field(init=False)
     version: str = field(init=False)
+    index: Content = field(init=False)  # index.html as it is served
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "contents", {name: Content((self.folder / name).read_bytes()) for name, *_ in self.files})
+        contents = {name: Content((self.folder / name).read_bytes()) for name, *_ in self.files}
         whole = hashlib.sha256()
-        for name, content in self.contents.items():
+        for name, content in contents.items():
             whole.update(f"{name}\0{len(content.plain)}\0".encode() + content.plain)
-        object.__setattr__(self, "version", whole.hexdigest()[:16])
-
-    @cached_property
-    def index(self) -> Content:
-        """index.html, which names the files by their version, and at once all modules that they import."""
-        html = self.contents["index.html"].plain.decode() if "index.html" in self.contents else ""
-        modules = [name for first in _MODULE.findall(html) for name in self._imported(first)]
-        links = "".join(f'<link rel="modulepreload" href="{name}" />\n    ' for name in modules)
-        html = html.replace("<script", f"{links}<script", 1)
-        return Content(_NAMED.sub(rf'\1="{FOLDER}/{self.version}/\2"', html).encode())
-
-    def _imported(self, module: str) -> list[str]:
-        """A module and all that it imports, directly or not, those that are needed first at the beginning."""
-        found = {module: None}
-        for name in (waiting := [module]):
-            source = self.contents[name].plain.decode() if name in self.contents else ""
-            for relative in _IMPORT.findall(source):
-                other = posixpath.normpath(posixpath.join(posixpath.dirname(name), relative))
-                if other in self.contents and other not in found:
-                    found[other] = None
-                    waiting.append(other)
-        return list(found)
+        sources = {name: content.plain.decode() for name, content in contents.items() if name.endswith(SOURCES)}
+        html, version = sources.get("index.html", ""), whole.hexdigest()[:16]
+        contents |= {name: Content(text.encode()) for name, text in joined(html, sources).items()}
+        object.__setattr__(self, "contents", contents)
+        object.__setattr__(self, "version", version)
+        object.__setattr__(self, "index", Content(index_of(html, sources, f"{FOLDER}/{version}/").encode()))
 
 
 def _files(folder: Path) -> list[tuple[str, int, int]]:

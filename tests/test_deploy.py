@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,8 @@ from worker.__main__ import _options
 
 ROOT = Path(__file__).parents[1]
 CLUSTER = ROOT / "deploy" / "kubernetes"
-FILES = ("redis", "service", "worker", "standby/services")
+FILES = ("farm/redis", "farm/service", "farm/worker", "standby/services")
+FOLDERS = (".", "autoscale", "standby")
 PARTS = [part for file in FILES for part in yaml.safe_load_all((CLUSTER / f"{file}.yaml").read_text())]
 
 
@@ -24,6 +27,35 @@ PARTS = [part for file in FILES for part in yaml.safe_load_all((CLUSTER / f"{fil
 @grid("release", ["1.29", "1.34"], ordinary=("1.29",))
 def test_kubernetes_understands_every_part(part: dict[str, Any], release: str) -> None:
     kubernetes_validate.validate(part, release, strict=True)
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_no_folder_builds_on_one_that_it_lies_in(folder: str) -> None:
+    """Which kustomize refuses as a circle."""
+    here = (CLUSTER / folder).resolve()
+    for resource in yaml.safe_load((here / "kustomization.yaml").read_text())["resources"]:
+        found = (here / resource).resolve()
+        assert found.exists(), resource
+        assert not here.is_relative_to(found), resource
+
+
+@pytest.mark.skipif(shutil.which("kubectl") is None, reason="needs kubectl")
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_kubectl_puts_the_parts_together(folder: str) -> None:
+    made = subprocess.run(["kubectl", "kustomize", str(CLUSTER / folder)], capture_output=True, text=True, check=True)
+    parts = list(yaml.safe_load_all(made.stdout))
+    services = [part["kind"] for part in parts if part["metadata"]["name"] == "rayfarm-service"]
+    assert services == (["Deployment"] if folder == "standby" else ["StatefulSet"])
+    assert {part["metadata"]["namespace"] for part in parts} == {"rayfarm"}
+
+
+def test_whether_the_service_is_to_be_restarted_is_asked_on_a_port_of_its_own() -> None:
+    for part in PARTS:
+        if part["metadata"]["name"] == "rayfarm-service" and "template" in part["spec"]:
+            (service,) = part["spec"]["template"]["spec"]["containers"]
+            ports = {port["name"]: str(port["containerPort"]) for port in service["ports"]}
+            told = {one["name"]: one.get("value") for one in service["env"]}
+            assert ports[service["livenessProbe"]["httpGet"]["port"]] == told["RAYFARM_HEALTH_PORT"]
 
 
 def test_every_label_that_is_selected_by_is_worn() -> None:

@@ -12,6 +12,7 @@ from rayfarm import options
 from rayfarm.console import out
 from rayfarm.errors import CommandError
 from rayfarm.login import farm_client
+from rayfarm.paged import all_of
 
 __all__ = ["register"]
 
@@ -52,13 +53,13 @@ def shares(
     with farm_client(server) as farm:
         if share is not None and reset:
             farm.call("DELETE", f"/api/shares/{quote(share, safe='')}")
-        rows = farm.call("GET", "/api/shares")
+        rows = all_of(farm, "/api/shares")
         if share is not None and changes:
             now: dict[str, Any] = next((row for row in rows if row["share"] == share), {})
             limit = now.get("max_slots") if max_slots is None else max_slots or None
             asked = {"weight": now.get("weight", 1.0) if weight is None else weight, "max_slots": limit}
             farm.call("PUT", f"/api/shares/{quote(share, safe='')}", **asked)
-            rows = farm.call("GET", "/api/shares")
+            rows = all_of(farm, "/api/shares")
     table = Table("SHARE", "WEIGHT", "SLOTS AT MOST", "SLOTS NOW", "JOBS", box=None, pad_edge=False)
     for row in rows:
         if share in (None, row["share"]):

@@ -52,7 +52,8 @@ def _compiler() -> Finding:
         )
     except Exception as error:  # what the processor lacks, in a sentence
         return fault("Processor", f"{error}".rstrip(".") + ".", "Render on another machine; this one can run `up --workers 0`.")
-    return fine("Compiler", f"Numba {numba.__version__}; kernels for {jit.TARGET}, which this processor runs.")
+    used = f"{jit.TARGET} with AVX-512" if jit.HAS_AVX512 else jit.TARGET
+    return fine("Compiler", f"Numba {numba.__version__}; kernels for {used}, which this processor runs.")
 
 
 def _denoiser() -> Finding:

@@ -122,8 +122,12 @@ function render({ model, el }) {
     if (asked) return;
     asked = requestAnimationFrame(() => {
       asked = 0;
-      if (canvas.width !== whole.width || canvas.height !== whole.height)
+      if (canvas.width !== whole.width || canvas.height !== whole.height) {
         [canvas.width, canvas.height] = [whole.width, whole.height];
+        // As large as it is, unless that is tiny, and never higher than a window shows.
+        const tall = `calc(75vh * ${whole.width / whole.height})`;
+        root.style.width = `min(100%, max(480px, ${whole.width}px), ${tall})`;
+      }
       const half = 0.5 / view.zoom;
       view.x = Math.min(Math.max(view.x, half), 1 - half);
       view.y = Math.min(Math.max(view.y, half), 1 - half);

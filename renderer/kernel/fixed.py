@@ -12,7 +12,7 @@ from renderer.film import SAMPLE_MAX
 from renderer.jit import device
 from renderer.wide.operators import lifted
 
-__all__ = ["add_fixed8", "fixed", "in_half"]
+__all__ = ["add_fixed8", "fixed", "in_half", "of_sample"]
 
 _MOST = np.float32(SAMPLE_MAX)
 _MANTISSA_TOP = np.int32(22)
@@ -32,6 +32,21 @@ def in_half(sample):
     """As renderer.film.in_half: by the second highest bit of a whole number, the first that a float leaves out."""
     second = np.int32(np.float32(sample).view(np.int32) >> _MANTISSA_TOP) & 1
     return second == 0 and sample != 1
+
+
+@intrinsic
+def of_sample(typingctx, light, one, halved):
+    """What a sample adds to its pixel, f32x8: the light's first three lanes and `one`, then the same, zeros unless `halved`."""
+
+    def codegen(context, builder, sig, args):
+        ones = lifted(builder, types.float32, args[1])
+        order = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0, 1, 2, LANES, 0, 1, 2, LANES])
+        both = builder.shuffle_vector(args[0], ones, order)
+        order = ir.Constant(order.type, [0, 1, 2, 3, *[LANES] * (LANES - 4)])
+        whole = builder.shuffle_vector(both, ir.Constant(both.type, None), order)
+        return builder.select(args[2], both, whole)
+
+    return f32x8(f32x8, types.float32, types.boolean), codegen
 
 
 @intrinsic

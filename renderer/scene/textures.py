@@ -115,6 +115,10 @@ class TextureShelf:
         other = self._description.textures[second].image
         return self.derived(first, f"{what} with image {other}", lambda image: make(image, self._description.images[other]))
 
+    def texture_of(self, number: int) -> Texture:
+        """The texture of this number."""
+        return self._description.textures[number]
+
     def image_of(self, texture: int) -> Image:
         """The image that a texture shows."""
         return self._description.images[self._description.textures[texture].image]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -136,27 +137,32 @@ class Projects:
             raise Conflict(f"There is a project {name!r} already. Take another name.") from None
         return self.find(name)
 
-    def listed(self, sight: Sight) -> list[Summary]:
-        """Those that are seen, by name."""
+    def named(self, sight: Sight) -> list[str]:
+        """Those that are seen, in order."""
         with self._sessions() as session:
-            rows = session.scalars(select(Project).where(sight.clause(Project.name)).order_by(Project.name)).all()
+            return list(session.scalars(select(Project.name).where(sight.clause(Project.name)).order_by(Project.name)))
+
+    def described(self, names: Collection[str]) -> list[Summary]:
+        """Of these, by name; those that are gone are left out."""
+        with self._sessions() as session:
+            rows = session.scalars(select(Project).where(Project.name.in_(names)).order_by(Project.name)).all()
             roles: dict[str, dict[str, str]] = {row.name: {} for row in rows}
-            for each in session.scalars(select(Member).order_by(Member.user)):
+            for each in session.scalars(select(Member).where(Member.project.in_(names)).order_by(Member.user)):
                 roles.get(each.project, {})[each.user] = each.role
             counts: dict[str, dict[Kind, int]] = {row.name: {} for row in rows}
             for kind, table in ROWS.items():
-                query = select(table.project, func.count()).where(table.project != "").group_by(table.project)
+                query = select(table.project, func.count()).where(table.project.in_(names)).group_by(table.project)
                 query = query.where(Scene.of.is_(None)) if table is Scene else query
                 for project, count in session.execute(query):
                     counts.get(project, {})[kind] = count
         return [Summary(row.name, row.created, list(roles[row.name]), roles[row.name], counts[row.name]) for row in rows]
 
-    def find(self, name: str, sight: Sight = EVERYTHING) -> Summary:
-        """One that is seen. Raises NotFound."""
-        found = next((each for each in self.listed(sight) if each.name == name), None)
-        if found is None:
+    def find(self, name: str) -> Summary:
+        """One of them. Raises NotFound."""
+        found = self.described([name]) if "\0" not in name else []
+        if not found:
             raise no_project(name)
-        return found
+        return found[0]
 
     def check(self, name: str, sight: Sight) -> str:
         """The name, where something may be put there: a project that is seen, or none. Raises NotFound and NotAllowed."""

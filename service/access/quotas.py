@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, fields
 from typing import Any, Literal, get_args
 
@@ -66,20 +66,30 @@ class Quotas:
             allowed = list(self._limits(caller, session))
             return [Allowance(whose, limits, self._used(whose, session)) for whose, limits in allowed]
 
-    def listed(self) -> list[Allowance]:
-        """Of all users, and of tokens that have limits of their own."""
+    def named(self) -> list[str]:
+        """All users, and the tokens that have limits of their own, in order."""
         with self._sessions() as session:
-            rows = {row.whose: _limits_of(row) for row in session.scalars(select(Quota))}
-            users = {
-                f"user:{user.name}": NO_LIMITS if user.role == "admin" else self._usual for user in session.scalars(select(User))
-            }
+            users = {f"user:{name}" for name in session.scalars(select(User.name))}
+            return sorted(users | set(session.scalars(select(Quota.whose))))
+
+    def described(self, named: Collection[str]) -> list[Allowance]:
+        """Of these, some of `named`; who is gone meanwhile has used nothing."""
+        names: dict[Kind, list[str]] = {kind: [] for kind in get_args(Kind)}
+        for kind, name in map(_parts, named):
+            names[kind].append(name)
+        with self._sessions() as session:
+            rows = {row.whose: _limits_of(row) for row in session.scalars(select(Quota).where(Quota.whose.in_(named)))}
+            chiefs = set(session.scalars(select(User.name).where(User.role == "admin", User.name.in_(names["user"]))))
             # By one look at each table for all of a kind: one for each of them would take minutes where both are many.
-            used = {kind: [count(kind, session) for count in (self._bytes, _jobs, _samples)] for kind in get_args(Kind)}
-            named = ((whose, limits, *_parts(whose)) for whose, limits in sorted((users | rows).items()))
-            return [
-                Allowance(whose, limits, Limits(*(each[name] for each in used[kind])), whose in rows)
-                for whose, limits, kind, name in named
-            ]
+            counts = (self._bytes, _jobs, _samples)
+            used = {kind: [count(kind, session, some) for count in counts] for kind, some in names.items() if some}
+        found = []
+        for whose in named:
+            kind, name = _parts(whose)
+            usual = NO_LIMITS if kind == "token" or name in chiefs else self._usual
+            uses = Limits(*(each[name] for each in used[kind]))
+            found.append(Allowance(whose, rows.get(whose, usual), uses, whose in rows))
+        return found
 
     def set(self, whose: str, limits: Limits | None) -> None:
         """Say what somebody may; None: what everybody may. Raises NotFound."""
@@ -99,7 +109,7 @@ class Quotas:
                 if limits.bytes is None:
                     continue
                 kind, name = _parts(whose)
-                used = self._bytes(kind, session, name)[name]
+                used = self._bytes(kind, session, [name])[name]
                 if used + more > limits.bytes or used >= limits.bytes:
                     raise NoRoom(
                         f"{_whose(whose)} uploads and films take {_in_mb(used)} of the {_in_mb(limits.bytes)} that they may"
@@ -113,14 +123,14 @@ class Quotas:
         """
         for whose, limits in self._limits(caller, session):
             kind, name = _parts(whose)
-            if is_new and limits.jobs is not None and (count := _jobs(kind, session, name)[name]) >= limits.jobs:
+            if is_new and limits.jobs is not None and (count := _jobs(kind, session, [name])[name]) >= limits.jobs:
                 raise OverQuota(
                     f"{_whose(whose)} unfinished jobs are {count}, and {limits.jobs} may be at a time. "
                     f"Wait until one is finished, cancel one, {OTHERS}.",
                     SOON_S,
                 )
             if limits.samples_day is not None:
-                used = _samples(kind, session, name)[name]
+                used = _samples(kind, session, [name])[name]
                 if used >= limits.samples_day or used + samples > limits.samples_day:
                     raise OverQuota(
                         f"{_whose(whose)} jobs of the last 24 hours come to {used:,} samples, and {limits.samples_day:,} a day "
@@ -147,17 +157,17 @@ class Quotas:
 
     def _used(self, whose: str, session: Session) -> Limits:
         kind, name = _parts(whose)
-        return Limits(*(count(kind, session, name)[name] for count in (self._bytes, _jobs, _samples)))
+        return Limits(*(count(kind, session, [name])[name] for count in (self._bytes, _jobs, _samples)))
 
-    def _bytes(self, kind: Kind, session: Session, name: str | None = None) -> Counter[str]:
-        """Of uploads and films, by owner: of one user or token, or of all."""
+    def _bytes(self, kind: Kind, session: Session, names: Collection[str]) -> Counter[str]:
+        """Of uploads and films, by owner: of these users or tokens."""
         sizes = Counter[str]()
         uploads = select(_owner(Scene, kind), func.sum(Scene.bytes)).where(Scene.of.is_(None))
-        sizes.update({owner: int(size or 0) for owner, size in session.execute(_of(Scene, kind, name, uploads, grouped=True))})
+        sizes.update({owner: int(size or 0) for owner, size in session.execute(_of(Scene, kind, names, uploads, grouped=True))})
         for row in (Environment, Reference):
-            for owner, file in session.execute(_of(row, kind, name, select(_owner(row, kind), row.file))):
+            for owner, file in session.execute(_of(row, kind, names, select(_owner(row, kind), row.file))):
                 sizes[owner] += int((file or {}).get("size") or 0)
-        for owner, id in session.execute(_of(Job, kind, name, select(_owner(Job, kind), Job.id))):
+        for owner, id in session.execute(_of(Job, kind, names, select(_owner(Job, kind), Job.id))):
             sizes[owner] += self._size_of(id)
         return sizes
 
@@ -192,25 +202,25 @@ def _limits_of(row: Quota) -> Limits:
     return Limits(row.bytes, row.jobs, row.samples_day)
 
 
-def _jobs(kind: Kind, session: Session, name: str | None = None) -> Counter[str]:
+def _jobs(kind: Kind, session: Session, names: Collection[str]) -> Counter[str]:
     """Unfinished ones, by owner."""
     active = select(_owner(Job, kind), func.count()).where(Job.state.in_(ACTIVE))
-    return Counter({row[0]: row[1] for row in session.execute(_of(Job, kind, name, active, grouped=True))})
+    return Counter({row[0]: row[1] for row in session.execute(_of(Job, kind, names, active, grouped=True))})
 
 
-def _samples(kind: Kind, session: Session, name: str | None = None) -> Counter[str]:
+def _samples(kind: Kind, session: Session, names: Collection[str]) -> Counter[str]:
     """Of the last day, by owner."""
     samples = Counter[str]()
     for query, row in _samples_since(time.time() - DAY_S):
-        for count, owner in session.execute(_of(row, kind, name, query.add_columns(_owner(row, kind)), grouped=True)):
+        for count, owner in session.execute(_of(row, kind, names, query.add_columns(_owner(row, kind)), grouped=True)):
             samples[owner] = min(samples[owner] + int(count or 0), MOST)
     return samples
 
 
-def _of(row: Any, kind: Kind, name: str | None, query: Any, grouped: bool = False) -> Any:
-    """What a query finds of one user or token, or of all that have a name; by its owner, where it adds up."""
+def _of(row: Any, kind: Kind, names: Collection[str], query: Any, grouped: bool = False) -> Any:
+    """What a query finds of these users or tokens; by its owner, where it adds up."""
     owner = _owner(row, kind)
-    query = query.where(owner.is_not(None) if name is None else owner == name)
+    query = query.where(owner.in_(names))
     return query.group_by(owner) if grouped else query
 
 

@@ -1,12 +1,13 @@
 """The gate, behind the door: who may do what. Every request and every WebSocket passes it before any route sees it.
 
-A direct connection on loopback is let in as it is. Anybody else sends a session's cookie or a token (Authorization: Bearer
-TOKEN). Connections that stay open are checked again every few seconds: logging out, withdrawing a token or changing a role ends
-them.
+A direct connection on loopback, from this machine, is let in as it is. Anybody else sends a session's cookie or a token
+(Authorization: Bearer TOKEN). Connections that stay open are checked again every few seconds: logging out, withdrawing a token
+or changing a role ends them.
 """
 
 from __future__ import annotations
 
+import ipaddress
 import math
 import time
 
@@ -65,7 +66,7 @@ class Gate:
         access: Access = scope["app"].state.farm.access
         connection = HTTPConnection(scope)
         shown = _shown(connection.headers, cookie_name(access, scope))
-        needs_login = _needs_login(access, connection.headers)
+        needs_login = _needs_login(access, connection)
         try:
             caller = await _known(access, shown) if shown else None
         except Unavailable as error:
@@ -125,11 +126,22 @@ def _shown(headers: Headers, cookie: str) -> str:
     return cookie_parser(headers["cookie"]).get(cookie, "") if "cookie" in headers else ""
 
 
-def _needs_login(access: Access, headers: Headers) -> bool:
-    """Whether this request does: on loopback, one that came through a proxy or by another name than loopback's."""
+def _needs_login(access: Access, connection: HTTPConnection) -> bool:
+    """Whether this request does: on loopback, one of another machine, or through a proxy, or by another name than loopback's."""
     if access.needs_login or access.is_told:
         return access.needs_login
-    return name_of(headers.get("host", "")) not in LOOPBACK_NAMES or any(name in headers for name in FORWARDED)
+    headers = connection.headers
+    is_passed_on = any(name in headers for name in FORWARDED)
+    return is_passed_on or not _is_here(address_of(connection)) or name_of(headers.get("host", "")) not in LOOPBACK_NAMES
+
+
+def _is_here(address: str) -> bool:
+    """Whether it is this machine's, as far as an address says anything: a socket that is a file has none."""
+    try:
+        parsed = ipaddress.ip_address(address)
+    except ValueError:
+        return True
+    return (getattr(parsed, "ipv4_mapped", None) or parsed).is_loopback
 
 
 async def _known(access: Access, shown: str) -> Caller | None:

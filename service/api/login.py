@@ -2,6 +2,8 @@
 
 A session is a secret in a cookie that scripts cannot read and that no other site's page can make a browser send. Each login
 creates a new one, and invalidates the one the browser sent before.
+
+Passwords are looked at in threads of their own: however many guess, other requests have theirs.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
+from anyio.to_thread import run_sync
 from fastapi import APIRouter, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.requests import cookie_parser
@@ -21,7 +24,7 @@ from service.api.cookies import set_cookie
 from service.api.gate import cookie_name
 from service.api.leaving import forget_login, way_out
 from service.api.problem import Problem
-from service.api.visit import VisitDependency
+from service.api.visit import Visit, VisitDependency
 from service.errors import Conflict, FarmError
 from service.farm import Farm, FarmDependency
 
@@ -74,8 +77,14 @@ def get_session(visit: VisitDependency, farm: FarmDependency) -> SessionOut:
 
 
 @router.post("/api/login", response_model=SessionOut)
-def log_in(asked: LoginIn, request: Request, response: Response, visit: VisitDependency, farm: FarmDependency) -> SessionOut:
+async def log_in(
+    asked: LoginIn, request: Request, response: Response, visit: VisitDependency, farm: FarmDependency
+) -> SessionOut:
     """Log in; the answer sets the session's cookie."""
+    return await run_sync(_log_in, asked, request, response, visit, farm, limiter=farm.logins)
+
+
+def _log_in(asked: LoginIn, request: Request, response: Response, visit: Visit, farm: Farm) -> SessionOut:
     access = farm.access
     if asked.link:
         name = access.keys.use_link(asked.link)
@@ -110,8 +119,12 @@ def log_out(request: Request, visit: VisitDependency, farm: FarmDependency) -> R
 
 
 @router.put("/api/session/password", status_code=204)
-def change_password(asked: PasswordIn, visit: VisitDependency, farm: FarmDependency) -> None:
+async def change_password(asked: PasswordIn, visit: VisitDependency, farm: FarmDependency) -> None:
     """Change your own password. All else that you have open is logged out."""
+    await run_sync(_change_password, asked, visit, farm, limiter=farm.logins)
+
+
+def _change_password(asked: PasswordIn, visit: Visit, farm: Farm) -> None:
     access, caller = farm.access, visit.caller
     assert caller is not None
     if caller.kind != "session" or caller.name == OWNER:

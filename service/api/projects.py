@@ -46,7 +46,8 @@ class ProjectOut(BaseModel):
 @router.get("", response_model=list[ProjectOut])
 def list_projects(farm: FarmDependency, visit: VisitDependency, page: PageDependency) -> list[ProjectOut]:
     """Your projects, by name; administrators see all. The header X-Total-Count has their number."""
-    return [_out(found) for found in page.of(farm.access.projects.listed(visit.sight))]
+    projects = farm.access.projects
+    return [_out(found) for found in projects.described(page.of(projects.named(visit.sight)))]
 
 
 @router.post("", status_code=201, response_model=ProjectOut)

@@ -54,7 +54,8 @@ def get_quota(farm: FarmDependency, visit: VisitDependency) -> list[AllowanceOut
 @router.get("/api/quotas", response_model=list[SetAllowanceOut])
 def list_quotas(farm: FarmDependency, page: PageDependency) -> list[SetAllowanceOut]:
     """Of all users, and of tokens that have limits of their own: a page. The header X-Total-Count has their number."""
-    return [SetAllowanceOut(**_out(found).model_dump(), is_own=found.is_own) for found in page.of(farm.quotas.listed())]
+    described = farm.quotas.described(page.of(farm.quotas.named()))
+    return [SetAllowanceOut(**_out(found).model_dump(), is_own=found.is_own) for found in described]
 
 
 @router.put("/api/quotas/{of}/{name}", status_code=204)

@@ -13,6 +13,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from service.access.users import NAME
+from service.api.paged import PageDependency
 from service.api.strict import Strict
 from service.api.visit import Visit, VisitDependency
 from service.errors import Invalid
@@ -47,12 +48,19 @@ class ShareOut(BaseModel):
 
 
 @router.get("", response_model=list[ShareOut])
-def list_shares(farm: FarmDependency, visit: VisitDependency) -> list[ShareOut]:
-    """The shares of all users, of whoever else has jobs, and of whom an administrator gave terms, by name.
+def list_shares(farm: FarmDependency, visit: VisitDependency, page: PageDependency) -> list[ShareOut]:
+    """The shares of all users, of whoever else has jobs, and of whom an administrator gave terms, by name: a page.
 
-    Who else there is, administrators alone are told: others see their own share, and those of their projects.
+    The header X-Total-Count has their number. Who else there is, administrators alone are told: others see their own share, and
+    those of their projects.
     """
-    return [each for each in _all(farm) if _is_told(each.share, visit)]
+    with farm.sessions() as session:
+        terms = _terms(session)
+        jobs = _jobs(session, terms)
+        names = {share_of(user) for user in session.scalars(select(User.name))}
+    told = page.of([share for share in sorted(names | terms.keys() | jobs.keys()) if _is_told(share, visit)])
+    slots = _slots(farm, terms)
+    return [_out(share, terms.get(share, Terms()), slots, jobs) for share in told]
 
 
 def _is_told(share: str, visit: Visit) -> bool:
@@ -62,20 +70,17 @@ def _is_told(share: str, visit: Visit) -> bool:
     return name == visit.user if kind == "user" else visit.sight.sees(name)
 
 
-def _all(farm: Farm) -> list[ShareOut]:
-    with farm.sessions() as session:
-        terms = _terms(session)
-        by_share = select(Job.user, Job.project, func.count()).where(Job.state.in_(ACTIVE)).group_by(Job.user, Job.project)
-        jobs: Counter[str] = Counter()
-        for user, project, number in session.execute(by_share):
-            jobs[share_of(user, project or "", terms)] += number
-        names = {share_of(user) for user in session.scalars(select(User.name))}
-    slots = _slots(farm, terms)
-    return [_out(share, terms.get(share, Terms()), slots, jobs) for share in sorted(names | terms.keys() | jobs.keys())]
-
-
 def _terms(session: Session) -> dict[str, Terms]:
     return {row.name: Terms(row.weight, row.max_slots) for row in session.scalars(select(ShareTerms))}
+
+
+def _jobs(session: Session, terms: Mapping[str, Terms]) -> Counter[str]:
+    """How many jobs of each share are not over."""
+    found = Counter[str]()
+    by_owner = select(Job.user, Job.project, func.count()).where(Job.state.in_(ACTIVE)).group_by(Job.user, Job.project)
+    for user, project, number in session.execute(by_owner):
+        found[share_of(user, project or "", terms)] += number
+    return found
 
 
 @router.put("/{share}", response_model=ShareOut)
@@ -99,8 +104,10 @@ def reset_share(share: Share, farm: FarmDependency) -> ShareOut:
 
 def _changed(share: str, farm: Farm) -> ShareOut:
     farm.engine.changed("terms", "")
-    found = next((each for each in _all(farm) if each.share == share), None)
-    return found or _out(share, Terms(), Counter(), Counter())
+    with farm.sessions() as session:
+        terms = _terms(session)
+        jobs = _jobs(session, terms)
+    return _out(share, terms.get(share, Terms()), _slots(farm, terms), jobs)
 
 
 def _slots(farm: Farm, terms: Mapping[str, Terms]) -> Counter[str]:

@@ -203,7 +203,9 @@ class Engine:
             action()
         except (redis.RedisError, QueueError) as error:
             if self._fault is None:
-                log.warning("Redis does not answer: %s", error)
+                log.warning("Redis: %s", error)
+            if _is_refused(error):
+                return f"Redis takes nothing more ({error}). Give it more memory (maxmemory), or look at how it is set up."
             return f"Redis does not answer ({error}). Start it, or look at RAYFARM_REDIS_URL."
         except FarmError as error:  # the database, while the engine begins
             if self._fault != str(error):
@@ -335,3 +337,10 @@ class Engine:
             batch_cost_s=self._pace.batch_cost_s,
             failures=dict(self._scheduler.suspicion.failures),
         )
+
+
+def _is_refused(error: BaseException | None) -> bool:
+    """Whether Redis is there and says no: it is full, or another's copy."""
+    while error is not None and not isinstance(error, redis.ResponseError):
+        error = error.__cause__
+    return error is not None

@@ -27,7 +27,7 @@ class Claims:
         parts: Sequence[Part],
         fit: Sequence[bool],
         known: Callable[[int, int], Coverage],
-        rows: Callable[[int, int], list[Head]] | None,
+        rows: Callable[[int, int], Sequence[Head]] | None,
     ) -> None:
         """fit: which of them make sense. known: what is in of a tile; a copy. rows: a tile's, where they may be replaced."""
         self.coverage: dict[_Where, Coverage] = {}

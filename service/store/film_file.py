@@ -107,7 +107,7 @@ class FilmFile:
             for row in self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ?", (frame, tile)):
                 yield _sums(row)
 
-    def sums_of(self, heads: list[Head]) -> Iterator[bytes]:
+    def sums_of(self, heads: Iterable[Head]) -> Iterator[bytes]:
         """The packed sums of these rows, of one tile. Raises FilmLost where one is not what was written, or gone."""
         with film_faults():
             for head in heads:
@@ -146,7 +146,7 @@ class FilmFile:
                 (kept,) = self._database.execute("SELECT count(*) FROM bad_sample").fetchone()
                 self._database.executemany("INSERT INTO bad_sample VALUES (?, ?, ?, ?)", bad[: max(0, MAX_BAD_KEPT - kept)])
 
-    def fold(self, heads: list[Head], row: Row, are_all: bool) -> bool:
+    def fold(self, heads: Sequence[Head], row: Row, are_all: bool) -> bool:
         """Put one row in these rows' place, where they are what they were; else say so and change nothing.
 
         are_all: they are to be all of the tile's."""

@@ -8,8 +8,6 @@ that one worker's samples can be removed; where that is likely, rows of differen
 
 from __future__ import annotations
 
-import hashlib
-import json
 import logging
 import threading
 from collections.abc import Collection, Iterable, Sequence
@@ -22,20 +20,19 @@ from renderer.settings import Tile, tiles_of
 from service.errors import FilmLost, FilmWaits
 from service.store.added import added_up
 from service.store.claims import Claims
+from service.store.contents import Contents
 from service.store.coverage import Coverage
-from service.store.film_faults import FilmClosed, damaged, film_faults, incomplete
+from service.store.film_faults import FilmClosed, film_faults, incomplete
 from service.store.film_file import FilmFile, Head, head_spans
 from service.store.film_moment import FilmMoment
 from service.store.film_version import FilmShape, Row, spans
+from service.store.folding import folded, to_fold
 from service.store.parts import Part, joined_parts
 from service.store.senders import senders_of, senders_text
 from service.store.tile_cache import TileCache
 from worker.protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
 
 __all__ = ["Film", "Part"]
-
-FOLD_AT = 8  # rows of a tile, or where they are kept apart of a worker
-MOST_APART = 64  # rows of a tile: with more workers than that they are folded all the same
 
 log = logging.getLogger(__name__)
 
@@ -71,8 +68,7 @@ class Film:
         self._file: FilmFile | None = None
         self._is_closed = False
         self._in_doubt = False  # a write failed: whether its rows are in, the file knows
-        self._coverage: dict[tuple[int, int], Coverage] = {}
-        self._rows: dict[tuple[int, int], list[Head]] = {}
+        self._contents = Contents((), self.tiles)
         self.keeps_apart = False  # what each worker has sent
 
     def close(self) -> None:
@@ -116,30 +112,23 @@ class Film:
     def coverage(self, frame: int, tile: int) -> Coverage:
         """Which samples of a tile are in; a copy."""
         with self._lock:
-            self._known()
-            return Coverage((a, b - a) for a, b in self._cover(frame, tile).ranges)
+            return self._known().covered(frame, tile)
 
     def samples(self, frame: int) -> int:
         """The samples of a frame that are in, all pixels together, bad ones included."""
         with self._lock:
-            self._known()
-            known = ((tile, self._coverage.get((frame, i))) for i, tile in enumerate(self.tiles))
-            return sum(covered.total * tile.w * tile.h for tile, covered in known if covered is not None)
+            return self._known().samples(frame)
 
     @property
     def is_empty(self) -> bool:
         """Whether no sample of any frame is in."""
         with self._lock:
-            self._known()
-            return not self._coverage
+            return self._known().is_empty
 
     def version(self, frame: int) -> str:
         """A name for the frame's content: it changes with every sample that is added."""
         with self._lock:
-            self._known()
-            known = ((tile, self._coverage.get((frame, tile))) for tile in range(len(self.tiles)))
-            covered = [(tile, each.ranges) for tile, each in known if each is not None]
-        return hashlib.sha256(repr(covered).encode()).hexdigest()[:20]
+            return self._known().version(frame)
 
     def bad_samples(self, frame: int) -> tuple[int, list[BadSample]]:
         """How many samples were NaN or infinite and left out, and the first of them."""
@@ -153,7 +142,7 @@ class Film:
     def bad_count(self, frame: int) -> int:
         """How many samples of a frame were left out, as far as is known without a look into the file."""
         with self._lock:
-            return sum(head.bad for tile in range(len(self.tiles)) for head in self._rows.get((frame, tile), ()))
+            return self._contents.bad_count(frame)
 
     def merge(self, parts: Iterable[Part]) -> list[bool]:
         """Add parts in one transaction; for each, whether it was taken. Where this raises, none was.
@@ -177,7 +166,7 @@ class Film:
 
     def _joined(self, parts: list[Part], fit: list[bool]) -> tuple[Claims, list[tuple[Part, Sums | None]]]:
         """Those that are to be taken, added up where they follow each other. Raises ValueError where sums are damaged."""
-        claims = Claims(parts, fit, self.coverage, None if self.keeps_apart else lambda *where: self._rows.get(where, []))
+        claims = Claims(parts, fit, self._contents.covered, None if self.keeps_apart else self._contents.rows)
         return claims, joined_parts([*compress(parts, claims.taken)], self.tiles, self.keeps_apart)
 
     def _add(self, claims: Claims, joined: list[tuple[Part, Sums | None]], bad: list[tuple[int, int, int, int]]) -> None:
@@ -189,19 +178,18 @@ class Film:
         except BaseException:
             self._in_doubt = True
             raise
-        self._coverage.update(claims.coverage)
+        self._contents.take(claims.coverage, heads, claims.replaced)
         for head in claims.replaced:
-            self._rows[head[:2]].remove(head)
             self._cache.drop((self._path.stem, *head[:2]))
         for head, (part, _) in zip(heads, joined, strict=True):
-            self._remember(head, part)
+            grow = partial(add_sums, data=part.sums, tile=self.tiles[part.tile])
+            self._cache.grow((self._path.stem, *head[:2]), grow, len(part.sums))
         for key in claims.coverage:
             self._fold(*key)
 
     def has_only(self, frames: Collection[int]) -> bool:
         """Whether all samples are of these frames."""
-        self._known()
-        return all(frame in frames for frame, _ in list(self._coverage))
+        return self._known().has_only(frames)
 
     def forget(self, *frames: int) -> None:
         """Remove all samples of these frames."""
@@ -226,8 +214,7 @@ class Film:
     def has_sent(self, worker: str) -> bool:
         """Whether sums of a worker are in it."""
         with self._lock:
-            self._known()
-            return any(worker in senders_of(head.workers) for rows in self._rows.values() for head in rows)
+            return self._known().has_sent(worker)
 
     def take_back(self, worker: str) -> int:
         """Remove all that a worker has sent, and what was added to it: it counts as missing. Returns how many samples."""
@@ -256,7 +243,7 @@ class Film:
         with self._lock:
             self.load(make=True)
             assert self._file is not None
-            taken = {where: Coverage((a, b - a) for a, b in covered.ranges) for where, covered in self._coverage.items()}
+            taken = self._contents.copied()
             self._in_doubt = True
             for row in rows:
                 if 0 <= row[1] < len(self.tiles) and self._is_readable(row, row[1]):
@@ -284,7 +271,7 @@ class Film:
         key = (self._path.stem, frame, tile)
         with self._lock:
             self.load()
-            if self._file is None or not self._cover(frame, tile).ranges:
+            if self._file is None or not self._contents.has(frame, tile):
                 return None
             sums = self._cache.get(key)
             if sums is None:
@@ -300,7 +287,7 @@ class Film:
         """
         with self._lock:
             self.load()
-            if self._file is None or not self._cover(frame, tile).ranges:
+            if self._file is None or not self._contents.has(frame, tile):
                 return None
             sums = self._cache.get((self._path.stem, frame, tile))
             packed = [] if sums is not None else list(self._file.sums(frame, tile))
@@ -314,32 +301,19 @@ class Film:
                 raise FilmWaits("The film of this job has no samples yet.")
             return FilmMoment(self._path, self.width, self.height, self.film_exponent, self.tiles)
 
-    def _cover(self, frame: int, tile: int) -> Coverage:
-        return self._coverage.get((frame, tile)) or Coverage()
-
     def _exists(self) -> bool:
         with film_faults():
             return self._path.exists()
 
-    def _known(self) -> None:
-        """See that the file was read once: what is remembered of it is true, also while it cannot be read."""
+    def _known(self) -> Contents:
+        """What is remembered of the file, which was read once: it is true, also while the file cannot be read."""
         if self._is_closed or self._file is None:
             self.load()
+        return self._contents
 
     def _take_in(self, file: FilmFile) -> None:
         """Read which samples are in the file."""
-        coverage: dict[tuple[int, int], Coverage] = {}
-        rows: dict[tuple[int, int], list[Head]] = {}
-        try:
-            for head in file.heads():
-                self.tiles[head.tile]
-                covered = coverage.setdefault(head[:2], Coverage())
-                for span in spans(head.first, head.count, head.ranges):
-                    covered.add(*span)
-                rows.setdefault(head[:2], []).append(head)
-        except (ValueError, TypeError, IndexError) as error:
-            raise damaged(str(error)) from error
-        self._coverage, self._rows = coverage, rows
+        self._contents = Contents(file.heads(), self.tiles)
         self._cache.forget(self._path.stem)
         self._in_doubt = False
 
@@ -353,45 +327,25 @@ class Film:
     def _head(self, part: Part) -> Head:
         return Head(part.frame, part.tile, part.first, part.count, part.bad_count, senders_text(part.workers), None)
 
-    def _remember(self, head: Head, part: Part) -> None:
-        """Note what was added."""
-        where = head[:2]
-        self._rows.setdefault(where, []).append(head)
-        grow = partial(add_sums, data=part.sums, tile=self.tiles[part.tile])
-        self._cache.grow((self._path.stem, *where), grow, len(part.sums))
-
     def _fold(self, frame: int, tile: int) -> None:
-        """Make one row of a tile's rows where they are many: of all of them once they are one run, or of those of one worker.
-        What was merged is in the film whether this succeeds or not."""
-        rows = self._rows[frame, tile]
-        if len(rows) < FOLD_AT:
-            return
+        """Make one row of a tile's rows where they are many. What was merged is in the film whether this succeeds or not."""
+        rows, is_one_run = self._contents.rows(frame, tile), self._contents.is_one_run(frame, tile)
         try:
-            if self.keeps_apart and len(rows) < MOST_APART:
-                for worker in {head.workers for head in rows}:
-                    own = [head for head in rows if head.workers == worker]
-                    if len(own) >= FOLD_AT:
-                        self._fold_to_one(own)
-            elif self.keeps_apart or len(self._cover(frame, tile).ranges) == 1:
-                self._fold_to_one(rows)
+            for heads in to_fold(rows, self.keeps_apart, is_one_run):
+                self._fold_to_one(heads, len(heads) == len(self._contents.rows(frame, tile)))
         except (FilmWaits, FilmLost) as error:
             self._in_doubt = True
             log.warning("a tile's rows stay apart: %s", error)
 
-    def _fold_to_one(self, heads: list[Head]) -> None:
+    def _fold_to_one(self, heads: Sequence[Head], is_whole_tile: bool) -> None:
         assert self._file is not None
-        where = frame, tile = heads[0][:2]
-        is_whole_tile = len(heads) == len(self._rows[where])
+        made = folded(heads)
+        frame, tile = made[:2]
         sums = self._cache.get((self._path.stem, frame, tile)) if is_whole_tile else None
         if sums is None:
             rows = self._file.sums(frame, tile) if is_whole_tile else self._file.sums_of(heads)
             sums = added_up(rows, self.tiles[tile])
-        runs = Coverage(span for head in heads for span in head_spans(head)).ranges
-        ranges = json.dumps([[start, end - start] for start, end in runs]) if len(runs) > 1 else None
-        workers = senders_text({worker for head in heads for worker in senders_of(head.workers)})
-        total, bad = sum(head.count for head in heads), sum(head.bad for head in heads)
-        made = Head(frame, tile, runs[0][0], total, bad, workers, ranges)
         if self._file.fold(heads, (*made[:5], pack_sums(sums), *made[5:]), is_whole_tile):
-            self._rows[where] = [*(head for head in self._rows[where] if head not in heads), made]
+            self._contents.fold(heads, made)
         else:
             self._in_doubt = True

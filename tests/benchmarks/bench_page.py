@@ -1,6 +1,6 @@
-"""The page in a browser: what a hand on a 4K film costs, a job watched live, long lists, and opening the page again.
+"""The page in a browser: what a hand on a 4K film costs, a job watched live, long lists, opening the page first and again.
 
-    python3 farm.py bench page [hand] [live] [lists] [reload] [--slots 2] [--seconds 60] [--jobs 10000] [--rounds 20]
+    python3 farm.py bench page [hand] [live] [lists] [reload] [first] [--slots 2] [--seconds 60] [--jobs 10000] [--rounds 20]
 
 Each figure stands beside what is asked. Debian's Chromium, headless, draws WebGL on the processor (SwiftShader), which takes
 hundreds of milliseconds where a graphics card takes one or two; so the hand is measured twice, as it is and with the shader's
@@ -16,7 +16,8 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -24,7 +25,7 @@ from typing import Any
 import httpx
 import numpy as np
 import psutil
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
 
 from service.store.database import connect
 from tests.e2e.conftest import FLAGS
@@ -222,11 +223,69 @@ def reload(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
     )
 
 
+def first(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
+    """Opening the page for the first time, and again, over lines as fast as this machine and slower."""
+    job = rendered(farm, width=320, height=200, spp=4)
+    places = {
+        "the front page": ("/", (".drop-zone", ".home .job-row")),
+        "a picture": (f"/#/jobs/{job}", ('.stage[data-film="here"]',)),
+    }
+    rounds = max(options.rounds // 8, 3)
+    print(f"Opened over slow lines, as Chromium imitates them: seconds, median of {rounds}")
+    print("                                         drop zone, list; or picture     requests     kB")
+    for line, speed in LINES.items():
+        for place, (path, wanted) in places.items():
+            told: dict[str, list[Visit]] = {"first": [], "again": []}
+            for _ in range(rounds):
+                context = browser.new_context(viewport=WINDOW)
+                for visits in told.values():
+                    visits.append(visited(context, farm.url + path, wanted, speed))
+                context.close()
+            for which, visits in told.items():
+                times = ", ".join(f"{median(each):.2f}" for each in zip(*(visit.seconds for visit in visits), strict=True))
+                requests, kb = median(visit.requests for visit in visits), median(visit.kb for visit in visits)
+                print(f"  {line:20s} {place:15s} {which:6s} {times:>28s} {requests:14.0f} {kb:8.0f}", flush=True)
+
+
+@dataclass
+class Visit:
+    """When each thing that was waited for was there, and what had been asked of the service by the last of them."""
+
+    seconds: list[float]
+    requests: int
+    kb: float
+
+
+def visited(context: BrowserContext, url: str, wanted: Sequence[str], line: tuple[float, float] | None) -> Visit:
+    """A visit over a line of so many bits a second and milliseconds of latency."""
+    page = context.new_page()
+    cdp = context.new_cdp_session(page)
+    cdp.send("Network.enable")
+    if line is not None:
+        speed, latency = line
+        each = {"downloadThroughput": speed / 8, "uploadThroughput": speed / 8, "latency": latency}
+        cdp.send("Network.emulateNetworkConditions", {"offline": False, **each})
+    asked: list[float] = []
+    cdp.on("Network.loadingFinished", lambda event: asked.append(event["encodedDataLength"]))
+    page.goto(url, wait_until="commit")
+    seconds = []
+    for selector in wanted:
+        page.locator(selector).first.wait_for(timeout=120_000)
+        seconds.append(page.evaluate("performance.now()") / 1000)
+    visit = Visit(seconds, sum(size > 0 for size in asked), sum(asked) / 1000)
+    page.close()
+    return visit
+
+
+# Bits a second and milliseconds; the slowest is a phone's in the country.
+LINES = {"this machine": None, "10 Mbit/s, 40 ms": (10e6, 40.0), "400 kbit/s, 400 ms": (400e3, 400.0)}
+
 PARTS: dict[str, Callable[[Farm, Browser, argparse.Namespace], None]] = {
     "hand": hand,
     "live": live,
     "lists": lists,
     "reload": reload,
+    "first": first,
 }
 
 

@@ -1,4 +1,4 @@
-"""A page of which a part did not arrive is loaded again."""
+"""A page of which a part does not arrive: it is loaded again, or says what is missing."""
 
 from __future__ import annotations
 
@@ -12,9 +12,26 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.mark.long
-def test_a_module_that_did_not_arrive_is_asked_for_again(many: Service, watched: Watched) -> None:
+@pytest.mark.parametrize("module", ["shell/router", "views/workers"])
+def test_a_module_that_did_not_arrive_is_asked_for_again(many: Service, watched: Watched, module: str) -> None:
     page = watched.page
-    page.route("**/js/shell/router.js", lambda route: route.abort(), times=1)
+    page.route(f"**/js/{module}.js", lambda route: route.abort())
     page.goto(f"{many.url}/#/workers")
+    page.wait_for_function("sessionStorage.getItem('rayfarm.again') !== null")
+    page.unroute(f"**/js/{module}.js")
     expect(page.get_by_role("heading", name="Workers", exact=True)).to_be_visible(timeout=60_000)
     page.wait_for_function("sessionStorage.getItem('rayfarm.again') === null")
+
+
+def test_a_view_whose_modules_are_gone_says_why_and_the_page_can_be_loaded_again(many: Service, watched: Watched) -> None:
+    page = watched.page
+    page.goto(many.url)
+    expect(page.get_by_role("heading", name="Drop a scene anywhere on this page")).to_be_visible()
+    page.route("**/js/views/workers.js", lambda route: route.fulfill(status=404))
+    page.route(f"{many.url}/", lambda route: route.fulfill(body="of another version"))
+    page.get_by_role("link", name="Workers").click()
+    expect(page.get_by_role("heading", name="Rayfarm was updated")).to_be_visible()
+    expect(page.get_by_role("main")).to_be_focused()
+    page.unroute_all()
+    page.get_by_role("button", name="Reload the page").click()
+    expect(page.get_by_role("heading", name="Workers", exact=True)).to_be_visible()

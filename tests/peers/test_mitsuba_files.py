@@ -17,6 +17,7 @@ from renderer.film import mean
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
+from renderer.scene.readers.mitsuba.metals import CONDUCTORS
 from renderer.settings import RenderSettings, chosen
 from tests.grids import grid
 from tests.peers.compare import assert_same_picture
@@ -113,3 +114,62 @@ def test_the_same_picture_of_a_file(name: str, tmp_path: Path) -> None:
     print(assert_same_picture(rendered(mi.load_dict(mitsuba_dict(mi, described, settings, tmp_path))), theirs, most_error=0.01))
     sums = render_frame(compile_scene(described), settings, SPP * BATCHES)
     assert mean(sums, settings.film_exponent).mean() == pytest.approx(theirs.mean(), rel=0.03)
+
+
+def _ball(bsdf: str) -> str:
+    return f'<shape type="sphere"><float name="radius" value="0.5"/>{bsdf}</shape>'
+
+
+def _bsdf(kind: str, **numbers: float | str) -> str:
+    inside = "".join(
+        f'<{"string" if isinstance(value, str) else "float"} name="{name}" value="{value}"/>' for name, value in numbers.items()
+    )
+    return f'<bsdf type="{kind}">{inside}</bsdf>'
+
+
+# What differs, and by how much blocks of the picture may: rough metals by what a single bounce loses (docs/correctness.md).
+PLUGINS = {
+    "a bubble in water": (_ball(_bsdf("dielectric", int_ior="air", ext_ior="water")), 0.02),
+    "a pane": (_ball(_bsdf("thindielectric")), 0.02),
+    "silver": (_ball(_bsdf("conductor", material="Ag")), 0.01),
+    "chromium": (_ball(_bsdf("conductor", material="Cr")), 0.01),
+    "a metal of no name": (_ball(_bsdf("roughconductor", distribution="ggx", alpha=0.05)), 0.02),
+    "brushed metal": (_ball(_bsdf("roughconductor", distribution="ggx", alpha_u=0.02, alpha_v=0.1, material="Al")), 0.03),
+    "rough plastic": (_ball(_bsdf("roughplastic", distribution="ggx", alpha=0.2)), 0.02),
+    "principled": (_ball(_bsdf("principled", roughness=0.3)), 0.025),
+    "a principled coat": (_ball(_bsdf("principled", clearcoat=1, clearcoat_gloss=0.5)), 0.025),
+    "a principled sheen": (_ball(_bsdf("principled", sheen=1)), 0.03),
+    "a principled metal": (_ball(_bsdf("principled", metallic=1, roughness=0.25)), 0.02),
+    "principled glass": (_ball(_bsdf("principled", spec_trans=1, roughness=0.2)), 0.02),
+    "a principled leaf": (_ball(_bsdf("principledthin", diff_trans=1)), 0.02),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", PLUGINS)
+def test_a_plugin_shows_the_same(name: str, tmp_path: Path) -> None:
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    shape, most = PLUGINS[name]
+    light = """<emitter type="constant"><rgb name="radiance" value="0.4 0.45 0.5"/></emitter>
+  <emitter type="directional"><vector name="direction" value="1 -1 -1"/><rgb name="irradiance" value="1.5 1.4 1.3"/></emitter>"""
+    head = HEAD.replace("SENSOR", "perspective").replace("LENS", "").replace("FLOOR", '<ref id="white"/>')
+    (tmp_path / "scene.xml").write_text(head.replace('value="5"', 'value="8"') + light + shape + "</scene>")
+    described = read(tmp_path, "scene.xml")
+    settings = RenderSettings(48, 32, described.cameras[0].view, **chosen({}, described.defaults))
+    theirs = np.array(mi.render(mi.load_file(str(tmp_path / "scene.xml")), spp=256), float)[..., :3]
+    sums = render_frame(compile_scene(described), settings, 256)
+    blocks = [
+        picture.reshape(8, 4, 12, 4, 3).mean((1, 3))
+        for picture in (np.asarray(mean(sums, settings.film_exponent), float), theirs)
+    ]
+    assert np.abs(blocks[0] - blocks[1]).mean() / blocks[1].mean() < most
+
+
+def test_conductors_are_those_of_mitsuba() -> None:
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    for name in ("Ag", "Cr", "TiN", "W"):
+        found = mi.traverse(mi.load_dict({"type": "conductor", "material": name}))
+        for key, expected in zip(("eta.value", "k.value"), CONDUCTORS[name], strict=True):
+            assert np.array(found[key]).ravel() == pytest.approx(expected, abs=1e-3)

@@ -16,6 +16,7 @@ from rayfarm.answers import Job, Scene, Worker, read
 from rayfarm.cli import main
 from rayfarm.client import Client, ClientError
 from rayfarm.console import bar
+from rayfarm.named_files import by_name
 from tests.foreign_server import NOT_A_FARM, foreign_server, http_answer, json_answer
 from tests.grids import grid
 from tests.helpers import ROOT
@@ -81,6 +82,14 @@ def test_what_is_no_farm_ends_every_command_with_a_sentence(
             assert "it is not a Rayfarm service" in err
             assert "Traceback" not in err
     assert not list(tmp_path.iterdir())
+
+
+def test_files_are_named_by_paths_and_by_texts() -> None:
+    here = Path("a")
+    expected = {"x.obj": here / "x.obj", "x.mtl": here / "x.mtl"}
+    assert by_name(["a/x.obj", here / "x.mtl"]) == expected
+    assert by_name({"x.obj": "a/x.obj", "x.mtl": here / "x.mtl"}) == expected
+    assert by_name("a/x.obj") == by_name(here / "x.obj") == {"x.obj": here / "x.obj"}
 
 
 def test_a_list_is_a_farms_only_where_a_farm_sends_it() -> None:

@@ -19,11 +19,13 @@ from service.connections import Connection
 from tests.service.conftest import until
 
 PIECE = b"a" * (1 << 16)
+begun: list[str] = []  # the paths of what the application was asked
 
 
 async def _echo(scope: Any, receive: Any, send: Any) -> None:
     """Answers with how long the body was; 0 where it did not come."""
     assert scope["type"] == "http"
+    begun.append(scope["path"])
     size, more = 0, True
     while more:
         message = await receive()
@@ -125,3 +127,21 @@ def test_connections_leave_files_for_the_service_itself() -> None:
         pytest.skip("this machine lets processes open few files")
     done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["1536", "2048"]
+
+
+def test_a_short_body_is_whole_before_anybody_looks_at_it(server: Server) -> None:
+    def post(path: bytes, length: int, body: bytes = b"", more: bytes = b"") -> bytes:
+        return b"POST %s HTTP/1.1\r\n%sContent-Length: %d\r\nConnection: close\r\n\r\n%s" % (path, more, length, body)
+
+    begun.clear()
+    with server.connect(post(b"/left", 4, b"ab")):
+        pass
+    with server.connect(post(b"/slow", 4, b"ab")) as slow:
+        with server.connect(post(b"/long", 1 << 20)), server.connect(post(b"/asks", 4, more=b"Expect: 100-continue\r\n")) as asks:
+            until(lambda: set(begun) == {"/long", "/asks"}, "these are looked at", say=lambda: begun)
+            assert asks.recv(1 << 10).startswith(b"HTTP/1.1 100 ")
+        slow.sendall(b"cd")
+        assert answer(slow).endswith(b"4")
+    assert "/left" not in begun
+    with server.connect(post(b"/whole", 1 << 16, PIECE)) as client:
+        assert answer(client).endswith(b"65536")

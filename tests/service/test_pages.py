@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gzip
+import json
 import os
 import re
 from collections.abc import Mapping
@@ -18,7 +19,9 @@ from service.pages import WebPages
 INDEX = """<!doctype html>
 <link rel="icon" href="icon.svg" />
 <link rel="stylesheet" href="css/a.css" />
+<link rel="stylesheet" href="css/b.css" />
 <script src="js/theme.js"></script>
+<script src="js/ahead.js"></script>
 <script type="module" src="js/main.js"></script>
 <a href="/docs">docs</a>
 """
@@ -30,8 +33,13 @@ def web(tmp_path: Path) -> Path:
         "index.html": INDEX,
         "icon.svg": "<svg/>",
         "css/a.css": "a {}",
+        "css/b.css": "b {}",
         "js/theme.js": "0;",
-        "js/main.js": 'import { b } from "./base/b.js";\nimport {\n  c,\n} from "./base/c.js";\nb(c);\n',
+        "js/ahead.js": "1;",
+        "js/main.js": 'import { b } from "./base/b.js";\nimport {\n  c,\n} from "./base/c.js";\nb(c);\n'
+        'const d = await import("./views/d.js");\n',
+        "js/views/d.js": '/** @type {import("./none.js").X} */\nimport { c } from "../base/c.js";\nimport { e } from "./e.js";\n',
+        "js/views/e.js": "export const e = 5;\n",
         "js/base/b.js": 'import { c } from "./c.js";\nexport const b = (x) => x + c;\n',
         "js/base/c.js": "export const c = 1;\n",
         "js/base/unused.js": "",
@@ -70,18 +78,26 @@ def pages(web: Path) -> Pages:
     return Pages(web)
 
 
-def test_the_index_names_all_files_by_their_version_and_all_modules_at_once(pages: Pages) -> None:
+def test_the_index_names_all_files_by_their_version_joined_where_it_can_and_all_modules_at_once(pages: Pages) -> None:
     html = pages.get("/").text
     v = f"v/{pages.version()}"
     assert re.findall(r'(?:href|src)="([^"]+)"', html) == [
         f"{v}/icon.svg",
-        f"{v}/css/a.css",
+        f"{v}/css/joined.css",
+        f"{v}/js/joined.js",
         *(f"{v}/js/{name}.js" for name in ("main", "base/b", "base/c")),
-        f"{v}/js/theme.js",
         f"{v}/js/main.js",
         "/docs",
     ]
     assert pages.get("/index.html").text == html
+    assert pages.get(f"/{v}/css/joined.css").text == "a {}\nb {}"
+    assert pages.get(f"/{v}/js/joined.js").text == "0;\n1;"
+
+
+def test_the_index_says_what_each_view_needs_beyond_the_first_modules(pages: Pages) -> None:
+    table = re.search(r'<script type="application/json" id="view-modules">(.*?)</script>', pages.get("/").text)
+    assert table
+    assert json.loads(table[1]) == {"d": [f"v/{pages.version()}/js/views/{name}.js" for name in "de"]}
 
 
 def test_a_file_of_this_version_is_never_asked_about_again_and_the_index_always_is(pages: Pages) -> None:
@@ -103,14 +119,16 @@ def test_what_is_compressed_is_the_same(pages: Pages) -> None:
     assert int(packed.headers["content-length"]) == len(gzip.compress(plain.content, 9))
 
 
-def test_another_release_has_another_address_and_the_older_one_gives_what_there_is(pages: Pages, web: Path) -> None:
+def test_another_release_has_another_address_and_a_page_of_the_older_one_is_given_no_module(pages: Pages, web: Path) -> None:
     before = pages.version()
     (web / "js/base/c.js").write_text("export const c = 2;\n")
     os.utime(web / "js/base/c.js", (1, 1))
     after = pages.version()
     assert after != before
-    old = pages.get(f"/v/{before}/js/base/c.js")
-    assert old.text == "export const c = 2;\n" and old.headers["cache-control"] == "no-store"
+    assert pages.get(f"/v/{after}/js/base/c.js").text == "export const c = 2;\n"
+    assert pages.get(f"/v/{before}/js/base/c.js").status_code == 404
+    old = pages.get(f"/v/{before}/css/a.css")
+    assert old.text == "a {}" and old.headers["cache-control"] == "no-store"
 
 
 @pytest.mark.parametrize("path", ["/js/main.js", "/css/a.css", "/icon.svg"])

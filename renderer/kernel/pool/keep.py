@@ -19,15 +19,14 @@ from renderer.film import (
     SAMPLES_HALF,
 )
 from renderer.jit import out_of_line, subroutine
-from renderer.kernel import vec
-from renderer.kernel.fixed import add_fixed8, in_half
+from renderer.kernel.fixed import add_fixed8, in_half, of_sample
 from renderer.kernel.pool.lists import DONE, length, row
 from renderer.kernel.pool.rows import CARRIED, FIRST, SAMPLE, at
-from renderer.kernel.pool.ways import three
+from renderer.wide.values import any_of, not_
 
 __all__ = ["SUMS", "keep", "unfold"]
 
-_ZERO = np.float32(0.0)
+_INF = np.float32(np.inf)
 _ONE = np.float32(1.0)
 SUMS = 24  # numbers kept of a pixel: radiance 3, samples; of the half 3, samples; what the group FIRST has
 _SUMS, _8, _16 = np.uintp(SUMS), np.uintp(8), np.uintp(16)
@@ -36,8 +35,7 @@ _COLUMNS = {SAMPLES: 3, SAMPLES_HALF: 7, DEPTH: 11, OBJECT: _OBJECT, MATERIAL: _
 for _plane, _first in ((COLOR, 0), (COLOR_HALF, 4), (ALBEDO, 8), (NORMAL, 12), (POSITION, 16)):
     _COLUMNS.update({_plane.start + _k: _first + _k for _k in range(3)})
 _COLUMN_OF = np.array([_COLUMNS[channel] for channel in range(CHANNELS)], np.int64)
-_HALF = CARRIED + np.uintp(4)
-_NORMAL, _PLACE = FIRST + np.uintp(4), FIRST + np.uintp(8)
+_PLACE = FIRST + np.uintp(8)
 _OBJECT_OF, _MATERIAL_OF = FIRST + np.uintp(7), FIRST + np.uintp(11)
 _SAMPLE, _PIXEL = SAMPLE + np.uintp(1), SAMPLE + np.uintp(2)
 
@@ -50,24 +48,19 @@ def keep(pool, lists, film, scale, width, batch, bad, bad_count):
     for k in range(length(lists, DONE)):
         path = row(lists, DONE, k)
         sample, place = load_int(pool, at(path, _SAMPLE)), load_int(pool, at(path, _PIXEL))
-        radiance = three(pool, at(path, CARRIED))
-        finite = vec.is_finite(radiance) and vec.is_finite(three(pool, at(path, FIRST)))
-        if not (finite and vec.is_finite(three(pool, at(path, _NORMAL))) and vec.is_finite(three(pool, at(path, _PLACE)))):
+        light = of_sample(load(pool, at(path, CARRIED)), one, in_half(sample))
+        first, beyond = load(pool, at(path, FIRST)), load(pool, at(path, _PLACE))  # numbers, as floats, are all but 0
+        if any_of(not_((abs(light) < _INF) & (abs(first) < _INF) & (abs(beyond) < _INF))):
             if bad_count < len(bad):
                 bad[bad_count, 0] = batch.x + place % width
                 bad[bad_count, 1] = batch.y + place // width
                 bad[bad_count, 2] = sample
             bad_count += 1
             continue
-        halved = in_half(sample)
-        for c in range(3):
-            pool[at(path, _HALF + np.uintp(c))] = radiance[c] if halved else _ZERO
-        pool[at(path, CARRIED + np.uintp(3))] = one
-        pool[at(path, _HALF + np.uintp(3))] = one if halved else _ZERO
         base = np.uintp(place) * _SUMS
-        add_fixed8(film, base, load(pool, at(path, CARRIED)), scale)
-        add_fixed8(film, base + _8, load(pool, at(path, FIRST)), scale)  # numbers, as floats, are all but 0
-        add_fixed8(film, base + _16, load(pool, at(path, _PLACE)), scale)
+        add_fixed8(film, base, light, scale)
+        add_fixed8(film, base + _8, first, scale)
+        add_fixed8(film, base + _16, beyond, scale)
         if sample == 0:  # numbers cannot be averaged, so one sample has the say
             film[base + np.uintp(_OBJECT)] += load_int(pool, at(path, _OBJECT_OF))
             film[base + np.uintp(_MATERIAL)] += load_int(pool, at(path, _MATERIAL_OF))

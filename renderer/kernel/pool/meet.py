@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bvh.simd import load_int
+from renderer.bvh.simd import load_int, store_int
 from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, shadow_root
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
@@ -34,14 +34,13 @@ from renderer.kernel.pool.rows import CARRIED, HIT, LAMP, RAY, SHADOW, at, few, 
 from renderer.kernel.pool.shade import walk_in_shade
 from renderer.kernel.pool.walk import walk
 from renderer.kernel.pool.ways import BEST, BLOCKED, set_out, three, whole
-from renderer.wide.values import as_floats, as_wide, nil, where, where3
+from renderer.wide.values import nil, where, where3
 
 __all__ = ["meet", "see_lights"]
 
 _ZERO = np.float32(0.0)
 _INF = np.float32(np.inf)
-_NOBODY = np.uint32(0xFFFFFFFF)  # of the world's primitives, or instances: -1
-_PRIMITIVE = HIT + np.uintp(3)
+_PRIMITIVE, _INSTANCE = HIT + np.uintp(3), HIT + np.uintp(4)
 _NUMBER = CARRIED + np.uintp(7)
 _SEGMENTS = LAMP + np.uintp(3)
 _END, _WAITS, _GOES_ON = SHADOW + np.uintp(3), SHADOW + np.uintp(6), SHADOW + np.uintp(7)
@@ -54,17 +53,18 @@ def meet(scene, alone, stack, pool, lists):
     count = pad(lists, ACTIVE)
     for k in range(0, count, 8):
         rows = eight(lists, ACTIVE, k)
-        ray, hit = read(pool, rows, RAY), read(pool, rows, HIT)
+        ray = read(pool, rows, RAY)
         zero = nil(ray[0])
         root = zero
         if scene.bvh.begin is not None:
             number = few(pool, rows, _NUMBER, 1)[0]
             root = where(number == _ZERO, whole(camera_root(scene.bvh), zero), zero)
         set_out(pool, rows, (ray[0], ray[1], ray[2]), (ray[3], ray[4], ray[5]), zero + _INF, root)
-        nobody = as_floats(as_wide(_NOBODY, zero))
-        write(pool, rows, HIT, (zero, zero, zero, nobody, nobody, hit[5], hit[6], hit[7]))
     for k in range(count):
-        put(lists, NODES, np.uintp(k), row(lists, ACTIVE, k))
+        path = row(lists, ACTIVE, k)
+        store_int(pool, at(path, _PRIMITIVE), NO_PRIMITIVE)
+        store_int(pool, at(path, _INSTANCE), NO_PRIMITIVE)
+        put(lists, NODES, np.uintp(k), path)
     cut(lists, NODES, np.uintp(count))
     clear(lists, ENDED)
     walk(scene.bvh, scene.has.motion, alone, pool, stack, lists)

@@ -28,6 +28,7 @@ __all__ = [
     "ROWS",
     "SAMPLE",
     "SHADOW",
+    "SPARE",
     "START",
     "TIME",
     "WAY",
@@ -42,6 +43,7 @@ __all__ = [
 
 _LINE = 64  # bytes
 ROWS = 128  # paths; 64 to 256 are as fast
+SPARE = np.uint32(ROWS)  # one row more, for what is to be written nowhere
 # Groups, by their first columns. Whole numbers are kept by their bits, but for depth, number and what was passed.
 RAY = np.uintp(0)  # origin 3, direction 3, pdf, worth: as in integrators/state.py's Path
 CARRIED = np.uintp(8)  # radiance 3, depth, throughput 3, number of the vertex that the ray is on its way to

@@ -37,7 +37,23 @@ from renderer.kernel.pool.lists import (
     row,
 )
 from renderer.kernel.pool.matter import attenuated, keep_matter, lamps, passes, surfaces_at
-from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, LAMP, MAPPED, PLACE, RAY, START, at, few, read, times_of, write
+from renderer.kernel.pool.rows import (
+    CARRIED,
+    FIRST,
+    FRAME,
+    HIT,
+    LAMP,
+    MAPPED,
+    PLACE,
+    RAY,
+    SPARE,
+    START,
+    at,
+    few,
+    read,
+    times_of,
+    write,
+)
 from renderer.kernel.pool.scatter import stream_of
 from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import shines, sphere_at
@@ -119,12 +135,9 @@ def _keep_first(scene, pool, rows, first, surface, albedo, n, distance, passed):
     if scene.has.textures is not None:
         distance = where(passed == _ZERO, distance, vec.length(vec.sub(surface.point, few(pool, rows, PLACE, 3))))
     distance = distance + few(pool, rows, START, 1)[0]
-    a, b = read(pool, rows, FIRST), read(pool, rows, FIRST + np.uintp(8))
-    object_number, material = as_floats(surface.object + _NEXT), as_floats(surface.material + _NEXT)
-    albedo, n = where3(first, albedo, (a[0], a[1], a[2])), where3(first, n, (a[4], a[5], a[6]))
-    p = where3(first, surface.point, (b[0], b[1], b[2]))
-    write(pool, rows, FIRST, (*albedo, where(first, distance, a[3]), *n, where(first, object_number, a[7])))
-    write(pool, rows, FIRST + np.uintp(8), (*p, where(first, material, b[3]), b[4], b[5], b[6], b[7]))
+    rows, none = where(first, rows, SPARE), nil(distance)
+    write(pool, rows, FIRST, (*albedo, distance, *n, as_floats(surface.object + _NEXT)))
+    write(pool, rows, FIRST + np.uintp(8), (*surface.point, as_floats(surface.material + _NEXT), none, none, none, none))
 
 
 @device

@@ -34,7 +34,7 @@ class Pool(NamedTuple):
 
     alone: Any  # the stack of a ray that goes through the tree by itself
     stack: Any  # those of all rows' rays: ways.py
-    rows: Any  # (ROWS * ROW,) f32: rows.py
+    rows: Any  # ((ROWS + 1) * ROW,) f32: rows.py
     lists: Any  # (LISTS * LIST_SIZE,) u32: lists.py
     film: Any  # (pixels * SUMS,) i64, zeros before and after: keep.py
 
@@ -50,7 +50,7 @@ def pool_for(width: int, height: int) -> Pool:
     pool: Pool | None = getattr(_kept, "pool", None)
     if pool is None or len(pool.film) < width * height * SUMS:
         film = np.zeros(width * height * SUMS, np.int64)
-        rows = line_floats(ROWS * int(ROW))
+        rows = line_floats((ROWS + 1) * int(ROW))
         pool = _kept.pool = Pool(new_stack(), new_ways(), rows, np.zeros(LISTS * LIST_SIZE, np.uint32), film)
     return pool
 

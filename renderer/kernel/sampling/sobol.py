@@ -16,7 +16,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from renderer.bvh.simd import LANES
-from renderer.jit import TARGET
+from renderer.jit import HAS_AVX512, TARGET
 from renderer.wide.operators import INTS, is_wide, u32x8
 
 __all__ = ["GOLDEN", "MIX_1", "MIX_2", "SCRAMBLE", "TABLE", "direction_numbers", "points"]
@@ -74,19 +74,21 @@ def _scrambled(columns: np.ndarray) -> np.ndarray:
     return made
 
 
+_COLUMNS = _scrambled(direction_numbers())
+_COLUMNS[:, _BITS:] = 0
+
+
 def _by_digit(bits: int, digits: int) -> np.ndarray:
     """What each value of each digit of a bit-reversed index adds: (digits, 2**bits, 4) uint32.
 
     The first digit is the index's lowest bits, which stand uppermost, lowest bit first.
     """
-    columns = _scrambled(direction_numbers())
-    columns[:, _BITS:] = 0
     table = np.zeros((digits, 2**bits, _DIMENSIONS), np.uint32)
     for digit in range(digits):
         for value in range(2**bits):
             for bit in range(bits):
                 if value >> (bits - 1 - bit) & 1:
-                    table[digit, value] ^= columns[:, bits * digit + bit]
+                    table[digit, value] ^= _COLUMNS[:, bits * digit + bit]
     return table
 
 
@@ -133,6 +135,43 @@ def _permuted(builder: Any, index: Any, dimension: int) -> Any:
     return x
 
 
+def _matrices(dimension: int, turned: int) -> list[int]:
+    """What each byte of a point owes to the byte of its index that stands `turned` places above it: 8x8 bits each, as
+    vgf2p8affineqb has them, the row for the uppermost bit lowest.
+    """
+    made = []
+    for byte in range(4):
+        rows = [0] * 8
+        for bit in range(8):
+            column = int(_COLUMNS[dimension, 31 - (8 * ((byte + turned) % 4) + bit)]) >> 8 * byte
+            for k in range(8):
+                rows[7 - k] |= (column >> k & 1) << bit
+        made.append(int.from_bytes(bytes(rows), "little"))
+    return made
+
+
+def _multiplied(builder: Any, index: Any) -> list[Any]:
+    """The four dimensions of eight indices, multiplied by the generator matrices as they stand, byte by byte (AVX-512)."""
+    bytes_, words = ir.VectorType(ir.IntType(8), 4 * LANES), ir.VectorType(ir.IntType(64), 4)
+    kind = ir.FunctionType(bytes_, [bytes_, bytes_, ir.IntType(8)])
+    multiply = cgutils.get_or_insert_function(builder.module, kind, "llvm.x86.vgf2p8affineqb.256")
+
+    def shuffled(vector: Any, order: list[int]) -> Any:
+        return builder.shuffle_vector(vector, vector, _vector(ir.VectorType(_I32, len(order)), order))
+
+    apart = shuffled(builder.bitcast(index, bytes_), [4 * lane + byte for byte in range(4) for lane in range(LANES)])
+    turns = [shuffled(builder.bitcast(apart, words), [(byte + turned) % 4 for byte in range(4)]) for turned in range(4)]
+    dimensions = []
+    for dimension in range(_DIMENSIONS):
+        x = _vector(bytes_, [0] * bytes_.count)
+        for turned, turn in enumerate(turns):
+            matrices = builder.bitcast(_vector(words, _matrices(dimension, turned)), bytes_)
+            x = builder.xor(x, builder.call(multiply, [builder.bitcast(turn, bytes_), matrices, ir.IntType(8)(0)]))
+        together = shuffled(x, [LANES * byte + lane for lane in range(LANES) for byte in range(4)])
+        dimensions.append(builder.bitcast(together, INTS))
+    return dimensions
+
+
 def _of_each(builder: Any, data: Any, index: Any) -> list[Any]:
     """The four dimensions of eight indices, one index after the other."""
     columns = [ir.Constant(INTS, ir.Undefined)] * _DIMENSIONS
@@ -155,8 +194,12 @@ def points(typingctx, table, index, key):
     def codegen(context, builder, sig, args):
         data = context.make_array(sig.args[0])(context, builder, args[0]).data
         if is_wide(sig.args[1]):
-            x86 = TARGET.startswith("x86")
-            plain = [_permuted(builder, args[1], k) for k in range(_DIMENSIONS)] if x86 else _of_each(builder, data, args[1])
+            if HAS_AVX512:
+                plain = _multiplied(builder, args[1])
+            elif TARGET.startswith("x86"):
+                plain = [_permuted(builder, args[1], k) for k in range(_DIMENSIONS)]
+            else:
+                plain = _of_each(builder, data, args[1])
             seeds = [builder.add(args[2], _vector(INTS, [offset] * LANES)) for offset in far]
             return context.make_tuple(
                 builder, sig.return_type, [_shifted(builder, x, seed) for x, seed in zip(plain, seeds, strict=True)]

@@ -13,9 +13,12 @@ Opt. 37, 5271 (1998), Lorentz-Drude fit. Brass (70 % copper, 30 % zinc): M. R. Q
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
+
 from renderer.scene.description import Vec3
 
-__all__ = ["METALS"]
+__all__ = ["METALS", "head_on"]
 
 METALS: dict[str, tuple[Vec3, Vec3]] = {
     "aluminium": ((0.839, 0.575, 0.364), (6.079, 5.223, 4.173)),
@@ -30,3 +33,9 @@ METALS: dict[str, tuple[Vec3, Vec3]] = {
     "titanium": ((2.716, 2.511, 2.227), (3.791, 3.403, 2.999)),
     "tungsten": ((3.622, 3.496, 3.312), (2.908, 2.750, 2.496)),
 }
+
+
+def head_on(eta: npt.ArrayLike, k: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """What is reflected at normal incidence."""
+    n, absorbs = np.asarray(eta, np.float64), np.asarray(k, np.float64)
+    return np.asarray(((n - 1) ** 2 + absorbs**2) / ((n + 1) ** 2 + absorbs**2))

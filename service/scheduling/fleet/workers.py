@@ -32,6 +32,7 @@ AWAY_S = 30.0  # that a worker is waited for, if it lives: a host without power 
 ORDER_TTL_S = 7 * 86400  # a worker of that name may come back; some day nobody remembers why it was paused
 LOOK_SOON_S = 0.2  # while nobody is ready, or somebody starts: the first work should not wait for the next look
 FEW = 100  # workers: to look at so many takes a hundredth of that
+PUT_BACK_S = 2.0  # a clock that shows so much less than it should was set
 LOG_PATIENCE_S = 3.0
 MAX_LINES, MAX_LINE = 500, 2000
 
@@ -142,6 +143,7 @@ class Workers:
         self._strange: set[bytes] = set()  # keys whose reports make no sense, each named in the log once
         self._speeds = Speeds()
         self._vanished: dict[str, float] = {}  # workers whose report is gone, and since when
+        self._ahead = math.inf  # that Redis' clock was of this process' own, which nobody sets, at the last look
         self.roster = Roster()
 
     def look(self, now: bool = False) -> None:
@@ -151,6 +153,7 @@ class Workers:
             return
         self._looked = time.monotonic()
         keys = sorted(self._redis.scan_iter(WORKER_KEYS, count=1000))
+        self._look_at_clock([*keys, *(site_key(name) for name in self.roster.sites)])
         values: Any = self._redis.mget(keys) if keys else []
         found = [self._understand(key, value) for key, value in zip(keys, values, strict=True) if value is not None]
         reports = {report.name: report for report in found if report is not None}
@@ -169,6 +172,17 @@ class Workers:
             had, has = ((each.reports.get(name), each.orders.get(name), each.offers.get(name)) for each in (before, self.roster))
             if had != has:
                 self._on_change(name)
+
+    def _look_at_clock(self, keys: list[Any]) -> None:
+        """Where Redis' clock was put back, let reports expire as they were meant to: those of who is gone would stay for as much
+        longer, with all that it had in hand. Raises redis.RedisError."""
+        seconds, micros = self._redis.time()  # type: ignore[misc]
+        before, self._ahead = self._ahead, seconds + micros / 1e6 - time.monotonic()
+        if self._ahead > before - PUT_BACK_S:
+            return
+        for key in keys:
+            if self._redis.pttl(key) > 1000 * HEARTBEAT_TTL_S:  # type: ignore[operator]
+                self._redis.expire(key, HEARTBEAT_TTL_S)
 
     def _sites(self, offers: Mapping[str, Offer]) -> dict[str, SiteReport]:
         """The reducers of the workers' sites. Raises redis.RedisError."""

@@ -124,3 +124,15 @@ def version_skew(attack: Attack) -> None:
         attack.stream.forge(store, {b"event": json.dumps({"type": "of a newer release", "job": attack.job}).encode()})
         time.sleep(0.5)
     attack.over()
+
+
+@kind("Redis is full, then not")
+def full(attack: Attack) -> None:
+    store = attack.ground.store()
+    before = store.config_get("maxmemory")["maxmemory"]  # type: ignore[index]
+    store.config_set("maxmemory", 1)
+    try:
+        attack.pause(0.5, 8.0)
+    finally:
+        store.config_set("maxmemory", before)
+    attack.over()

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.scene.readers.pbrt.coats import dielectric_albedo, under_a_coat
+from renderer.scene.readers.coats import dielectric_albedo, under_a_coat
 from renderer.scene.readers.pbrt.conductors import _matched, head_on
 from renderer.scene.readers.pbrt.named import METALS
 from renderer.scene.readers.pbrt.observer import D65, MATCHING, WAVELENGTHS, at_wavelengths, planck

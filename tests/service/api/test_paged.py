@@ -14,7 +14,15 @@ from tests.service.api.test_access import caller
 from tests.service.conftest import Service
 
 MANY = 230
-LISTS = ("/api/users", "/api/tokens?all=true", "/api/quotas", "/api/projects", "/api/environments", "/api/references")
+LISTS = (
+    "/api/users",
+    "/api/tokens?all=true",
+    "/api/quotas",
+    "/api/projects",
+    "/api/shares",
+    "/api/environments",
+    "/api/references",
+)
 
 
 @pytest.fixture(scope="module")

@@ -183,6 +183,20 @@ def test_what_all_have_used_is_what_each_has(service: Service, chief: httpx.Clie
     until(lambda: listed() == each(), "both say the same, once what earlier tests have left is at rest", say=each)
 
 
+def test_a_page_of_the_list_looks_at_its_own_users_films_alone(
+    service: Service, chief: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with somebody(service, "hugo") as hugo, somebody(service, "ida") as ida:
+        scene = scene_of(hugo)
+        jobs = [asked(client, scene).raise_for_status().json()["id"] for client in (hugo, ida)]
+        looked_at: list[str] = []
+        monkeypatch.setattr(service.farm.quotas, "_size_of", lambda job: looked_at.append(job) or 0)
+        offset = [found["whose"] for found in chief.get("/api/quotas").json()].index("user:hugo")
+        looked_at.clear()
+        (found,) = chief.get(f"/api/quotas?limit=1&offset={offset}").raise_for_status().json()
+        assert (found["whose"], looked_at) == ("user:hugo", jobs[:1])
+
+
 def test_what_is_asked_of_a_shot_later_counts_for_each_of_its_frames(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "frida") as frida:
         scene = scene_of(frida)

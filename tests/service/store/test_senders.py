@@ -12,7 +12,8 @@ import pytest
 from service.store.film_check import film_samples, rows_left
 from service.store.film_copy import FilmCopy
 from service.store.film_version import VERSION, FilmShape
-from service.store.films import FOLD_AT, MOST_APART, Film
+from service.store.films import Film
+from service.store.folding import FOLD_AT, MOST_APART
 from service.store.parts import Part
 from service.store.senders import MOST, senders_of, senders_text
 from service.store.tile_cache import TileCache

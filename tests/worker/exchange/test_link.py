@@ -128,3 +128,10 @@ def test_a_blob_that_arrives_damaged_is_refused() -> None:
     assert out.getvalue() == data
     with pytest.raises(LinkError, match="damaged"):
         link(httpx.Response(200, content=data + b"!")).fetch(hashlib.sha256(data).hexdigest(), io.BytesIO())
+
+
+@pytest.mark.parametrize("token", ["", " ", "\n"])
+def test_a_variable_that_is_set_to_nothing_is_no_token(token: str) -> None:
+    """As of `RAYFARM_TOKEN=$(cat a-file-that-is-not-there)`: to wait for a farm that takes it would be to wait for ever."""
+    with pytest.raises(RefusedError, match="RAYFARM_TOKEN is empty"):
+        Link("http://127.0.0.1:9", token)

@@ -89,7 +89,7 @@ function pictureOption(/** @type {Job} */ { id }) {
     update(job) {
       const { name, settings, width, height } = job;
       const integrator = settings && valueText(settingOf("settings", "integrator"), settings.integrator);
-      const facts = [name, integrator, endOf(job), `${width}×${height}`];
+      const facts = [name, endOf(job), `${width}×${height}`, integrator]; // a narrow page cuts the end off
       setText(element, facts.filter(Boolean).join(" · "));
     },
   };

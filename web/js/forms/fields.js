@@ -147,6 +147,11 @@ export function segments(label, options, changed) {
   };
 }
 
+/** Where a pointer chose to type something; keys go on among the choices. @param {HTMLInputElement} input */
+export function typeNext(input) {
+  if (!document.activeElement?.matches(":focus-visible")) input.focus();
+}
+
 /** @param {HTMLInputElement} input @param {number} fallback */
 export function numberOf(input, fallback) {
   return Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : fallback;

@@ -2,7 +2,7 @@
 
 import { h, setText } from "../base/dom.js";
 import { noiseText, roughly } from "../base/format.js";
-import { field, freshId, numberOf } from "./fields.js";
+import { field, freshId, numberOf, typeNext } from "./fields.js";
 import { CUSTOM, QUALITIES } from "./render-presets.js";
 import { numberFor } from "./setting-field.js";
 import { addSlider } from "./slider.js";
@@ -40,7 +40,7 @@ export function qualityFields(defaults, changed, expect) {
       onchange() {
         custom.hidden = quality.spp !== null;
         if (quality.spp !== null) spp.value = String(quality.spp);
-        else spp.focus();
+        else typeNext(spp);
         update();
         changed();
       },

@@ -1,7 +1,7 @@
 /** The size of a picture: presets along the longer side in the scene's own aspect, or any two numbers. */
 
 import { h, setText } from "../base/dom.js";
-import { field, numberOf, segments } from "./fields.js";
+import { field, numberOf, segments, typeNext } from "./fields.js";
 import { CUSTOM, DEFAULT_ASPECT, SIZES, sizeOf } from "./render-presets.js";
 import { numberFor } from "./setting-field.js";
 import { settingOf } from "../news/settings-table.js";
@@ -36,7 +36,7 @@ export function sizeFields(defaults, changed) {
     const preset = SIZES.find((size) => size.name === name);
     custom.hidden = preset !== undefined;
     if (preset) show(sizeOf(preset.long, aspect));
-    else width.focus();
+    else typeNext(width);
   };
   const choices = [...SIZES.map(({ name, label }) => ({ value: name, label })), { value: CUSTOM, label: t("Custom") }];
   const size = segments(t("Size"), choices, choose);

@@ -165,7 +165,7 @@ function goal(job) {
   if (isShot(job) && job.shot) return `${framesDone(job.shot).replace(/^[\d,]+ /, "")}, ${endOf(job)}`;
   if (job.noise != null) return t("samples per pixel, until the noise is {noise}", { noise: valueText(settingOf("work", "noise"), job.noise) });
   if (job.seconds != null) return t("samples per pixel, for {time}", { time: clock(job.seconds) });
-  return t("of {n} samples per pixel", { n: count(job.spp ?? 0) });
+  return tn(job.spp ?? 0, "of {n} sample per pixel", "of {n} samples per pixel", { n: count(job.spp ?? 0) });
 }
 
 /** @returns {{element: HTMLElement, update: (job: Job) => void}} */

@@ -109,11 +109,23 @@ async function answerOf(method, path, { json, headers = {}, signal, keepalive } 
  */
 
 const PAGE = 100;
+const MOST = 1000; // that the service tells at once
 
 /** @param {string} path @param {number} offset how many come before @returns {Promise<Page<any>>} */
 export async function getPage(path, offset = 0) {
   const { data, total } = await answerOf("GET", `${path}${path.includes("?") ? "&" : "?"}limit=${PAGE}&offset=${offset}`);
   return { items: data, total };
+}
+
+/** For what has to know all of a list. @param {string} path @returns {Promise<any[]>} */
+export async function getAll(path) {
+  const found = [];
+  let page;
+  do {
+    page = await answerOf("GET", `${path}?limit=${MOST}&offset=${found.length}`);
+    found.push(...page.data);
+  } while (page.data.length && found.length < page.total);
+  return found;
 }
 
 export const UPLOAD_URL = "api/scenes";

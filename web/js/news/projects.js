@@ -1,6 +1,6 @@
 /** Which project the page works in, where the farm asks for a login and one is a member of some; and what one may do there. */
 
-import { call } from "./api.js";
+import { getAll } from "./api.js";
 import { may, session } from "./session.js";
 import { chooseProject, chosenProject } from "../base/project.js";
 import { Store } from "../base/store.js";
@@ -16,7 +16,7 @@ const onlySeen = new Set();
 export async function lookAtProjects() {
   const { name: me } = session.value;
   try {
-    const found = /** @type {{name: string, roles?: Record<string, string>}[]} */ (await call("GET", "/projects"));
+    const found = /** @type {{name: string, roles?: Record<string, string>}[]} */ (await getAll("/projects"));
     onlySeen.clear();
     for (const { name, roles } of found) if (!may("admin") && roles?.[me ?? ""] === "view") onlySeen.add(name);
     projects.set(found.map(({ name }) => name));

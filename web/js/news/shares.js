@@ -1,6 +1,6 @@
 /** What each user's jobs get of the slots, and each project's that has terms of its own. */
 
-import { call } from "./api.js";
+import { call, getPage } from "./api.js";
 
 /**
  * @typedef {object} Share
@@ -11,8 +11,8 @@ import { call } from "./api.js";
  * @property {number} jobs that are not over
  */
 
-/** @returns {Promise<Share[]>} by name */
-export const getShares = () => call("GET", "/shares");
+/** @param {number} offset @returns {Promise<import("./api.js").Page<Share>>} by name */
+export const getShares = (offset) => getPage("/shares", offset);
 
 /** @param {string} share @param {{weight: number, max_slots: number | null}} terms @returns {Promise<Share>} */
 export const setShare = (share, terms) => call("PUT", `/shares/${encodeURIComponent(share)}`, { json: terms });

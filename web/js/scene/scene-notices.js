@@ -4,7 +4,8 @@ import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { said } from "../base/said.js";
 import { t, tn } from "../base/words.js";
-import { LACKS, addFiles, choose, showOther } from "../shell/uploads.js";
+import { choose } from "../shell/drops.js";
+import { LACKS, addFiles, showOther } from "../shell/uploads.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 

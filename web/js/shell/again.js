@@ -20,16 +20,33 @@
     }
   }
 
+  /** @returns {boolean} whether the page will be loaded again by itself */
+  function loadAgain() {
+    if (isFailed) return true;
+    const wait = WAITS_MS[tried(1)];
+    if (wait === undefined) return false;
+    isFailed = true;
+    setTimeout(() => location.reload(), wait);
+    return true;
+  }
+
   addEventListener(
     "error",
     ({ target }) => {
-      if (isFailed || !(target instanceof HTMLScriptElement) || target.type !== "module") return;
-      isFailed = true;
-      const wait = WAITS_MS[tried(1)];
-      if (wait !== undefined) setTimeout(() => location.reload(), wait);
-      else (document.getElementById("main") ?? document.body).textContent = "The page could not be loaded. Is the service running? Reload the page to try again.";
+      const isModule = target instanceof HTMLScriptElement && target.type === "module";
+      const isSheet = target instanceof HTMLLinkElement && target.rel === "stylesheet";
+      if (!isModule && !isSheet) return;
+      if (!loadAgain() && isModule)
+        (document.getElementById("main") ?? document.body).textContent = "The page could not be loaded. Is the service running? Reload the page to try again.";
     },
     true, // such an event does not bubble
   );
-  addEventListener("load", () => isFailed || tried(null));
+
+  Object.assign(window, {
+    rayfarmAgain: {
+      loadAgain,
+      /** The page stands. */
+      stands: () => isFailed || tried(null),
+    },
+  });
 })();

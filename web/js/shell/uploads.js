@@ -1,16 +1,15 @@
-/** Dropping and choosing files: from the drop to the scene's page, with a card in the tray on the way. */
+/** Files that were dropped or chosen: on their way to the scene's page, with a card in the tray. */
 
 import { ApiError, deleteScene, getInfo } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptScene, scenes } from "../news/farm.js";
 import { bytes, clock } from "../base/format.js";
-import { chosenProject } from "../base/project.js";
-import { filesOfDrop, filesOfList, titleOf } from "./gather-files.js";
+import { choose, pick } from "./drops.js";
+import { titleOf } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { areImages, hasLight, offerLight } from "./light-drop.js";
 import { addEnvironment } from "../news/environments.js";
 import { said } from "../base/said.js";
-import { mayChange } from "../news/projects.js";
 import { go, here } from "./router.js";
 import { Card, announce, offerNews, showError } from "./tray.js";
 import { Pace } from "./upload-pace.js";
@@ -30,7 +29,7 @@ const ANSWER_MS = 300;
 const STALLED_MS = 15_000;
 
 /** @param {NamedFile[]} files */
-async function start(files) {
+export async function start(files) {
   if (!files.length) {
     const { formats } = await getInfo();
     showError(t("Nothing to upload"), t("There was no file in what you dropped. A scene is one of {formats}.", { formats: formats.join(" ") }));
@@ -253,84 +252,5 @@ function explainImages(files) {
   };
   showError(t("{name} is no scene", { name }), isLight ? t("It can light one: open a scene, and drop it there.") : t("Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it."), {
     action: isLight ? { label: t("Add it to the lights"), run: keep } : undefined,
-  });
-}
-
-/**
- * @param {() => NamedFile[] | Promise<NamedFile[]>} gather
- * @param {(files: NamedFile[]) => Promise<void>} [take]
- */
-async function startFrom(gather, take = start) {
-  let files;
-  try {
-    files = await gather();
-  } catch (error) {
-    showError(t("The files could not be read"), error);
-    return;
-  }
-  await attempt(files, take);
-}
-
-/** @param {NamedFile[]} files @param {(files: NamedFile[]) => Promise<void>} take */
-async function attempt(files, take) {
-  try {
-    await take(files);
-  } catch (error) {
-    showError(t("{title} was not taken", { title: titleOf(files) }), error, { action: { label: t("Try again"), run: () => void attempt(files, take) } });
-  }
-}
-
-/**
- * Opens the system's file dialog.
- *
- * @param {{folder: boolean}} options
- */
-export const choose = ({ folder }) => pick({ folder }, start);
-
-/**
- * @param {{folder: boolean}} options
- * @param {(files: NamedFile[]) => Promise<void>} take
- */
-function pick({ folder }, take) {
-  const input = h("input", { type: "file", multiple: true, webkitdirectory: folder, hidden: true });
-  input.addEventListener("change", () => void startFrom(() => filesOfList(input.files ?? new DataTransfer().files), take));
-  input.addEventListener("cancel", () => input.remove());
-  input.addEventListener("change", () => input.remove());
-  document.body.append(input);
-  input.click();
-}
-
-/** Lets files be dropped anywhere on the page. */
-export function acceptDrops() {
-  const veil = /** @type {HTMLElement} */ (document.getElementById("drop-veil"));
-  fill(
-    veil,
-    icon("upload"),
-    h("strong", null, t("Drop to upload")),
-    h("span", { class: "quiet" }, t("A scene: its file, its folder or a zip; or an HDRI, to light the scene that is open")),
-  );
-  let depth = 0; // enter and leave fire for every element that is crossed
-  /** @param {DragEvent} event */
-  const hasFiles = (event) => event.dataTransfer?.types.includes("Files") ?? false;
-  const isFree = mayChange(chosenProject());
-  /** @param {number} next */
-  const setDepth = (next) => {
-    depth = Math.max(0, next);
-    veil.hidden = depth === 0 || !isFree;
-  };
-  addEventListener("dragenter", (event) => hasFiles(event) && setDepth(depth + 1));
-  addEventListener("dragleave", (event) => hasFiles(event) && setDepth(depth - 1));
-  addEventListener("dragover", (event) => {
-    if (!hasFiles(event)) return;
-    event.preventDefault(); // else the browser leaves the page for the file
-    if (!isFree && event.dataTransfer) event.dataTransfer.dropEffect = "none";
-  });
-  addEventListener("drop", (event) => {
-    if (!hasFiles(event) || !event.dataTransfer) return;
-    event.preventDefault();
-    setDepth(0);
-    if (!isFree) return;
-    const gathering = filesOfDrop(event.dataTransfer);
-    void startFrom(() => gathering);
   });
 }

@@ -7,7 +7,7 @@ import { change } from "../job/job-panel.js";
 import { stateChip } from "../shell/state-chip.js";
 import { announce } from "../shell/tray.js";
 import { said } from "../base/said.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
@@ -36,7 +36,7 @@ export function framePanel(job, frames, life) {
     setText(title, t("Frame {number}", { number: frames.current.value ?? "" }));
     chip.update(frame?.state ?? "queued");
     const noise = frame?.noise == null ? "" : t(", noise {noise}", { noise: percent(frame.noise) });
-    setText(facts, frame ? t("{n} samples per pixel", { n: compact(frame.spp) }) + noise : " ");
+    setText(facts, frame ? tn(frame.spp, "{n} sample per pixel", "{n} samples per pixel", { n: compact(frame.spp) }) + noise : " ");
     error.hidden = !frame?.error;
     setText(error, said(frame?.error));
     const isFirst = job().shot?.first === frames.current.value;

@@ -4,6 +4,7 @@ import { getExamples, openExample } from "../news/api.js";
 import { getComparisons, openComparison } from "../compare/comparisons.js";
 import { fill, h, keyedList } from "../base/dom.js";
 import { adoptScene, hidden, jobs, scenes, workers } from "../news/farm.js";
+import { choose } from "../shell/drops.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { linkTo, setTitle } from "../shell/router.js";
@@ -12,7 +13,6 @@ import { mayChange } from "../news/projects.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { Disposer } from "../base/store.js";
 import { showError } from "../shell/tray.js";
-import { choose } from "../shell/uploads.js";
 import { jobRow } from "./job-row.js";
 import { sceneGrid } from "./scene-grid.js";
 import { t } from "../base/words.js";
@@ -66,7 +66,9 @@ export function homeView() {
     life.add(/** @type {import("../base/store.js").Store<any>} */ (store).subscribe(refresh));
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
 
-  Promise.all([getExamples(), getComparisons()]).then(
+  // Their pictures are large, and on a slow line what is there already should not come after them.
+  const told = new Promise((done) => life.add(scenes.subscribe((all) => all && done(null))));
+  Promise.all([getExamples(), getComparisons(), told]).then(
     ([examples, comparisons]) => {
       fill(
         exampleGrid,

@@ -4,8 +4,10 @@ import { getShares, resetShare, setShare } from "../news/shares.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { t } from "../base/words.js";
+import { Listing } from "../news/listing.js";
 import { projects } from "../news/projects.js";
 import { may } from "../news/session.js";
+import { moreButton } from "../shell/more-button.js";
 import { showError } from "../shell/tray.js";
 
 /** @typedef {import("../news/shares.js").Share} Share */
@@ -34,7 +36,8 @@ export function sharesSection(life) {
   /** @param {Share[]} all */
   const offer = (all) => {
     const free = projects.value.filter((name) => !all.some(({ share }) => share === `project:${name}`));
-    form.hidden = free.length === 0 || !may("admin");
+    const areAllKnown = !shares.hasMore || !all.at(-1)?.share.startsWith("project:"); // they come before users
+    form.hidden = free.length === 0 || !areAllKnown || !may("admin");
     if (free.join() === offered) return; // a menu that is open stays so
     offered = free.join();
     fill(project, free.map((name) => h("option", { value: name }, name)));
@@ -46,13 +49,21 @@ export function sharesSection(life) {
     h("thead", null, h("tr", null, [t("Whose"), t("Weight"), t("Slots at most"), t("Slots now"), t("Jobs")].map((head) => h("th", { scope: "col" }, head)), h("td", null))),
     body,
   );
-  const renew = async () => {
-    if (!details.open) return;
-    try {
-      const all = await getShares();
+  const shares = new Listing(getShares);
+  const more = moreButton(shares);
+  life.add(more.dispose);
+  life.add(
+    shares.subscribe((all) => {
+      if (all === null) return;
       show(all);
       offer(all);
       table.hidden = !(empty.hidden = all.length > 0);
+    }),
+  );
+  const renew = async () => {
+    if (!details.open) return;
+    try {
+      await shares.load();
     } catch (error) {
       if (!body.children.length) showError(t("The shares cannot be shown"), error);
     }
@@ -67,6 +78,7 @@ export function sharesSection(life) {
       h("p", { class: "quiet about" }, t("Jobs of equal priority share the slots by owner, in proportion to these weights. What one does not use goes to the others.")),
       h("p", { class: "quiet about" }, t("A project with a share of its own covers all jobs in it, whoever submitted them.")),
       h("div", { class: "scrolls", tabIndex: 0 }, table),
+      more.element,
       empty,
       form,
     ),

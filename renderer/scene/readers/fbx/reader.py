@@ -241,7 +241,9 @@ class _Reader:
         try:
             world = self._finite(matrix(node.node_to_world), node)
             camera = at(layout.Camera, node.camera)
-            view = lights.read_camera(camera, world, (number_of(camera, b"FilmOffsetX"), number_of(camera, b"FilmOffsetY")))
+            offset = number_of(camera, b"FilmOffsetX"), number_of(camera, b"FilmOffsetY")
+            near = number_of(camera, b"NearPlane") * float(self._scene.settings.unit)  # 0 where the file does not say
+            view = lights.read_camera(camera, world, offset, near)
             if is_set(camera, b"UseDepthOfField"):
                 self._odd["cameras with depth of field, whose aperture FBX does not tell: sharp everywhere"] += 1
         except SettingsError as error:

@@ -8,9 +8,12 @@ import numpy as np
 
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.transforms import Matrix, unit_vector, vec3
+from renderer.scene.readers.numbers import clamped
 from renderer.settings import View
 
 __all__ = ["read_camera"]
+
+_FAR = 1e9
 
 
 def read_camera(source: Json, world: Matrix) -> View:
@@ -20,7 +23,13 @@ def read_camera(source: Json, world: Matrix) -> View:
     orthographic = source.object("orthographic")
     if source.text("type", "perspective") == "orthographic" and orthographic:
         height = 2 * abs(orthographic.number("ymag", 1.0))
-        return View(vec3(eye), vec3(target), vec3(up), projection="orthographic", height=height)
+        near = _near(orthographic)
+        return View(vec3(eye), vec3(target), vec3(up), projection="orthographic", height=height, near=near)
     perspective = source.object("perspective")
     fov = math.degrees(perspective.number("yfov", math.radians(40)) if perspective else math.radians(40))
-    return View(vec3(eye), vec3(target), vec3(up), fov)
+    return View(vec3(eye), vec3(target), vec3(up), fov, near=_near(perspective))
+
+
+def _near(source: Json | None) -> float:
+    """What stands before it is cut away, as by every program that shows glTF."""
+    return 0.0 if source is None else clamped(source.number("znear", 0.0), 0.0, _FAR)

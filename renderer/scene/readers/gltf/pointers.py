@@ -35,6 +35,8 @@ _KINDS: dict[str, Kind] = {
     "/meshes/{}/weights/{}": "number",
     "/cameras/{}/orthographic/ymag": "number",
     "/cameras/{}/perspective/yfov": "number",
+    "/cameras/{}/orthographic/znear": "number",
+    "/cameras/{}/perspective/znear": "number",
     f"{_LIGHT}/color": "triple",
     f"{_LIGHT}/intensity": "number",
     f"{_LIGHT}/spot/innerConeAngle": "number",
@@ -72,8 +74,8 @@ for _texture in _TEXTURES:
 # What moves without being seen: hints for rasterisers, and what people may do with a node.
 _OCCLUSION = f"{_MATERIAL}/occlusionTexture"
 IDLE = {
-    *(f"/cameras/{{}}/orthographic/{key}" for key in ("xmag", "zfar", "znear")),
-    *(f"/cameras/{{}}/perspective/{key}" for key in ("aspectRatio", "zfar", "znear")),
+    *(f"/cameras/{{}}/orthographic/{key}" for key in ("xmag", "zfar")),
+    *(f"/cameras/{{}}/perspective/{key}" for key in ("aspectRatio", "zfar")),
     f"{_LIGHT}/range",
     f"{_OCCLUSION}/strength",
     *(f"{_OCCLUSION}/extensions/KHR_texture_transform/{key}" for key in _OF_TEXTURE),

@@ -8,10 +8,16 @@ from typing import Any
 
 from renderer.scene.description import Material, SceneDescription
 from renderer.scene.material import ALL_REFLECTING_IOR
-from renderer.scene.readers.metals import METALS
+from renderer.scene.readers.brushed import brushed
+from renderer.scene.readers.coats import coat_over, pane_ior
+from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.mitsuba.document import Document, Element
+from renderer.scene.readers.mitsuba.metals import CONDUCTORS
+from renderer.scene.readers.mitsuba.principled import principled
+from renderer.scene.readers.mitsuba.rough_coats import rough_coat
 from renderer.scene.readers.mitsuba.textures import Textures
 from renderer.scene.readers.mitsuba.values import rgb
+from renderer.scene.readers.numbers import clamped, unit
 
 __all__ = ["Bsdfs"]
 
@@ -41,18 +47,6 @@ _IORS = {
     "pet": 1.575,
     "diamond": 2.419,
 }
-_METALS = {
-    "Al": "aluminium",
-    "Au": "gold",
-    "Ag": "silver",
-    "Cr": "chromium",
-    "Cu": "copper",
-    "W": "tungsten",
-    "Ni": "nickel",
-    "Pt": "platinum",
-    "Ti": "titanium",
-    "Fe": "iron",
-}
 _MAX_NESTED = 16
 
 
@@ -62,6 +56,8 @@ class Bsdfs:
     def __init__(self, document: Document, textures: Textures, description: SceneDescription) -> None:
         self._document, self._textures, self._description = document, textures, description
         self._numbers: dict[tuple[Any, ...], int] = {}
+        self.by_vertices: set[int] = set()  # materials whose colour is that of a mesh's vertices
+        self.inside_out: set[int] = set()  # materials thinner than what surrounds them: theirs is the outside that is filled
 
     def material(self, shape: Element) -> int:
         """The material of a shape: of its BSDF, with the light of its area emitter."""
@@ -69,12 +65,17 @@ class Bsdfs:
         emitter = next((each for each in shape.of("emitter") if each.type == "area"), None)
         key = (id(source), id(emitter))
         if key not in self._numbers:
+            self._textures.by_vertices = False
             made = self._made(source, 0) if source is not None else Material(base_color=(0.5, 0.5, 0.5))
             if emitter is not None:
                 emission, texture = self._textures.color(emitter, "radiance", 1.0, is_light=True)
                 made = replace(made, emission=emission, emission_texture=texture)
             self._description.materials.append(made)
             self._numbers[key] = len(self._description.materials) - 1
+            if self._textures.by_vertices:
+                self.by_vertices.add(self._numbers[key])
+            if source is not None and self._is_inside_out(source):
+                self.inside_out.add(self._numbers[key])
         return self._numbers[key]
 
     def _made(self, source: Element, depth: int) -> Material:
@@ -120,6 +121,13 @@ class Bsdfs:
         self._document.ignore(f"{source.what} is not read: rendered as a grey matt surface")
         return Material(name, base_color=(0.5, 0.5, 0.5))
 
+    def _is_inside_out(self, source: Element) -> bool:
+        """Whether it is of glass whose inside is optically thinner than its outside, as a bubble in water is."""
+        if source.type in ("dielectric", "roughdielectric"):
+            return self._ior(source, "int_ior", "bk7") < self._ior(source, "ext_ior", "air")
+        inner = source.of("bsdf")
+        return source.type in ("mask", "normalmap") and bool(inner) and self._is_inside_out(inner[0])
+
     def _diffuse(self, source: Element) -> Material:
         color, texture = self._textures.color(source, "reflectance", 0.5)
         if source.type == "roughdiffuse" and source.number("alpha", 0.2) > 0:
@@ -131,77 +139,55 @@ class Bsdfs:
         color, texture = self._textures.color(source, "specular_transmittance", 1.0)
         if rgb(source.get("specular_reflectance", 1.0)) != (1.0, 1.0, 1.0):
             self._document.ignore(f"{source.what}: the colour of its reflection is not taken over")
+        ior = max(inside / outside, outside / inside)
         is_thin = source.type == "thindielectric"
+        rough = self._rough(source, 0.1) if source.type == "roughdielectric" else {"roughness": 0.0}
         return Material(
             kind="glass",
             base_color=color,
             base_color_texture=texture,
-            ior=min(max(inside / outside if inside >= outside else outside / inside, 1.0), ALL_REFLECTING_IOR),
-            roughness=self._roughness(source, 0.1) if source.type == "roughdielectric" else 0.0,
+            ior=clamped(pane_ior(ior) if is_thin else ior, 1.0, ALL_REFLECTING_IOR),
             thin=is_thin,
+            **rough,
         )
 
     def _metal(self, source: Element) -> Material:
         color, texture = self._textures.color(source, "specular_reflectance", 1.0)
-        roughness = self._roughness(source, 0.1) if source.type == "roughconductor" else 0.0
+        rough = self._rough(source, 0.1, brushes=True) if source.type == "roughconductor" else {"roughness": 0.0}
         named = source.get("material")
         if named is None and source.get("eta") is None and source.get("k") is None:
-            named = "none" if source.type == "conductor" else "Cu"
+            named = "Cu" if self._document.is_old else "none"
         if named == "none":
-            if roughness == 0:
+            if rough["roughness"] == 0:
                 return Material(kind="mirror", base_color=color, base_color_texture=texture)
-            return Material(
-                kind="metallic_roughness", base_color=color, base_color_texture=texture, metallic=1.0, roughness=roughness
-            )
+            return Material(kind="metallic_roughness", base_color=color, base_color_texture=texture, metallic=1.0, **rough)
         if named is not None:
-            known = _METALS.get(str(named).partition("_")[0])
+            known = CONDUCTORS.get(str(named).partition("_")[0])
             if known is None:
                 self._document.ignore(f"{source.what}: the metal {str(named)[:40]} is not known here; rendered as aluminium")
-            eta, k = METALS[known or "aluminium"]
+            eta, k = known or CONDUCTORS["Al"]
         else:
             eta, k = rgb(source.get("eta", 0.0)), rgb(source.get("k", 1.0))
             outside = self._ior(source, "ext_eta", "air")
             eta, k = tuple(v / outside for v in eta), tuple(v / outside for v in k)  # type: ignore[assignment]
-        if color != (1.0, 1.0, 1.0) or texture is not None:
-            self._document.ignore(f"{source.what}: the colour that its reflection is multiplied by is not taken over")
-        return Material(kind="conductor", eta=eta, k=k, roughness=roughness)
+        if color == (1.0, 1.0, 1.0) and texture is None:
+            return Material(kind="conductor", eta=eta, k=k, **rough)
+        r, g, b = (unit(c * head) for c, head in zip(color, head_on(eta, k), strict=True))
+        return Material(kind="metallic_roughness", base_color=(r, g, b), base_color_texture=texture, metallic=1.0, **rough)
 
     def _plastic(self, source: Element) -> Material:
         color, texture = self._textures.color(source, "diffuse_reflectance", 0.5)
         inside, outside = self._ior(source, "int_ior", "polypropylene"), self._ior(source, "ext_ior", "air")
-        return Material(
-            kind="metallic_roughness",
-            base_color=color,
-            base_color_texture=texture,
-            ior=min(max(inside / outside, 1.0), ALL_REFLECTING_IOR),
-            roughness=0.0 if source.type == "plastic" else self._roughness(source, 0.1),
-        )
+        ior = clamped(inside / outside, 1.0, ALL_REFLECTING_IOR)
+        rough = {"roughness": 0.0} if source.type == "plastic" else self._rough(source, 0.1)
+        left = 1.0 if source.type == "plastic" else rough_coat(ior, unit(self._textures.number(source, "alpha", 0.1)))
+        if source.flag("nonlinear", False):
+            color, texture = self._textures.coated(color, texture, 1 - (1 - coat_over(ior)) / left)
+        color, texture = self._textures.scaled(color, texture, left)
+        return Material(kind="metallic_roughness", base_color=color, base_color_texture=texture, ior=ior, **rough)
 
     def _principled(self, source: Element) -> Material:
-        color, texture = self._textures.color(source, "base_color", 0.5)
-        number = self._textures.number
-        specular = source.get("specular")
-        # Burley's specular of 0.5 is an index of 1.5: F0 = 0.08 specular.
-        ior = source.number("eta", 1.5) if specular is None else _ior_of(0.08 * number(source, "specular", 0.5))
-        for name in ("flatness", "spec_tint", "diff_trans"):
-            if number(source, name, 0.0) > 0:
-                self._document.ignore(f"{source.what}: its {name} is not taken over")
-        sheen = number(source, "sheen", 0.0)
-        return Material(
-            kind="metallic_roughness",
-            base_color=color,
-            base_color_texture=texture,
-            metallic=_unit(number(source, "metallic", 0.0)),
-            roughness=_unit(number(source, "roughness", 0.5)),
-            ior=min(max(ior, 1.0), ALL_REFLECTING_IOR),
-            transmission=_unit(number(source, "spec_trans", 0.0)),
-            thin=source.type == "principledthin",
-            anisotropy=_unit(number(source, "anisotropic", 0.0)),
-            clearcoat=_unit(number(source, "clearcoat", 0.0)),
-            clearcoat_roughness=_unit(1 - number(source, "clearcoat_gloss", 0.0)),
-            sheen_color=(_unit(sheen),) * 3,
-            sheen_roughness=0.5 if sheen > 0 else 0.0,
-        )
+        return principled(source, self._textures, self._document)
 
     def _phong(self, source: Element) -> Material:
         color, texture = self._textures.color(source, "diffuse_reflectance", 0.5)
@@ -214,7 +200,7 @@ class Bsdfs:
     def _masked(self, source: Element, inner: Material) -> Material:
         texture = source.child("opacity")
         if texture is None:
-            return replace(inner, opacity=_unit(rgb(source.get("opacity", 0.5))[0]), alpha_mode="blend")
+            return replace(inner, opacity=unit(rgb(source.get("opacity", 0.5))[0]), alpha_mode="blend")
         mask = self._textures.texture(texture, False)
         if mask is None:
             return replace(inner, opacity=0.5, alpha_mode="blend")
@@ -228,15 +214,19 @@ class Bsdfs:
             )
         return inner if texture is None else replace(inner, normal_texture=self._textures.texture(texture, False))
 
-    def _roughness(self, source: Element, default: float) -> float:
-        """Of a microfacet distribution of GGX; of Beckmann's, as rough."""
-        if source.get("alpha_u") is not None or source.get("alpha_v") is not None:
-            u, v = source.number("alpha_u", default), source.number("alpha_v", default)
-            self._document.ignore(f"{source.what}: it is as rough in both directions here")
-            return _unit(math.sqrt(math.sqrt(max(u * v, 0.0))))
+    def _rough(self, source: Element, default: float, brushes: bool = False) -> dict[str, Any]:
+        """Roughness of a microfacet distribution of GGX; of Beckmann's, as rough. brushes: whether the kind can be brushed."""
         if source.get("distribution", "beckmann") != "ggx":
             self._document.ignore(f"{source.what}: its distribution is rendered as GGX with the same alpha")
-        return _unit(math.sqrt(max(self._textures.number(source, "alpha", default), 0.0)))
+        if any(source.child(name) is not None or source.get(name) is not None for name in ("alpha_u", "alpha_v")):
+            along, across = (unit(self._textures.number(source, name, default)) for name in ("alpha_u", "alpha_v"))
+            if brushes or along == across:
+                return brushed(along, across)
+            self._document.ignore(f"{source.what}: it is as rough in both directions here")
+            return {"roughness": math.sqrt(math.sqrt(along * across))}
+        roughness, texture = self._textures.amount(source, "alpha", default, 0.5)
+        packed = None if texture is None else self._textures.roughness_and_metal(texture, None)
+        return {"roughness": unit(roughness), "metallic_roughness_texture": packed}
 
     def _ior(self, source: Element, name: str, default: str) -> float:
         found = source.get(name, default)
@@ -245,13 +235,3 @@ class Bsdfs:
                 self._document.ignore(f"{source.what}: the material {found[:40]!r} is not known here; its index is taken as 1.5")
             return _IORS.get(found.lower(), 1.5)
         return max(source.number(name, _IORS[default]), 1e-3)
-
-
-def _unit(value: float) -> float:
-    return min(max(value, 0.0), 1.0)
-
-
-def _ior_of(reflectance: float) -> float:
-    """The index by which normal incidence reflects so much."""
-    root = math.sqrt(min(max(reflectance, 0.0), 0.99))
-    return (1 + root) / (1 - root)

@@ -66,6 +66,8 @@ class Element:
         found = self.get(name, default)
         if isinstance(found, np.ndarray):
             return float(found.mean())
+        if isinstance(found, values.Spectrum):
+            return found.mean
         if isinstance(found, str):
             raise SceneError(f"{self.file}: {name} of {self.what} is {found[:40]!r}; it takes a number")
         return float(found)
@@ -114,7 +116,7 @@ class Document:
         root = self._parsed(main)
         if root.tag != "scene":
             raise SceneError(f"{main}: begins with <{root.tag[:40]}>; a scene of Mitsuba begins with <scene>")
-        self._is_old = root.get("version", "3").startswith("0.")
+        self.is_old = root.get("version", "3").startswith("0.")
         self._waiting: list[tuple[Element, int, str, str, str]] = []
         self.scene = self._object(root, main, 0)
         for made, at, wanted, name, where in self._waiting:
@@ -213,7 +215,9 @@ class Document:
                 self.ignore("The file moves things over time: what is shown is their first place")
             steps = [(step.tag, {key: self._text(step, key, file) for key in step.keys()}) for step in inner]  # noqa: SIM118
         try:
-            return values.value(part.tag, written, steps, lambda name: self._curve(name, file))
+            found = values.value(part.tag, written, steps, lambda name: self._curve(name, file))
+            is_even = part.tag == "spectrum" and not self.is_old and isinstance(found, np.ndarray) and len(set(found)) == 1
+            return values.Spectrum.even(float(found[0])) if is_even else found
         except ValueError as error:
             raise SceneError(f"{file}: <{part.tag[:40]} name={written.get('name', '')[:40]!r}>: {error}") from None
 
@@ -239,4 +243,4 @@ class Document:
 
     def _key(self, name: str) -> str:
         """A property's name as Mitsuba 3 writes it: toWorld of 0.6 is to_world."""
-        return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower() if getattr(self, "_is_old", False) else name
+        return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower() if getattr(self, "is_old", False) else name

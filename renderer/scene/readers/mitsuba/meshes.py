@@ -9,6 +9,7 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from renderer.errors import SceneError
+from renderer.image.tonemap import encode_srgb
 from renderer.scene.description import Mesh, SceneDescription
 from renderer.scene.normals import smoothed
 from renderer.scene.readers.by_format import read_file
@@ -16,10 +17,11 @@ from renderer.scene.readers.mitsuba import formulas
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.serialized import read_serialized
 
-__all__ = ["FORMULAS", "MESH_FILES", "meshes_of"]
+__all__ = ["FORMULAS", "MESH_FILES", "file_of", "meshes_of", "turned"]
 
 MESH_FILES = ("obj", "ply", "serialized")
 _NORMALS = {"obj": rb"(?m)^\s*vn\s", "ply": rb"\A[^\0]{0,20000}?property\s+\w+\s+nx\b"}  # where a file has some
+_LINEAR_COLORS = re.compile(rb"\A[^\0]{0,20000}?property\s+(?:float|double|half)\w*\s+(?:r|red)\b")
 _EVERY_EDGE = 181.0
 FORMULAS = ("rectangle", "cube", "disk", "cylinder")
 
@@ -38,15 +40,21 @@ def meshes_of(shape: Element, document: Document) -> list[tuple[Mesh, np.ndarray
     else:
         found = _of_file(shape, document)
     if shape.flag("flip_normals", False):
-        found = [(_turned(mesh), place) for mesh, place in found]
+        found = [(turned(mesh), place) for mesh, place in found]
     return found
 
 
-def _of_file(shape: Element, document: Document) -> list[tuple[Mesh, np.ndarray]]:
+def file_of(shape: Element, document: Document) -> str:
+    """The name of a shape's file. Raises SceneError where it is not there."""
     wanted = str(shape.get("filename", ""))
     name = document.files.find(wanted, shape.file)
     if name is None:
         raise SceneError(f"{shape.file}: {PurePosixPath(wanted).name[:120] or shape.what} is not among the files; add it")
+    return name
+
+
+def _of_file(shape: Element, document: Document) -> list[tuple[Mesh, np.ndarray]]:
+    name = file_of(shape, document)
     if shape.type == "serialized":
         index = int(shape.number("shape_index", 0))
         mesh = read_serialized(document.files.read(name), name, index)
@@ -59,7 +67,14 @@ def _of_file(shape: Element, document: Document) -> list[tuple[Mesh, np.ndarray]
         _flip(part)  # Mitsuba takes v as it stands, other programs count it from below
     has_normals = re.search(_NORMALS[shape.type], document.files.read(name)) is not None
     shaded = [_shaded(mesh, shape, has_normals) for mesh in part.meshes]
+    if _LINEAR_COLORS.search(document.files.read(name)) is not None:
+        shaded = [mesh if mesh.colors is None else replace(mesh, colors=_as_written(mesh.colors)) for mesh in shaded]
     return [(replace(shaded[each.mesh]), np.asarray(each.transform)) for each in part.instances]
+
+
+def _as_written(colors: np.ndarray) -> np.ndarray:
+    """Colours that were taken for sRGB, as the file's numbers, which Mitsuba takes for linear ones."""
+    return np.column_stack([encode_srgb(colors[:, :3]), colors[:, 3]]).astype(np.float32)
 
 
 def _flip(part: SceneDescription) -> None:
@@ -76,7 +91,8 @@ def _shaded(mesh: Mesh, shape: Element, has_normals: bool) -> Mesh:
     return mesh if has_normals else smoothed(replace(mesh, normals=None), _EVERY_EDGE)
 
 
-def _turned(mesh: Mesh) -> Mesh:
+def turned(mesh: Mesh) -> Mesh:
+    """Inside out."""
     normals = None if mesh.normals is None else -mesh.normals
     return replace(mesh, triangles=np.ascontiguousarray(mesh.triangles[:, ::-1]), normals=normals)
 

@@ -8,7 +8,7 @@ from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
 from renderer.scene.readers.mitsuba.document import Document
 from renderer.scene.readers.mitsuba.emitters import add_emitter
 from renderer.scene.readers.mitsuba.left import left_over
-from renderer.scene.readers.mitsuba.sensors import add_integrator, add_sensor
+from renderer.scene.readers.mitsuba.sensors import add_integrator, add_sensor, note_what_lies_beyond
 from renderer.scene.readers.mitsuba.shapes import Shapes
 from renderer.scene.readers.mitsuba.textures import Textures
 from renderer.scene.textures import TextureShelf
@@ -31,6 +31,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
             add_sensor(part, document, description)
         elif part.tag == "integrator":
             add_integrator(part, document, description)
+    for part in document.scene.of("sensor"):
+        note_what_lies_beyond(part, document, description)
     for sentence in left_over(document.scene, document.ignored):
         document.ignore(sentence)
     document.say_ignored()

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
 import numpy as np
 
-from renderer.errors import SettingsError
+from renderer.errors import SceneError, SettingsError
 from renderer.scene.description import Camera, SceneDescription, Vec3
+from renderer.scene.readers.cropped import Window, cropped
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.settings import MAX_DEPTH, View
 
-__all__ = ["add_integrator", "add_sensor"]
+__all__ = ["add_integrator", "add_sensor", "note_what_lies_beyond"]
 
 _FILM = (768, 576)
 _FILTERS = {"box": "box", "tent": "tent"}
@@ -22,12 +24,13 @@ _DIAGONAL_MM = math.hypot(36, 24)
 
 def add_sensor(source: Element, document: Document, description: SceneDescription) -> None:
     """Adds a camera; the first one's film and sampler are the scene's."""
-    width, height = _film(source, document, description, is_first=not description.cameras)
+    width, height, window = _film(source, document, description, is_first=not description.cameras)
     world = source.matrix()
     eye, forward, up = world[:3, 3], world[:3, 2], world[:3, 1]
     if np.linalg.det(world[:3, :3]) < 0:
         document.ignore(f"{source.what}: its transform mirrors the picture, which is shown unmirrored")
     near = max(source.number("near_clip", 1e-2), 0.0)
+    near = 0.0 if near <= 1e-2 else near
     fields: dict[str, Any] = {"eye": _vec(eye), "target": _vec(eye + forward), "up": _vec(up)}
     if source.type in ("perspective", "thinlens"):
         fov = _vertical(source, width, height)
@@ -35,18 +38,19 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
         if source.type == "thinlens":
             aperture = max(source.number("aperture_radius", 0.0), 0.0)
             focus = max(source.number("focus_distance", 1.0), 1e-6)
-        more: dict[str, Any] = {"fov": fov, "aperture": aperture, "focus": focus, "near": 0.0 if near <= 1e-2 else near}
+        more: dict[str, Any] = {"fov": fov, "aperture": aperture, "focus": focus, "near": near}
         # In parts of the film's width and height, the latter downwards.
         more["shift_x"] = source.number("principal_point_offset_x", 0.0) * width / height
         more["shift_y"] = -source.number("principal_point_offset_y", 0.0)
     elif source.type == "orthographic":
         across = float(np.linalg.norm(world[:3, 0]))
-        more = {"projection": "orthographic", "height": 2 * across * height / width, "near": 0.0}
+        more = {"projection": "orthographic", "height": 2 * across * height / width, "near": near}
     else:
         document.ignore(f"{source.what} is no camera that is read: it is left out")
         return
     try:
-        description.cameras.append(Camera(source.id or f"sensor {len(description.cameras)}", View(**fields, **more)))
+        view = View(**cropped(fields | more, (width, height), window))
+        description.cameras.append(Camera(source.id or f"sensor {len(description.cameras)}", view))
     except SettingsError as error:
         document.ignore(f"{source.what} sees nothing here: {error}")
 
@@ -72,16 +76,18 @@ def _vertical(source: Element, width: int, height: int) -> float:
     return min(max(math.degrees(2 * math.atan(half)), 0.01), 179.0)
 
 
-def _film(source: Element, document: Document, description: SceneDescription, is_first: bool) -> tuple[int, int]:
+def _film(source: Element, document: Document, description: SceneDescription, is_first: bool) -> tuple[int, int, Window]:
+    """Its width and height, and what of it is rendered; the first one's settings are the scene's."""
     film = next(iter(source.of("film")), None)
     sampler = next(iter(source.of("sampler")), None)
     width, height = _FILM
     if film is not None:
         width, height = (max(int(film.number(key, size)), 1) for key, size in zip(("width", "height"), _FILM, strict=True))
-        if film.get("crop_width") is not None or film.get("crop_height") is not None:
-            document.ignore(f"{film.what}: its crop window is not taken over; the whole picture is rendered")
+        window = _window(film, width, height)
+    else:
+        window = Window(0, 0, width, height)
     if is_first:
-        description.defaults["width"], description.defaults["height"] = min(width, 16384), min(height, 16384)
+        description.defaults["width"], description.defaults["height"] = min(window.width, 16384), min(window.height, 16384)
         if sampler is not None:
             description.defaults["spp"] = max(int(sampler.number("sample_count", 4)), 1)
         named = next(iter(film.of("rfilter")), None) if film is not None else None
@@ -89,7 +95,16 @@ def _film(source: Element, document: Document, description: SceneDescription, is
             description.defaults["filter"] = _FILTERS[named.type]
         elif named is not None and named.type != "gaussian":  # which Blackman and Harris's is much like
             document.ignore(f"{named.what}: pixels are filtered after Blackman and Harris")
-    return width, height
+    return width, height, window
+
+
+def _window(film: Element, width: int, height: int) -> Window:
+    """The film's crop window, within the film."""
+    x, y = (int(film.number(f"crop_offset_{axis}", 0)) for axis in "xy")
+    across, down = int(film.number("crop_width", width)), int(film.number("crop_height", height))
+    if not (0 <= x < x + across <= width and 0 <= y < y + down <= height):
+        raise SceneError(f"{film.file}: {film.what}: its crop window lies outside of its {width}x{height} pixels")
+    return Window(x, y, across, down)
 
 
 def add_integrator(source: Element, document: Document, description: SceneDescription) -> None:
@@ -107,6 +122,20 @@ def add_integrator(source: Element, document: Document, description: SceneDescri
         document.ignore(f"{source.what}: rendered by path tracing")
     depth = int(source.number("max_depth", -1))
     description.defaults["max_depth"] = _UNBOUNDED if depth < 0 else min(max(depth, 1), MAX_DEPTH)
+
+
+def note_what_lies_beyond(source: Element, document: Document, description: SceneDescription) -> None:
+    """Notes where a camera's end would cut something away."""
+    far = source.number("far_clip", 1e4)
+    eye, forward = source.matrix()[:3, 3], source.matrix()[:3, 2]
+    forward = forward / max(float(np.linalg.norm(forward)), 1e-300)
+    corners = [np.array(sphere.center) + forward * sphere.radius for sphere in description.spheres]
+    for instance in description.instances:
+        points = description.meshes[instance.mesh].positions
+        box = np.array(list(itertools.product(*np.stack([points.min(axis=0), points.max(axis=0)], axis=1))), np.float64)
+        corners += list(box @ instance.transform[:3, :3].T + instance.transform[:3, 3])
+    if corners and ((np.array(corners) - eye) @ forward).max() > far:
+        document.ignore(f"{source.what}: what lies beyond its far_clip is seen here")
 
 
 def _vec(vector: np.ndarray) -> Vec3:

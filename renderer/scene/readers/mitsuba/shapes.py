@@ -9,9 +9,10 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.scene.description import Instance, Mesh, SceneDescription, Sphere
 from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
+from renderer.scene.readers.mitsuba.curves import CURVES, mesh_of_curves
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.formulas import sphere
-from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, meshes_of
+from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, file_of, meshes_of, turned
 from renderer.scene.readers.mitsuba.values import Matrix
 from renderer.scene.readers.spread import judge_spread
 
@@ -53,6 +54,8 @@ class Shapes:
             self._sphere(shape, world)
         elif shape.type in MESH_FILES or shape.type in FORMULAS:
             self._mesh(shape, world)
+        elif shape.type in CURVES:
+            self._curves(shape, world)
         else:
             self._document.ignore(f"{shape.what} is no shape that is read: it is left out")
 
@@ -62,18 +65,30 @@ class Shapes:
             found = []
             for mesh, place in meshes_of(shape, self._document):
                 mesh.material = material
+                if material in self._bsdfs.inside_out:
+                    mesh = turned(mesh)
+                if material not in self._bsdfs.by_vertices:
+                    mesh.colors = None
                 self._description.meshes.append(mesh)
                 found.append((len(self._description.meshes) - 1, place))
             self._meshes[id(shape)] = found
         for number, place in self._meshes[id(shape)]:
             self._description.instances.append(Instance(number, world @ place, name=shape.id))
 
+    def _curves(self, shape: Element, world: Matrix) -> None:
+        name = file_of(shape, self._document)
+        mesh = mesh_of_curves(shape.type, self._document.files.read(name), name, world)
+        mesh.material = self._bsdfs.material(shape)
+        self._description.meshes.append(mesh)
+        self._description.instances.append(Instance(len(self._description.meshes) - 1, np.eye(4), name=shape.id))
+
     def _sphere(self, shape: Element, world: Matrix) -> None:
         center, radius = np.asarray(shape.get("center", (0.0, 0.0, 0.0)), float), shape.number("radius", 1.0)
         scales = np.linalg.norm(world[:3, :3], axis=0)
         is_round = np.allclose(world[:3, :3].T @ world[:3, :3], scales[0] ** 2 * np.eye(3), rtol=1e-4, atol=1e-4 * scales[0] ** 2)
         material = self._bsdfs.material(shape)
-        if is_round and not shape.flag("flip_normals", False) and not self._is_painted(material):
+        is_flipped = shape.flag("flip_normals", False) != (material in self._bsdfs.inside_out)
+        if is_round and not is_flipped and not self._is_painted(material):
             x, y, z = (world @ np.array([*center, 1.0]))[:3]
             self._description.spheres.append(
                 Sphere((float(x), float(y), float(z)), float(radius * scales[0]), material, shape.id or "sphere")
@@ -81,14 +96,13 @@ class Shapes:
             return
         place = np.diag([radius, radius, radius, 1.0])
         place[:3, 3] = center
-        number = self._ball(material, shape.flag("flip_normals", False))
+        number = self._ball(material, is_flipped)
         self._description.instances.append(Instance(number, world @ place, name=shape.id))
 
     def _is_painted(self, material: int) -> bool:
-        """Whether a material has a texture, which lies on a sphere as Mitsuba's coordinates have it."""
-        return any(
-            name.endswith("_texture") and value is not None for name, value in vars(self._description.materials[material]).items()
-        )
+        """Whether a material has a texture, or is brushed: both lie on a sphere as Mitsuba's coordinates have it."""
+        made = self._description.materials[material]
+        return made.anisotropy > 0 or any(name.endswith("_texture") and value is not None for name, value in vars(made).items())
 
     def _ball(self, material: int, is_flipped: bool) -> int:
         key = material, is_flipped

@@ -8,15 +8,18 @@ import numpy as np
 
 from renderer.errors import SceneError
 from renderer.scene.description import Image, TexelFilter, UvTransform, Vec3, Wrap
+from renderer.scene.readers.coats import under_a_coat
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.values import Matrix, Spectrum, numbers, planck, rgb
-from renderer.scene.readers.mtl_maps import with_opacity
+from renderer.scene.readers.mtl_maps import with_opacity, with_roughness_and_metal
+from renderer.scene.readers.numbers import unit
 from renderer.scene.textures import UNMOVED, TextureShelf
 
-__all__ = ["Textures", "radiance_of"]
+__all__ = ["Textures", "linear", "radiance_of"]
 
 _WRAPS: dict[str, Wrap] = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp"}
 WHITE: Vec3 = (1.0, 1.0, 1.0)
+_LUMINANCE = np.array([0.212671, 0.715160, 0.072169], np.float32)
 
 
 class Textures:
@@ -24,6 +27,7 @@ class Textures:
 
     def __init__(self, document: Document, shelf: TextureShelf) -> None:
         self._document, self._shelf = document, shelf
+        self.by_vertices = False  # whether a colour that was asked for is that of a mesh's vertices
 
     def color(self, owner: Element, name: str, default: float | Vec3 = 0.5, is_light: bool = False) -> tuple[Vec3, int | None]:
         """A colour and the texture that multiplies it."""
@@ -33,6 +37,10 @@ class Textures:
         constant = constant_of(texture)
         if constant is not None:
             return rgb(constant, is_light), None
+        if texture.type == "mesh_attribute" and texture.get("name") == "vertex_color" and not is_light:
+            self.by_vertices = True
+            scale = texture.number("scale", 1.0)
+            return (unit(scale),) * 3, None
         number = self.texture(texture, True)
         return (WHITE, number) if number is not None else (rgb(default, is_light), None)
 
@@ -48,11 +56,69 @@ class Textures:
         if image is None:
             return default
         self._document.ignore(f"{name} of {owner.what} varies over the surface: its mean is taken")
-        return float(_linear(self._shelf.image_of(image)).mean())
+        return float(linear(self._shelf.image_of(image)).mean())
+
+    def amount(self, owner: Element, name: str, default: float, power: float = 1.0) -> tuple[float, int | None]:
+        """A number raised to a power, and the grey texture that it is multiplied by."""
+        texture = owner.child(name)
+        if texture is None or constant_of(texture) is not None:
+            return max(self.number(owner, name, default), 0.0) ** power, None
+        found = self._grey(self.texture(texture, False), power)
+        return (1.0, found) if found is not None else (default**power, None)
+
+    def coated(self, color: Vec3, texture: int | None, inner: float) -> tuple[Vec3, int | None]:
+        """A colour, and the texture that multiplies it, as light sees them that a coat throws back to them again and again.
+
+        inner: what the coat throws back of light from within.
+        """
+
+        def make(image: Image) -> Image:
+            return Image(f"{image.name} coated", under_a_coat(linear(image) * np.array(color, np.float32), inner), srgb=False)
+
+        if texture is None:
+            return under_a_coat(color, inner), None
+        return WHITE, self._shelf.derived(texture, f"under a coat of {inner} by {color}", make)
+
+    def scaled(self, color: Vec3, texture: int | None, factor: float) -> tuple[Vec3, int | None]:
+        """A colour, and the texture that multiplies it, brighter or darker, as far as a colour can be."""
+        if texture is None:
+            r, g, b = (unit(v * factor) for v in color)
+            return (r, g, b), None
+        if factor <= 1:
+            return (factor,) * 3, texture
+
+        def make(image: Image) -> Image:
+            return Image(f"{image.name} by {factor:g}", np.minimum(linear(image) * np.float32(factor), 1), srgb=False)
+
+        return WHITE, self._shelf.derived(texture, f"by {factor}", make)
+
+    def roughness_and_metal(self, roughness: int | None, metal: int | None) -> int | None:
+        """glTF's texture of two grey ones, white for none."""
+        if roughness is not None and metal is not None and not self._lie_alike(roughness, metal):
+            self._document.ignore("A texture of metallic lies here as that of roughness does")
+        return with_roughness_and_metal(self._shelf, roughness, metal)
 
     def cut_out(self, color: int | None, opacity: int) -> int | None:
-        """A texture of a colour, white for none, whose alpha is another's grey."""
-        return with_opacity(self._shelf, color, opacity)
+        """A texture of a colour, white for none, whose alpha is how bright another is."""
+        if color is not None and not self._lie_alike(color, opacity):
+            self._document.ignore("A mask lies here as the texture of the colour beneath does")
+        grey = self._grey(opacity)
+        return with_opacity(self._shelf, color, opacity if grey is None else grey)
+
+    def _grey(self, texture: int | None, power: float = 1.0) -> int | None:
+        """A texture of how bright another is, to a power."""
+
+        def make(image: Image) -> Image:
+            bright = np.clip(linear(image) @ _LUMINANCE, 0, 1) ** power
+            grey = np.rint(bright * 255).astype(np.uint8)
+            opaque = np.full_like(grey, 255)
+            return Image(f"{image.name} to {power:g}", np.stack([grey, grey, grey, opaque], axis=-1), srgb=False)
+
+        return self._shelf.derived(texture, f"brightness to {power}", make)
+
+    def _lie_alike(self, first: int, second: int) -> bool:
+        a, b = (self._shelf.texture_of(number) for number in (first, second))
+        return (a.wrap_s, a.wrap_t, a.transform) == (b.wrap_s, b.wrap_t, b.transform)
 
     def texture(self, source: Element, is_color: bool) -> int | None:
         """The number of a texture; None where there is none that is read."""
@@ -76,7 +142,11 @@ class Textures:
         if name is None:
             self._shelf.missing(wanted, source.what)
             return None
-        is_raw = source.flag("raw", not is_color)
+        is_raw = source.flag("raw", source.number("gamma", -1.0) == 1.0)  # gamma: of Mitsuba 0.6
+        if not is_raw and not is_color:
+            self._document.ignore(
+                f"{source.what}: {name} is decoded as a colour, as in Mitsuba; where it holds numbers or normals, set raw to true"
+            )
         wrap = _WRAPS.get(str(source.get("wrap_mode", "repeat")), "repeat")
         filter: TexelFilter = "nearest" if source.get("filter_type") == "nearest" else "linear"
         return self._shelf.texture(self._shelf.image_file(name, not is_raw), wrap, wrap, 0, transform, (), filter)
@@ -100,7 +170,8 @@ def _uv(matrix: Any) -> UvTransform:
     return a, b, c, d, e, f
 
 
-def _linear(image: Image) -> np.ndarray[Any, np.dtype[np.float32]]:
+def linear(image: Image) -> np.ndarray[Any, np.dtype[np.float32]]:
+    """An image's scene-linear pixels, (h, w, 3)."""
     pixels = np.asarray(image.pixels[..., :3], np.float32)
     if image.pixels.dtype != np.uint8:
         return pixels
@@ -111,7 +182,9 @@ def _linear(image: Image) -> np.ndarray[Any, np.dtype[np.float32]]:
 
 def constant_of(source: Element) -> Any:
     """The value of a plugin that is the same all over, its spectrum; None of others. Raises SceneError."""
-    if source.type in ("uniform", "srgb", "rawconstant"):
+    if source.type == "uniform":
+        return Spectrum.even(source.number("value", 1.0))
+    if source.type in ("srgb", "rawconstant"):
         return source.get("color", source.get("value", 1.0))
     if source.type == "d65":
         return np.asarray(rgb(source.get("color", 1.0))) * source.number("scale", 1.0)

@@ -37,12 +37,24 @@ class Spectrum:
         """Linear Rec.709. is_light: radiance, against the luminance of an equal-energy light of 1; else how much of white is
         left, 0 ... 1 for what reflects.
         """
+        if not is_light and (self.values == self.values[0]).all():
+            return (float(self.values[0]),) * 3
         at = np.arange(380.0, 781.0, 5.0)
         inside = np.interp(at, self.wavelengths, self.values, left=0.0, right=0.0)
         weights = _TO_RGB @ _matching(at)
         found = weights @ inside / (_matching(at)[1].sum() if is_light else weights.sum(axis=1))
         r, g, b = np.maximum(found, 0.0)
         return float(r), float(g), float(b)
+
+    @property
+    def mean(self) -> float:
+        """Over its wavelengths."""
+        return float(self.values.mean())
+
+    @classmethod
+    def even(cls, value: float) -> Spectrum:
+        """As much at all wavelengths: grey of what reflects, and of light warmer than Rec.709's white."""
+        return cls((300.0, 900.0), (value, value))
 
 
 @functools.cache

@@ -10,6 +10,7 @@ import numpy as np
 from renderer.errors import SettingsError
 from renderer.scene.description import Camera, SceneDescription, Vec3
 from renderer.scene.matrices import Matrix
+from renderer.scene.readers.cropped import Window, cropped
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.settings import MAX_DEPTH, MAX_SIZE, MAX_SPP, View
@@ -43,22 +44,38 @@ def exposure_of(camera: Parameters | None, film: Parameters | None) -> float:
     return found
 
 
-def set_film(source: Parameters, description: SceneDescription, notes: Notes) -> None:
-    """The size of the picture."""
+def set_film(source: Parameters, description: SceneDescription, notes: Notes) -> Window:
+    """The size of the film; what of it is rendered."""
     for key, name, default in (("width", "xresolution", _FILM[0]), ("height", "yresolution", _FILM[1])):
         size = source.integer(name, default)
         if size < 1:
             raise source.place.wrong(f"{name} is {size}; it is at least 1")
         description.defaults[key] = min(size, MAX_SIZE)
-    for name in ("cropwindow", "pixelbounds"):
-        if source.get(name) is not None:
-            notes.add(source.place, f"{name} of the film is not taken over: the whole picture is rendered")
     sensor = source.text("sensor", "cie1931")
     if sensor != "cie1931":
         notes.add(source.place, f"The film sees as the CIE's observer, and not as the sensor {sensor[:40]!r}")
     if source.number("whitebalance", 0.0) > 0:
         notes.add(source.place, "whitebalance of the film is not taken over: colours are as the light makes them")
     source.used.update(_UNSAID)
+    return _rendered(source, description.defaults["width"], description.defaults["height"])
+
+
+def _rendered(source: Parameters, width: int, height: int) -> Window:
+    """The pixels that pixelbounds or cropwindow leave of a film: left, right, top and bottom, of which pbrt keeps those on it."""
+    bounds, window = source.numbers("pixelbounds", "integer"), source.numbers("cropwindow", "float")
+    if bounds is not None and len(bounds) == 4:
+        ends = [int(v) for v in bounds]
+    elif window is not None and len(window) == 4:
+        sizes = (width, width, height, height)
+        ends = [math.ceil(min(max(float(v), 0.0), 1.0) * size) for v, size in zip(window, sizes, strict=True)]
+    elif bounds is None and window is None:
+        return Window(0, 0, width, height)
+    else:
+        raise source.place.wrong("pixelbounds and cropwindow take four numbers: left, right, top and bottom")
+    left, right, top, bottom = max(ends[0], 0), min(ends[1], width), max(ends[2], 0), min(ends[3], height)
+    if not (left < right and top < bottom):
+        raise source.place.wrong(f"no pixel of the film of {width}x{height} lies within its pixelbounds or cropwindow")
+    return Window(left, top, right - left, bottom - top)
 
 
 def set_sampler(source: Parameters, description: SceneDescription) -> None:
@@ -92,8 +109,10 @@ def set_integrator(source: Parameters, description: SceneDescription, notes: Not
     source.used.update(source.values)
 
 
-def add_camera(source: Parameters, to_world: Matrix, description: SceneDescription, notes: Notes) -> None:
-    """The camera. to_world: (4, 4), of its own space, in which it looks along +Z, with +Y up."""
+def add_camera(
+    source: Parameters, to_world: Matrix, description: SceneDescription, notes: Notes, rendered: Window | None = None
+) -> None:
+    """The camera. to_world: (4, 4), of its own space, in which it looks along +Z, with +Y up. rendered: of the film."""
     width, height = (description.defaults.get(key, size) for key, size in zip(("width", "height"), _FILM, strict=True))
     right, up, forward, eye = (to_world[:3, k] for k in range(4))
     fields: dict[str, Any] = {"eye": _vec(eye), "target": _vec(eye + _unit(forward)), "up": _vec(_unit(up))}
@@ -125,6 +144,12 @@ def add_camera(source: Parameters, to_world: Matrix, description: SceneDescripti
         focus = source.number("focaldistance", _FAR) * float(np.linalg.norm(forward))
         if lens > 0 and focus > 0:
             fields |= {"aperture": lens, "focus": focus}
+    if rendered is not None and rendered != (0, 0, width, height):
+        if source.type == "spherical":
+            notes.add(source.place, "A spherical camera's picture is rendered as a whole, without the window of its film")
+        else:
+            description.defaults["width"], description.defaults["height"] = rendered.width, rendered.height
+            fields = cropped(fields, (width, height), rendered)
     try:
         description.cameras.append(Camera(source.type, View(**fields)))
     except SettingsError as error:

@@ -6,11 +6,12 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import Vec3
+from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.pbrt.named import METALS
 from renderer.scene.readers.pbrt.parameters import Parameters, text_of
 from renderer.scene.readers.pbrt.spectra import WEIGHTS, Colors
 
-__all__ = ["head_on", "index_of", "of_reflectance"]
+__all__ = ["index_of", "of_reflectance"]
 
 F64 = npt.NDArray[np.float64]
 _BRIGHTEST = 0.9999  # pbrt's
@@ -50,11 +51,6 @@ def _matched(eta: F64, k: F64) -> tuple[Vec3, Vec3]:
     root = np.sqrt(wanted)
     mean = np.where(square < 0, (1 + root) / (1 - root), mean)
     return _vec(mean), _vec(np.sqrt(np.maximum(square, 0)))
-
-
-def head_on(eta: F64, k: F64) -> F64:
-    """What is reflected at normal incidence."""
-    return np.asarray(((eta - 1) ** 2 + k * k) / ((eta + 1) ** 2 + k * k))
 
 
 def of_reflectance(rgb: Vec3) -> tuple[Vec3, Vec3]:

@@ -1,20 +1,17 @@
-"""pbrt's curves as tubes: those of one material and place together, as fur has very many."""
+"""pbrt's curves, cut into lines."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.description import Mesh
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
-from renderer.scene.readers.tubes import BASES, STEPS, tubes
+from renderer.scene.readers.strands import Strand, line_of
 
-__all__ = ["Strand", "strand_of", "together"]
+__all__ = ["strand_of"]
 
 F64 = npt.NDArray[np.float64]
-Strand = tuple[F64, F64]  # (S, 3) points along it, and (S,) radii
-_FEW = 500  # curves that are drawn rounder than many
 
 
 def strand_of(source: Parameters, notes: Notes) -> Strand:
@@ -34,19 +31,9 @@ def strand_of(source: Parameters, notes: Notes) -> Strand:
     wide = np.array([source.number("width0", width), source.number("width1", width)])
     if degree == 2:
         points, basis = _cubic(points, basis), "bezier"
-    line = _line(points, basis)
+    line = line_of(points, basis)
     share = np.linspace(0, 1, len(line))
     return line, np.maximum(wide[0] * (1 - share) + wide[1] * share, 0) / 2
-
-
-def _line(points: F64, basis: str) -> F64:
-    """Points along a cubic curve."""
-    step = 3 if basis == "bezier" else 1
-    first = np.arange(0, len(points) - 3, step)
-    u = np.linspace(0, 1, STEPS + 1)
-    weights = np.stack([u**k for k in range(4)], axis=1) @ BASES[basis]
-    parts = np.einsum("uk,skx->sux", weights, points[first[:, None] + np.arange(4)])
-    return np.concatenate([parts[:, :-1].reshape(-1, 3), parts[-1:, -1]])
 
 
 def _cubic(points: F64, basis: str) -> F64:
@@ -57,25 +44,3 @@ def _cubic(points: F64, basis: str) -> F64:
     first, middle, last = points[:-1:2], points[1::2], points[2::2]
     inner = np.stack([first, (first + 2 * middle) / 3, (2 * middle + last) / 3], axis=1)
     return np.concatenate([inner.reshape(-1, 3), last[-1:]])
-
-
-def together(strands: list[Strand]) -> Mesh:
-    """Curves as one mesh."""
-    sides = 12 if len(strands) <= _FEW else 4
-    groups: dict[int, list[Strand]] = {}
-    for strand in strands:
-        groups.setdefault(len(strand[0]), []).append(strand)
-    positions, normals, triangles, first = [], [], [], 0
-    for group in groups.values():
-        lines, radii = (np.stack([strand[k] for strand in group]) for k in (0, 1))
-        points, out, _, faces = tubes(lines, radii, None, sides)
-        positions.append(points)
-        normals.append(out)
-        triangles.append(faces + first)
-        first += len(points)
-    return Mesh(
-        "curves",
-        np.concatenate(positions).astype(np.float32),
-        np.concatenate(triangles).astype(np.int32),
-        np.concatenate(normals).astype(np.float32),
-    )

@@ -13,6 +13,7 @@ from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix, product
+from renderer.scene.readers.cropped import Window
 from renderer.scene.readers.pbrt import cameras, transforms
 from renderer.scene.readers.pbrt.lights import Lights
 from renderer.scene.readers.pbrt.materials import Materials
@@ -79,6 +80,7 @@ class Graphics:
         self._times = 0.0, 1.0
         self._camera: tuple[Parameters, Ctm] | None = None
         self._film: Parameters | None = None
+        self._rendered: Window | None = None  # of the film
         self._all: list[tuple[Parameters, int]] = []  # and how much was asked of each to begin with
         self._depth = 0
         self._outer = np.eye(4)
@@ -260,7 +262,7 @@ class Graphics:
 
     def _on_film(self, statement: Statement) -> None:
         self._film = self._kept(statement, "film")
-        cameras.set_film(self._film, self._description, self._notes)
+        self._rendered = cameras.set_film(self._film, self._description, self._notes)
 
     def _on_integrator(self, statement: Statement) -> None:
         cameras.set_integrator(self._kept(statement, "integrator"), self._description, self._notes)
@@ -300,7 +302,7 @@ class Graphics:
         if cameras.mirrors(source, to_world):
             outer = cameras.MIRROR
         if self._camera is not None:
-            cameras.add_camera(self._camera[0], product(outer, to_world), description, self._notes)
+            cameras.add_camera(self._camera[0], product(outer, to_world), description, self._notes, self._rendered)
         self._outer = outer
         self._shapes = Shapes(self._files, self._materials, self._lights, self._textures, description, self._notes, outer, share)
         self._state.ctm, self._state.active = (np.eye(4),) * 2, (True, True)

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from renderer.scene.description import Image, Material, SceneDescription, Vec3
-from renderer.scene.readers.pbrt.coats import dielectric_albedo, under_a_coat
-from renderer.scene.readers.pbrt.conductors import head_on, index_of, of_reflectance
+from renderer.scene.readers.brushed import brushed
+from renderer.scene.readers.coats import coat_over, pane_ior, under_a_coat
+from renderer.scene.readers.metals import head_on
+from renderer.scene.readers.pbrt.conductors import index_of, of_reflectance
 from renderer.scene.readers.pbrt.mappings import Mapping
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
@@ -109,7 +111,7 @@ class Materials:
         ior, _ = self._textures.colors.index(source.get("eta", "float", "spectrum"))
         ior = min(max(ior, 1.0), 4.0)
         self._medium(source)
-        inner = 1 - (1 - dielectric_albedo(ior)) / ior**2  # what is thrown back from within, of light from everywhere
+        inner = coat_over(ior)
         if color.texture is None:
             color = Varying(under_a_coat(color.value, inner))
         else:
@@ -160,11 +162,11 @@ class Materials:
         if ior < 1:
             self._notes.add(source.place, f"{source}: an index below 1 is rendered as its inverse")
         thin = source.type == "thindielectric"
-        rough = {} if thin else self._rough(source, "", brushed=False)
+        rough = {} if thin else self._rough(source, "", brushes=False)
         return Material(
             kind="glass",
             base_color=(1.0, 1.0, 1.0),
-            ior=min(max(ior, 1 / ior), 1000.0),
+            ior=min(pane_ior(max(ior, 1 / ior)) if thin else max(ior, 1 / ior), 1000.0),
             dispersion=min(dispersion, 20.0),
             thin=thin,
             **rough,
@@ -249,7 +251,7 @@ class Materials:
         ):
             self._notes.add(source.place, f"{source}: what scatters within its coat is not taken over")
 
-    def _rough(self, source: Parameters, prefix: str, brushed: bool = True) -> dict[str, Any]:
+    def _rough(self, source: Parameters, prefix: str, brushes: bool = True) -> dict[str, Any]:
         """Our roughness, and how brushed it is, as fields of a material."""
         remaps = source.flag("remaproughness", True)
         power = 0.25 if remaps else 0.5  # ours is the root of alpha
@@ -271,21 +273,12 @@ class Materials:
         source.used.add(name)
         rough = [_ours(self._textures.one_number(source, each, 0.0), power) for each in (u, v)]
         along, across = (value**2 for value in rough)
-        if along == across:
-            return {"roughness": rough[0]}
-        if not brushed:
+        if not brushes and along != across:
             self._notes.add(source.place, f"{source} is as rough in both directions here")
             return {
                 "roughness": math.sqrt(math.sqrt(along * across)) if along * across > 0 else math.sqrt(max(along, across) / 2)
             }
-        least, most = min(along, across), max(along, across)
-        # glTF's anisotropy: along its direction alpha goes towards 1 by the square of the strength.
-        strength = math.sqrt((most - least) / (1 - least)) if least < 1 else 0.0
-        return {
-            "roughness": math.sqrt(max(least, _SMOOTH)),
-            "anisotropy": strength,
-            "anisotropy_rotation": 0.0 if along > across else math.pi / 2,
-        }
+        return brushed(along, across)
 
     def _cut(self, made: Material, alpha: Varying, source: Parameters | None) -> Material:
         if alpha.is_constant:

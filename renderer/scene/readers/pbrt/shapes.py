@@ -11,7 +11,7 @@ from renderer.scene.description import Instance, Mesh, SceneDescription, Sphere
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix, product
 from renderer.scene.normals import face_normals
-from renderer.scene.readers.pbrt.curves import Strand, strand_of, together
+from renderer.scene.readers.pbrt.curves import strand_of
 from renderer.scene.readers.pbrt.growth import Growth
 from renderer.scene.readers.pbrt.lights import Lights
 from renderer.scene.readers.pbrt.mappings import mapped
@@ -22,6 +22,7 @@ from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.quadrics import QUADRICS, Quadric, quadric, shape_key, whole_sphere
 from renderer.scene.readers.pbrt.textures import Textures
 from renderer.scene.readers.pbrt.transforms import Ctm, between
+from renderer.scene.readers.strands import Strand, together
 
 __all__ = ["Looks", "Part", "Shapes"]
 

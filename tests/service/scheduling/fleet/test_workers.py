@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import time
+from typing import Any
 from urllib.parse import quote
 
 import pytest
+import redis
 
 from service.scheduling.faults.suspicion import FORGIVENESS, Suspicion
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
+from worker.protocol.contract import HEARTBEAT_TTL_S, worker_key
 from worker.protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
 
 
@@ -91,3 +94,17 @@ def test_machines_tell_their_memory_and_where_somebody_reads_it_their_log(servic
     assert (told["memory_used"], told["failures"]) == (3, 0) and len(told["speeds"]) == 1
     assert service.http.get("/api/workers/peer/log").json() == ["one", "two"]
     assert worker.redis.exists(log_wanted_key("peer"))
+
+
+def test_who_is_gone_does_not_stay_because_redis_clock_was_put_back(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its report then expires as much later: its batches would count as in hand, and its slots as there."""
+    fleet, hour = service.farm.engine._workers, 3600
+    with redis.Redis.from_url(service.options["redis_url"]) as store:
+        with service.worker(name="gone"):
+            until(lambda: "gone" in fleet.roster.reports, "it is there")
+            report: Any = store.get(worker_key("gone"))
+        store.set(worker_key("gone"), report, ex=hour)  # as its last one is by such a clock
+        until(lambda: "gone" in fleet.roster.reports, "it seems to be there")
+        seconds, micros = store.time()  # type: ignore[misc]
+        monkeypatch.setattr(fleet._redis, "time", lambda: (seconds - hour, micros))
+        until(lambda: store.ttl(worker_key("gone")) <= HEARTBEAT_TTL_S, "it expires as it was meant to")  # type: ignore[operator]

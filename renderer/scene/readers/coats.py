@@ -1,13 +1,14 @@
-"""Paint under a coat of varnish: how much light comes out of it again."""
+"""Boundaries of dielectrics: what they reflect, and how much light comes out of paint under a coat of varnish."""
 
 from __future__ import annotations
 
 import functools
+import math
 from typing import Any
 
 import numpy as np
 
-__all__ = ["dielectric_albedo", "under_a_coat"]
+__all__ = ["coat_over", "dielectric_albedo", "ior_of", "pane_ior", "under_a_coat"]
 
 
 @functools.cache
@@ -18,6 +19,23 @@ def dielectric_albedo(ior: float) -> float:
     across = (cosine - ior * behind) / (cosine + ior * behind)
     along = (ior * cosine - behind) / (ior * cosine + behind)
     return float(((across**2 + along**2) / 2 * 2 * cosine).mean())
+
+
+def ior_of(reflectance: float) -> float:
+    """The index by which so much is reflected head on."""
+    root = math.sqrt(min(max(reflectance, 0.0), 0.99))
+    return (1 + root) / (1 - root)
+
+
+def pane_ior(ior: float) -> float:
+    """The index by which one surface reflects as much, head on, as both sides of a pane of `ior` with all bounces between."""
+    once = ((ior - 1) / (ior + 1)) ** 2
+    return ior_of(2 * once / (1 + once))
+
+
+def coat_over(ior: float) -> float:
+    """What a smooth coat throws back of light that comes from everywhere within it, 0 to 1."""
+    return 1 - (1 - dielectric_albedo(ior)) / ior**2
 
 
 def under_a_coat(reflectance: Any, inner: float) -> Any:

@@ -1,0 +1,37 @@
+"""A part of a film as a picture of its own: a narrower view with its lens shifted."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+__all__ = ["Window", "cropped"]
+
+
+class Window(NamedTuple):
+    """The pixels of a film that are rendered, from its upper left corner."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+def cropped(fields: dict[str, Any], film: tuple[int, int], window: Window) -> dict[str, Any]:
+    """A view's fields for a window of its film, of film's width and height. A panorama has none: its fields stay."""
+    if fields.get("projection") == "panorama" or window == (0, 0, *film):
+        return fields
+    width, height = film
+    made = dict(fields)
+    share = window.height / height
+    if "fov" in fields:
+        half = math.tan(math.radians(fields["fov"]) / 2) * share
+        made["fov"] = min(max(math.degrees(2 * math.atan(half)), 0.01), 179.0)
+    if "height" in fields:
+        made["height"] = fields["height"] * share
+    # In pixels of the film, whose height is that of the whole picture.
+    right = window.x + window.width / 2 - width / 2
+    down = window.y + window.height / 2 - height / 2
+    made["shift_x"] = (fields.get("shift_x", 0.0) * height + right) / window.height
+    made["shift_y"] = (fields.get("shift_y", 0.0) * height - down) / window.height
+    return made

@@ -1,0 +1,47 @@
+"""Mitsuba's curves: a text file of `x y z radius` lines, with an empty one between two curves.
+
+Source: Mitsuba 3's documentation, plugin "bsplinecurve".
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.errors import SceneError
+from renderer.scene.description import Mesh
+from renderer.scene.readers.mitsuba.values import Matrix, numbers
+from renderer.scene.readers.strands import Strand, line_of, together
+
+__all__ = ["CURVES", "mesh_of_curves"]
+
+CURVES = {"bsplinecurve": 4, "linearcurve": 2}  # and the points that each takes at least
+
+
+def mesh_of_curves(kind: str, data: bytes, name: str, world: Matrix) -> Mesh:
+    """The curves of a file as tubes in the world: Mitsuba moves their points, and leaves their radii. Raises SceneError."""
+    strands: list[Strand] = []
+    for block in _blocks(data.decode("utf-8", "replace"), name):
+        if len(block) < CURVES[kind]:
+            raise SceneError(f"{name}: a curve has {len(block)} points; a {kind} takes {CURVES[kind]} or more")
+        placed = np.column_stack([block[:, :3] @ world[:3, :3].T + world[:3, 3], np.maximum(block[:, 3], 0)])
+        line = line_of(placed, "bspline") if kind == "bsplinecurve" else placed
+        strands.append((line[:, :3], line[:, 3]))
+    if not strands:
+        raise SceneError(f"{name}: has no curves; export it again")
+    return together(strands)
+
+
+def _blocks(text: str, name: str) -> list[Matrix]:
+    blocks: list[list[Matrix]] = [[]]
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip():
+            blocks.append([])
+            continue
+        try:
+            row = numbers(line)
+        except ValueError as error:
+            raise SceneError(f"{name}, line {number}: {error}") from None
+        if len(row) < 4:
+            raise SceneError(f"{name}, line {number}: has {len(row)} numbers; a curve's point has x, y, z and a radius")
+        blocks[-1].append(row[:4])
+    return [np.array(block) for block in blocks if block]

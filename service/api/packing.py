@@ -1,0 +1,65 @@
+"""Answers in JSON, compressed for whoever understands that: a tenth of the bytes, where lists of jobs would take a slow line seconds."""
+
+from __future__ import annotations
+
+import zlib
+
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+__all__ = ["Packing"]
+
+FEWEST, MOST = 1400, 1 << 20  # bytes: less fits into one packet; more is for programs, which are near and in a hurry
+LEVEL = 1  # a millisecond of processor for 100 kB
+IN_PLACE = 1 << 16  # so much takes less time than handing it to another thread
+GZIP = 31  # zlib's window, with gzip's head
+
+
+class Packing:
+    """ASGI middleware about the routes."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, and compress its answer."""
+        if scope["type"] != "http" or "gzip" not in Headers(scope=scope).get("accept-encoding", ""):
+            await self._app(scope, receive, send)
+            return
+        start: Message | None = None
+
+        async def packed(message: Message) -> None:
+            nonlocal start
+            if message["type"] == "http.response.start" and _is_packed(message):
+                start = message
+                return
+            if start is not None:
+                first, start = start, None
+                if not message.get("more_body"):
+                    message = {**message, "body": await _pack(message.get("body", b""))}
+                    headers = MutableHeaders(scope=first)
+                    headers["Content-Encoding"] = "gzip"
+                    headers["Content-Length"] = str(len(message["body"]))
+                    headers.add_vary_header("Accept-Encoding")
+                await send(first)
+            await send(message)
+
+        await self._app(scope, receive, packed)
+
+
+def _is_packed(start: Message) -> bool:
+    headers = Headers(raw=start["headers"])
+    length = headers.get("content-length", "")
+    is_json = headers.get("content-type", "").startswith("application/json")
+    is_free = "content-encoding" not in headers and "etag" not in headers
+    return is_json and is_free and length.isdigit() and FEWEST <= int(length) <= MOST
+
+
+async def _pack(body: bytes) -> bytes:
+    return _gzip(body) if len(body) <= IN_PLACE else await run_in_threadpool(_gzip, body)
+
+
+def _gzip(body: bytes) -> bytes:
+    packer = zlib.compressobj(LEVEL, zlib.DEFLATED, GZIP)
+    return packer.compress(body) + packer.flush()

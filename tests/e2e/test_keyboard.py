@@ -1,0 +1,113 @@
+"""From the file to the download, and to a deletion that is taken back, by the keyboard alone."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Locator, Page, expect
+
+from tests.e2e.conftest import Watched
+from tests.e2e.screen import rendered
+from tests.e2e.small_glb import small_glb
+from tests.helpers import Farm
+
+pytestmark = [pytest.mark.browser, pytest.mark.farm, pytest.mark.long]
+
+MOST_STOPS = 80
+# What has the focus is on the screen, nothing lies over it, and something is drawn about it or a part of it.
+VISIBLE = """(element) => {
+    const {left, right, top, bottom} = element.getBoundingClientRect();
+    const over = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
+    const label = element.closest("label") ?? element.parentElement;
+    const near = [element, label, label.parentElement, label.parentElement?.parentElement, ...label.children, ...element.children];
+    const isDrawn = near.some((each) => {
+        const style = each && getComputedStyle(each);
+        return style && ((style.outlineStyle !== "none" && parseFloat(style.outlineWidth) > 0) || style.boxShadow !== "none");
+    });
+    const isThere = bottom > 0 && top < innerHeight && (label.contains(over) || element.contains(over));
+    return element.matches(":focus-visible") && isDrawn && isThere;
+}"""
+
+
+def tab_to(page: Page, wanted: Locator) -> None:
+    """Press Tab until it has the focus; whatever has it on the way shows that."""
+    wanted.wait_for()
+    for _ in range(MOST_STOPS):
+        page.keyboard.press("Tab")
+        focused = page.evaluate_handle("document.activeElement").as_element()
+        assert focused
+        if focused.evaluate("(element) => element === document.body"):
+            continue  # once a lap the browser's own bar has it
+        assert focused.evaluate(VISIBLE), focused.evaluate("(element) => element.outerHTML.slice(0, 200)")
+        if wanted.evaluate("(element) => element === document.activeElement"):
+            return
+    raise AssertionError(f"Tab never reaches {wanted}")
+
+
+def test_a_picture_by_the_keyboard_alone(farm: Farm, watched: Watched) -> None:
+    page = watched.page
+    keys = page.keyboard
+    glb = {"name": "small.glb", "mimeType": "model/gltf-binary", "buffer": small_glb()}
+    page.on("filechooser", lambda chooser: chooser.set_files([glb]))
+    page.goto(farm.url)
+    tab_to(page, page.get_by_role("button", name="Choose files"))
+    keys.press("Enter")
+    expect(page.get_by_role("button", name="Render", exact=True)).to_be_visible()
+    expect(page.get_by_role("main")).to_be_focused()
+    scene = page.url.split("/scenes/")[1].split("?")[0]
+    other = rendered(farm, scene, width=96, height=54, spp=4)
+
+    camera = page.get_by_label("Camera", exact=True)
+    tab_to(page, camera)
+    keys.press("ArrowDown")
+    expect(camera).to_have_value("1")
+    for group, field, number in (("Size", "Width", 96), ("Quality", "Samples per pixel", 2000)):
+        tab_to(page, page.get_by_role("radiogroup", name=group).locator("input:checked"))
+        while not page.get_by_role("radiogroup", name=group).locator("input").last.is_checked():
+            keys.press("ArrowRight")
+        tab_to(page, page.get_by_label(field, exact=True))
+        keys.press("Control+a")
+        keys.type(str(number))
+    tab_to(page, page.get_by_role("button", name="Render", exact=True))
+    keys.press("Enter")
+
+    expect(page.get_by_label("Progress", exact=True).locator(".big")).to_have_text(re.compile("[1-9]"))
+    expect(page.get_by_role("main")).to_be_focused()
+    keys.press("Space")
+    tab_to(page, page.get_by_role("button", name="Resume"))
+    keys.press("Enter")
+    more = page.get_by_role("button", name="2,000 samples")
+    expect(page.locator(".job-head")).to_contain_text("Finished", timeout=60_000)
+    expect(more).to_be_focused()
+    keys.press("Enter")
+    expect(page.get_by_role("region", name="Progress")).to_contain_text("of 4,000 samples")
+    expect(page.locator(".job-head")).to_contain_text("Finished", timeout=60_000)
+    picture = page.url
+
+    keys.press("c")
+    wipe = page.get_by_role("slider", name="Wipe")
+    expect(page.get_by_label("Picture B")).to_have_value(other)
+    tab_to(page, wipe)
+    before = wipe.get_attribute("aria-valuenow")
+    keys.press("ArrowLeft")
+    assert wipe.get_attribute("aria-valuenow") != before
+    page.go_back()
+    expect(page).to_have_url(picture)
+
+    tab_to(page, page.get_by_role("link", name="PNG", exact=True))
+    with page.expect_download() as download:
+        keys.press("Enter")
+    assert np.asarray(Image.open(download.value.path())).shape[:2] == (54, 96)
+
+    tab_to(page, page.get_by_role("button", name="Delete this picture"))
+    keys.press("Enter")
+    expect(page.get_by_role("heading", name="Jobs")).to_be_visible()
+    expect(page.get_by_role("main")).to_be_focused()
+    link = page.locator(f"a.name[href='#/jobs/{picture.split('/jobs/')[1].split('?')[0]}']")
+    expect(link).to_have_count(0)
+    keys.press("z")
+    tab_to(page, link)
+    assert watched.errors == []

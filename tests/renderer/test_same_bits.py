@@ -1,0 +1,56 @@
+"""Processors with AVX-512 and without it render the same bits: workers of one kind, whose samples meet in one film."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+
+from renderer import jit
+from renderer.render import render_frame
+from tests.helpers import ROOT
+from tests.renderer.kernel.pool.features import FEATURES, made
+
+pytestmark = pytest.mark.skipif(not jit.HAS_AVX512, reason="This processor has no AVX-512.")
+
+SPP = 8
+ALONE = ("whitted", "ao")  # which follow one path at a time
+
+
+def _without(program: str) -> list[str]:
+    """The lines that a program prints where AVX-512 is not used."""
+    environment = {**os.environ, "RAYFARM_AVX512": "false", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()
+
+
+def digests() -> list[str]:
+    """A line for each feature's film."""
+    lines = []
+    for name in FEATURES:
+        scene, settings = made(name)
+        lines.append(f"{name} {hashlib.sha256(render_frame(scene, settings, SPP).tobytes()).hexdigest()}")
+    for integrator in ALONE:
+        scene, settings = made("metal and plastic")
+        film = render_frame(scene, replace(settings, integrator=integrator), SPP)
+        lines.append(f"{integrator} {hashlib.sha256(film.tobytes()).hexdigest()}")
+    return lines
+
+
+def test_both_are_one_kind_and_keep_their_kernels_apart() -> None:
+    program = "from renderer import jit; print(jit.kind()); print(jit.cache_folder().name); print(jit.HAS_AVX512)"
+    kind, folder, has = _without(program)
+    assert kind == jit.kind()
+    assert folder != jit.cache_folder().name
+    assert has == "False"
+
+
+@pytest.mark.long  # compiles all kernels once more
+@pytest.mark.timeout(1800)
+def test_every_feature_has_the_same_bits() -> None:
+    program = "from tests.renderer.test_same_bits import digests; print(*digests(), sep='\\n')"
+    assert _without(program) == digests()

@@ -1,0 +1,58 @@
+"""JSON is compressed where that is understood and worth it; all else passes as it is."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+
+import httpx
+import pytest
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from service.api.packing import FEWEST, MOST, Packing
+
+LONG = [{"state": "finished", "name": f"take {i}"} for i in range(5000)]
+
+
+async def _pieces() -> AsyncIterator[bytes]:
+    for _ in range(3):
+        yield b"1" * FEWEST
+
+
+async def answer(request: Request) -> Response:
+    """What the path says."""
+    kinds: dict[str, Response] = {
+        "long": JSONResponse(LONG),
+        "short": JSONResponse({}),
+        "huge": JSONResponse(["x" * MOST]),
+        "picture": Response(b"x" * FEWEST, media_type="image/png"),
+        "tagged": JSONResponse(LONG, headers={"ETag": '"1"'}),
+        "pieces": StreamingResponse(_pieces(), media_type="application/json"),
+    }
+    return kinds[request.path_params["kind"]]
+
+
+def asked(kind: str, encoding: str = "gzip, deflate, br", method: str = "GET") -> httpx.Response:
+    app = Packing(Starlette(routes=[Route("/{kind}", answer)]))
+
+    async def ask() -> httpx.Response:
+        async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://farm") as client:
+            return await client.request(method, f"/{kind}", headers={"Accept-Encoding": encoding})
+
+    return asyncio.run(ask())
+
+
+def test_a_long_list_takes_a_tenth() -> None:
+    plain, packed = asked("long", "identity"), asked("long")
+    assert packed.headers["content-encoding"] == "gzip" and packed.json() == plain.json() == LONG
+    assert packed.headers["vary"] == "Accept-Encoding"
+    assert int(packed.headers["content-length"]) < len(plain.content) / 10
+
+
+@pytest.mark.parametrize("kind", ["short", "huge", "picture", "tagged", "pieces"])
+def test_what_would_gain_nothing_is_left_as_it_is(kind: str) -> None:
+    assert "content-encoding" not in asked(kind).headers
+    assert asked(kind).content == asked(kind, "identity").content

@@ -1,0 +1,80 @@
+"""`python -m service`: where it listens is what its settings say, by which a login is asked for."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shlex
+from pathlib import Path
+
+import httpx
+import pytest
+import uvicorn
+from uvicorn.config import HTTP_PROTOCOLS
+
+from service.__main__ import serve
+from service.connections import Connection
+from service.settings import Settings
+from tests.helpers import ROOT, running_redis
+from tests.service.conftest import Service
+
+
+def image_command() -> list[str]:
+    """What the service's image runs, without `python3 -m service`."""
+    lines = (ROOT / "Dockerfile").read_text().partition("AS service")[2].splitlines()
+    (line,) = [line for line in lines if line.startswith("CMD") and '"service"' in line]
+    words = [word.strip(",") for word in shlex.split(line.removeprefix("CMD").strip(" []"))]
+    assert words[:3] == ["python3", "-m", "service"]
+    return words[3:]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "variables", "host", "port", "asks"),
+    [
+        ([], {}, "127.0.0.1", 8000, False),
+        (["--port", "8001"], {}, "127.0.0.1", 8001, False),
+        (["--log-level", "info", "--host=0.0.0.0"], {}, "0.0.0.0", 8000, True),
+        (["--host", "0.0.0.0"], {"RAYFARM_HOST": "127.0.0.1"}, "0.0.0.0", 8000, True),
+        ([], {"RAYFARM_HOST": "192.0.2.7", "RAYFARM_PORT": "8002"}, "192.0.2.7", 8002, True),
+        (image_command(), {}, "0.0.0.0", 8000, True),
+        (image_command(), {"RAYFARM_PUBLISHED": "127.0.0.1"}, "0.0.0.0", 8000, False),
+    ],
+)
+def test_it_listens_where_its_settings_say(
+    arguments: list[str],
+    variables: dict[str, str],
+    host: str,
+    port: int,
+    asks: bool,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    told: list[list[str]] = []
+    without = {name: value for name, value in os.environ.items() if not name.startswith("RAYFARM_")}
+    monkeypatch.setattr(os, "environ", {**without, **variables})
+    monkeypatch.setitem(HTTP_PROTOCOLS, "auto", HTTP_PROTOCOLS["auto"])
+    monkeypatch.setattr(Connection, "most", Connection.most)
+    monkeypatch.setattr(uvicorn, "main", lambda args, prog_name: told.append(args))
+    serve(arguments)
+    settings = Settings.read(data=tmp_path)
+    assert (settings.host, settings.port, settings.needs_login) == (host, port, asks)
+    (all_told,) = told
+    assert all_told[all_told.index("--host") + 1] == host
+    assert all_told[all_told.index("--port") + 1] == str(port)
+    assert all_told.count("--host") == 1
+
+
+def test_another_machine_is_none_of_loopback_whatever_it_says(tmp_path: Path, redis_server: running_redis) -> None:
+    """A service whose settings know nothing of the address that its server was told to listen at."""
+    service = Service(tmp_path / "data", redis_server)
+
+    async def status(address: str) -> int:
+        way = httpx.ASGITransport(service.app, client=(address, 5000))
+        async with httpx.AsyncClient(transport=way, base_url="http://localhost:8000") as client:
+            return (await client.get("/api/jobs")).status_code
+
+    try:
+        for address, expected in (("127.0.0.1", 200), ("::ffff:127.0.0.1", 200), ("10.0.0.7", 401), ("2001:db8::7", 401)):
+            assert asyncio.run(status(address)) == expected, address
+    finally:
+        service.stop()

@@ -1,0 +1,62 @@
+/**
+ * Which view an address names, and its modules asked for before anything imports them: on a slow line every round trip is felt.
+ * A classic script in the head, since the first view's modules are to come together with the page's own.
+ */
+
+(() => {
+  const REST_AFTER_MS = 3000;
+
+  /** By view, and for uploads: addresses of the modules that are needed and the page does not have. The service wrote them. @type {Record<string, string[]>} */
+  const modules = JSON.parse(document.getElementById("view-modules")?.textContent || "{}");
+  /** @type {Set<string>} */
+  const asked = new Set();
+
+  /** @param {string} hash @returns {string} the file in js/views/, without its ending; empty: there is nothing at this address */
+  function viewAt(hash) {
+    const [path = ""] = hash.replace(/^#/, "").split("?", 1);
+    const [section, id] = path.split("/").filter(Boolean);
+    if (!section) return "home";
+    if (section === "jobs") return id ? "job" : "jobs";
+    if (section === "scenes" || section === "compare") return id ? section.replace(/s$/, "") : "";
+    return section === "workers" || section === "account" ? section : "";
+  }
+
+  /** @param {string} href @param {"auto" | "low"} fetchPriority @returns {Promise<unknown>} until it is there, or could not be had */
+  function ask(href, fetchPriority) {
+    asked.add(href);
+    const link = Object.assign(document.createElement("link"), { rel: "modulepreload", href, fetchPriority });
+    const over = new Promise((done) => (link.onload = link.onerror = done));
+    document.head.append(link);
+    return over;
+  }
+
+  /** @param {string} view */
+  function fetchView(view) {
+    for (const href of modules[view] ?? []) if (!asked.has(href)) void ask(href, "auto");
+  }
+
+  /** One after the other, so that nothing else has to wait for long. @param {string[]} hrefs */
+  async function fetchSlowly(hrefs) {
+    for (const href of hrefs) if (!asked.has(href)) await ask(href, "low");
+  }
+
+  fetchView(viewAt(location.hash));
+  // A link that somebody points at will soon be followed.
+  for (const hint of ["pointerover", "focusin"])
+    addEventListener(hint, ({ target }) => {
+      const link = target instanceof Element ? target.closest("a") : null;
+      if (link?.getAttribute("href")?.startsWith("#/")) fetchView(viewAt(link.hash));
+    }, { passive: true });
+
+  Object.assign(window, {
+    rayfarmViews: {
+      viewAt,
+      /** The first view stands. */
+      stands() {
+        void fetchSlowly(modules.uploads ?? []); // whoever drops a file should not wait for what takes it
+        const isThrifty = /** @type {any} */ (navigator).connection?.saveData === true;
+        if (!isThrifty) setTimeout(() => void fetchSlowly(Object.values(modules).flat()), REST_AFTER_MS);
+      },
+    },
+  });
+})();

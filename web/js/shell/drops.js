@@ -1,0 +1,98 @@
+/** Dropping and choosing files. */
+
+import { fill, h } from "../base/dom.js";
+import { chosenProject } from "../base/project.js";
+import { filesOfDrop, filesOfList, titleOf } from "./gather-files.js";
+import { icon } from "../base/icons.js";
+import { mayChange } from "../news/projects.js";
+import { showError } from "./tray.js";
+import { t } from "../base/words.js";
+
+/** @typedef {import("./gather-files.js").NamedFile} NamedFile */
+
+/**
+ * @param {() => NamedFile[] | Promise<NamedFile[]>} gather
+ * @param {(files: NamedFile[]) => Promise<void>} [take]
+ */
+async function startFrom(gather, take = upload) {
+  let files;
+  try {
+    files = await gather();
+  } catch (error) {
+    showError(t("The files could not be read"), error);
+    return;
+  }
+  await attempt(files, take);
+}
+
+/** Its modules come when the page stands (./ahead.js), or with the first files. @param {NamedFile[]} files */
+async function upload(files) {
+  const { start } = await import("./uploads.js").catch(() => {
+    throw new Error(t("This part of the page could not be loaded"));
+  });
+  await start(files);
+}
+
+/** @param {NamedFile[]} files @param {(files: NamedFile[]) => Promise<void>} take */
+async function attempt(files, take) {
+  try {
+    await take(files);
+  } catch (error) {
+    showError(t("{title} was not taken", { title: titleOf(files) }), error, { action: { label: t("Try again"), run: () => void attempt(files, take) } });
+  }
+}
+
+/**
+ * Opens the system's file dialog.
+ *
+ * @param {{folder: boolean}} options
+ */
+export const choose = ({ folder }) => pick({ folder }, upload);
+
+/**
+ * @param {{folder: boolean}} options
+ * @param {(files: NamedFile[]) => Promise<void>} take
+ */
+export function pick({ folder }, take) {
+  const input = h("input", { type: "file", multiple: true, webkitdirectory: folder, hidden: true });
+  input.addEventListener("change", () => void startFrom(() => filesOfList(input.files ?? new DataTransfer().files), take));
+  input.addEventListener("cancel", () => input.remove());
+  input.addEventListener("change", () => input.remove());
+  document.body.append(input);
+  input.click();
+}
+
+/** Lets files be dropped anywhere on the page. */
+export function acceptDrops() {
+  const veil = /** @type {HTMLElement} */ (document.getElementById("drop-veil"));
+  fill(
+    veil,
+    icon("upload"),
+    h("strong", null, t("Drop to upload")),
+    h("span", { class: "quiet" }, t("A scene: its file, its folder or a zip; or an HDRI, to light the scene that is open")),
+  );
+  let depth = 0; // enter and leave fire for every element that is crossed
+  /** @param {DragEvent} event */
+  const hasFiles = (event) => event.dataTransfer?.types.includes("Files") ?? false;
+  const isFree = mayChange(chosenProject());
+  /** @param {number} next */
+  const setDepth = (next) => {
+    depth = Math.max(0, next);
+    veil.hidden = depth === 0 || !isFree;
+  };
+  addEventListener("dragenter", (event) => hasFiles(event) && setDepth(depth + 1));
+  addEventListener("dragleave", (event) => hasFiles(event) && setDepth(depth - 1));
+  addEventListener("dragover", (event) => {
+    if (!hasFiles(event)) return;
+    event.preventDefault(); // else the browser leaves the page for the file
+    if (!isFree && event.dataTransfer) event.dataTransfer.dropEffect = "none";
+  });
+  addEventListener("drop", (event) => {
+    if (!hasFiles(event) || !event.dataTransfer) return;
+    event.preventDefault();
+    setDepth(0);
+    if (!isFree) return;
+    const gathering = filesOfDrop(event.dataTransfer);
+    void startFrom(() => gathering);
+  });
+}

@@ -1,0 +1,43 @@
+/** What is shown in place of a view whose modules could not be fetched. */
+
+import { fill, h } from "../base/dom.js";
+import { emptyPage } from "./hints.js";
+import { announce } from "./tray.js";
+import { t } from "../base/words.js";
+
+/** What the addresses of this page's files have in them; none where they are served as they are. */
+const VERSION = /\/(v\/\w+\/)/.exec(import.meta.url)?.[1] ?? "";
+
+/** @returns {Promise<boolean | null>} whether the service has another version of the page by now; null: it does not answer */
+export async function isOutdated() {
+  try {
+    const response = await fetch("./", { cache: "no-store" });
+    return response.ok ? !(await response.text()).includes(VERSION) : null;
+  } catch {
+    return null;
+  }
+}
+
+/** @returns {{element: HTMLElement, dispose: () => void}} */
+export function missingView() {
+  const why = h("p", { role: "status" });
+  const element = h("div", { class: "page" });
+  // Browsers keep in mind that a module failed, so it is not asked for again in this page.
+  const again = async () => {
+    if ((await look()) === null) announce(why.textContent ?? "");
+    else location.reload();
+  };
+  const button = h("button", { class: "button primary", type: "button", onclick: again }, t("Reload the page"));
+  /** @param {string} title */
+  const show = (title) => fill(element, emptyPage("warning", title, why, button));
+  async function look() {
+    const found = await isOutdated();
+    if (found) show(t("Rayfarm was updated"));
+    if (found) why.textContent = t("This tab still has the version before. Reload the page to go on.");
+    else why.textContent = found === null ? t("The service does not answer at the moment.") : t("The connection broke off on the way.");
+    return found;
+  }
+  show(t("This part of the page could not be loaded"));
+  void look();
+  return { element, dispose: () => {} };
+}

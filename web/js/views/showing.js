@@ -1,0 +1,96 @@
+/** Shows the view that the address names. A view's modules come when it is first opened, or ahead of that (../shell/ahead.js). */
+
+import { fill, h } from "../base/dom.js";
+import { emptyPage } from "../shell/hints.js";
+import { missingView } from "../shell/missing-view.js";
+import { linkTo, onNavigate } from "../shell/router.js";
+import { scrollToPlace } from "../shell/scroll-memory.js";
+import { clearPageErrors } from "../shell/tray.js";
+import { t } from "../base/words.js";
+
+/** @typedef {{element: HTMLElement, dispose: () => void}} View */
+/** @typedef {(...ids: string[]) => View} MakeView of what the address names behind the section */
+
+/** By the names that ../shell/ahead.js gives them. @type {Record<string, () => Promise<MakeView>>} */
+const VIEWS = {
+  account: async () => (await import("./account.js")).accountView,
+  compare: async () => (await import("./compare.js")).compareView,
+  home: async () => (await import("./home.js")).homeView,
+  job: async () => (await import("./job.js")).jobView,
+  jobs: async () => (await import("./jobs.js")).jobsView,
+  scene: async () => (await import("./scene.js")).sceneView,
+  workers: async () => (await import("./workers.js")).workersView,
+};
+
+/** The section that a view belongs to, where it is not called so. @type {Record<string, string>} */
+const SECTION_OF = { scenes: "", compare: "jobs" };
+
+/** @type {{viewAt: (hash: string) => string, stands: () => void}} */
+const ahead = /** @type {any} */ (window).rayfarmViews;
+/** @type {{loadAgain: () => boolean, stands: () => void}} */
+const again = /** @type {any} */ (window).rayfarmAgain;
+
+/** @type {MakeView} */
+function nothingHere() {
+  const link = h("a", { href: linkTo() }, t("To the front page"));
+  return { element: h("div", { class: "page" }, emptyPage("info", t("There is nothing at this address"), link)), dispose: () => {} };
+}
+
+/**
+ * From now on.
+ *
+ * @param {HTMLElement} main where it is shown
+ * @param {(section: string) => void} markSection
+ */
+export function showViews(main, markSection) {
+  /** Those whose modules are here. @type {Map<string, MakeView>} */
+  const here = new Map([["", nothingHere]]);
+  /** @type {View | null} */
+  let shown = null;
+  let isFirst = true;
+  let visit = 0;
+
+  /** @param {View} view */
+  const show = (view) => {
+    shown = view;
+    main.inert = false;
+    main.removeAttribute("aria-busy");
+    fill(main, view.element);
+    scrollToPlace();
+    // A screen reader starts to read the new view; at the start the browser's own focus stays.
+    if (!isFirst) return main.focus({ preventScroll: true });
+    isFirst = false;
+    again.stands();
+    ahead.stands();
+  };
+
+  /** @param {string} name @returns {Promise<MakeView | null>} null: the page will be loaded again */
+  const fetched = async (name) => {
+    try {
+      const make = (await VIEWS[name]?.()) ?? nothingHere;
+      here.set(name, make);
+      return make;
+    } catch (error) {
+      console.error(error); // a module may also be wrong
+      return isFirst && again.loadAgain() ? null : missingView;
+    }
+  };
+
+  onNavigate(async ({ path: [section = "", ...ids] }) => {
+    visit += 1;
+    const mine = visit;
+    shown?.dispose();
+    shown = null;
+    clearPageErrors();
+    markSection(SECTION_OF[section] ?? section);
+    const name = ahead.viewAt(location.hash);
+    let make = here.get(name) ?? null;
+    if (!make) {
+      // What the view before shows stays meanwhile, though nothing can be done with it.
+      main.inert = !isFirst;
+      main.setAttribute("aria-busy", "true");
+      make = await fetched(name);
+    }
+    if (make && mine === visit) show(make(...ids));
+  });
+}
