@@ -1,4 +1,6 @@
-"""Answers in JSON, compressed for whoever understands that: a tenth of the bytes, where lists of jobs would take a slow line seconds."""
+"""Answers in JSON, compressed for whoever understands that: a tenth of the bytes, where lists of jobs would take a slow line
+seconds.
+"""
 
 from __future__ import annotations
 

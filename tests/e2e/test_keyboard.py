@@ -22,7 +22,8 @@ VISIBLE = """(element) => {
     const {left, right, top, bottom} = element.getBoundingClientRect();
     const over = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
     const label = element.closest("label") ?? element.parentElement;
-    const near = [element, label, label.parentElement, label.parentElement?.parentElement, ...label.children, ...element.children];
+    const above = [label.parentElement, label.parentElement?.parentElement];
+    const near = [element, label, ...above, ...label.children, ...element.children];
     const isDrawn = near.some((each) => {
         const style = each && getComputedStyle(each);
         return style && ((style.outlineStyle !== "none" && parseFloat(style.outlineWidth) > 0) || style.boxShadow !== "none");

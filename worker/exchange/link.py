@@ -55,7 +55,9 @@ class Link:
         self.token = token
         self._client: httpx.Client | None = None
         if not token.strip():
-            raise RefusedError("A worker shows the farm's token, and RAYFARM_TOKEN is empty. Set it to the one that `rayfarm up` shows.")
+            raise RefusedError(
+                "A worker shows the farm's token, and RAYFARM_TOKEN is empty. Set it to the one that `rayfarm up` shows."
+            )
         if not (token.isascii() and token.isprintable()):
             raise RefusedError("The token has characters that no token has. Take the one that `rayfarm up` shows.")
         if not is_address(self.service):
