@@ -160,11 +160,11 @@ def pip(python, arguments):
         interesting = words[:1] in (["Collecting"], ["Downloading"], ["Building"]) or words[:2] == ["Installing", "collected"]
         if interesting and sys.stderr.isatty():
             what = "installing" if words[0] == "Installing" else " ".join(words[:2])
-            sys.stderr.write(f"\r\033[K  {packages} packages, {what[:60]}")
+            sys.stderr.write(f"\r\033[K  packages so far: {packages}, {what[:60]}")
             sys.stderr.flush()
         elif interesting and (time.monotonic() - shown > 10 or words[0] == "Installing"):
             shown = time.monotonic()
-            say(f"  {packages} packages" + (", installing them" if words[0] == "Installing" else ""))
+            say(f"  packages so far: {packages}" + (", installing them" if words[0] == "Installing" else ""))
     if sys.stderr.isatty():
         sys.stderr.write("\r\033[K")
     if process.wait() != 0:

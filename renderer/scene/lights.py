@@ -17,7 +17,7 @@ from renderer.scene.punctual import Punctual
 
 __all__ = ["TREE_FROM", "Emitters", "LightList", "chosen_by", "cumulative", "list_lights", "luminance"]
 
-TREE_FROM = 3  # lights; of two triangles that are no parallelogram, the walk costs more than it saves (docs/performance.md)
+TREE_FROM = 3  # lights; of two triangles that are no parallelogram, the walk costs more than it saves (docs/speed-notes.md)
 _BETWEEN_KEYS = 0.1  # radians, by which a normal may stray further between two keys
 _SPREAD = 0.01  # of the choices by power fall on all lights evenly
 

@@ -80,6 +80,12 @@ def test_the_switch_is_there_for_members_and_chooses_what_is_shown(
         expect(page.get_by_text("shared", exact=True).first).to_be_visible()
         for what in (page.get_by_role("heading", name="Examples"), page.get_by_role("button", name="Choose files")):
             expect(what).to_be_hidden()
+        page.goto(f"{service.url}/#/jobs")
+        expect(page.get_by_role("heading", name="Jobs")).to_be_visible()
+        page.keyboard.press("?")
+        expect(page.get_by_role("dialog")).to_contain_text("Next job")
+        expect(page.get_by_role("dialog")).not_to_contain_text("Delete the selection")
+        page.goto(f"{service.url}/#/")
         scene = owner.get("/api/scenes", params={"project": ""}).json()[0]["id"]
         owner.delete(f"/api/scenes/{scene}").raise_for_status()
         expect(page.get_by_text("There is nothing to look at yet")).to_be_visible()

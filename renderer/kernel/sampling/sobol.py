@@ -2,7 +2,7 @@
 
 Scrambling by chance gives each point a place of its own within the cell that it is the only one in, which is good for what is
 smooth. What is lit is not: shadows have edges, and much is about as fine as points lie apart. There it matters how neighbours'
-places fit together. So one linear scrambling is chosen of many, under which they do (docs/performance.md, "Points that fit
+places fit together. So one linear scrambling is chosen of many, under which they do (docs/speed-notes.md, "Points that fit
 together"), and what is left to chance is a shift of the digits, which keeps that.
 """
 

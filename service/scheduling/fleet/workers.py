@@ -176,12 +176,12 @@ class Workers:
     def _look_at_clock(self, keys: list[Any]) -> None:
         """Where Redis' clock was put back, let reports expire as they were meant to: those of who is gone would stay for as much
         longer, with all that it had in hand. Raises redis.RedisError."""
-        seconds, micros = self._redis.time()  # type: ignore[misc]
+        seconds, micros = self._redis.time()
         before, self._ahead = self._ahead, seconds + micros / 1e6 - time.monotonic()
         if self._ahead > before - PUT_BACK_S:
             return
         for key in keys:
-            if self._redis.pttl(key) > 1000 * HEARTBEAT_TTL_S:  # type: ignore[operator]
+            if self._redis.pttl(key) > 1000 * HEARTBEAT_TTL_S:
                 self._redis.expire(key, HEARTBEAT_TTL_S)
 
     def _sites(self, offers: Mapping[str, Offer]) -> dict[str, SiteReport]:

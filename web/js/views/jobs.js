@@ -4,7 +4,8 @@ import { fill, h, setText } from "../base/dom.js";
 import { hidden, scenes, workers } from "../news/farm.js";
 import { JobList } from "../news/job-list.js";
 import { count } from "../base/format.js";
-import { offer } from "../news/projects.js";
+import { chosenProject } from "../base/project.js";
+import { mayChange, offer } from "../news/projects.js";
 import { freshId } from "../forms/fields.js";
 import { emptyState, noWorkerNotice } from "../shell/hints.js";
 import { here, linkTo, onParams, setParams, setTitle } from "../shell/router.js";
@@ -131,20 +132,24 @@ export function jobsView() {
     const at = Number(document.activeElement?.closest("[aria-posinset]")?.getAttribute("aria-posinset") ?? 0) - 1;
     rows.focus(Math.min(Math.max(at < 0 ? 0 : at + by, 0), shownIds().length - 1));
   };
+  const isFree = mayChange(chosenProject()); // who may only look has nothing to select for
+  const selecting = [
+    { keys: "X", does: t("Select the job that has the focus"), run: () => selection.toggleFocused() },
+    { keys: "Ctrl+A", does: t("Select all that are listed"), run: () => {} },
+    { keys: "Escape", does: t("Select none"), run: () => selection.clear() },
+    { keys: "Delete", does: t("Delete the selection"), run: () => bar.remove() },
+  ];
   life.add(
     addShortcuts([
       { keys: "/", does: t("Search"), run: () => search.focus() },
       { keys: "ArrowDown", shown: "↓", does: t("Next job"), run: () => step(1) },
       { keys: "ArrowUp", shown: "↑", does: t("Job before"), run: () => step(-1) },
-      { keys: "X", does: t("Select the job that has the focus"), run: () => selection.toggleFocused() },
-      { keys: "Ctrl+A", does: t("Select all that are listed"), run: () => {} },
-      { keys: "Escape", does: t("Select none"), run: () => selection.clear() },
-      { keys: "Delete", does: t("Delete the selection"), run: () => bar.remove() },
+      ...(isFree ? selecting : []),
     ]),
   );
   life.listen(document, "keydown", (/** @type {KeyboardEvent} */ event) => {
     const typed = event.target instanceof HTMLElement && event.target.matches("input[type=search], input[type=number], textarea, dialog *");
-    if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "a" || typed) return;
+    if (!isFree || !(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "a" || typed) return;
     event.preventDefault();
     selection.all();
   });
@@ -165,6 +170,7 @@ export function jobsView() {
     empty,
     said,
   );
+  offer(element, chosenProject());
   look();
   return { element, dispose: () => life.dispose() };
 }
