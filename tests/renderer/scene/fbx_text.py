@@ -117,10 +117,10 @@ def stack(number, name, far=None):
     ]
 
 
-def texture(number, file):
+def texture(number, file, **values):
     return (
         f'\tTexture: {number}, "Texture::t", "" {{\n\t\tType: "TextureVideoClip"\n\t\tVersion: 202\n'
-        f'\t\tFileName: "C:\\\\work\\\\{file}"\n\t\tRelativeFilename: "..\\\\{file}"\n\t}}\n'
+        f'\t\tFileName: "C:\\\\work\\\\{file}"\n\t\tRelativeFilename: "..\\\\{file}"\n{properties(values)}\t}}\n'
     )
 
 

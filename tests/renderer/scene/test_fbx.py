@@ -10,7 +10,7 @@ import pytest
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.load import Shot
-from tests.renderer.scene.fbx_text import arnold, camera, fbx, light, material, node, stack, texture
+from tests.renderer.scene.fbx_text import arnold, fbx, light, material, node, stack, texture
 
 KIT = Path(__file__).parents[2] / "data" / "fbx"
 Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from Blender's world
@@ -241,20 +241,16 @@ def test_a_light_of_other_programs(scene):
     assert any("1 lights that do not fade as real ones do" in w for w in description.warnings)
 
 
-def test_a_camera_that_sees_in_perspective_comes_first(scene):
-    objects = node(50, "a plan", "Camera") + node(51, "view", "Camera") + camera(60, CameraProjectionType=1) + camera(61, Far=9.0)
-    description = scene("a.fbx", fbx(objects, [(60, 50), (50, 0), (61, 51), (51, 0)]))
-    assert [(c.name, c.view.projection) for c in description.cameras] == [("view", "perspective"), ("a plan", "orthographic")]
-
-
-def test_a_film_that_is_offset_is_a_shifted_lens(scene):
-    """By inches, of a film of 36 x 24 mm."""
-    film = {"FilmWidth": 36 / 25.4, "FilmHeight": 24 / 25.4, "AspectWidth": 360.0, "AspectHeight": 240.0, "AspectRatioMode": 2}
-    lens = {"ApertureMode": 3, "FocalLength": 50.0, "FilmOffsetX": 0.3 * 24 / 25.4, "FilmOffsetY": -0.1 * 24 / 25.4}
-    objects = node(51, "view", "Camera") + camera(61, **film, **lens)
-    view = scene("a.fbx", fbx(objects, [(61, 51), (51, 0)])).cameras[0].view
-    assert view.fov == pytest.approx(math.degrees(2 * math.atan(12 / 50)))
-    assert (view.shift_x, view.shift_y) == pytest.approx((0.3, -0.1))
+def test_blenders_textures_are_turned_as_its_mapping_nodes_say(scene, png):
+    """Its exporter writes radians where FBX has degrees; these are the numbers that its glTF exporter writes of the same node."""
+    turned = {"Translation": (0.1, 0.25, 0.0), "Rotation": (0.0, 0.0, -math.radians(30)), "Scaling": (1 / 2, 1 / 3, 1.0)}
+    text = fbx(material(30, "p") + texture(40, "a.png", **turned), [(30, 20), (40, 30, "DiffuseColor")])
+    creator = "Blender (stable FBX IO) - 4.5.15 LTS - 5.13.1"
+    texts = text, text.replace("FBX SDK/FBX Plugins version 2020.3", creator)
+    others, blenders = (scene("a.fbx", each, {"a.png": png(255, 0, 0)}).textures[0].transform for each in texts)
+    assert blenders == pytest.approx((1.7321, 1.5, -1.4, -1.0, 2.5981, -1.8481), abs=1e-4)
+    turn = math.radians(math.radians(30))
+    assert others[:2] == pytest.approx((2 * math.cos(turn), 2 * math.sin(turn)))
 
 
 def test_hidden_nodes_are_left_out_and_counted(scene):
@@ -291,13 +287,6 @@ def test_damaged_files_are_scenes_or_sentences(tmp_path):
             assert all(np.isfinite(i.transform).all() for i in description.instances)
             assert all(m.triangles.max(initial=-1) < len(m.positions) for m in description.meshes)
     assert 0 < told < 60
-
-
-def test_a_camera_with_depth_of_field_is_named(scene):
-    for said in (True, False):
-        objects = node(51, "view", "Camera") + camera(61, UseDepthOfField=said, FocusDistance=120.0)
-        warnings = scene("a.fbx", fbx(objects, [(61, 51), (51, 0)])).warnings
-        assert any("1 cameras with depth of field" in w for w in warnings) == said
 
 
 def test_of_several_stacks_the_first_that_moves_is_shown_and_the_others_are_named(scene):

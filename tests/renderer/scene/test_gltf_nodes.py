@@ -52,6 +52,7 @@ def test_cameras_look_down_minus_z_of_their_node(scene):
     direction = np.subtract(camera.view.target, camera.view.eye)
     np.testing.assert_allclose(direction / np.linalg.norm(direction), (-1, 0, 0), atol=1e-12)
     assert (flat.view.projection, flat.view.height) == ("orthographic", 3)
+    assert (camera.view.near, flat.view.near) == (0.1, 0)
 
 
 def test_punctual_lights_in_watts_along_minus_z(scene):

@@ -68,7 +68,8 @@ class _Reader:
         self._scene = scene
         self._by_blender = scene.metadata.exporter in _BLENDER
         self._shelf = TextureShelf(description, files)
-        self._materials = Materials(Pictures(scene, main, files, self._shelf), self._shelf, description.materials)
+        pictures = Pictures(scene, main, files, self._shelf, self._by_blender)
+        self._materials = Materials(pictures, self._shelf, description.materials)
         self._numbers: dict[tuple[int, int], int] = {}
         self._names: Counter[str] = Counter()
         self._odd: Counter[str] = Counter()

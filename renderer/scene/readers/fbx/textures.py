@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.scene.description import UvTransform, Wrap
 from renderer.scene.files import SceneFiles
@@ -22,8 +24,8 @@ _FILE, _LAYERED = 0, 1
 class Pictures:
     """Textures by the file's own, looked up in the UV set that each names."""
 
-    def __init__(self, scene: Any, main: str, files: SceneFiles, shelf: TextureShelf) -> None:
-        self._main, self._files, self._shelf = main, files, shelf
+    def __init__(self, scene: Any, main: str, files: SceneFiles, shelf: TextureShelf, by_blender: bool = False) -> None:
+        self._main, self._files, self._shelf, self._by_blender = main, files, shelf, by_blender
         self._sets: dict[str, int] = {}
         for mesh in pointed(scene.meshes, layout.Mesh):
             for i, uv_set in enumerate(each(mesh.uv_sets, layout.UvSet)):
@@ -50,7 +52,8 @@ class Pictures:
                 "first is taken."
             )
             uv_set = 0
-        return self._shelf.texture(self._image(picture, user, srgb), wraps[0], wraps[1], uv_set, _transform(picture))
+        place = _transform(picture, self._by_blender)
+        return self._shelf.texture(self._image(picture, user, srgb), wraps[0], wraps[1], uv_set, place)
 
     def _image(self, picture: Any, user: str, srgb: bool) -> int | None:
         said = [text(name) for name in (picture.relative, picture.filename, picture.absolute)]
@@ -67,14 +70,32 @@ class Pictures:
         return None
 
 
-def _transform(picture: Any) -> UvTransform:
+def _transform(picture: Any, by_blender: bool) -> UvTransform:
     """Of UVs from the upper edge: t = M (u, 1 - v), and then 1 - t."""
     if not picture.has_transform:
         return UNMOVED
     m = matrix(picture.uv_to_texture)
     if not np.isfinite(m).all():
         return UNMOVED
+    if by_blender:
+        m = _as_blender_means(m)
     (a, b, c), (d, e, f) = m[0, [0, 1, 3]], m[1, [0, 1, 3]]
     found = (a, -b, b + c, -d, e, 1 - e - f)
     first, second, third, fourth, fifth, sixth = (float(x) for x in found)
     return first, second, third, fourth, fifth, sixth
+
+
+def _as_blender_means(m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """What a Mapping node of Blender does: t = R S uv + T.
+
+    Its exporter writes T and S, and R in radians, where FBX means degrees and t = S R (uv - T).
+    """
+    scale = [math.copysign(math.hypot(*m[k, :2]), m[k, k]) for k in (0, 1)]
+    if not all(scale):
+        return m
+    turn = math.degrees(math.atan2(-m[0, 1] / scale[0], m[0, 0] / scale[0]))
+    moved = -np.linalg.solve(m[:2, :2], m[:2, 3])
+    made = np.eye(4)
+    made[:2, :2] = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]) * scale
+    made[:2, 3] = moved
+    return made
