@@ -17,16 +17,7 @@ from xdist.workermanage import WorkerController
 
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
 from tests.kernels import compiling_beside, ready_first, wait_for_farms
-from tests.spreading import (
-    SHARE_THE_FARM,
-    WAITING,
-    WITHOUT_A_FARM,
-    Shares,
-    after_the_first,
-    is_left_out,
-    lets_the_first_go_ahead,
-    only_what_waits,
-)
+from tests.spreading import SHARE_THE_FARM, WAITING, WITHOUT_A_FARM, Shares, is_left_out, only_what_waits
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and what they start would ignore it too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -137,13 +128,6 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Shares:
 @pytest.hookimpl(optionalhook=True)
 def pytest_configure_node(node: WorkerController) -> None:
     node.workerinput["waits"] = only_what_waits(node)
-    node.workerinput["lets_first"] = lets_the_first_go_ahead(node)
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_collection(session: pytest.Session) -> Generator[None, object, object]:
-    with after_the_first(session.config):
-        return (yield)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

@@ -3,11 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
-import tempfile
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -15,16 +10,7 @@ from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
 from xdist.workermanage import WorkerController
 
-__all__ = [
-    "SHARE_THE_FARM",
-    "WAITING",
-    "WITHOUT_A_FARM",
-    "Shares",
-    "after_the_first",
-    "is_left_out",
-    "lets_the_first_go_ahead",
-    "only_what_waits",
-]
+__all__ = ["SHARE_THE_FARM", "WAITING", "WITHOUT_A_FARM", "Shares", "is_left_out", "only_what_waits"]
 
 # The files whose tests use `farm` or `browser`. Where the tests are spread over processes one of them runs all that use the farm,
 # so that there is one, which nobody else disturbs.
@@ -56,7 +42,6 @@ WITHOUT_A_FARM = tuple(
 WAITING = "tests/service/"  # two thirds of the time for something that comes within a second
 SPREAD_FROM = 4  # processes: with fewer, all of them run whatever is next
 FILLING = 2  # of so many processes one fills a processor
-FIRST_PATIENCE_S = 120.0
 
 
 def filling(processes: int) -> int:
@@ -78,33 +63,6 @@ def is_left_out(path: Path, config: pytest.Config) -> bool:
     """Whether this process does not collect a path."""
     kept = config.rootpath / WAITING
     return bool(getattr(config, "workerinput", {}).get("waits")) and not (path.is_relative_to(kept) or kept.is_relative_to(path))
-
-
-def lets_the_first_go_ahead(node: WorkerController) -> bool:
-    """Whether a process collects after the first: where pytest has no file of tests compiled yet, which takes half of the time
-    that it takes to collect them, and which all processes would do at once. Kernels are compiled meanwhile.
-    """
-    is_new = not any((node.config.rootpath / "tests" / "renderer").glob("**/__pycache__/test_*pytest*.pyc"))
-    everything = node.config.args_source is pytest.Config.ArgsSource.TESTPATHS
-    return everything and is_new and not sys.dont_write_bytecode
-
-
-@contextmanager
-def after_the_first(config: pytest.Config) -> Iterator[None]:
-    """Around a process's collection."""
-    told = getattr(config, "workerinput", {})
-    if not told.get("lets_first"):
-        yield
-        return
-    done = Path(tempfile.gettempdir()) / f"rayfarm-collected-{told['testrunuid']}"
-    is_first = told["workerid"] == "gw0"
-    deadline = time.monotonic() + FIRST_PATIENCE_S
-    while not is_first and not done.exists() and time.monotonic() < deadline:
-        time.sleep(0.1)
-    yield
-    if is_first:
-        done.touch()
-        config.add_cleanup(lambda: done.unlink(missing_ok=True))
 
 
 class Shares(LoadScopeScheduling):

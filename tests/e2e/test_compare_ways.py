@@ -35,6 +35,7 @@ def rgba(picture: np.ndarray) -> list[int]:
     return np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)]).ravel().tolist()
 
 
+@pytest.mark.long
 def test_flip_is_the_papers(page: Page) -> None:
     a, b = two_pictures()
     body = "const r = m.flip(new Uint8Array(a[0]), new Uint8Array(a[1]), 64, 48); return [r.mean, [...r.map]];"

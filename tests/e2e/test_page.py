@@ -83,7 +83,7 @@ def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm,
     page.keyboard.press("Shift+E")
     darker = assert_shows(page, film, -0.5, "neutral")
     assert darker.mean() < before.mean() - 2
-    for curve in tonemap.CURVES:
+    for curve in ("neutral", "hue"):  # all of them in test_modules.py
         page.get_by_label("Tone curve").select_option(curve)
         assert_shows(page, film, -0.5, curve)
 
@@ -102,7 +102,7 @@ def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm,
     pixel = httpx.get(f"{image.removesuffix('image')}pixel?x={WIDTH // 2}&y={HEIGHT // 2}").raise_for_status().json()
     light = stage.screenshot()
     channels = page.get_by_label("Channel")
-    for plane in ("albedo", "normal", "depth", "position", "object", "material", "samples", "error"):
+    for plane in ("albedo", "normal", "object", "error"):
         channels.select_option(plane)
         expect(page.locator(".channel-tag.left")).to_have_text(re.compile("^[^…]+$"))
         expect(readout.locator(".values.exact")).to_be_visible()

@@ -212,6 +212,7 @@ def test_motion_vectors_are_layers_that_leave_the_picture_alone(tmp_path: Path, 
             assert not layers["Vector.Z"][-1].any(), "the floor keeps still"
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
 def test_denoised_frames_are_made_steady_and_the_same_however_they_are_come_to(shot: Path, tmp_path: Path) -> None:
     asked = ["--frames", "0-3", "--denoise", *SMALL]
@@ -281,6 +282,7 @@ def test_with_a_shutter_each_frame_is_blurred_and_still_the_still_of_its_moment(
         assert np.array_equal(pixels(still), pixels(sharp)), "no shutter is none"
 
 
+@pytest.mark.long
 def test_a_scene_file_may_ask_for_a_shutter_and_a_turntable_has_one(tmp_path: Path) -> None:
     shape = "{type: cube, transform: [{rotate: {axis: y, degrees: {keys: [[0, 0], [1, 900]]}}}]}"
     (tmp_path / "s.yaml").write_text(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from renderer.jit import builder, device, entry
 
@@ -33,6 +34,7 @@ def test_a_function_in_a_function_is_written_into_it() -> None:
     assert closures(3) == 12
 
 
+@pytest.mark.long
 def test_sums_of_arrays_are_worked_out() -> None:
     a = np.arange(1000.0)
     for _ in range(100):  # what it allocates is given back

@@ -128,6 +128,7 @@ def test_a_farm_that_goes_away_and_a_job_that_is_deleted(service: Service, worke
     assert "was deleted" in err or "no job" in err
 
 
+@pytest.mark.long
 def test_in_a_pipe_it_tells_lines_and_ends_with_the_job(service: Service, worker: PeerWorker) -> None:
     done = started("watch", finished(service), "--server", service.url)
     assert done.returncode == 0, done.stderr

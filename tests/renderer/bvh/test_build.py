@@ -111,6 +111,7 @@ def soup():
     return position, triangle, sphere
 
 
+@pytest.mark.long
 def test_a_tree_cut_into_small_parts_is_whole_and_the_same_by_any_number_of_threads(monkeypatch):
     monkeypatch.setattr("renderer.bvh.top.LEAST_PART", 16)
     built = []

@@ -14,6 +14,7 @@ from tests.renderer.bvh.test_rigid import about, placed, places
 from tests.renderer.test_motion_blur import everything, over
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("turns", [0.02, 0.3, 0.9])
 def test_a_body_stays_within_its_box(turns):
     random = np.random.default_rng(3)

@@ -95,6 +95,7 @@ def test_light_fades_as_the_sun_sinks(coarse):
     assert sky[heights.index(-1)] > 0
 
 
+@pytest.mark.long
 def test_colours():
     """The noon sky is blue, a low sun red, and the zenith of dusk is still blue: that is the ozone's doing."""
     noon = image_of_sky(Sky(70, 0))

@@ -4,6 +4,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 
 from renderer.bvh.simd import LANES
 from renderer.jit import device, entry
@@ -19,6 +20,8 @@ from renderer.wide.values import to_int
 from tests.renderer.builders import icosphere
 from tests.renderer.wide.both import both, in_both, keep, ulps
 from tests.renderer.wide.given import N, directions, square
+
+pytestmark = pytest.mark.long  # pictures, and all of it together in tests/renderer/kernel/pool/test_features.py
 
 
 @device

@@ -19,6 +19,8 @@ from renderer.wide.values import to_int, u32
 from tests.renderer.builders import emitter, gray, icosphere, scene, square
 from tests.renderer.wide.both import LANES, both, keep, ulps
 
+pytestmark = pytest.mark.long  # pictures, and all of it together in tests/renderer/kernel/pool/test_features.py
+
 N = 8 * 500
 
 

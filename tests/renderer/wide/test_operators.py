@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 
 from renderer.jit import device, entry
 from renderer.wide.values import (
@@ -24,6 +25,8 @@ from renderer.wide.values import (
     where3,
 )
 from tests.renderer.wide.both import both, in_both
+
+pytestmark = pytest.mark.long  # pictures, and all of it together in tests/renderer/kernel/pool/test_features.py
 
 N = 8 * 256
 P, Q = np.float32(0.75), np.float32(-3.0)

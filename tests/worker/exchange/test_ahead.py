@@ -20,6 +20,11 @@ from worker.protocol.terms import Terms
 LINK = Link("http://127.0.0.1:9", "token")
 
 
+@pytest.fixture(autouse=True)
+def token(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RAYFARM_TOKEN", "token")
+
+
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], subprocess.Popen[bytes]]]:
     """The commands that were started; each process only says how far it stands back."""

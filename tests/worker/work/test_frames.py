@@ -159,7 +159,7 @@ class Service(Link):
     """A link whose service has the scene's files, and what is stored."""
 
     def __init__(self, folder: Path) -> None:
-        super().__init__("http://service.invalid", "")
+        super().__init__("http://service.invalid", "token")
         self.folder = folder
         self.stored: list[bytes] = []
 

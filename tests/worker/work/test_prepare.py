@@ -36,7 +36,7 @@ class Service(Link):
     """A link whose service has one file, and is away as often as it is told to be."""
 
     def __init__(self) -> None:
-        super().__init__("http://service.invalid", "")
+        super().__init__("http://service.invalid", "token")
         self.fetched = 0
         self.away = 0
 

@@ -26,7 +26,7 @@ class Service(Link):
     """A link whose service has what was put there."""
 
     def __init__(self) -> None:
-        super().__init__("http://service.invalid", "")
+        super().__init__("http://service.invalid", "token")
         self.blobs: dict[str, bytes] = {}
         self.stored: list[int] = []  # sizes
 

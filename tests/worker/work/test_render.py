@@ -107,7 +107,7 @@ def test_a_compiled_scene_that_has_suffered_on_this_disk_is_fetched_anew(tmp_pat
         def fetch(self, sha256: str, out: Any) -> None:
             out.write(data)
 
-    cache = BlobCache(Service("http://service.invalid", ""), FarmAnswer("", "", ""), tmp_path / "cache")
+    cache = BlobCache(Service("http://service.invalid", "token"), FarmAnswer("", "", ""), tmp_path / "cache")
     path = cache.path(sha256)
     spoilt = {"cut": data[:-100], "header": b"\0" * 100 + data[100:], "empty": b"", "gone": b""}[damage]
     path.write_bytes(spoilt)

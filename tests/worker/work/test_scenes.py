@@ -27,7 +27,7 @@ class Service(Link):
     """A link whose service is a dict; what was sent and fetched is counted."""
 
     def __init__(self) -> None:
-        super().__init__("http://service.invalid", "")
+        super().__init__("http://service.invalid", "token")
         self.blobs: dict[str, bytes] = {}
         self.sent: list[str] = []
         self.fetched: list[str] = []

@@ -91,6 +91,7 @@ def test_every_light_is_a_leaf_once_and_a_childs_lights_follow_each_other(made):
         assert light < 0 or made.light_primitive[light] == primitive or (of_lamp and made.light_primitive[light] == primitive - 1)
 
 
+@pytest.mark.long
 def test_chances_sum_to_one_but_for_dead_ends(made):
     """A node's bounds may reach where neither of its children's does; then nothing is sampled, and rightly so."""
     sums = np.array([chances(made, p, n).astype(float).sum() for p, n in zip(*points_and_normals(), strict=True)])

@@ -1,6 +1,7 @@
 """Images looked up eight at a time against the lookups of one place, which test_texture.py judges."""
 
 import numpy as np
+import pytest
 
 from renderer.jit import entry
 from renderer.kernel.fetch import row
@@ -27,6 +28,7 @@ def _look_up(scene, given, order, eight, one):
         keep(one, i, i, (r, g, b))
 
 
+@pytest.mark.long
 def test_eight_places_are_looked_up_as_each_alone():
     rng = np.random.default_rng(2)
     images = [

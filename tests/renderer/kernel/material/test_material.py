@@ -67,6 +67,7 @@ def texels(*rows):
 GRAY_HALF = texels([[51, 102, 153, 128]])
 
 
+@pytest.mark.long
 def test_textures_and_vertex_colours_multiply():
     material = Material(
         kind="metallic_roughness", base_color=(0.5, 1, 1), metallic=0.5, roughness=1.0, base_color_texture=0,

@@ -111,6 +111,7 @@ def image():
     return Image("white", np.full((2, 2, 4), 255, np.uint8))
 
 
+@pytest.mark.long
 def test_an_instances_surface_is_that_of_its_copy(monkeypatch):
     """Turned, scaled, mirrored, moved: position, normals, tangents, colours and names, seen from outside and inside."""
     rng = np.random.default_rng(1)
