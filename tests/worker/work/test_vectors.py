@@ -38,13 +38,15 @@ def test_they_are_those_of_the_command(tmp_path: Path, name: str) -> None:
     (tmp_path / "shot.glb").write_bytes(moving(True, True).glb())
     given, asked = VIEWS[name]
     description = Shot(tmp_path, "shot.glb").at()
-    auto = summarise(description, compile_scene(description))["cameras"][-1]["view"]
+    cameras = summarise(description, compile_scene(description))["cameras"]
+    auto = cameras[-1]["view"]
     picture = Picture({"size": "24x16", **given})
     moment = Moment(6.5, asked.get("fps"), asked.get("clip"))
     order = Order(picture, ["motion"], False, 0.0, "neutral", None, 0, asked.get("turntable"), None)
     stage = Stage(Shot(tmp_path, "shot.glb"), picture.camera, threads=1)
     expected = motion_of(stage, order, moment, Clock())
-    request: dict[str, Any] = {"camera": given.get("camera"), "view": asdict(OWN) if "eye" in given else None}
+    own = {**asdict(OWN), "near": cameras[0]["view"]["near"]}  # the command's options leave what they do not name
+    request: dict[str, Any] = {"camera": given.get("camera"), "view": own if "eye" in given else None}
     work = FrameVectors("work", "job", frame_key(6.5), "scene", 24, 16, auto, **request, **asked)
     result = tmp_path / "vectors.f32"
     vectors._work(tmp_path, Manifest("scene", "shot.glb", []), FrameVectors.from_json(asdict(replace(work))), result)
