@@ -19,6 +19,7 @@ PLAIN = "render_pool-plain"
 pytestmark = pytest.mark.farm
 
 
+@pytest.mark.long
 def test_a_machine_that_joins_compiles_nothing_and_leaves_by_ctrl_c(farm: Farm, tmp_path: Path) -> None:
     kernels = farm.data / "kernels"
     wait_until(lambda: any(kernels.glob(f"*-{PLAIN}")), 60, "the farm's own worker has handed in its kernels")

@@ -44,7 +44,7 @@ ON_BOTH: dict[str, tuple[str, ...]] = {
     "scheduling/test_jobs.py": ("test_a_job_comes_to_the_very_sums_that_its_samples_have",),
     "scheduling/test_shots.py": (),
     "scheduling/test_killed_shots.py": (),
-    "scheduling/test_long_shots.py": ("test_what_is_done_in_parts",),
+    "scheduling/test_long_shots.py": (),
     "scheduling/jobs/test_history.py": (),
     "scheduling/test_database_faults.py": (),
     "keeping/test_retention.py": (),

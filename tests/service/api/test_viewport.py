@@ -310,6 +310,7 @@ def test_a_click_finds_what_lies_there(service: Service, worker: PeerWorker) -> 
         assert asked[0].settings.view.aperture == 0.0, "the depth of a sharp picture"
 
 
+@pytest.mark.long
 def test_a_click_is_answered_though_another_view_is_asked_for_meanwhile(service: Service, worker: PeerWorker) -> None:
     with look(service, service.ready_scene()) as viewer:
         viewer.show(1, spp=2)
@@ -387,6 +388,7 @@ def test_nobody_who_can_render_it_is_said(service: Service) -> None:
                 viewer.wait(1, 2)
 
 
+@pytest.mark.long
 def test_a_restarted_service_forgets_old_views(service: Service, worker: PeerWorker) -> None:
     redis = service.farm.desk._redis
     redis.lpush(view_queue("gone"), b"{}")

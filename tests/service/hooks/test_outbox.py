@@ -114,6 +114,7 @@ def test_a_hook_that_is_dead_is_not_tried_by_each_message_that_waits_for_it(
     until(lambda: len(receiver.messages) >= 20, "once it answers it is told of all whose turn it is", 30)
 
 
+@pytest.mark.long
 def test_a_message_whose_time_was_told_by_a_clock_that_was_ahead_is_sent(told: Service, receiver: Receiver) -> None:
     told.patch(told.submit(told.upload()), state="cancelled")
     until(lambda: told.http.get("/api/hooks").json()[0]["arrived"] == 1, "the hook is told")
@@ -123,6 +124,7 @@ def test_a_message_whose_time_was_told_by_a_clock_that_was_ahead_is_sent(told: S
     until(lambda: len(receiver.got) == 2, "it is sent again")
 
 
+@pytest.mark.long
 def test_a_clock_that_is_put_back_keeps_nobody_in_the_dark(
     told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -251,6 +253,7 @@ def test_a_hook_that_hears_nothing_holds_up_no_other(service: Service, monkeypat
     assert tried == [silent, other, other, other]
 
 
+@pytest.mark.long
 def test_a_fault_in_one_message_is_no_reason_to_send_it_for_ever(
     told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
 ) -> None:

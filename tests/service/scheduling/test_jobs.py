@@ -10,7 +10,6 @@ import pytest
 
 from renderer import film as film_math
 from renderer.settings import Tile
-from tests.grids import grid
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
 from worker.protocol.contract import RenderBatch, render_queue
@@ -28,7 +27,8 @@ def test_a_job_comes_to_the_very_sums_that_its_samples_have(service: Service, wo
     np.testing.assert_array_equal(np.float32(pixel["color"]), film_math.mean(sums, 24)[0, 0])
 
 
-@grid("tile_size", [16, 64], ordinary=(16,))
+@pytest.mark.long
+@pytest.mark.parametrize("tile_size", [16, 64])
 def test_the_size_of_tiles_does_not_matter(service: Service, worker: PeerWorker, tile_size: int) -> None:
     job = service.submit(service.ready_scene(), tile_size=tile_size)
     service.wait_for(job, "finished")
@@ -80,6 +80,7 @@ def test_a_job_by_noise_may_be_told_to_go_on_regardless_while_it_is_rendered(ser
     assert service.digest(job) == expected_digest(spp=40)
 
 
+@pytest.mark.long
 def test_cancelling_never_takes_back_what_was_told_of_a_job(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     scene = service.ready_scene()

@@ -32,6 +32,7 @@ def damaged(store: redis.Redis, is_so: bool) -> None:
 
 
 @pytest.mark.long  # that it is noticed and said is tested below, that every call is made again too
+@pytest.mark.long
 @pytest.mark.parametrize("spoil", [read_only, full, damaged])
 def test_a_redis_that_refuses_costs_only_time(
     service: Service, worker: PeerWorker, spoil: Callable[[redis.Redis, bool], None]
@@ -52,7 +53,7 @@ def test_a_redis_that_refuses_costs_only_time(
     until(lambda: service.http.get("/readyz").status_code == 200, "it is ready again")
 
 
-@pytest.mark.parametrize("spoil", [pytest.param(full, marks=pytest.mark.long), read_only])
+@pytest.mark.parametrize("spoil", [full, read_only])
 def test_a_redis_that_refuses_is_noticed_while_there_is_nothing_to_do(
     service: Service, spoil: Callable[[redis.Redis, bool], None]
 ) -> None:

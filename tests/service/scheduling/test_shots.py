@@ -120,6 +120,7 @@ def test_a_frame_that_fails_is_named_and_the_others_go_on(service: Service, work
     assert digest(service, job, 2) == expected(2)
 
 
+@pytest.mark.long
 def test_where_every_frame_fails_the_job_has_failed(service: Service, worker: PeerWorker) -> None:
     def missing(frame: float) -> None:
         raise ValueError("there is nothing to see.")
@@ -129,6 +130,7 @@ def test_where_every_frame_fails_the_job_has_failed(service: Service, worker: Pe
     assert "there is nothing to see." in service.wait_for(job, "failed")["error"]
 
 
+@pytest.mark.long
 def test_a_batch_that_always_fails_ends_its_frame_alone(service: Service, worker: PeerWorker) -> None:
     def fails(batch: RenderBatch) -> None:
         if batch.frame == 2:
@@ -291,6 +293,7 @@ def test_what_cannot_be_asked_of_frames_is_said(service: Service, worker: PeerWo
     assert "needs an end for each frame" in refused.text
 
 
+@pytest.mark.long
 def test_numbers_are_as_they_were_written(service: Service, worker: PeerWorker) -> None:
     job = shoot(service, service.ready_scene(), "10-14x2,0.5", spp=1)
     service.wait_for(job, "finished")

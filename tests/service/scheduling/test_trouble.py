@@ -51,6 +51,7 @@ def test_a_redis_that_loses_everything_costs_only_time(service: Service, worker:
     assert service.digest(job) == expected_digest(spp=30)
 
 
+@pytest.mark.long
 def test_a_redis_that_is_away_for_a_while(service: Service, worker: PeerWorker, redis_server: running_redis) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=30)

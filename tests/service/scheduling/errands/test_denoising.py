@@ -144,6 +144,7 @@ def test_nobody_who_can_is_a_sentence(service: Service) -> None:
         assert [worker["denoises"] for worker in service.http.get("/api/workers").json()] == [False]
 
 
+@pytest.mark.long
 def test_a_fault_of_the_worker_is_told_and_the_next_try_is_a_new_one(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
 

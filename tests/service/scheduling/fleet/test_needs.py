@@ -76,6 +76,7 @@ def test_a_job_goes_to_the_workers_that_have_what_it_needs(service: Service) -> 
     assert (refused.status_code, "is no need" in refused.text) == (422, True)
 
 
+@pytest.mark.long
 def test_what_is_asked_of_a_worker_is_told_and_kept(service: Service) -> None:
     def tags(worker: PeerWorker) -> dict[str, Any]:
         return next(row for row in service.http.get("/api/workers").json() if row["name"] == worker.name)
