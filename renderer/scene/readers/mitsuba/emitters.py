@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
-from renderer.scene.description import Environment, Image, Light, SceneDescription, Sky, Vec3
+from renderer.scene.description import Environment, Light, SceneDescription, Sky, Vec3
 from renderer.scene.readers.mitsuba.document import Document, Element
-from renderer.scene.readers.mitsuba.textures import linear, radiance_of
+from renderer.scene.readers.mitsuba.textures import radiance_of
+from renderer.scene.readers.turned_sky import FROM_PLUS_Z, seen_upright
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["add_emitter"]
@@ -68,38 +69,13 @@ def _image(source: Element, document: Document, shelf: TextureShelf, description
     x, z = _unit(world[:3, 0]), _unit(world[:3, 2])
     strength = source.number("scale", 1.0)
     if abs(_unit(world[:3, 1])[1] - 1) > 1e-3 or np.linalg.det(world[:3, :3]) < 0:
-        pixels = _seen_upright(linear(description.images[image]), np.stack([_unit(world[:3, k]) for k in range(3)]))
-        upright = shelf.add(Image(f"{name} upright", pixels, srgb=False))
+        turn = np.stack([_unit(world[:3, k]) for k in range(3)], axis=1) @ FROM_PLUS_Z
+        upright = shelf.add(seen_upright(description.images[image], turn))
         _surround(Environment(image=upright, strength=strength), source, document, description)
         return
-    turn = math.degrees(math.atan2(z[0] - x[2], z[2] + x[0]))
+    angle = math.degrees(math.atan2(z[0] - x[2], z[2] + x[0]))
     # The middle of Mitsuba's image looks along +Z, that of ours along -Z.
-    _surround(Environment(image=image, strength=strength, rotation=(turn - 180.0) % 360), source, document, description)
-
-
-def _seen_upright(pixels: np.ndarray, into: np.ndarray) -> np.ndarray:
-    """A picture of all directions that is turned about any axis, or mirrored, as ours whose middle looks along -Z.
-
-    into: (3, 3), from the world's directions to those of the picture, whose middle looks along +Z.
-    """
-    height, width = pixels.shape[:2]
-    made = np.empty_like(pixels)
-    around = (np.arange(width) + 0.5) / width * 2 * np.pi
-    for row in range(height):
-        down = (row + 0.5) / height * np.pi
-        sine = np.full(width, np.sin(down))
-        towards = np.stack([-sine * np.sin(around), np.full(width, np.cos(down)), sine * np.cos(around)])
-        x, y, z = into @ towards
-        u = np.arctan2(x, -z) / (2 * np.pi) * width - 0.5
-        v = np.clip(np.arccos(np.clip(y, -1, 1)) / np.pi * height - 0.5, 0, height - 1)
-        left, top = np.floor(u).astype(int), np.floor(v).astype(int)
-        right, low = (left + 1) % width, np.minimum(top + 1, height - 1)
-        left %= width
-        a, b = (u - np.floor(u))[:, None], (v - top)[:, None]
-        made[row] = (pixels[top, left] * (1 - a) + pixels[top, right] * a) * (1 - b) + (
-            pixels[low, left] * (1 - a) + pixels[low, right] * a
-        ) * b
-    return made
+    _surround(Environment(image=image, strength=strength, rotation=(angle - 180.0) % 360), source, document, description)
 
 
 def _sky(source: Element, document: Document, description: SceneDescription) -> None:

@@ -9,13 +9,14 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.scene.description import Image, TexelFilter, UvTransform, Vec3, Wrap
 from renderer.scene.readers.coats import under_a_coat
+from renderer.scene.readers.linear import linear
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.values import Matrix, Spectrum, numbers, planck, rgb
 from renderer.scene.readers.mtl_maps import with_opacity, with_roughness_and_metal
 from renderer.scene.readers.numbers import unit
 from renderer.scene.textures import UNMOVED, TextureShelf
 
-__all__ = ["Textures", "linear", "radiance_of"]
+__all__ = ["Textures", "radiance_of"]
 
 _WRAPS: dict[str, Wrap] = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp"}
 WHITE: Vec3 = (1.0, 1.0, 1.0)
@@ -168,16 +169,6 @@ def _uv(matrix: Any) -> UvTransform:
     last = 2 if np.allclose(found[:2, 3], 0) and not np.allclose(found[:2, 2], 0) else 3
     a, b, c, d, e, f = (float(v) for v in (x[0], x[1], x[last], y[0], y[1], y[last]))
     return a, b, c, d, e, f
-
-
-def linear(image: Image) -> np.ndarray[Any, np.dtype[np.float32]]:
-    """An image's scene-linear pixels, (h, w, 3)."""
-    pixels = np.asarray(image.pixels[..., :3], np.float32)
-    if image.pixels.dtype != np.uint8:
-        return pixels
-    from renderer.image.tonemap import decode_srgb
-
-    return np.asarray(decode_srgb(pixels / 255) if image.srgb else pixels / 255, np.float32)
 
 
 def constant_of(source: Element) -> Any:

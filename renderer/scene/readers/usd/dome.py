@@ -6,12 +6,11 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from pxr import UsdLux
 
-from renderer.image.tonemap import decode_srgb
-from renderer.scene.description import Environment, Image, SceneDescription
+from renderer.scene.description import Environment, SceneDescription
 from renderer.scene.matrices import Matrix
+from renderer.scene.readers.turned_sky import FROM_PLUS_Z, seen_upright
 from renderer.scene.readers.usd.lights import radiance_of
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.textures import Images
@@ -56,40 +55,11 @@ def add_dome(
         description.environment = Environment(color)
         return
     # USD's middle column looks along +Z, ours along -Z.
-    turned = turned @ np.diag([-1.0, 1.0, -1.0])
+    turned = turned @ FROM_PLUS_Z
     upright = abs(turned[1, 1] - 1) < 1e-6
     image = found[0]
     if not upright:
-        image = shelf.add(_turned(description.images[image], turned))
+        image = shelf.add(seen_upright(description.images[image], turned, _LEAST_HEIGHT))
         description.environment = Environment(color, image)
         return
     description.environment = Environment(color, image, rotation=math.degrees(math.atan2(turned[0, 2], turned[0, 0])))
-
-
-def _turned(image: Image, turn: Matrix) -> Image:
-    """An equirectangular image as it is seen when its sphere is turned."""
-    pixels = image.pixels
-    if pixels.dtype == np.uint8:
-        pixels = (decode_srgb(np.arange(256, dtype=np.float32) / 255) if image.srgb else np.arange(256, dtype=np.float32) / 255)[
-            pixels[..., :3]
-        ]
-    height = max(pixels.shape[0], _LEAST_HEIGHT)
-    theta = (np.arange(height) + 0.5)[:, None] * np.pi / height
-    phi = (np.arange(2 * height) + 0.5)[None, :] * np.pi / height - np.pi
-    directions = np.stack(np.broadcast_arrays(np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)), axis=-1)
-    x, y, z = np.moveaxis(directions @ turn, -1, 0)  # by the inverse, which is the transposed
-    row = np.arccos(np.clip(y, -1, 1)) / np.pi * pixels.shape[0] - 0.5
-    column = (np.arctan2(x, -z) + np.pi) / (2 * np.pi) * pixels.shape[1] - 0.5
-    return Image(f"{image.name} turned", _mixed(pixels[..., :3], row, column), srgb=False)
-
-
-def _mixed(pixels: npt.NDArray[Any], row: npt.NDArray[Any], column: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
-    """Bilinear; around the edge to the left and right."""
-    height, width = pixels.shape[:2]
-    above, left = np.floor(row).astype(int), np.floor(column).astype(int)
-    down, right = (row - above)[..., None], (column - left)[..., None]
-    rows = [np.clip(above + k, 0, height - 1) for k in (0, 1)]
-    columns = [(left + k) % width for k in (0, 1)]
-    upper, lower = (pixels[r, columns[0]] * (1 - right) + pixels[r, columns[1]] * right for r in rows)
-    result: npt.NDArray[np.float32] = (upper * (1 - down) + lower * down).astype(np.float32)
-    return result
