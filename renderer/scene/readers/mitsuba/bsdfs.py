@@ -66,7 +66,8 @@ class Bsdfs:
         key = (id(source), id(emitter))
         if key not in self._numbers:
             self._textures.by_vertices = False
-            made = self._made(source, 0) if source is not None else Material(base_color=(0.5, 0.5, 0.5))
+            grey = 0.0 if any(shape.of("emitter")) else 0.5  # what shines reflects nothing unless it says so
+            made = self._made(source, 0) if source is not None else Material(base_color=(grey,) * 3)
             if emitter is not None:
                 emission, texture = self._textures.color(emitter, "radiance", 1.0, is_light=True)
                 made = replace(made, emission=emission, emission_texture=texture)

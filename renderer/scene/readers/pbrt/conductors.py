@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -11,7 +13,7 @@ from renderer.scene.readers.pbrt.named import METALS
 from renderer.scene.readers.pbrt.parameters import Parameters, text_of
 from renderer.scene.readers.pbrt.spectra import WEIGHTS, Colors
 
-__all__ = ["index_of", "of_reflectance"]
+__all__ = ["absorbing", "index_of", "of_reflectance"]
 
 F64 = npt.NDArray[np.float64]
 _BRIGHTEST = 0.9999  # pbrt's
@@ -55,8 +57,13 @@ def _matched(eta: F64, k: F64) -> tuple[Vec3, Vec3]:
 
 def of_reflectance(rgb: Vec3) -> tuple[Vec3, Vec3]:
     """An index of 1 with the k by which head on so much is reflected: pbrt's rule."""
-    values = np.clip(np.array(rgb), 0.0, _BRIGHTEST)
-    return (1.0, 1.0, 1.0), _vec(2 * np.sqrt(values) / np.sqrt(1 - values))
+    return (1.0, 1.0, 1.0), _vec(absorbing(np.array(rgb)))
+
+
+def absorbing(reflectance: npt.NDArray[Any]) -> F64:
+    """The k by which a metal of an index of 1 reflects so much head on."""
+    values = np.clip(np.asarray(reflectance, np.float64), 0.0, _BRIGHTEST)
+    return np.asarray(2 * np.sqrt(values) / np.sqrt(1 - values))
 
 
 def _vec(values: F64) -> Vec3:

@@ -128,7 +128,7 @@ def _subdivided(source: Parameters, notes: Notes, growth: Growth) -> Mesh:
         notes.add(source.place, f"{source} is refined {levels} times and not {wanted}, so that it does not grow too large")
     fine, faces = subdivided(points, triangles, levels)
     mesh = Mesh("loopsubdiv", fine.astype(np.float32), faces.astype(np.int32))
-    return smoothed(mesh, _EVERY_EDGE)
+    return turned(smoothed(mesh, _EVERY_EDGE))  # pbrt's normals of it are on the side from which its triangles run clockwise
 
 
 def turned(mesh: Mesh) -> Mesh:

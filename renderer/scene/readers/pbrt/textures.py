@@ -273,6 +273,8 @@ class Textures:
         filter: TexelFilter = "nearest" if source.text("filter", "bilinear") == "point" else "linear"
         source.used.add("maxanisotropy")
         texture = self.shelf.texture(image, wrap, wrap, int(mapping is not None), self._place(definition), (), filter)
+        if definition.kind == "float":
+            texture = self._of_red(texture)
         scale = source.number("scale", 1.0)
         if source.flag("invert", False):
             texture = self.shelf.derived(
@@ -282,6 +284,16 @@ class Textures:
             )
             scale = 1.0
         return Varying((scale,) * 3, texture, mapping)
+
+    def _of_red(self, texture: int) -> int:
+        """A texture of numbers: pbrt looks at the first channel alone."""
+        pixels = self.shelf.image_of(texture).pixels
+        if all(np.array_equal(pixels[..., 0], pixels[..., channel]) for channel in (1, 2)):
+            return texture
+        made = self.shelf.derived(
+            texture, "red", lambda it: Image(f"{it.name} of red", np.repeat(linear(it)[..., :1], 3, axis=-1), False)
+        )
+        return texture if made is None else made
 
     def _checks(self, definition: Definition, first: Vec3, second: Vec3) -> Varying:
         su, _, du, _, sv, dv = self._place(definition)
