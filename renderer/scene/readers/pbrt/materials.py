@@ -15,6 +15,7 @@ from renderer.scene.description import Image, Material, SceneDescription, Vec3
 from renderer.scene.readers.brushed import brushed
 from renderer.scene.readers.coats import pane_ior
 from renderer.scene.readers.metals import head_on
+from renderer.scene.readers.mixed import mixed
 from renderer.scene.readers.pbrt.coats import coat_of, metal_beneath, paint_beneath
 from renderer.scene.readers.pbrt.conductors import absorbing, index_of, of_reflectance
 from renderer.scene.readers.pbrt.mappings import Mapping
@@ -241,13 +242,11 @@ class Materials:
             )
         amount = min(max(self._textures.one_number(source, "amount", 0.5), 0.0), 1.0)
         first, second = (self.of(part, depth + 1) for part in parts if part is not None)
-        if amount in (0.0, 1.0):
-            return second if amount else first
-        if first.kind == second.kind == "diffuse" and first.base_color_texture is second.base_color_texture is None:
-            r, g, b = (a * (1 - amount) + b * amount for a, b in zip(first.base_color, second.base_color, strict=True))
-            return replace(first, base_color=(r, g, b))
-        self._notes.add(source.place, f"{source} mixes two materials: the one that counts for more is rendered")
-        return second if amount > 0.5 else first
+        made = mixed(first, second, amount)
+        if made is None:
+            self._notes.add(source.place, f"{source} mixes what ours cannot as one: the one that counts for more is rendered")
+            return second if amount > 0.5 else first
+        return made
 
     def _nearest(self, source: Parameters) -> Material:
         """What pbrt renders and ours does not."""
