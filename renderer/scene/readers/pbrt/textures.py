@@ -273,7 +273,7 @@ class Textures:
         filter: TexelFilter = "nearest" if source.text("filter", "bilinear") == "point" else "linear"
         source.used.add("maxanisotropy")
         texture = self.shelf.texture(image, wrap, wrap, int(mapping is not None), self._place(definition), (), filter)
-        if definition.kind == "float":
+        if definition.kind == "float" and texture is not None:
             texture = self._of_red(texture)
         scale = source.number("scale", 1.0)
         if source.flag("invert", False):
