@@ -8,9 +8,9 @@ import pytest
 from renderer.errors import SceneError
 from renderer.image.encode import encode
 from renderer.scene.normals import face_normals
+from renderer.scene.readers.linear import linear
 from renderer.scene.readers.pbrt.equal_area import equirectangular, to_square
 from renderer.scene.readers.pbrt.loop import subdivided
-from renderer.scene.readers.pbrt.textures import linear
 from tests.renderer.scene.pbrt_files import BALL, HEAD, SQUARE, world
 
 RIGHT = "Scale -1 1 1 " + HEAD
@@ -101,6 +101,20 @@ def test_numbers_of_a_picture_are_its_first_channel(pbrt, png):
     texture = found.textures[found.materials[0].metallic_roughness_texture]
     packed = found.images[texture.image].pixels
     np.testing.assert_allclose(packed[0, 0], ((64 / 255) ** 0.25, (64 / 255) ** 0.25, 1), rtol=1e-5)
+
+
+def test_an_index_may_be_a_texture(pbrt):
+    """Of what is the same everywhere it is taken over, of another its mean, and that is said."""
+    texture = 'Texture "e" "{}" "{}" {} Material "{}" "texture eta" "e" '
+    glass = pbrt(texture.format("float", "constant", '"float value" 1.3', "dielectric") + BALL)
+    assert glass.materials[0].ior == pytest.approx(1.3)
+    metal = pbrt(
+        texture.format("spectrum", "constant", '"rgb value" [.2 1.9 1.1]', "conductor") + '"rgb k" [3.9 2.4 2.2] ' + BALL
+    )
+    assert metal.materials[0].eta == pytest.approx((0.2, 1.9, 1.1))
+    varies = pbrt(texture.format("float", "checkerboard", '"float tex1" 1.2 "float tex2" 1.8', "dielectric") + BALL)
+    assert varies.materials[0].ior == pytest.approx(1.5)
+    assert any("eta of material 'dielectric' varies" in each for each in varies.warnings)
 
 
 def test_a_light_that_is_not_there_shines(pbrt):

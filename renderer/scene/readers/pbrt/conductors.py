@@ -10,7 +10,7 @@ import numpy.typing as npt
 from renderer.scene.description import Vec3
 from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.pbrt.named import METALS
-from renderer.scene.readers.pbrt.parameters import Parameters, text_of
+from renderer.scene.readers.pbrt.parameters import Parameter, text_of
 from renderer.scene.readers.pbrt.spectra import WEIGHTS, Colors
 
 __all__ = ["absorbing", "index_of", "of_reflectance"]
@@ -20,9 +20,8 @@ _BRIGHTEST = 0.9999  # pbrt's
 _BRIGHTEST_METAL = 0.998
 
 
-def index_of(source: Parameters, colors: Colors, prefix: str = "") -> tuple[Vec3, Vec3]:
-    """eta and k of a conductor; copper where it does not say."""
-    eta, k = source.get(f"{prefix}eta", "spectrum", "rgb", "float"), source.get(f"{prefix}k", "spectrum", "rgb", "float")
+def index_of(eta: Parameter | None, k: Parameter | None, colors: Colors) -> tuple[Vec3, Vec3]:
+    """eta and k of a conductor; copper's where it does not say."""
     names = [text_of(each) if each is not None else "" for each in (eta, k)]
     if eta is None and k is None:
         names = ["metal-Cu-eta", "metal-Cu-k"]

@@ -14,6 +14,7 @@ import numpy as np
 from renderer.scene.description import Image, Material, SceneDescription, Vec3
 from renderer.scene.readers.brushed import brushed
 from renderer.scene.readers.coats import pane_ior
+from renderer.scene.readers.linear import linear
 from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.mixed import mixed
 from renderer.scene.readers.pbrt.coats import coat_of, metal_beneath, paint_beneath
@@ -21,7 +22,7 @@ from renderer.scene.readers.pbrt.conductors import absorbing, index_of, of_refle
 from renderer.scene.readers.pbrt.mappings import Mapping
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
-from renderer.scene.readers.pbrt.textures import Textures, Varying, linear
+from renderer.scene.readers.pbrt.textures import Textures, Varying
 
 __all__ = ["Emission", "Materials", "is_nothing"]
 
@@ -111,7 +112,7 @@ class Materials:
     def _coated(self, source: Parameters) -> Material:
         """Paint under varnish: what of the light that enters comes out again, after being thrown back within."""
         color = self._textures.color(source, "reflectance", _HALF)
-        ior, _ = self._textures.colors.index(source.get("eta", "float", "spectrum"))
+        ior, _ = self._textures.colors.index(self._textures.index(source, "eta"))
         ior = min(max(ior, 1.0), 4.0)
         self._medium(source)
         rough = self._rough(source, "")
@@ -143,7 +144,7 @@ class Materials:
     def _conductor(self, source: Parameters) -> Material:
         rough = self._rough(source, "")
         if source.get("reflectance") is None:
-            eta, k = index_of(source, self._textures.colors)
+            eta, k = self._eta_and_k(source, "")
             return Material(kind="conductor", eta=eta, k=k, **rough)
         color = self._textures.color(source, "reflectance", _HALF)
         if color.is_constant:
@@ -151,9 +152,13 @@ class Materials:
             return Material(kind="conductor", eta=eta, k=k, **rough)
         return replace(_painted(color), kind="metallic_roughness", metallic=1.0, **rough)
 
+    def _eta_and_k(self, source: Parameters, prefix: str) -> tuple[Vec3, Vec3]:
+        eta, k = (self._textures.index(source, f"{prefix}{each}") for each in ("eta", "k"))
+        return index_of(eta, k, self._textures.colors)
+
     def _coated_conductor(self, source: Parameters) -> Material:
         self._medium(source)
-        ior, _ = self._textures.colors.index(source.get("interface.eta", "float", "spectrum"))
+        ior, _ = self._textures.colors.index(self._textures.index(source, "interface.eta"))
         ior = ior if ior > 0 else 1.0
         thickness = self._thickness(source)
 
@@ -176,7 +181,7 @@ class Materials:
                 )
                 color = Varying((1.0, 1.0, 1.0), texture)
         else:
-            eta, k = (np.array(v) for v in index_of(source, self._textures.colors, "conductor."))
+            eta, k = (np.array(v) for v in self._eta_and_k(source, "conductor."))
             r, g, b = (float(v) for v in beneath(eta, k))
             color = Varying((r, g, b))
         coat = self._rough(source, "interface.")
@@ -191,7 +196,7 @@ class Materials:
         )
 
     def _glass(self, source: Parameters) -> Material:
-        ior, dispersion = self._textures.colors.index(source.get("eta", "float", "spectrum"))
+        ior, dispersion = self._textures.colors.index(self._textures.index(source, "eta"))
         if not ior > 0:
             raise source.place.wrong(f"{source} has the index {ior:g}; it is above 0")
         if ior < 1:
@@ -252,7 +257,7 @@ class Materials:
         """What pbrt renders and ours does not."""
         if source.type == "subsurface":
             color = self._textures.color(source, "reflectance", _HALF)
-            ior, _ = self._textures.colors.index(source.get("eta", "float", "spectrum"))
+            ior, _ = self._textures.colors.index(self._textures.index(source, "eta"))
             self._notes.add(source.place, "Light below the surface of a subsurface material is not followed: rendered as paint")
             made = replace(_painted(color), kind="metallic_roughness", ior=min(max(ior, 1.0), 4.0), **self._rough(source, ""))
         elif source.type == "hair":
