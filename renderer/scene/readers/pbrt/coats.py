@@ -104,12 +104,21 @@ def paint_beneath(reflectance: Any, coat: Coat) -> Any:
     """The reflectance that paint seems to have, one or an array of them, of light that the coat itself does not reflect."""
     values = np.clip(np.asarray(reflectance, np.float64), 0, 1)
     bounced = values * coat.back
-    series = sum((bounced**n for n in range(1, coat.bounces)), start=np.ones_like(values))
+    series = (1 - _power(bounced, coat.bounces)) / np.maximum(1 - bounced, 1e-9)
     found = np.minimum(coat.entering * coat.leaving / (1 - coat.reflected) * values * series, 1.0)
     if isinstance(reflectance, tuple):
         r, g, b = (float(v) for v in found)
         return r, g, b
     return np.asarray(found, np.float32)
+
+
+def _power(values: F64, exponent: int) -> F64:
+    """By products alone, which are the same on each host."""
+    found, square = np.ones_like(values), values
+    while exponent:
+        found = found * square if exponent & 1 else found
+        square, exponent = square * square, exponent >> 1
+    return found
 
 
 def metal_beneath(reflectance: F64, ior: float, thickness: float) -> F64:
