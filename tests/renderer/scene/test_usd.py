@@ -175,6 +175,29 @@ def test_a_point_instancer_puts_its_prototypes_where_usd_says(tmp_path):
         assert {tuple(np.round(p, 4)) for p in world(found, number).reshape(-1, 3)} == corners
 
 
+@pytest.mark.parametrize("word", ["def", "over", "class"])
+def test_prototypes_that_nothing_but_their_instancer_shows(word, tmp_path):
+    (tmp_path / "a.usda").write_text(
+        f"""#usda 1.0
+(
+    metersPerUnit = 1
+)
+def PointInstancer "i" {{
+    int[] protoIndices = [0, 0]
+    point3f[] positions = [(0, 0, 0), (3, 0, 0)]
+    rel prototypes = [</{"i/" if word != "class" else ""}kinds/a>]
+    {'def "kinds" { def Xform "a" { def Sphere "ball" {' if word == "def" else ""}
+    {'over "kinds" { def Xform "a" { def Sphere "ball" {' if word == "over" else ""}
+    {"}}}" if word != "class" else ""}
+}}
+{'class "kinds" { def Xform "a" { def Sphere "ball" {' if word == "class" else ""}
+{"}}}" if word == "class" else ""}
+""".replace("}", "\n}\n").replace("{", "{\n")
+    )
+    found = read(tmp_path / "a.usda")
+    assert sorted(instance.transform[0, 3] for instance in found.instances) == [0, 3]
+
+
 def test_a_camera_sees_what_usd_says_it_sees(tmp_path):
     made = stage(tmp_path / "a.usda", "Z", 0.01)
     cube(made, "/m")

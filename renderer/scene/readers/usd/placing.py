@@ -54,7 +54,7 @@ class Placing:
         self._shelf, self._images, self._notes, self._time = shelf, images, notes, time
         self._is_still = stage.span is None
         self._unit = float(UsdGeom.GetStageMetersPerUnit(self._stage))
-        self._surfaces = Surfaces(images, shelf, description.materials, notes, time)
+        self._surfaces = Surfaces(images, shelf, description.materials, notes, time, self._unit)
         self._skeletons = Skeletons(time, notes)
         self._bound: dict[Any, Any] = {}
         self._numbers: dict[Hashable, list[int]] = {}
