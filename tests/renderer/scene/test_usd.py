@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pxr import Gf, UsdGeom, UsdRender, UsdShade, Vt
+from pxr import Gf, UsdGeom, UsdPhysics, UsdRender, UsdShade, Vt
 
 from renderer.errors import SceneError
 from tests.renderer.scene.usd_files import CUBE, SQUARE, TYPES, bind, cube, material, mesh, ours, read, stage, texture, world
@@ -370,3 +370,16 @@ def test_materials_for_previews_alone_are_shown_and_unknown_kinds_named(tmp_path
     found = read(tmp_path / "a.usda")
     assert found.materials[found.meshes[0].material].base_color == (1, 0, 0)
     assert any("type PxrRectLight, which USD itself does not know" in w for w in found.warnings)
+
+
+def test_what_is_hidden_from_renders_is_not_drawn_and_physics_are_named(tmp_path):
+    made = stage(tmp_path / "a.usda")
+    cube(made, "/shown")
+    hidden = cube(made, "/hidden")
+    hidden.CreatePurposeAttr("render")
+    UsdGeom.VisibilityAPI.Apply(hidden.GetPrim()).CreateRenderVisibilityAttr("invisible")
+    UsdPhysics.Scene.Define(made, "/physics")
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    assert [instance.name for instance in found.instances] == ["shown"]
+    assert any("Physics are not simulated" in w for w in found.warnings)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
+from pxr import Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, UsdSkel
 
 from renderer.errors import SceneError
 from renderer.scene.matrices import Matrix, product
@@ -93,6 +93,8 @@ class _Walk:
                 self._notes.add(
                     f"Prims of the type {prim.GetTypeName()}, which USD itself does not know, are left out", str(prim.GetPath())
                 )
+            if prim.IsA(UsdPhysics.Scene):
+                self._notes.say("Physics are not simulated: what would fall stands where the file has it.")
             if prim.IsA(UsdShade.Material) or prim.IsA(UsdShade.Shader) or prim.IsA(UsdShade.NodeGraph):
                 continue
             inner, moving = self._local(prim, outer)
@@ -105,6 +107,9 @@ class _Walk:
                 attribute = imageable.GetPurposeAttr()
                 if attribute.HasAuthoredValue():
                     purpose = str(attribute.Get())
+                if purpose == "render" and prim.HasAPI(UsdGeom.VisibilityAPI):
+                    own = UsdGeom.VisibilityAPI(prim).GetRenderVisibilityAttr()
+                    shown = shown and not (own and own.Get(self._time) == UsdGeom.Tokens.invisible)
                 self.stands_in |= purpose == "render"
                 if purpose == "proxy" and "proxy" not in self._drawn and shown and prim.IsA(UsdGeom.Gprim):
                     self.proxies.append(str(prim.GetPath()))

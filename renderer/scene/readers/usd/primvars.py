@@ -98,4 +98,5 @@ def spread(
     if not fits:
         notes.add("Primvars that do not fit their meshes are left out", str(path))
         return None
-    return AtCorners(values, code, interpolation in ("constant", "vertex", "varying"))
+    is_indexed = indices is not None and interpolation == "faceVarying"
+    return AtCorners(values, code, interpolation in ("constant", "vertex", "varying"), is_indexed=is_indexed)
