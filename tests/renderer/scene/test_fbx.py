@@ -181,6 +181,46 @@ def test_arnolds_standard_surface(scene):
     assert "Material m: not read and left out: light beneath the surface." in description.warnings
 
 
+def test_depth_dispersion_film_and_a_coats_colour_of_arnold(scene):
+    """Lengths in centimetres, the file's unit; dispersion by Abbe's number."""
+    values = {
+        "Maya|base": 1.0,
+        "Maya|transmission": 1.0,
+        "Maya|transmissionColor": (1.0, 0.5, 0.5),
+        "Maya|transmissionDepth": 10.0,
+        "Maya|transmissionDispersion": 40.0,
+        "Maya|coat": 0.5,
+        "Maya|coatColor": (1.0, 0.2, 0.0),
+        "Maya|thinFilmThickness": 400.0,
+        "Maya|diffuseRoughness": 0.5,
+    }
+    objects = material(30, "m", "unknown", **values) + arnold(70, values)
+    description = scene("a.fbx", fbx(objects, [(30, 20), (30, 70), (71, 70)]))
+    found = description.materials[0]
+    assert (found.attenuation_distance, found.dispersion) == pytest.approx((0.1, 0.5))
+    assert found.base_color == pytest.approx((1, 0.6, 0.5))
+    assert (found.iridescence, found.iridescence_thickness) == (1, (400, 400))
+    assert any("the roughness of the matt part" in w for w in description.warnings)
+
+
+@pytest.mark.parametrize("is_textured", [False, True])
+def test_vertex_colours_tint_no_texture(scene, png, is_textured):
+    colors = """
+		LayerElementColor: 0 {
+			Version: 101
+			MappingInformationType: "ByPolygonVertex"
+			ReferenceInformationType: "Direct"
+			Colors: *12 { a: 1,0,0,1,0,1,0,1,0,0,1,1 }
+		}
+		Layer: 0 {
+			LayerElement:  { Type: "LayerElementColor" TypedIndex: 0 }"""
+    links = [(30, 20), *([(31, 30, "DiffuseColor")] if is_textured else [])]
+    text = fbx(material(30, "m", "lambert") + texture(31, "t.png"), links).replace("\t\tLayer: 0 {", colors, 1)
+    description = scene("a.fbx", text, {"t.png": png(200, 100, 50)})
+    assert (description.meshes[0].colors is None) == is_textured
+    assert any("1 vertex colours of textured meshes" in w for w in description.warnings) == is_textured
+
+
 @pytest.mark.parametrize(
     ("factor", "color", "opacity"), [(1.0, 0.0, 1), (1.0, 0.75, 0.25), (0.75, 1.0, 0.25), (0.0, 1.0, 1), (1.0, 1.0, 1)]
 )

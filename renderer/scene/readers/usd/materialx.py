@@ -10,12 +10,12 @@ from dataclasses import replace
 from typing import Any
 
 from renderer.scene.description import Vec3
+from renderer.scene.readers.coats import tint_beneath
 from renderer.scene.readers.mtl_maps import as_alpha
 from renderer.scene.readers.numbers import clamped, unit, unit_color
 from renderer.scene.readers.usd.arnold import STANDARD as ARNOLD
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.preview_surface import (
-    MAX_RADIANCE,
     Read,
     fill_base,
     fill_data,
@@ -65,7 +65,7 @@ def _standard(said: Said, read: Read) -> None:
     fill_normal(read, "normal", said("normal"))
     fill_emission(read, _colour(said("emission_color", True), 1.0), said.number("emission", 0.0))
     if _coat(read, said("coat"), said("coat_roughness"), 0.1, said("coat_normal")):
-        _tint(read, said.color("coat_color"))
+        tint_beneath(read.material, said.color("coat_color"))
         said.leave_out(_SOFT)
     _sheen(read, said.number("sheen", 0.0), said("sheen_color", True), said.number("sheen_roughness", 0.3))
     _film(read, 1.0, said.number("thin_film_thickness", 0.0), said.number("thin_film_IOR", 1.5))
@@ -88,7 +88,7 @@ def _open_pbr(said: Said, read: Read) -> None:
     fill_normal(read, "normal", said("geometry_normal"))
     fill_emission(read, _colour(said("emission_color", True), 1.0), said.number("emission_luminance", 0.0))
     if _coat(read, said("coat_weight"), said("coat_roughness"), 0.0, said("geometry_coat_normal")):
-        _tint(read, said.color("coat_color"))
+        tint_beneath(read.material, said.color("coat_color"))
         said.leave_out(_COATED)
     _sheen(read, said.number("fuzz_weight", 0.0), said("fuzz_color", True), said.number("fuzz_roughness", 0.5))
     film = said.number("thin_film_weight", 0.0)
@@ -196,17 +196,6 @@ def _coat(read: Read, coat: Input, rough: Input, roughness: float, normal: Input
     fill_data(read, "clearcoat_roughness", rough, roughness)
     fill_normal(read, "clearcoat_normal", normal)
     return True
-
-
-def _tint(read: Read, color: Vec3) -> None:
-    """What a coat lets through of all that is beneath it."""
-    material = read.material
-    through = unit_color([1 + material.clearcoat * (c - 1) for c in color])
-    if through == _WHITE:
-        return
-    for name, most in (("base_color", 1.0), ("specular_color", 1.0), ("emission", MAX_RADIANCE)):
-        below = getattr(material, name)
-        setattr(material, name, unit_color([c * t for c, t in zip(below, through, strict=True)], most))
 
 
 def _sheen(read: Read, weight: float, color: Input, roughness: float) -> None:
