@@ -190,7 +190,7 @@ def _shifts(layer: Any) -> bool:
     """Whether a layer plays what it leads to at other times."""
     if any(not offset.IsIdentity() for offset in layer.subLayerOffsets):
         return True
-    found = []
+    found: list[Any] = []
 
     def visit(path: Any) -> None:
         spec = layer.GetPrimAtPath(path) if path.IsPrimPath() or path.IsPrimVariantSelectionPath() else None
