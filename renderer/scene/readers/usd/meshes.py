@@ -56,7 +56,9 @@ def area_of(prim: Any, place: npt.NDArray[np.float64], time: Any) -> float:
         return 0.0
     faces, _ = Faces(counts, corners).kept(counts >= 3)
     placed = (points @ place[:3, :3].T).astype(np.float32)
-    return float(np.linalg.norm(face_normals(placed, faces.corners[cut(faces, placed, False)]), axis=1).sum()) / 2
+    return (
+        float(np.linalg.norm(face_normals(placed, faces.corners[cut(faces, placed, False)].astype(np.int32)), axis=1).sum()) / 2
+    )
 
 
 def read_mesh(
