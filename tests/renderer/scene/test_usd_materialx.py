@@ -194,3 +194,23 @@ def test_gltf_pbr_in_materialx(looks):
 def test_open_pbrs_film_has_its_weight(looks):
     _, look = looks(OPEN_PBR, thin_film_weight=(F, 0.3), thin_film_thickness=(F, 0.4))
     assert (look.iridescence, look.iridescence_thickness) == (pytest.approx(0.3), pytest.approx((400, 400)))
+
+
+@pytest.mark.parametrize("kind", ["mix_color3", "multiply_color3", "clamp_color3", "remap_color3", "combine3_color3"])
+def test_nodes_whose_inputs_are_words_are_left_out_and_named(looks, kind):
+    words = dict.fromkeys(("in", "in1", "in2", "fg", "bg", "mix", "low", "inlow"), (TYPES.String, "word"))
+    found, look = looks(base_color=(C, lambda made: node(made, "odd", kind, **words)))
+    assert np.isfinite(look.base_color).all()
+    if kind != "combine3_color3":
+        assert any("types that they do not have" in w or "left out" in w for w in found.warnings)
+
+
+@pytest.mark.parametrize("kind", ["place2d_vector2", "multiply_vector2", "rotate2d_vector2"])
+def test_coordinates_that_are_words_lie_as_the_mesh_has_them(looks, kind):
+    def moved(made):
+        words = dict.fromkeys(("pivot", "scale", "rotate", "in2", "amount"), (TYPES.String, "word"))
+        return picture(made, texcoord=(V2, node(made, "odd", kind, V2, **words)))
+
+    found, look = looks(base_color=(C, moved))
+    assert found.textures[look.base_color_texture].transform == (1, 0, 0, 0, 1, 0)
+    assert any("types that they do not have" in w for w in found.warnings)

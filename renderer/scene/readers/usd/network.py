@@ -22,6 +22,8 @@ __all__ = ["Network"]
 MAX_DEPTH = 32
 _NOTHING = Input()
 _UV_SETS = 2
+_ODD = (TypeError, ValueError, IndexError, OverflowError)  # numbers that are words, triples that are pairs
+_OF_ODD_TYPES = "Nodes of MaterialX whose inputs are of types that they do not have are left out"
 
 
 @dataclass
@@ -68,7 +70,11 @@ class Network:
             fallback = self._follow(shader.GetInput("fallback"), srgb, depth + 1).value
             return self.primvar(self._varname(shader, depth), _zero(kind) if fallback is None else fallback)
         if kind.startswith("ND_"):
-            return follow_node(self, shader, kind, output, srgb, depth, self._follow)
+            try:
+                return follow_node(self, shader, kind, output, srgb, depth, self._follow)
+            except _ODD:
+                self.notes.add(_OF_ODD_TYPES, kind)
+                return Input()
         if kind.startswith(ARNOLD):
             return follow_arnold(self, shader, kind, output, srgb, depth, self._follow)
         self.notes.add("Shaders of these kinds are not known here, and left out", kind or "one without a kind")
@@ -130,7 +136,11 @@ class Network:
             if kind.startswith("UsdPrimvarReader"):
                 return self.uv_set(self._varname(shader, depth) or "st"), transform
             if kind.startswith("ND_"):
-                name, moved, source = follow_coordinates(self, shader, kind, depth, self._follow)
+                try:
+                    name, moved, source = follow_coordinates(self, shader, kind, depth, self._follow)
+                except _ODD:
+                    self.notes.add(_OF_ODD_TYPES, kind)
+                    break
                 transform = composed(moved, transform)
                 if name is not None:
                     return self.uv_set(name), transform
