@@ -76,7 +76,7 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
 
 def _sky_samples(settings: RenderSettings, scene: CompiledScene) -> int:
     """More than one where there is a sky, for strategies that let surfaces look for it, weighed against light sampling."""
-    has_sky = scene.environment_frame[2] > 0
+    has_sky = scene.environment_frame[2:3].any()  # its mean
     return settings.sky_samples if has_sky and settings.sampling == "mis" else 1
 
 

@@ -49,8 +49,8 @@ _ONE = np.uint32(1)
 _SECOND = np.uint32((2 * int(GOLDEN)) % 2**32)
 _CAMERA = np.uint32(0)  # the camera's block
 _UNITS = np.float32(2.0**24)
-# Digits to turn over, found by search: of the first 1, 2, 4, ... 256 points and what they become by it, together, nearly all
-# elementary intervals that are as many hold one each.
+# Digits to turn over, found by search: take the first 1, 2, 4, ... 256 points and what they become by it. Of all ways to divide
+# the square into as many equal rectangles, by powers of two, more than two thirds have one point in each.
 _TURNED = (np.uint32(0x600C07), np.uint32(0xFD9F6F), np.uint32(0x4A694C))
 _LATTICE = np.uint32(192955923)  # for all 2**k up to 2**21 points are at least 0.65 times as far apart as any lattice's can be
 
