@@ -185,12 +185,7 @@ class RenderSettings:
     sky_samples: Annotated[
         int,
         Setting(1, MAX_SKY_SAMPLES),
-        Shown(
-            "Sky samples",
-            "Directions in which the sky is looked for where the camera looks.",
-            group="lab",
-            integrators=_estimating,
-        ),
+        Shown("Sky samples", "Directions in which a first vertex looks for the sky.", group="lab", integrators=_estimating),
     ] = MAX_SKY_SAMPLES
     roulette: Annotated[
         float,
