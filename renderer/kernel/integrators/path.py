@@ -103,7 +103,7 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
         if path.depth + 1 >= options.max_depth or vertex.material.kind == UNLIT:
             break
 
-        if options.sky_samples > 1 and number == 0 and not is_specular(vertex.material):
+        if options.sky_samples > 1 and number == 0:
             path, sky_rays = _add_sky(scene, stack, vertex, path, options, opposite(for_bounce), time)
             rays += sky_rays
         if lit and not is_specular(vertex.material):
