@@ -49,7 +49,7 @@ class Vertex(NamedTuple):
     direction: Vec3  # unit, in which the ray came
     throughput: Vec3  # what radiance from here counts
     emitted: Vec3  # the radiance that the vertex's own light adds to the sample
-    direct: Vec3  # the radiance that the lights it sees add through it
+    direct: Vec3  # the radiance that the lights it sees add through it, and the sky in another direction than the path's
     # These, of the path tracer for pictures alone (settings' `path` without what only comparisons need), else None:
     share: float | None = None  # the weight of multiple importance sampling that `emitted` has; None also where it has no light
     lamp: Lamp | None = None  # None also where none was to be had

@@ -71,7 +71,9 @@ class PathVertexOut(BaseModel):
     emitted_weight: float | None = Field(
         description="of multiple importance sampling in it; null: it adds none, or it is not told"
     )
-    direct: Numbers = Field(description="the radiance that the light which was chosen adds to the sample")
+    direct: Numbers = Field(
+        description="the radiance that the light which was chosen adds to the sample, and the sky in another direction"
+    )
     light: LightOut | None = Field(description="null: none was to be had, or it is not told")
     spot: Spot
 

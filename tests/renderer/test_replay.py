@@ -121,7 +121,7 @@ def test_rendering_writes_no_log(made):
 
 def test_the_lamp_that_was_chosen_is_told_with_what_it_brings(made):
     """What a light adds is what it was said to bring, or a part; it lies where the light does; shares are of 1."""
-    asked = settings(*VIEW, size=40, max_depth=6)
+    asked = settings(*VIEW, size=40, max_depth=6, sky_samples=1)
     brought, blocked, shares = 0, 0, []
     for x, y in itertools.product(range(0, 40, 2), (22, 34)):
         for sample in range(4):

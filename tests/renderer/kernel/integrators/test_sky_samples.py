@@ -72,7 +72,9 @@ def test_a_convex_thing_in_an_even_sky_is_as_bright_as_it_reflects() -> None:
     ball = scene([Material(base_color=gray(0.6))], spheres=(Sphere((0, 0, 0), 1.0),), environment=1.0)
     asked = RenderSettings(4, 4, View((0, 0, 4), (0, 0, 0), fov=10.0), max_depth=8)
     for count in (1, 2):
-        np.testing.assert_allclose(mean(render_frame(ball, replace(asked, sky_samples=count), 4)), 0.6, rtol=1e-5)
+        np.testing.assert_allclose(
+            mean(render_frame(ball, replace(asked, sky_samples=count), 4), asked.film_exponent), 0.6, rtol=1e-5
+        )
 
 
 def test_there_is_less_noise_for_fewer_rays_than_twice_the_samples() -> None:
@@ -80,7 +82,10 @@ def test_there_is_less_noise_for_fewer_rays_than_twice_the_samples() -> None:
     noise, rays = [], []
     for count in (1, 2):
         stats = RenderStats()
-        pictures = [mean(render_frame(compiled, replace(asked, sky_samples=count, seed=s), 16, stats=stats)) for s in range(8)]
+        pictures = [
+            mean(render_frame(compiled, replace(asked, sky_samples=count, seed=s), 16, stats=stats), asked.film_exponent)
+            for s in range(8)
+        ]
         noise.append(np.var(pictures, axis=0).mean())
         rays.append(stats.rays)
     assert noise[1] < 0.85 * noise[0]
