@@ -250,7 +250,7 @@ def test_opposite_numbers_are_uniform_and_others(kind):
     own = numbers(sample=np.arange(1 << 14), block=2, kind=kind)[:, :3]
     others = _opposites(own)
     assert ((others >= 0) & (others < 1)).all()
-    assert (abs(others - own).max(axis=1) > 0.25).all()
+    assert (abs(others - own).max(axis=1) > 0.1).all()
     np.testing.assert_array_equal(_opposites(others), own)
     for column in others.T:
         assert scipy.stats.kstest(column, "uniform").pvalue > 1e-4
