@@ -14,7 +14,7 @@ from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.mixture import mixture_bounce
-from renderer.kernel.integrators.record import DIRECT, EMITTED, record_light, record_miss, record_surface
+from renderer.kernel.integrators.record import DIRECT, EMITTED, SKY, record_light, record_miss, record_surface
 from renderer.kernel.integrators.roulette import survival
 from renderer.kernel.integrators.state import (
     MAX_AGAIN,
@@ -106,6 +106,8 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
         if options.sky_samples > 1 and number == 0:
             path, sky_rays = _add_sky(scene, stack, vertex, path, options, opposite(for_bounce), time)
             rays += sky_rays
+            if row < len(log):
+                record_light(log, row, SKY, path.radiance)
         if lit and not is_specular(vertex.material):
             path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream, for_light, time)
             rays += shadow_rays

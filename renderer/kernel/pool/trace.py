@@ -10,7 +10,7 @@ from numba import typeof, types
 
 from renderer.bvh.traverse import new_stack
 from renderer.jit import template
-from renderer.kernel.integrators.record import DIRECT, record_light
+from renderer.kernel.integrators.record import DIRECT, SKY, record_light
 from renderer.kernel.pool.begin import Next, begin
 from renderer.kernel.pool.keep import SUMS, keep, unfold
 from renderer.kernel.pool.lamps import choose_lamps
@@ -84,6 +84,8 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         if options.sky_samples > 1:
             scatter(scene, paths, lists, options, lit, True)
             rays += see_sky(scene, pool.alone, pool.stack, paths, lists, options)
+            if row < len(log):
+                record_light(log, row, np.int64(SKY), three(paths, CARRIED))
         if lit:
             choose_lamps(scene, paths, lists, options)
         scatter(scene, paths, lists, options, lit, False)
