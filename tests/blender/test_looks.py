@@ -56,7 +56,7 @@ def test_a_mix_is_what_lies_between() -> None:
     assert told("Metallic") == 1.0
     assert told("Roughness") == pytest.approx(0.3)
     assert told("Base Color") == pytest.approx([0.75, 0, 0.25])
-    assert said == []
+    assert said == ["of two roughnesses that are mixed, one between is shown"]
 
 
 @pytest.mark.parametrize("is_first", [True, False])

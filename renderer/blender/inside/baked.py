@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from .simplified import is_followed
+from .followed import is_followed, sees_from
 
 __all__ = ["bake"]
 
@@ -35,6 +35,11 @@ def bake(bpy: Any, scene: Any, things: list[Any], notes: list[str]) -> None:
             if time.monotonic() > until:
                 notes.append("What nodes make of some materials took too long to be baked; bake it to images")
                 break
+            told = sorted({sees_from(entry.links[0].from_node) for entry in entries} - {""})
+            if told:
+                notes.append(
+                    f"Material {material.name}: what {told[0]} makes is another from elsewhere, and baked as of one place"
+                )
             reason = _unfit(owners)
             if reason:
                 notes.append(f"Material {material.name}: what its nodes make is not baked, as {reason}")
