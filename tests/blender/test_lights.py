@@ -44,7 +44,7 @@ def test_the_power_of_a_square_metre() -> None:
     area = lamp("AREA", normalize=False).lamp_materials["lamp"]["emission"][0]
     assert area == pytest.approx(10 / math.pi)
     point = lamp("POINT", normalize=False).lamp_materials["lamp"]["emission"][0]
-    assert point == pytest.approx(10 / (4 * math.pi))
+    assert point == pytest.approx(10 / math.pi)
     (sun,) = lamp("SUN", normalize=False).lights
     assert sun["intensity"][0] == pytest.approx(10 * math.pi * math.sin(0.1) ** 2)
     wide = np.diag([3.0, 2.0, 1.0, 1.0])

@@ -34,7 +34,7 @@ def add_light(scene: Scene, thing: Any, name: str, place: F64) -> None:
         if light.energy < 0:
             scene.warn(f"Lamp {name}: takes light away in Blender, and is left out.")
         return
-    _tell(scene, thing, name)
+    _tell(scene, thing, name, place)
     if light.type == "SUN":
         angle = min(float(light.angle), math.pi)
         said = {"type": "directional", "direction": up(-place[:3, 2]), "intensity": [c * sun_area(light) for c in strength]}
@@ -90,12 +90,12 @@ def sun_area(light: Any) -> float:
     return math.pi * math.sin(half) ** 2 if is_of_a_square_metre(light) and half > LEAST else 1.0
 
 
-def _tell(scene: Scene, thing: Any, name: str) -> None:
+def _tell(scene: Scene, thing: Any, name: str, place: F64) -> None:
     light = thing.data
     casts = getattr(light, "use_shadow", True) and getattr(getattr(light, "cycles", None), "cast_shadow", True)
     if not casts:
         scene.warn(f"Lamp {name}: casts shadows here, though not in Blender.")
-    if light.type == "SPOT" and is_stretched(np.linalg.norm(np.array(thing.matrix_world)[:3, :3], axis=0)):
+    if light.type == "SPOT" and is_stretched(np.linalg.norm(place[:3, :3], axis=0)):
         scene.warn(f"Lamp {name}: its cone is round, and as wide as it says, whatever its scale.")
     if (bounces := told_bounces(light)) is not None:
         scene.warn(f"Lamp {name}: lights however often its light was scattered, though no more than {bounces} times in Blender.")

@@ -58,7 +58,8 @@ class _Reader:
     def read(self) -> dict[str, Any]:
         tree = self._source.node_tree if self._source.use_nodes else None
         if tree is None:
-            self._pbr(list(self._source.diffuse_color)[:3], self._source.metallic, self._source.roughness)
+            self._pbr(list(self._source.diffuse_color)[:3], 0.0, 1.0)  # Cycles shows it as matt
+            self._said["extensions"] = {"KHR_materials_specular": {"specularFactor": 0.0}}
             return self._said
         shader = output_of(tree)
         if shader is None:

@@ -45,9 +45,9 @@ def tell_surface(look: Any, warn: Warn) -> None:
         warn("its sheen is glTF's, which is brighter towards the rim than Cycles'")
     if number("Metallic", 1.0) > 0 and look.input("Metallic") is not None and _is_tinted(look.input("Specular Tint"), 1 - NEAR):
         warn("the tint of its metal's edge (specular tint) is not taken over")
-    if 0 < number("Transmission Weight", 0.5) < 1 and look.input("Transmission Weight") is not None:
-        if _is_tinted(look.input("Base Color"), PALE):
-            warn("what it lets through is of its base colour, and darker than in Cycles")
+    is_half = 0 < number("Transmission Weight", 0.5) < 1 and look.input("Transmission Weight") is not None
+    if is_half and _is_tinted(look.input("Base Color"), PALE):
+        warn("what it lets through is of its base colour, and darker than in Cycles")
     base = constant(look.input("Base Color"))
     if isinstance(base, list) and max(base) > 1:
         warn("its base colour is cut at 1")
@@ -65,9 +65,9 @@ def tell_shader(source: Source, warn: Warn) -> None:
         warn(f"its facets are distributed as GGX has them, not {facets} way")
     if source.node.type == "BSDF_REFRACTION":
         warn("its Refraction BSDF reflects as well, as glass does")
-    if source.node.type == "BSDF_METALLIC" and source.node.fresnel_type == "F82":
-        if _is_tinted(source.input("Edge Tint"), 1 - NEAR):
-            warn("the tint of its metal's edge is not taken over")
+    is_edged = source.node.type == "BSDF_METALLIC" and source.node.fresnel_type == "F82"
+    if is_edged and _is_tinted(source.input("Edge Tint"), 1 - NEAR):
+        warn("the tint of its metal's edge is not taken over")
 
 
 def has_film(look: Any) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["is_followed", "lies_by_uv", "sees_from"]
+__all__ = ["is_followed", "is_of_each", "lies_by_uv", "sees_from"]
 
 ENDS = {"ATTRIBUTE", "VERTEX_COLOR", "VALUE", "RGB"}
 PASSED = {"REROUTE", "SEPARATE_COLOR", "SEPRGB"}
@@ -12,6 +12,7 @@ NEAR = 1e-6
 # What a picture cannot stand for, as it is another from elsewhere.
 FROM_ELSEWHERE = {"FRESNEL", "LAYER_WEIGHT", "LIGHT_PATH"}
 OUTPUTS_FROM_ELSEWHERE = {"Reflection", "Incoming"}
+OUTPUTS_OF_EACH = {"Position", "Camera", "Window", *OUTPUTS_FROM_ELSEWHERE}
 
 
 def is_followed(node: Any) -> bool:
@@ -23,7 +24,7 @@ def is_followed(node: Any) -> bool:
             continue
         seen.add(each.name)
         if each.type == "TEX_IMAGE":
-            if each.projection != "FLAT" or not lies_by_uv(each):
+            if each.image is None or each.projection != "FLAT" or not lies_by_uv(each):
                 return False
             continue
         if each.type == "NORMAL_MAP":
@@ -71,12 +72,23 @@ def _is_flat(mapping: Any) -> bool:
 
 def sees_from(node: Any) -> str:
     """What in it and before it is another from elsewhere, by its label; nothing where nothing is."""
-    seen, left = set(), [(node, "")]
+    return next(
+        (str(each.bl_label) for each, name in _behind(node) if each.type in FROM_ELSEWHERE or name in OUTPUTS_FROM_ELSEWHERE), ""
+    )
+
+
+def is_of_each(node: Any) -> bool:
+    """Whether it is another on each of the objects that share a mesh."""
+    return any(each.type == "OBJECT_INFO" or name in OUTPUTS_OF_EACH for each, name in _behind(node))
+
+
+def _behind(node: Any) -> list[tuple[Any, str]]:
+    """It and all that feeds it, each with the output that is asked for."""
+    found: list[tuple[Any, str]] = []
+    left = [(node, "")]
     while left:
-        each, output = left.pop()
-        if each.type in FROM_ELSEWHERE or output in OUTPUTS_FROM_ELSEWHERE:
-            return str(each.bl_label)
-        if each.name not in seen:
-            seen.add(each.name)
-            left += [(link.from_node, link.from_socket.name) for entry in each.inputs for link in entry.links]
-    return ""
+        each = left.pop()
+        if each not in found:
+            found.append(each)
+            left += [(link.from_node, link.from_socket.name) for entry in each[0].inputs for link in entry.links]
+    return found

@@ -114,7 +114,7 @@ class Lights:
         }
 
     def _color(self, data: Any) -> list[float]:
-        """What a watt is multiplied by: its colour, temperature and exposure, and what its nodes say where they are but numbers."""
+        """What a watt is multiplied by: colour, temperature, exposure, and what its nodes say where they are but numbers."""
         color = list(data.color)
         if getattr(data, "use_temperature", False):
             color = [a * b for a, b in zip(color, data.temperature_color, strict=True)]

@@ -68,7 +68,7 @@ def modules_of(addon: Path) -> Any:
     return types.SimpleNamespace(
         **{
             name: importlib.import_module(f"{package}.{name}")
-            for name in ("lights", "looks", "meshes", "nodes", "painted", "tubes", "unlike")
+            for name in ("lights", "looks", "meshes", "nodes", "painted", "skies", "tubes", "unlike")
         }
     )
 
