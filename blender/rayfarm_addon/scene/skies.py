@@ -45,7 +45,7 @@ def photographed(bpy: Any, world: Any, folder: Path, width: int) -> dict[str, An
 
 def _sky_with_a_sun(world: Any) -> Any:
     found = [node for node in world.node_tree.nodes if node.type == "TEX_SKY" and hasattr(node, "sun_disc") and node.sun_disc]
-    found = [node for node in found if node.sky_type not in ("PREETHAM", "HOSEK_WILKIE") and not node.inputs]
+    found = [node for node in found if node.sky_type not in ("PREETHAM", "HOSEK_WILKIE")]
     vectors = [entry for node in world.node_tree.nodes if node.type == "TEX_SKY" for entry in node.inputs if entry.is_linked]
     return found[0] if len(found) == 1 and not vectors else None
 
