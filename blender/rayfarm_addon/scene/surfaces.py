@@ -12,7 +12,7 @@ from .model import Material, Scene, TextureUse
 from .nodes import At, Product, Source, constant, followed, output_of
 from .pictures import Pictures
 from .textures import Value, Values
-from .unlike import has_film
+from .unlike import has_film, tell_pictures
 
 __all__ = ["Surfaces"]
 
@@ -68,6 +68,7 @@ class _Reader:
         else:
             self._shader(shader)
         self._look_for_others(tree)
+        tell_pictures(tree, self._warn)
         if self._more:
             self._said["extensions"] = self._more
         return self._said

@@ -7,7 +7,7 @@ from typing import Any
 
 from .nodes import Source, constant
 
-__all__ = ["NUMBERS", "has_film", "tell_shader", "tell_surface"]
+__all__ = ["NUMBERS", "has_film", "tell_pictures", "tell_shader", "tell_surface"]
 
 # Inputs that are numbers here, whatever feeds them in Blender.
 NUMBERS = {
@@ -24,6 +24,8 @@ PALE = 0.9
 NEAR = 0.01
 FILMS_ON_METALS = (5, 0)  # since when Cycles puts thin films on metals
 OTHER_FACETS = {"BECKMANN": "Beckmann's", "ASHIKHMIN_SHIRLEY": "Ashikhmin and Shirley's"}
+
+SPACES = ("sRGB", "Non-Color", "Linear Rec.709", "Raw")
 
 Warn = Callable[[str], None]
 
@@ -68,6 +70,18 @@ def tell_shader(source: Source, warn: Warn) -> None:
     is_edged = source.node.type == "BSDF_METALLIC" and source.node.fresnel_type == "F82"
     if is_edged and _is_tinted(source.input("Edge Tint"), 1 - NEAR):
         warn("the tint of its metal's edge is not taken over")
+
+
+def tell_pictures(tree: Any, warn: Warn) -> None:
+    """Of the pictures that a material's nodes show."""
+    for node in tree.nodes:
+        image = node.image if node.type == "TEX_IMAGE" else None
+        if image is None or not any(entry.is_linked for entry in node.outputs):
+            continue
+        if node.extension == "CLIP":
+            warn(f"beyond its edges the picture {image.name} goes on as they are, though it is clipped in Blender")
+        if image.colorspace_settings.name not in SPACES:
+            warn(f"the colours of the picture {image.name} are not known as {image.colorspace_settings.name}")
 
 
 def has_film(look: Any) -> bool:

@@ -87,6 +87,7 @@ class _Simplifier:
         if source is None or output is None or source.node.type in ("EMISSION", "HOLDOUT"):
             return {}
         told: list[str] = []
+        self._modules.unlike.tell_pictures(self._tree, told.append)
         look = self._modules.looks.look_of(source, told.append)
         if look is None:
             return {}
