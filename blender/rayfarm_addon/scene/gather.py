@@ -215,6 +215,8 @@ def _look_at_the_scene(scene: Scene, blender: Any) -> None:
         scene.warn("Simplify is on: surfaces are as smooth as it lets them be.")
     if blender.render.use_multiview:
         scene.warn("Stereoscopy: one picture is rendered, as the camera sees it with one eye.")
+    if blender.render.use_motion_blur and getattr(getattr(blender, "cycles", None), "rolling_shutter_type", "NONE") != "NONE":
+        scene.warn("The shutter opens everywhere at once, without rolling.")
     exposure = float(getattr(getattr(blender, "cycles", None), "film_exposure", 1.0))
     if abs(exposure - 1) > 1e-3:
         scene.warn(f"Cycles' film exposure of {exposure:g} is left out; set the exposure under Color Management.")

@@ -23,6 +23,7 @@ __all__ = ["add_light", "is_linked_to_lights", "is_stretched", "of_nodes", "told
 F64 = npt.NDArray[np.float64]
 LEAST = 1e-6  # of a size
 NEAR = 1e-3
+WIDE = 0.1  # a ball, whose cone has no one edge
 ALL_BOUNCES = 64
 
 
@@ -97,6 +98,8 @@ def _tell(scene: Scene, thing: Any, name: str, place: F64) -> None:
         scene.warn(f"Lamp {name}: casts shadows here, though not in Blender.")
     if light.type == "SPOT" and is_stretched(np.linalg.norm(place[:3, :3], axis=0)):
         scene.warn(f"Lamp {name}: its cone is round, and as wide as it says, whatever its scale.")
+    if light.type == "SPOT" and light.shadow_soft_size > WIDE and not getattr(light, "use_soft_falloff", True):
+        scene.warn(f"Lamp {name}: its cone is that of a point, though in Blender that of a ball.")
     if (bounces := told_bounces(light)) is not None:
         scene.warn(f"Lamp {name}: lights however often its light was scattered, though no more than {bounces} times in Blender.")
     if is_linked_to_lights(thing):

@@ -35,7 +35,7 @@ def bake(bpy: Any, scene: Any, things: list[Any], notes: list[str]) -> None:
             if time.monotonic() > until:
                 notes.append("What nodes make of some materials took too long to be baked; bake it to images")
                 break
-            told = sorted({sees_from(entry.links[0].from_node) for entry in entries} - {""})
+            told = sorted({sees_from(entry.links[0].from_node, entry.links[0].from_socket.name) for entry in entries} - {""})
             if told:
                 notes.append(
                     f"Material {material.name}: what {told[0]} makes is another from elsewhere, and baked as of one place"
@@ -65,7 +65,7 @@ def _wanted(things: list[Any]) -> list[tuple[Any, list[Any], list[Any]]]:
                 continue
             entries = _odd(material)
             is_shared = thing.type == "MESH" and thing.data.users > 1 and len(split) < MOST_THINGS
-            if is_shared and any(is_of_each(entry.links[0].from_node) for entry in entries):
+            if is_shared and any(is_of_each(entry.links[0].from_node, entry.links[0].from_socket.name) for entry in entries):
                 thing.data = thing.data.copy()
                 split.append(thing)
             if not entries or (material.name, thing.data.name) in seen:

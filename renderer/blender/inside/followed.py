@@ -70,22 +70,27 @@ def _is_flat(mapping: Any) -> bool:
     return abs(turn[0]) < NEAR and abs(turn[1]) < NEAR
 
 
-def sees_from(node: Any) -> str:
-    """What in it and before it is another from elsewhere, by its label; nothing where nothing is."""
+def sees_from(node: Any, output: str) -> str:
+    """What in an output and before it is another from elsewhere, by its label; nothing where nothing is."""
     return next(
-        (str(each.bl_label) for each, name in _behind(node) if each.type in FROM_ELSEWHERE or name in OUTPUTS_FROM_ELSEWHERE), ""
+        (
+            str(each.bl_label)
+            for each, name in _behind(node, output)
+            if each.type in FROM_ELSEWHERE or name in OUTPUTS_FROM_ELSEWHERE
+        ),
+        "",
     )
 
 
-def is_of_each(node: Any) -> bool:
-    """Whether it is another on each of the objects that share a mesh."""
-    return any(each.type == "OBJECT_INFO" or name in OUTPUTS_OF_EACH for each, name in _behind(node))
+def is_of_each(node: Any, output: str) -> bool:
+    """Whether an output is another on each of the objects that share a mesh."""
+    return any(each.type == "OBJECT_INFO" or name in OUTPUTS_OF_EACH for each, name in _behind(node, output))
 
 
-def _behind(node: Any) -> list[tuple[Any, str]]:
+def _behind(node: Any, output: str) -> list[tuple[Any, str]]:
     """It and all that feeds it, each with the output that is asked for."""
     found: list[tuple[Any, str]] = []
-    left = [(node, "")]
+    left = [(node, output)]
     while left:
         each = left.pop()
         if each not in found:

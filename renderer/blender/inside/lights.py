@@ -13,6 +13,7 @@ __all__ = ["Lights", "is_linked_to_lights"]
 
 AREA = 1 / math.pi  # radiance of an area light of one watt and one square metre
 MOST = 1e9
+WIDE = 0.1  # a ball, whose cone has no one edge
 LEAST = 1e-4  # of a point's radius
 RAYS = {"diffuse": "what is matt", "glossy": "what is glossy", "transmission": "glass"}
 
@@ -131,6 +132,8 @@ class Lights:
         data, name = thing.data, f"Light {thing.name}"
         if data.use_nodes and data.node_tree is not None and self._of_nodes(data) is None:
             notes.append(f"{name}: its nodes are not taken over; it shines in its own colour")
+        if data.type == "SPOT" and data.shadow_soft_size > WIDE and not getattr(data, "use_soft_falloff", True):
+            notes.append(f"{name}: its cone is that of a point, though in Blender that of a ball")
         if data.energy < 0:
             notes.append(f"{name}: takes light away in Blender, and is dark here")
         if data.type == "AREA" and data.spread < math.pi - 1e-3:
