@@ -208,7 +208,9 @@ def test_several_clients_at_once_leave_every_shot_whole(mortal: Mortal) -> None:
     assert sum(status == 200 for _, status in answers) >= 12, answers
     http = farm.service.http
     until(looked.is_at_rest, "what was accepted is done", PATIENCE_S)
-    until(lambda: looked.one("SELECT count(*) FROM jobs WHERE id = :job", job=gone) == 0, "it is gone", PATIENCE_S, lambda: answers)
+    until(
+        lambda: looked.one("SELECT count(*) FROM jobs WHERE id = :job", job=gone) == 0, "it is gone", PATIENCE_S, lambda: answers
+    )
     assert looked.frames(gone) == 0
     final = 1000
     http.patch(f"/api/jobs/{kept}", json={"spp": final, "state": "running"}).raise_for_status()
