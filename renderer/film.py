@@ -15,6 +15,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.luminance import REC_709
+
 __all__ = [
     "ALBEDO",
     "CHANNELS",
@@ -114,10 +116,9 @@ def error(sums: Sums, film_exponent: int, relative: bool = False) -> npt.NDArray
     Sobol' sequence err less than it says, never more.
     """
     deviation, color = _halves(sums, film_exponent)
-    weights = np.array([0.2126, 0.7152, 0.0722])
-    found = np.abs(np.tensordot(weights, deviation, 1))
+    found = np.abs(np.tensordot(REC_709, deviation, 1))
     if relative:
-        found = np.divide(found, np.tensordot(weights, color, 1), out=np.where(found > 0, np.inf, 0.0), where=found > 0)
+        found = np.divide(found, np.tensordot(REC_709, color, 1), out=np.where(found > 0, np.inf, 0.0), where=found > 0)
     return np.where(np.isnan(found), np.inf, found).astype(np.float32)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from renderer.arrays import rows
 from renderer.kernel.camera import axes_of
+from renderer.luminance import luminance
 from renderer.render import pixel_samples, replay
 from renderer.replay import Replay, Vertex
 from renderer.scene.compiled import CompiledScene
@@ -18,7 +19,6 @@ from renderer.settings import RenderSettings, Vec3, View
 __all__ = ["MODELS", "MOST_SAMPLES", "Bounce", "PixelPath", "PixelPaths", "Spot", "bounce_of", "pixel_paths", "spot_of"]
 
 MOST_SAMPLES = 4096  # looked at: the first so many
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 Choice = Literal["first", "median", "brightest", "asked"]
 Bounce = Literal["reflected", "transmitted"]
@@ -80,7 +80,7 @@ def pixel_paths(
         chosen[asked] = ["asked"]
     chosen.setdefault(0, []).append("first")
     if count > 0:
-        light = np.where(is_finite, values @ LUMINANCE, np.inf)  # what is no number comes first: it is what one looks for
+        light = np.where(is_finite, luminance(values), np.inf)  # what is no number comes first: it is what one looks for
         order = np.argsort(light, kind="stable")
         chosen.setdefault(int(order[(count - 1) // 2]), []).append("median")
         chosen.setdefault(int(order[-1]), []).append("brightest")

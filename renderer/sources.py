@@ -33,6 +33,7 @@ MACHINE_CODE = (
     "declared.py",
     "errors.py",
     "film.py",
+    "luminance.py",
     "threads.py",
     "arrays",
     "bvh",

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.denoise import Clean
+from renderer.luminance import REC_709
 
 __all__ = ["REACH", "Still", "steadied"]
 
@@ -30,7 +31,6 @@ _ASTRAY = 0.5  # pixels that a vector and the one back may lack of meeting
 _ALIKE = 0.12  # light that differs by this share counts exp(-1)
 _WHOLE = 0.05  # pixels by which a shift may lack of a whole number
 _DARK = 0.02  # the least albedo to divide by
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 class Still(NamedTuple):
@@ -129,7 +129,7 @@ def _seen(here: Still, there: Still, places: _Places) -> tuple[F64, F64]:
 
 def _alike(light: F64, found: F64) -> F64:
     """How far two lights are much the same, 0 ... 1."""
-    a, b = ((each * _LUMINANCE).sum(axis=-1) for each in (light, found))
+    a, b = ((each * REC_709).sum(axis=-1) for each in (light, found))
     apart = (a - b) / np.maximum(0.5 * (a + b), 1e-6)
     alike: F64 = np.exp(-((apart / _ALIKE) ** 2))
     return alike

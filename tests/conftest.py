@@ -51,6 +51,16 @@ def pytest_configure(config: pytest.Config) -> None:
         hypothesis.settings.load_profile("ordinary")
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Nothing of what is imported and collected is garbage: it is not looked for meanwhile."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+
+
 def pytest_collection_finish() -> None:
     """What is imported and collected stays: the garbage collector need not look at it again and again."""
     gc.collect()

@@ -13,12 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SettingsError
+from renderer.luminance import REC_709
 
 __all__ = ["CURVES", "agx", "apply", "decode_srgb", "encode_srgb", "filmic", "hue", "neutral", "reinhard", "srgb"]
 
 F32 = npt.NDArray[np.float32]
 
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec.709
+_LUMINANCE = REC_709.astype(np.float32)
 
 
 def neutral(rgb: F32) -> F32:

@@ -7,8 +7,9 @@ import numpy.typing as npt
 
 from renderer.arrays import rows
 from renderer.kernel.light.mean_emission import mean_texels
+from renderer.luminance import luminance
 from renderer.scene.geometry import NOWHERE, Geometry
-from renderer.scene.lights import Emitters, luminance
+from renderer.scene.lights import Emitters
 from renderer.scene.packing import Packed
 
 __all__ = ["emitting_triangles", "sends_evenly"]

@@ -8,9 +8,10 @@ import numpy as np
 
 from renderer.arrays.scene import CompiledScene
 from renderer.image.tonemap import decode_srgb
+from renderer.luminance import luminance
 from renderer.scene.cutpoints import cutpoints
 from renderer.scene.description import F32, Environment, SceneDescription
-from renderer.scene.lights import cumulative, luminance
+from renderer.scene.lights import cumulative
 from renderer.scene.sky import Sun, image_of_sky, sun_of_sky
 
 __all__ = [

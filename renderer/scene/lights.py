@@ -15,16 +15,11 @@ from renderer.scene.light_tree import LightBounds, build_light_tree
 from renderer.scene.parallelograms import pair, tabulate_parallelograms
 from renderer.scene.punctual import Punctual
 
-__all__ = ["TREE_FROM", "Emitters", "LightList", "chosen_by", "cumulative", "list_lights", "luminance"]
+__all__ = ["TREE_FROM", "Emitters", "LightList", "chosen_by", "cumulative", "list_lights"]
 
 TREE_FROM = 3  # lights; of two triangles that are no parallelogram, the walk costs more than it saves (docs/speed-notes.md)
 _BETWEEN_KEYS = 0.1  # radians, by which a normal may stray further between two keys
 _SPREAD = 0.01  # of the choices by power fall on all lights evenly
-
-
-def luminance(rgb: np.ndarray) -> np.ndarray:
-    """Rec.709 luminance of (..., 3)."""
-    return rgb @ np.array([0.2126, 0.7152, 0.0722])
 
 
 class Emitters(NamedTuple):

@@ -9,8 +9,8 @@ import numpy as np
 from renderer.arrays import rows
 from renderer.errors import SceneError
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
+from renderer.luminance import luminance
 from renderer.scene.description import F32, I32, Material, SceneDescription
-from renderer.scene.lights import luminance
 from renderer.scene.material import PARAMETERS, check
 from renderer.scene.texels import MAX_EMISSION, Texels
 

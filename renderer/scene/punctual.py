@@ -18,6 +18,7 @@ from renderer.kernel.light.punctual import (
     SUN,
     SUN_UNSEEN,
 )
+from renderer.luminance import REC_709
 from renderer.scene.description import F32, I32, Light
 from renderer.scene.light_tree import LightBounds
 
@@ -162,7 +163,7 @@ def _over(lights: list[Light], bounds: LightBounds) -> LightBounds:
 
 
 def _luminance(light: Light) -> float:
-    return float(np.dot(light.intensity, (0.2126, 0.7152, 0.0722)))
+    return float(np.dot(light.intensity, REC_709))
 
 
 def _power(light: Light, scene_radius: float) -> float:

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.errors import SceneError
+from renderer.luminance import luminance
 from renderer.scene.atmosphere import Air, mie_phase, rayleigh_phase, scattered, transmitted
 from renderer.scene.description import F32, Environment, Sky
-from renderer.scene.lights import luminance
 
 __all__ = ["PREFIX", "Sun", "image_of_sky", "parse_sky", "sun_of_sky"]
 

@@ -12,8 +12,8 @@ from renderer.image.tonemap import decode_srgb, encode_srgb
 from renderer.kernel.light.mean_emission import mean_texels
 from renderer.kernel.material.blend import OPERATIONS
 from renderer.kernel.material.texture import CLAMP, MIRROR, REPEAT
+from renderer.luminance import luminance
 from renderer.scene.description import F32, I32, SceneDescription, Texture, UvTransform
-from renderer.scene.lights import luminance
 
 __all__ = ["MAX_EMISSION", "Texels"]
 

@@ -208,8 +208,8 @@ def _two_eyes(scene: bpy.types.Scene) -> None:
 
 # By name: how it is built, and a word of what the add-on, and of what the .blend's reader says; "": it is as Cycles has it.
 SURVEY: dict[str, Survey] = {
-    "sky-nishita": (_sky("NISHITA"), "sky", ""),
-    "sky-hosek": (_sky("HOSEK_WILKIE"), "sky", ""),
+    "sky-nishita": (_sky("NISHITA"), "", ""),
+    "sky-hosek": (_sky("HOSEK_WILKIE"), "", ""),
     "area-ellipse": (_area(shape="ELLIPSE", size=1.5, size_y=0.6), "", ""),
     "area-spread": (_area(shape="RECTANGLE", size=1.0, size_y=0.6, spread=0.8), "spread", "spread"),
     "ortho": (_lens(type="ORTHO", ortho_scale=5.0, shift_x=0.1), "", ""),

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from blender.rayfarm_addon.scene.lights import add_light
+from blender.rayfarm_addon.scene.lights import add_light, of_nodes
 from blender.rayfarm_addon.scene.model import Scene
+from blender.rayfarm_addon.scene.temperature import blackbody
+from tests.blender.fake_nodes import Node, linked
 
 
 def lamp(kind: str, place: np.ndarray | None = None, seen: dict[str, bool] | None = None, **more: Any) -> Scene:
@@ -44,7 +46,7 @@ def test_the_power_of_a_square_metre() -> None:
     area = lamp("AREA", normalize=False).lamp_materials["lamp"]["emission"][0]
     assert area == pytest.approx(10 / math.pi)
     point = lamp("POINT", normalize=False).lamp_materials["lamp"]["emission"][0]
-    assert point == pytest.approx(10 / (4 * math.pi))
+    assert point == pytest.approx(10 / math.pi)
     (sun,) = lamp("SUN", normalize=False).lights
     assert sun["intensity"][0] == pytest.approx(10 * math.pi * math.sin(0.1) ** 2)
     wide = np.diag([3.0, 2.0, 1.0, 1.0])
@@ -64,3 +66,21 @@ def test_what_lamps_cannot_be_told_is_named() -> None:
         "Lamp lamp: casts shadows here, though not in Blender.",
         "Lamp lamp: lights what is glossy and glass here, though not in Blender.",
     ]
+
+
+def test_numbers_behind_a_lamp_are_worked_out() -> None:
+    """A black body's colour by a strength that is a product; what falls off by the square does so in any case."""
+    body = Node("BLACKBODY", {"Temperature": 3000.0})
+    falls = Node("LIGHT_FALLOFF", {"Strength": 2.0, "Smooth": 0.0}, ("Quadratic", "Linear"))
+    for output, wanted in (("Quadratic", [2 * c for c in blackbody(3000.0)]), ("Linear", None)):
+        shines = Node("EMISSION", {"Color": (1.0, 1.0, 1.0, 1.0), "Strength": 1.0}, ("Emission",))
+        linked(falls, linked(body, shines, "Color"), "Strength", output)
+        end = linked(shines, Node("OUTPUT_LIGHT", {"Surface": None}, ()), "Surface")
+        found = of_nodes(SimpleNamespace(get_output_node=lambda engine, end=end: end))
+        assert found == (None if wanted is None else pytest.approx(wanted, rel=1e-6))
+
+
+def test_a_black_body_shines_as_blenders_lamps_do() -> None:
+    assert blackbody(3000) == pytest.approx([1.7708, 0.8443, 0.2722])
+    assert blackbody(100) == blackbody(800)
+    assert blackbody(5600)[0] == pytest.approx(1.133, abs=0.005)

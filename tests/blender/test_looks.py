@@ -45,7 +45,7 @@ def material(node: Node) -> tuple[dict[str, Any], list[str]]:
     """glTF's JSON of it, as the add-on writes it."""
     output = Node("OUTPUT_MATERIAL", {"Surface": None, "Volume": None, "Displacement": None}, ())
     linked(node, output, "Surface")
-    tree = SimpleNamespace(get_output_node=lambda engine: output)
+    tree = SimpleNamespace(get_output_node=lambda engine: output, nodes=[])
     source = SimpleNamespace(name="m", name_full="m", pass_index=0, use_nodes=True, node_tree=tree)
     scene = Scene()
     return scene.materials[Surfaces(scene, set()).add(source)].gltf, scene.warnings
@@ -56,7 +56,7 @@ def test_a_mix_is_what_lies_between() -> None:
     assert told("Metallic") == 1.0
     assert told("Roughness") == pytest.approx(0.3)
     assert told("Base Color") == pytest.approx([0.75, 0, 0.25])
-    assert said == []
+    assert said == ["of two roughnesses that are mixed, one between is shown"]
 
 
 @pytest.mark.parametrize("is_first", [True, False])
@@ -126,3 +126,51 @@ def test_what_shines_and_is_added() -> None:
     light = [c * found["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"] for c in found["emissiveFactor"]]
     assert light == pytest.approx([0.6, 1.2, 3.0])
     assert warnings == []
+
+
+def test_a_glossy_shader_is_narrow_along_its_tangent() -> None:
+    """Cycles: alpha is roughness^2 times, and across over, 1 - anisotropy; of a negative one the other way round."""
+    for strength, turned in ((0.5, 0.35), (-0.5, 0.1)):
+        node = Node("BSDF_GLOSSY", {"Color": (1, 1, 1, 1), "Roughness": 0.4, "Anisotropy": strength, "Rotation": 0.1}, OUT)
+        told, _ = looked(node)
+        assert 1 - 0.9 * told("Anisotropic") == pytest.approx(0.5**2)
+        assert told("Anisotropic Rotation") == pytest.approx(turned)
+
+
+def test_a_conductor_is_what_it_reflects_at_normal_incidence() -> None:
+    numbers = {"IOR": (0.2, 0.9, 1.5), "Extinction": (3.9, 2.4, 1.9), "Roughness": 0.2}
+    told, said = looked(Node("BSDF_METALLIC", numbers, OUT, fresnel_type="PHYSICAL_CONDUCTOR"))
+    wanted = [((n - 1) ** 2 + k * k) / ((n + 1) ** 2 + k * k) for n, k in zip(numbers["IOR"], numbers["Extinction"], strict=True)]
+    assert told("Base Color") == pytest.approx(wanted)
+    assert said == []
+
+
+def test_glass_takes_the_root_of_its_colour_at_each_of_two_surfaces() -> None:
+    color = {"Base Color": (0.81, 0.64, 0.25, 1.0)}
+    for weight, wanted in ((1.0, [0.9, 0.8, 0.5]), (0.0, [0.81, 0.64, 0.25])):
+        told, said = looked(Node("BSDF_PRINCIPLED", {**color, "Transmission Weight": weight}, OUT))
+        assert told("Base Color") == pytest.approx(wanted)
+        assert said == []
+    _, said = looked(Node("BSDF_PRINCIPLED", {**color, "Transmission Weight": 0.5}, OUT))
+    assert said == ["what it lets through is of its base colour, and darker than in Cycles"]
+
+
+def test_a_tinted_transparency_is_a_pane() -> None:
+    told, said = looked(Node("BSDF_TRANSPARENT", {"Color": (0.8, 0.5, 0.3, 1.0)}, OUT))
+    assert (told("Transmission Weight"), told("IOR"), told("Roughness")) == (1.0, 1.0, 0.0)
+    assert told("Base Color") == [0.8, 0.5, 0.3]
+    assert said == []
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"Coat Weight": 1.0, "Coat IOR": 2.0}, "its coat refracts as 1.5"),
+        ({"Sheen Weight": 0.5}, "its sheen is glTF's, which is brighter towards the rim than Cycles'"),
+        ({"Metallic": 1.0, "Specular Tint": (0.5, 1, 1, 1)}, "the tint of its metal's edge (specular tint) is not taken over"),
+        ({"IOR": 0.8}, "its index of refraction is below 1, and taken as 1"),
+        ({"Base Color": (2.0, 1, 1, 1)}, "its base colour is cut at 1"),
+    ],
+)
+def test_what_is_otherwise_than_in_cycles_is_named(values: dict[str, Any], sentence: str) -> None:
+    assert looked(Node("BSDF_PRINCIPLED", values, OUT))[1] == [sentence]

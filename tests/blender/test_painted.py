@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from blender.rayfarm_addon.scene.images import from_srgb
-from blender.rayfarm_addon.scene.model import Scene
-from blender.rayfarm_addon.scene.nodes import Blend, Plain
-from blender.rayfarm_addon.scene.painted import Painted
+from blender.rayfarm_addon.scene.model import Scene, TextureUse
+from blender.rayfarm_addon.scene.nodes import Blend, Plain, Product
+from blender.rayfarm_addon.scene.painted import Painted, Painter
+from blender.rayfarm_addon.scene.pictures import Pictures
 from blender.rayfarm_addon.scene.recolored import BLENDS, hsv, rgb
 from blender.rayfarm_addon.scene.textures import Values
+from renderer.image.read import read as read_image
 from tests.blender.fake_nodes import Image, Node, at, image_node, linked, ramp
 
 SPOTS = np.random.default_rng(5).random((3, 4, 3)).astype(np.float32)
@@ -130,3 +132,23 @@ def test_heights_become_slopes() -> None:
     slope = 0.5 * (1 / 8) / 0.5
     np.testing.assert_allclose(normal, np.array([-slope, 0, 1]) / np.hypot(slope, 1), atol=1e-6)
     assert values.bumps(followed(at(bump))[0], lambda uv_set: None) is None
+
+
+def test_a_colour_that_is_asked_for_a_number_is_its_luminance() -> None:
+    """It was the alpha of the picture where opacity was asked for, and its green for roughness."""
+    scene = Scene()
+    found, _ = read(spots("Non-Color"), 1.0)
+    picture = Pictures(scene, "paint").packed([(found, 3)], found, True)
+    assert picture is not None
+    content = scene.images[picture.image].content
+    assert isinstance(content, bytes)
+    alpha = read_image(content, "a.png")[..., 3] / 255
+    np.testing.assert_allclose(alpha, SPOTS @ np.array([0.2126, 0.7152, 0.0722]), atol=2 / 255)
+
+
+def test_a_product_is_scaled_down_to_fit_into_a_picture() -> None:
+    found = Painter("paint", lambda _: TextureUse("")).paint(Product(at(spots("Non-Color")), Plain(3.0)), "light")
+    assert isinstance(found, tuple)
+    most = found[0].scale_down()
+    assert most == pytest.approx(3 * SPOTS.max(), rel=1e-5)
+    np.testing.assert_allclose(found[0].texels[..., :3] * most, 3 * SPOTS, atol=1e-5)

@@ -57,11 +57,25 @@ def first_paint(page: Page) -> float:
     return float(page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime"))
 
 
+def all_is_here(page: Page) -> None:
+    """Wait until the modules of all views have come: those of others than the first do when the page has stood for a while."""
+    page.wait_for_function(
+        """() => {
+            const wanted = Object.values(JSON.parse(document.getElementById("view-modules").textContent)).flat();
+            const here = new Set(performance.getEntriesByType("resource").map(({ name }) => new URL(name).pathname));
+            return wanted.every((href) => here.has(new URL(href, location.href).pathname));
+        }""",
+        timeout=60_000,
+    )
+
+
 @pytest.mark.long
 def test_a_second_visit_asks_for_the_index_alone_and_paints_at_once(served: Served, watched: Watched) -> None:
     page = watched.page
+    page.add_init_script("performance.setResourceTimingBufferSize(1000)")
     page.goto(served.url)
     page.get_by_role("heading", name="Drop a scene").wait_for()
+    all_is_here(page)
     first = served.of_the_page()
     assert len(first) > 50 and len(first) == len(set(first)), "no file is loaded twice"
     assert [path for path in first if not path.startswith("/v/")] == ["/"]

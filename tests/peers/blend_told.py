@@ -27,6 +27,8 @@ def told(frame: int) -> list[list[Any]]:
             continue
         if not instance.is_instance and each.is_instancer and not each.show_instancer_for_render:
             continue
+        if not instance.is_instance and each.parent is not None and each.parent.instance_type in ("VERTS", "FACES"):
+            continue  # in pictures, though not in a viewport, it is only where it is instanced
         mesh = each.to_mesh()
         if mesh is None:
             continue

@@ -95,7 +95,7 @@ LightSource "distant" "point3 to" [1 -1 -1] "rgb L" [.3 .4 .5]
 NamedMaterial "white" AttributeBegin Translate 0 -.6 0 Rotate -90 1 0 0 Scale 3 3 3 {SQUARE} AttributeEnd
 ObjectBegin "sheet" Shape "plymesh" "string filename" "m.ply" ObjectEnd
 AttributeBegin Translate .7 0 0 ObjectInstance "sheet" AttributeEnd
-Material "coateddiffuse" "rgb reflectance" [.6 .3 .1]
+Material "coateddiffuse" "rgb reflectance" [.6 .3 .1] "float thickness" 0 "integer maxdepth" 100
 Translate -.8 0 .5 Rotate 40 0 1 0 Scale .5 .5 .5 Shape "plymesh" "string filename" "m.ply"
 """
 )

@@ -82,7 +82,7 @@ def test_what_is_shared_out_are_parts_of_the_kernel(monkeypatch: pytest.MonkeyPa
     called = calls_of(accumulate._with_pool, (Reference(arguments[0]), *arguments[1:]))
     for part, types_of_it in parts:
         if part.__name__ == "arrive":
-            called |= calls_of(scatter, types_of_it)  # both are called with the same
+            called |= calls_of(scatter, (*types_of_it, types.boolean))  # which is called with the same, and one more
     assert {(part.__name__, str(types_of_it)) for part, types_of_it in parts} <= called
     assert len(parts) > 8
 

@@ -16,7 +16,7 @@ from .lights import is_linked_to_lights
 from .meshes import Corners, extract, hair, shape, stretched
 from .model import Mesh, Node, Scene
 from .surfaces import Surfaces
-from .world import read_world
+from .world import Bake, read_world
 
 __all__ = ["Known", "beyond", "gather", "over_the_shutter"]
 
@@ -184,9 +184,14 @@ class _Gathering:
         return name if count == 1 else f"{name} ({count})"
 
 
-def gather(depsgraph: Any, known: Known, changed: Callable[[Any, Any], bool] = lambda thing, data: True) -> Iterator[_Gathering]:
+def gather(
+    depsgraph: Any,
+    known: Known,
+    changed: Callable[[Any, Any], bool] = lambda thing, data: True,
+    bake: Bake | None = None,
+) -> Iterator[_Gathering]:
     """Yields itself as it goes on, in the end complete. known: meshes of before, by key; of these, those stay that did not
-    change. changed: whether an object's mesh (given the object and its data) is another since.
+    change. changed: whether an object's mesh (given the object and its data) is another since. bake: as of `read_world`.
     """
     scene = Scene()
     found = _Gathering(scene, known, changed, depsgraph.view_layer)
@@ -194,7 +199,7 @@ def gather(depsgraph: Any, known: Known, changed: Callable[[Any, Any], bool] = l
         if found.instance(instance) or number % 256 == 255:
             yield found
     blender = depsgraph.scene
-    scene.world = read_world(scene, getattr(depsgraph.view_layer, "world_override", None) or blender.world)
+    scene.world = read_world(scene, getattr(depsgraph.view_layer, "world_override", None) or blender.world, bake)
     _look_at_the_scene(scene, blender)
     for key in [key for key in known if key not in scene.meshes and key not in found.made]:
         del known[key]
@@ -210,6 +215,8 @@ def _look_at_the_scene(scene: Scene, blender: Any) -> None:
         scene.warn("Simplify is on: surfaces are as smooth as it lets them be.")
     if blender.render.use_multiview:
         scene.warn("Stereoscopy: one picture is rendered, as the camera sees it with one eye.")
+    if blender.render.use_motion_blur and getattr(getattr(blender, "cycles", None), "rolling_shutter_type", "NONE") != "NONE":
+        scene.warn("The shutter opens everywhere at once, without rolling.")
     exposure = float(getattr(getattr(blender, "cycles", None), "film_exposure", 1.0))
     if abs(exposure - 1) > 1e-3:
         scene.warn(f"Cycles' film exposure of {exposure:g} is left out; set the exposure under Color Management.")

@@ -15,11 +15,16 @@ import numpy as np
 import numpy.typing as npt
 
 from .model import TO_Y_UP, Scene, up
+from .nodes import constant, followed, output_of
+from .painted import Painter
 
-__all__ = ["add_light", "is_linked_to_lights"]
+__all__ = ["add_light", "is_linked_to_lights", "is_stretched", "of_nodes", "told_bounces"]
 
 F64 = npt.NDArray[np.float64]
 LEAST = 1e-6  # of a size
+NEAR = 1e-3
+WIDE = 0.1  # a ball, whose cone has no one edge
+ALL_BOUNCES = 64
 
 
 def add_light(scene: Scene, thing: Any, name: str, place: F64) -> None:
@@ -27,8 +32,10 @@ def add_light(scene: Scene, thing: Any, name: str, place: F64) -> None:
     light = thing.data
     strength = _strength(scene, light, name)
     if max(strength) <= 0:
+        if light.energy < 0:
+            scene.warn(f"Lamp {name}: takes light away in Blender, and is left out.")
         return
-    _tell(scene, thing, name)
+    _tell(scene, thing, name, place)
     if light.type == "SUN":
         angle = min(float(light.angle), math.pi)
         said = {"type": "directional", "direction": up(-place[:3, 2]), "intensity": [c * sun_area(light) for c in strength]}
@@ -47,7 +54,7 @@ def _strength(scene: Scene, light: Any, name: str) -> list[float]:
         color = [c * float(t) for c, t in zip(color, light.temperature_color, strict=True)]
     energy = float(light.energy) * 2.0 ** float(getattr(light, "exposure", 0.0))
     if light.use_nodes and light.node_tree is not None:
-        factor = _of_nodes(light.node_tree)
+        factor = of_nodes(light.node_tree)
         if factor is None:
             scene.warn(f"Lamp {name}: its nodes are not read; its colour and power are.")
         else:
@@ -61,6 +68,18 @@ def is_linked_to_lights(thing: Any) -> bool:
     return any(getattr(linking, f"{kind}_collection", None) is not None for kind in ("receiver", "blocker"))
 
 
+def is_stretched(scale: Any) -> bool:
+    """Whether a scale is another along X or Y than along Z."""
+    x, y, z = (abs(float(each)) for each in scale)
+    return max(abs(x - z), abs(y - z)) > NEAR * max(x, y, z)
+
+
+def told_bounces(light: Any) -> int | None:
+    """After how many bounces a lamp lights no more; None where it always does."""
+    most = int(getattr(getattr(light, "cycles", None), "max_bounces", ALL_BOUNCES))
+    return most if most < ALL_BOUNCES else None
+
+
 def is_of_a_square_metre(light: Any) -> bool:
     """Whether its power is that of one square metre of it, whatever its size ("Normalize" is off)."""
     return not getattr(light, "normalize", True)
@@ -72,11 +91,17 @@ def sun_area(light: Any) -> float:
     return math.pi * math.sin(half) ** 2 if is_of_a_square_metre(light) and half > LEAST else 1.0
 
 
-def _tell(scene: Scene, thing: Any, name: str) -> None:
+def _tell(scene: Scene, thing: Any, name: str, place: F64) -> None:
     light = thing.data
     casts = getattr(light, "use_shadow", True) and getattr(getattr(light, "cycles", None), "cast_shadow", True)
     if not casts:
         scene.warn(f"Lamp {name}: casts shadows here, though not in Blender.")
+    if light.type == "SPOT" and is_stretched(np.linalg.norm(place[:3, :3], axis=0)):
+        scene.warn(f"Lamp {name}: its cone is round, and as wide as it says, whatever its scale.")
+    if light.type == "SPOT" and light.shadow_soft_size > WIDE and not getattr(light, "use_soft_falloff", True):
+        scene.warn(f"Lamp {name}: its cone is that of a point, though in Blender that of a ball.")
+    if (bounces := told_bounces(light)) is not None:
+        scene.warn(f"Lamp {name}: lights however often its light was scattered, though no more than {bounces} times in Blender.")
     if is_linked_to_lights(thing):
         scene.warn(f"Lamp {name}: lights all that it reaches (light linking is left out).")
     hidden = [
@@ -88,15 +113,27 @@ def _tell(scene: Scene, thing: Any, name: str) -> None:
         scene.warn(f"Lamp {name}: lights {' and '.join(hidden)} here, though not in Blender.")
 
 
-def _of_nodes(tree: Any) -> list[float] | None:
-    """What an Emission of plain numbers multiplies a lamp's light by."""
-    output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
-    links = output.inputs["Surface"].links if output is not None else ()
-    node = links[0].from_node if links else None
-    if node is None or node.type != "EMISSION" or any(socket.is_linked for socket in node.inputs):
+def of_nodes(tree: Any) -> list[float] | None:
+    """What an Emission multiplies a lamp's light by, where nothing but numbers feed it."""
+    source = output_of(tree)
+    if source is None or source.node.type != "EMISSION":
         return None
-    strength = float(node.inputs["Strength"].default_value)
-    return [float(c) * strength for c in node.inputs["Color"].default_value[:3]]
+    strength = source.input("Strength")
+    falls, _ = followed(strength)
+    if falls is not None and falls.node.type == "LIGHT_FALLOFF":
+        if falls.output.name != "Quadratic" or constant(falls.input("Smooth")) != 0.0:
+            return None
+        strength = falls.input("Strength")  # it falls by the square in any case
+    made = [Painter("lamp", lambda _: None).paint(at, "light") for at in (source.input("Color"), strength)]
+    if not all(isinstance(each, list) for each in made):
+        return None
+    color, power = made
+    return [c * p for c, p in zip(color, power, strict=True)]  # type: ignore[arg-type]
+
+
+def of_its_size(radius: float) -> float:
+    """What the strength of a point or spot of a size is multiplied by where it is that of a square metre."""
+    return 4 * math.pi * radius**2
 
 
 def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[float]) -> None:
@@ -105,7 +142,7 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
     is_spot = light.type == "SPOT"
     is_facing = bool(getattr(light, "use_soft_falloff", False))
     if is_of_a_square_metre(light) and radius > LEAST:
-        strength = [c * math.pi * radius**2 for c in strength]
+        strength = [c * of_its_size(radius) for c in strength]
     if not is_spot and radius > LEAST:
         radiance = [c / (4 * math.pi**2 * radius**2) for c in strength]
         scene.lamp_materials[name] = _shining(thing, radiance) | ({"facing": True} if is_facing else {})

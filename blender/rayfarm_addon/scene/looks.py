@@ -10,11 +10,12 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from .nodes import At, Blend, Plain, Source, constant, followed
+from .nodes import At, Blend, Plain, Root, Source, constant, followed
+from .unlike import tell_shader, tell_surface
 
 __all__ = ["Look", "brushed", "look_of", "told_by_ray", "under_coat"]
 
-BLACK = Plain([0.0, 0.0, 0.0])
+BLACK, WHITE = Plain([0.0] * 3), Plain([1.0] * 3)
 SHARE = 0.5
 CLEAR = 0.999
 WAY = 1.15  # through a coat, of its thickness: on average over what leaves a matt surface, where the coat refracts as 1.5
@@ -74,8 +75,11 @@ class _Clear(Look):
 
 
 def brushed(strength: float, roughness: float, turns: float) -> tuple[float, dict[str, float]]:
-    """glTF's roughness, and its anisotropy: Cycles stretches both ways about the roughness, glTF along the tangent alone."""
-    aspect = math.sqrt(1 - 0.9 * min(strength, 1.0))
+    """glTF's roughness, and its anisotropy: Cycles stretches both ways about the roughness, glTF along the tangent alone.
+
+    strength: the principled BSDF's, which is 1 at most; beyond that as far as 1 / 0.9, it is other shaders'.
+    """
+    aspect = math.sqrt(max(1 - 0.9 * strength, 1e-4))
     along, across = min(roughness**2 / aspect, 1.0), roughness**2 * aspect
     stretch = math.sqrt(max(along - across, 0.0) / max(1 - across, 1e-6))
     return math.sqrt(across), {"anisotropyStrength": min(stretch, 1.0), "anisotropyRotation": turns * 2 * math.pi}
@@ -90,6 +94,16 @@ def under_coat(look: Look) -> list[float] | None:
     return [1 + share * (min(max(c, 0.0), 1.0) ** WAY - 1) for c in tint]
 
 
+def _of_glossy(anisotropy: Any, rotation: Any) -> dict[str, Any]:
+    """The principled BSDF's anisotropy and rotation of a Glossy BSDF's: that is narrow along the tangent, by 1 - anisotropy."""
+    strength, turns = constant(anisotropy), constant(rotation)
+    if not strength or not isinstance(turns, float):
+        return {} if strength == 0.0 or anisotropy is None else {"Anisotropic": anisotropy}
+    aspect = 1 - min(abs(strength), 0.99)
+    turned = turns + (0.25 if strength > 0 else 0.0)
+    return {"Anisotropic": Plain((1 - aspect**2) / 0.9), "Anisotropic Rotation": Plain(turned)}
+
+
 def told_by_ray(at: At) -> int | None:
     """Which of two shaders the camera sees, 0 or 1, of a mix that asks what kind of ray it is; None of any other."""
     by, _ = followed(at)
@@ -100,10 +114,18 @@ def told_by_ray(at: At) -> int | None:
 
 def look_of(source: Source | None, warn: Callable[[str], None]) -> Look | None:
     """A shader; None of one that is not known, or is no surface's. warn: is told what is not as in Blender."""
+    found = _look_of(source, warn)
+    if found is not None:
+        tell_surface(found, warn)
+    return found
+
+
+def _look_of(source: Source | None, warn: Callable[[str], None]) -> Look | None:
     if source is None:
         return None
     made = _simple(source, warn)
     if made is not None:
+        tell_shader(source, warn)
         return made
     if source.node.type == "MIX_SHADER":
         return _mixed(source, warn)
@@ -113,7 +135,7 @@ def look_of(source: Source | None, warn: Callable[[str], None]) -> Look | None:
 def _simple(source: Source, warn: Callable[[str], None]) -> Look | None:
     kind, at = source.node.type, source.input
     if kind == "BSDF_PRINCIPLED":
-        return Look({}, at)
+        return Look(_let_through(at), at)
     color = at("Color", "Base Color")
     if kind in ("BSDF_DIFFUSE", "SUBSURFACE_SCATTERING", "BSDF_TOON", "BSDF_HAIR", "BSDF_HAIR_PRINCIPLED"):
         if kind != "BSDF_DIFFUSE":
@@ -121,9 +143,10 @@ def _simple(source: Source, warn: Callable[[str], None]) -> Look | None:
         rough = {"Diffuse Roughness": at("Roughness")} if kind == "BSDF_DIFFUSE" else {}
         return _matt({"Base Color": color, "Normal": at("Normal"), **rough})
     if kind in ("BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"):
-        brushed = {"Anisotropic": at("Anisotropy"), "Anisotropic Rotation": at("Rotation")}
+        if kind == "BSDF_METALLIC" and source.node.fresnel_type == "PHYSICAL_CONDUCTOR":
+            color = _of_metal(at("IOR"), at("Extinction"), color)
         said = {"Base Color": color, "Metallic": Plain(1.0), "Roughness": at("Roughness"), "Normal": at("Normal")}
-        return Look(said | {name: each for name, each in brushed.items() if each is not None})
+        return Look(said | _of_glossy(at("Anisotropy"), at("Rotation")))
     if kind in ("BSDF_GLASS", "BSDF_REFRACTION"):
         said = {"Base Color": color, "Transmission Weight": Plain(1.0), "Roughness": at("Roughness"), "IOR": at("IOR")}
         return Look(said | {"Normal": at("Normal")})
@@ -133,10 +156,31 @@ def _simple(source: Source, warn: Callable[[str], None]) -> Look | None:
     if kind == "BSDF_TRANSLUCENT":
         return _matt({"Base Color": BLACK, "Translucent Weight": Plain(1.0), "Translucent Color": color, "Normal": at("Normal")})
     if kind == "BSDF_TRANSPARENT":
-        return _Clear()
+        return _pane(color) if (constant(color) or BLACK.value) != WHITE.value else _Clear()
     if kind == "EMISSION":
         return _matt({"Base Color": BLACK, "Emission Color": color, "Emission Strength": at("Strength")})
     return None
+
+
+def _let_through(at: Callable[..., Any]) -> dict[str, Any]:
+    """The base colour of what lets all light through: Cycles takes its root at each of two surfaces, glTF all of it."""
+    weight, color = constant(at("Transmission Weight", "Transmission")), at("Base Color")
+    is_clear = isinstance(weight, float) and weight >= 1 and color is not None
+    return {"Base Color": Root(color)} if is_clear else {}
+
+
+def _pane(color: Any) -> Look:
+    """Of a colour, which does not refract."""
+    said = {"Base Color": color, "Transmission Weight": Plain(1.0), "Roughness": Plain(0.0), "IOR": Plain(1.0)}
+    return Look(said)
+
+
+def _of_metal(ior: Any, extinction: Any, color: Any) -> Any:
+    """What a conductor reflects at normal incidence."""
+    n, k = constant(ior), constant(extinction)
+    if not isinstance(n, list) or not isinstance(k, list):
+        return color
+    return Plain([((a - 1) ** 2 + b * b) / ((a + 1) ** 2 + b * b) for a, b in zip(n, k, strict=True)])
 
 
 def _matt(inputs: Mapping[str, Any]) -> Look:
@@ -144,7 +188,7 @@ def _matt(inputs: Mapping[str, Any]) -> Look:
 
 
 def _mixed(source: Source, warn: Callable[[str], None]) -> Look | None:
-    first, second = (look_of(followed(source.at(i))[0], warn) for i in (1, 2))
+    first, second = (_look_of(followed(source.at(i))[0], warn) for i in (1, 2))
     share = source.at(0)
     if (which := told_by_ray(share)) is not None:
         warn("of shaders that are for different rays the camera's is shown to all")
@@ -195,9 +239,12 @@ def _reflecting(by: Source, beneath: Look, gloss: Look, warn: Callable[[str], No
 
 def _added(source: Source, warn: Callable[[str], None]) -> Look | None:
     """Of a sum, what shines is added; of surfaces there is one."""
-    parts = [look for look in (look_of(followed(source.at(i))[0], warn) for i in (0, 1)) if look is not None]
+    parts = [look for look in (_look_of(followed(source.at(i))[0], warn) for i in (0, 1)) if look is not None]
     shining = [each for each in parts if _is_black(each) and constant(each.input("Emission Strength")) != 0.0]
     others = [each for each in parts if each not in shining]
+    if shining and any(each.is_clear for each in others):
+        warn("what is added to its transparency hides what is behind by half")
+        return _Mix(Plain(SHARE), others[0], shining[0], warn)
     if len(others) > 1:
         leaf = next((each for each in others if constant(each.input("Translucent Weight")) == 1.0), None)
         solid = next((each for each in others if each is not leaf), others[0])
@@ -229,6 +276,11 @@ class _Mix(Look):
         self._share, self._first, self._second = share, first, second
         a, b = (constant(look.input("Metallic")) for look in (first, second))
         colors = [constant(look.input("Base Color")) for look in (first, second)]
+        glass, rough = ([constant(look.input(name)) for look in (first, second)] for name in ("Transmission Weight", "Roughness"))
+        if glass[0] != glass[1] and (glass[0] or glass[1]) and not (first.is_clear or second.is_clear):
+            warn("of glass and something else that are mixed, both have the colour between")
+        if rough[0] != rough[1] and not (first.is_matt or second.is_matt or first.is_clear or second.is_clear):
+            warn("of two roughnesses that are mixed, one between is shown")
         is_one_clear = first.is_clear or second.is_clear or _is_black(first) or _is_black(second)
         if a != b and (None in colors or colors[0] != colors[1]) and not is_one_clear:
             warn("of a metal and something else that are mixed, both have the colour between")

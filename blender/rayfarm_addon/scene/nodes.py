@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-__all__ = ["At", "Blend", "Plain", "Source", "constant", "followed", "output_of"]
+from .temperature import blackbody
+
+__all__ = ["At", "Blend", "Plain", "Product", "Root", "Source", "constant", "followed", "output_of"]
 
 PASSED = ("REROUTE",)
 DEEPEST = 64
@@ -55,9 +57,22 @@ class Blend(NamedTuple):
     second: Any
 
 
+class Product(NamedTuple):
+    """A socket times the number of another, in the place of a socket."""
+
+    first: Any
+    second: Any
+
+
+class Root(NamedTuple):
+    """The square root of a socket's colour, in the place of a socket."""
+
+    of: Any
+
+
 def followed(at: Any) -> tuple[Source | None, At | None]:
     """What feeds an input; else None, and the socket whose own number counts."""
-    if isinstance(at, Plain | Blend):
+    if isinstance(at, Plain | Blend | Product | Root):
         return None, None
     for _ in range(DEEPEST):
         if at is None or not at.socket.is_linked:
@@ -105,12 +120,32 @@ def constant(at: Any) -> Any:
         return at.value
     if isinstance(at, Blend):
         return _blended(*(constant(each) for each in at))
+    if isinstance(at, Product):
+        return _product(constant(at.first), constant(at.second))
+    if isinstance(at, Root):
+        return _root(constant(at.of))
     source, last = followed(at)
     if source is not None:
         if source.node.type in ("VALUE", "RGB"):
             return _plain(source.output.default_value)
-        return None
+        kelvin = constant(source.input("Temperature")) if source.node.type == "BLACKBODY" else None
+        return blackbody(kelvin) if isinstance(kelvin, float) else None
     return None if last is None else _plain(getattr(last.socket, "default_value", None))
+
+
+def _product(first: Any, second: Any) -> Any:
+    if first is None or second is None:
+        return None
+    if isinstance(first, list) or isinstance(second, list):
+        a, b = (each if isinstance(each, list) else [each] * 3 for each in (first, second))
+        return [x * y for x, y in zip(a, b, strict=True)]
+    return first * second
+
+
+def _root(value: Any) -> Any:
+    if value is None:
+        return None
+    return [max(c, 0.0) ** 0.5 for c in value] if isinstance(value, list) else max(value, 0.0) ** 0.5
 
 
 def _blended(share: Any, first: Any, second: Any) -> Any:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from . import images
 from .model import TextureUse
-from .nodes import At, Blend, Source, constant, followed
+from .nodes import At, Blend, Product, Root, Source, constant, followed
 from .recolored import BLENDS, MATH, hsv, rgb
 
 __all__ = ["Bump", "Painted", "Painter"]
@@ -41,6 +41,12 @@ class Painted:
 
     def __init__(self, name: str, pixels: F32) -> None:
         self.name, self.texels = name, pixels
+
+    def scale_down(self) -> float:
+        """Makes 1 of its greatest number where that is more; returns what it was divided by."""
+        most = max(float(self.texels[..., :3].max(initial=0.0)), 1.0)
+        self.texels[..., :3] /= most
+        return most
 
 
 @dataclass
@@ -99,6 +105,10 @@ class Painter:
             raise _UnknownError
         if isinstance(at, Blend):
             return self._mixed(at.share, at.first, at.second, "MIX")
+        if isinstance(at, Product):
+            return self._with(lambda a, b: a * b, self._plane(at.first), self._number(at.second))
+        if isinstance(at, Root):
+            return self._with(lambda c: np.sqrt(np.maximum(c, 0)), self._plane(at.of))
         plain = constant(at)
         if plain is not None:
             return _Plane(np.atleast_1d(np.array(plain, np.float32)))

@@ -9,7 +9,8 @@ import numpy as np
 
 from . import images
 from .model import Scene, TextureUse
-from .textures import Value
+from .painted import LUMINANCE
+from .textures import GREY, Value
 
 __all__ = ["Pictures"]
 
@@ -43,8 +44,11 @@ class Pictures:
                 continue
             names.append(value.image.name)
             which = channel if value.channel is None else value.channel
-            plane = found[..., which]
-            if channel < 3 and which < 3:
+            if which == GREY:
+                plane = images.encoded(found[..., :3], images.encoding_of(value.image, False)) @ LUMINANCE
+            else:
+                plane = found[..., which]
+            if which != GREY and channel < 3 and which < 3:
                 plane = images.encoded(plane, images.encoding_of(value.image, as_color))
             planes[channel] = 1 - plane if value.inverted else plane
             if value.use != told.use and value.image != told.image:

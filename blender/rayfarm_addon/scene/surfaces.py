@@ -9,9 +9,10 @@ from typing import Any
 
 from .looks import Look, brushed, look_of, told_by_ray, under_coat
 from .model import Material, Scene, TextureUse
-from .nodes import At, Source, constant, followed, output_of
+from .nodes import At, Product, Source, constant, followed, output_of
 from .pictures import Pictures
 from .textures import Value, Values
+from .unlike import has_film, tell_pictures
 
 __all__ = ["Surfaces"]
 
@@ -57,7 +58,8 @@ class _Reader:
     def read(self) -> dict[str, Any]:
         tree = self._source.node_tree if self._source.use_nodes else None
         if tree is None:
-            self._pbr(list(self._source.diffuse_color)[:3], self._source.metallic, self._source.roughness)
+            self._pbr(list(self._source.diffuse_color)[:3], 0.0, 1.0)  # Cycles shows it as matt
+            self._said["extensions"] = {"KHR_materials_specular": {"specularFactor": 0.0}}
             return self._said
         shader = output_of(tree)
         if shader is None:
@@ -66,6 +68,7 @@ class _Reader:
         else:
             self._shader(shader)
         self._look_for_others(tree)
+        tell_pictures(tree, self._warn)
         if self._more:
             self._said["extensions"] = self._more
         return self._said
@@ -115,10 +118,10 @@ class _Reader:
             self._slot(transmission, "KHR_materials_transmission", "transmissionTexture", 0)
             self._filled()
         self._coat(value, source)
-        self._sheen(value)
+        self._sheen(source)
         self._translucent(value)
-        self._emission(value([0.0] * 3, "Emission Color", "Emission"), value(0.0, "Emission Strength"))
-        self._brushed(value, number(roughness.factor))
+        self._emission(source)
+        self._brushed(source, number(roughness.factor))
         self._film(source)
         self._normal(source.input("Normal"), self._said, "normalTexture")
         for name, words in (("Subsurface Weight", "light beneath the surface"), ("Subsurface", "light beneath the surface")):
@@ -203,44 +206,49 @@ class _Reader:
         if left is not None:
             factor = self._said["pbrMetallicRoughness"]["baseColorFactor"]
             factor[:3] = [c * share for c, share in zip(factor[:3], left, strict=True)]
-        ior = constant(source.input("Coat IOR"))
-        if ior is not None and abs(ior - 1.5) > 0.01:
-            self._warn("its coat refracts as 1.5")
 
-    def _sheen(self, value: Any) -> None:
-        sheen = value(0.0, "Sheen Weight", "Sheen")
-        if number(sheen.factor) <= 0:
+    def _sheen(self, source: Look) -> None:
+        weight = source.input("Sheen Weight", "Sheen")
+        if weight is None or constant(weight) == 0.0:
             return
-        tint, rough = value(WHITE, "Sheen Tint"), value(0.5, "Sheen Roughness")
-        color = [number(sheen.factor) * c for c in as_list(tint.factor)]
-        self._extend("sheen", sheenColorFactor=[min(c, 1.0) for c in color], sheenRoughnessFactor=number(rough.factor))
+        tint, rough = source.input("Sheen Tint"), self._values.read(source.input("Sheen Roughness"), 0.5, "sheen roughness")
+        color = self._values.read(weight if tint is None else Product(tint, weight), WHITE, "sheen")
+        factor = [min(max(c, 0.0), 1.0) for c in as_list(color.factor)]
+        self._extend("sheen", sheenColorFactor=factor, sheenRoughnessFactor=number(rough.factor))
+        self._slot(color, "KHR_materials_sheen", "sheenColorTexture", None, as_color=True)
+        self._slot(rough, "KHR_materials_sheen", "sheenRoughnessTexture", 3)
 
-    def _emission(self, color: Value, strength: Value) -> None:
-        if strength.image is not None:
-            self._warn("the picture of its emission's strength is left out")
-        light = [max(c * number(strength.factor), 0.0) for c in as_list(color.factor)]
+    def _emission(self, source: Look) -> None:
+        color, strength = source.input("Emission Color", "Emission"), source.input("Emission Strength")
+        plain = constant(strength)
+        if plain is None and strength is not None:  # what feeds the strength is in the picture
+            shines = self._values.read(Product(color, strength), [0.0] * 3, "emission")
+            plain = 1.0 if shines.image is None else shines.image.scale_down()
+        else:
+            shines = self._values.read(color, [0.0] * 3, "emission color")
+        light = [max(c * number(plain or 0.0), 0.0) for c in as_list(shines.factor)]
         if max(light) <= 0:
             return
         most = max(1.0, *light)
         self._said["emissiveFactor"] = [c / most for c in light]
         if most > 1:
             self._extend("emissive_strength", emissiveStrength=most)
-        if color.image is not None:
-            picture = self._pictures.used(color, True)
+        if shines.image is not None:
+            picture = self._pictures.used(shines, True)
             if picture is not None:
                 self._said["emissiveTexture"] = picture
 
-    def _brushed(self, value: Any, roughness: float) -> None:
-        strength = number(value(0.0, "Anisotropic").factor)
-        if strength <= 0:
+    def _brushed(self, source: Look, roughness: float) -> None:
+        strength, turns = constant(source.input("Anisotropic")), constant(source.input("Anisotropic Rotation"))
+        if not strength or strength <= 0:
             return
-        rough, stretched = brushed(strength, roughness, number(value(0.0, "Anisotropic Rotation").factor))
+        rough, stretched = brushed(strength, roughness, turns or 0.0)
         self._said["pbrMetallicRoughness"]["roughnessFactor"] = rough
         self._extend("anisotropy", **stretched)
 
     def _film(self, source: Look) -> None:
         thickness = constant(source.input("Thin Film Thickness"))
-        if thickness:
+        if thickness and has_film(source):
             ior = constant(source.input("Thin Film IOR")) or 1.33
             ends = {"iridescenceThicknessMinimum": thickness, "iridescenceThicknessMaximum": thickness}
             self._extend("iridescence", iridescenceFactor=1.0, iridescenceIor=ior, **ends)
@@ -275,7 +283,6 @@ class _Reader:
             self._pbr(as_list(color.factor), 0.0, 0.0)
             self._extend("transmission", transmissionFactor=1.0)
             self._extend("ior", ior=1.0)
-            self._warn("a tinted Transparent BSDF is shown as a pane")
             return
         self._pbr(WHITE, 0.0, 1.0, 0.0)
         self._said["alphaMode"] = "BLEND"
@@ -355,7 +362,7 @@ class _Reader:
         else:
             picture = self._pictures.packed([(value, channel)], value, as_color)
         if picture is not None:
-            self._more[extension][name] = picture
+            self._more.setdefault(extension, {})[name] = picture
 
 
 def number(value: Any) -> float:

@@ -11,11 +11,12 @@ from .model import Scene, TextureUse
 from .nodes import At, Source, constant, followed
 from .painted import Bump, Painter
 
-__all__ = ["Value", "Values"]
+__all__ = ["GREY", "Value", "Values"]
 
 WHITE = [1.0, 1.0, 1.0]
 WRAPS = {"REPEAT": "repeat", "EXTEND": "clamp", "CLIP": "clamp", "MIRROR": "mirror"}
 CHANNELS = {"Red": 0, "Green": 1, "Blue": 2, "R": 0, "G": 1, "B": 2, "Alpha": 3}
+GREY = -1  # in the place of a channel: what Blender takes for a colour's number
 
 
 @dataclass
@@ -50,12 +51,14 @@ class Values:
         source, _ = followed(at)
         found = None if source is None else self._of(source)
         if found is not None:
+            if found.image is not None and found.channel is None and not isinstance(default, list):
+                found.channel = GREY
             return found
         painted = self._painter.paint(at, what)
         if isinstance(painted, list):
             return Value(painted if isinstance(default, list) else painted[0])
         if painted is not None:
-            return Value(1.0, painted[0], painted[1])
+            return Value(1.0, painted[0], painted[1], None if isinstance(default, list) else GREY)
         node = "" if source is None else f" ({source.node.bl_label or source.node.type})"
         self._scene.warn(f"Material {self._name}: what makes its {what}{node} is not read; a plain value stands for it.")
         own = getattr(getattr(at, "socket", None), "default_value", default)

@@ -6,6 +6,7 @@ Blender looks at the middle of a panorama along its +X, the farm along its -Z, w
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,13 @@ import numpy as np
 from ..farm import exr
 from . import images
 from .looks import told_by_ray
-from .model import Image, Scene, World
+from .model import Image, Scene, World, up
 from .nodes import At, Source, constant, followed, output_of
 from .painted import Painter
 
-__all__ = ["read_world"]
+__all__ = ["Bake", "read_world"]
+
+Bake = Callable[[Any], tuple[bytes, dict[str, Any] | None] | None]
 
 # By kind, whether the world is there for rays; and how that is said.
 RAYS = {
@@ -34,14 +37,20 @@ DISKLESS = {"HOSEK_WILKIE": 0.85, "PREETHAM": 6.5}
 QUARTER = -90.0  # from the farm's middle to Blender's
 
 
-def read_world(scene: Scene, world: Any) -> World:
-    """The light of a bpy.types.World, or of none."""
+def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
+    """The light of a bpy.types.World, or of none.
+
+    bake: photographs a world, as of ui/baking.py, where the farm has no words for it; None where there is no time for that.
+    """
     if world is None:
         return World([0.0] * 3)
     if not world.use_nodes or world.node_tree is None:
         return World([float(c) for c in world.color])
     _tell(scene, world)
-    source = _background(scene, output_of(world.node_tree))
+    top = output_of(world.node_tree)
+    if bake is not None and top is not None and not _is_known(scene, top) and (made := bake(world)) is not None:
+        return _baked(scene, world, *made)
+    source = _background(scene, top)
     if source is None:
         return World([0.0] * 3)
     if source.node.type != "BACKGROUND":
@@ -65,6 +74,33 @@ def read_world(scene: Scene, world: Any) -> World:
         return painted
     scene.warn("World: what makes its colour is not read; a plain colour stands for it.")
     return World([float(c) * strength for c in at.socket.default_value[:3]] if at is not None else [0.0] * 3)
+
+
+def _is_known(scene: Scene, top: Source) -> bool:
+    """Whether it is a colour, or a picture that lies as the farm lays it; a world for some rays alone is told below."""
+    if top.node.type == "MIX_SHADER" and told_by_ray(top.at(0)) is not None:
+        return True
+    if top.node.type != "BACKGROUND" or constant(top.input("Strength")) is None:
+        return False
+    if constant(top.input("Color")) is not None:
+        return True
+    node, _ = followed(top.input("Color"))
+    if node is None or node.node.type == "TEX_SKY":
+        return False
+    probe = Scene()  # is told what it would be told
+    if node.node.type == "TEX_ENVIRONMENT" and node.node.image is not None:
+        return node.node.projection == "EQUIRECTANGULAR" and _turn(probe, node) is not None and not probe.warnings
+    return _painted(probe, top.input("Color"), 1.0) is not None and not probe.warnings
+
+
+def _baked(scene: Scene, world: Any, content: bytes, sun: dict[str, Any] | None) -> World:
+    if sun is not None:
+        is_seen = getattr(getattr(world, "cycles_visibility", None), "camera", True)
+        said = {"direction": up(-np.array(sun["towards"])), "intensity": sun["irradiance"], "angle": math.degrees(sun["angle"])}
+        scene.lights.append(
+            {"type": "directional", "name": "sun of the sky", **said, "seen": "always" if is_seen else "mirrored"}
+        )
+    return World(image=Image("world.exr", content))
 
 
 def _tell(scene: Scene, world: Any) -> None:

@@ -17,6 +17,7 @@ from ..scene.gather import beyond, gather, over_the_shutter
 from ..scene.ids import Ids, ids_of
 from ..scene.model import World
 from ..scene.view import Shot
+from .baking import photographed
 
 __all__ = ["Picture", "light_of", "picture_of", "requested", "split"]
 
@@ -72,7 +73,7 @@ def picture_of(
     middle = frame + {"START": length / 2, "END": -length / 2}.get(render.motion_blur_position, 0.0)
     if length and middle != frame:
         go_to(middle)
-    *_, found = gather(depsgraph, {})
+    *_, found = gather(depsgraph, {}, bake=photographed)
     scene = found.scene
 
     def camera() -> tuple[F64, F64, Any]:

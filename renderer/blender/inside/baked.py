@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from .simplified import is_followed
+from .followed import is_followed, is_of_each, sees_from
 
 __all__ = ["bake"]
 
@@ -35,6 +35,11 @@ def bake(bpy: Any, scene: Any, things: list[Any], notes: list[str]) -> None:
             if time.monotonic() > until:
                 notes.append("What nodes make of some materials took too long to be baked; bake it to images")
                 break
+            told = sorted({sees_from(entry.links[0].from_node, entry.links[0].from_socket.name) for entry in entries} - {""})
+            if told:
+                notes.append(
+                    f"Material {material.name}: what {told[0]} makes is another from elsewhere, and baked as of one place"
+                )
             reason = _unfit(owners)
             if reason:
                 notes.append(f"Material {material.name}: what its nodes make is not baked, as {reason}")
@@ -52,12 +57,17 @@ def _wanted(things: list[Any]) -> list[tuple[Any, list[Any], list[Any]]]:
     """Materials with the sockets to be baked, and one object of each mesh that has them."""
     found: dict[str, tuple[Any, list[Any], list[Any]]] = {}
     seen = set()
+    split: list[Any] = []  # that shared their meshes with others
     for thing in things:
-        for slot in thing.material_slots:
+        for slot in list(thing.material_slots):
             material = slot.material
             if material is None or not material.use_nodes or material.library is not None:
                 continue
             entries = _odd(material)
+            is_shared = thing.type == "MESH" and thing.data.users > 1 and len(split) < MOST_THINGS
+            if is_shared and any(is_of_each(entry.links[0].from_node, entry.links[0].from_socket.name) for entry in entries):
+                thing.data = thing.data.copy()
+                split.append(thing)
             if not entries or (material.name, thing.data.name) in seen:
                 continue
             seen.add((material.name, thing.data.name))

@@ -8,7 +8,7 @@ __all__ = ["VISIBLE", "instances_as_objects"]
 
 MOST_INSTANCES = 200_000
 MOST_PLACES = 2_000_000  # of all instances over all frames
-KINDS = ("MESH", "CURVE", "SURFACE", "FONT", "META")
+KINDS = ("MESH", "CURVE", "SURFACE", "FONT", "META", "LIGHT")
 LEFT_OUT = {
     "POINTCLOUD": "Point clouds",
     "VOLUME": "Volumes",
@@ -17,6 +17,7 @@ LEFT_OUT = {
     "GREASEPENCIL": "Grease pencil drawings",
 }
 VISIBLE = tuple(f"visible_{kind}" for kind in ("camera", "shadow", "diffuse", "glossy", "transmission"))
+ON_MESHES = ("VERTS", "FACES")
 NEAR = 1e-6
 SHEARED = 1e-5
 
@@ -43,6 +44,9 @@ def instances_as_objects(bpy: Any, scene: Any, shown: set[str], frames: list[int
         scene.collection.objects.link(thing)
         shown.add(thing.name)
         _put(bpy, scene, thing, each.place, moves.get(each.key), frames, notes)
+    for each in found:
+        if each.parent.instance_type in ON_MESHES and each.thing.parent == each.parent:
+            shown.discard(each.thing.name)  # in pictures, though not in a viewport, it is only where it is instanced
     for owner in sorted({each.parent.name for each in found}):
         thing = scene.objects[owner]
         thing.instance_type = "NONE"
@@ -185,6 +189,8 @@ def _is_bent(thing: Any) -> bool:
 
 def _mesh_of(bpy: Any, thing: Any, data: Any, graph: Any) -> Any:
     """What an instance shows; of geometry nodes that is no mesh of the object's own, though it bears its name."""
+    if thing.type == "LIGHT":
+        return thing.original.data
     if thing.type == "MESH" and data != thing.original.evaluated_get(graph).data:
         return data.copy()
     return bpy.data.meshes.new_from_object(thing, preserve_all_data_layers=True, depsgraph=graph)

@@ -13,6 +13,7 @@ __all__ = ["Lights", "is_linked_to_lights"]
 
 AREA = 1 / math.pi  # radiance of an area light of one watt and one square metre
 MOST = 1e9
+WIDE = 0.1  # a ball, whose cone has no one edge
 LEAST = 1e-4  # of a point's radius
 RAYS = {"diffuse": "what is matt", "glossy": "what is glossy", "transmission": "glass"}
 
@@ -20,14 +21,16 @@ RAYS = {"diffuse": "what is matt", "glossy": "what is glossy", "transmission": "
 class Lights:
     """The scene's lights: suns, spots and points without a size are lights, all others shapes that shine and stop nothing."""
 
-    def __init__(self, bpy: Any, scene: Any, notes: list[str]) -> None:
+    def __init__(self, bpy: Any, scene: Any, known: Any, notes: list[str]) -> None:
+        """known: the add-on's module of lamps; None where that is not here."""
         import mathutils
 
-        self._bpy, self._math = bpy, mathutils
-        self._all = sorted((thing for thing in scene.objects if thing.type == "LIGHT"), key=lambda thing: thing.name)
+        self._bpy, self._math, self._known = bpy, mathutils, known
+        lights = [thing for thing in scene.objects if thing.type == "LIGHT" and not thing.hide_render]
+        self._all = sorted((thing for thing in lights if not _is_portal(thing.data)), key=lambda thing: thing.name)
         self._turns: dict[str, Any] = {}
-        for thing in self._all:
-            _note(thing, notes)
+        for thing in lights:
+            self._note(thing, notes)
 
     def looks(self) -> dict[str, Any]:
         """By name, what says how a light is now."""
@@ -70,7 +73,7 @@ class Lights:
         graph = self._bpy.context.evaluated_depsgraph_get()
         lamp = thing.evaluated_get(graph)
         data, world = lamp.data, lamp.matrix_world
-        watts = [min(c * data.energy * _area_of(data, world.to_scale()), MOST) for c in _color(data)]
+        watts = [min(c * max(data.energy, 0.0) * _area_of(data, world.to_scale()), MOST) for c in self._color(data)]
         forward = to_ours((world.to_3x3() @ self._math.Vector((0, 0, -1))).normalized())
         if data.type == "SUN":
             return {"intensity": watts, "direction": forward, "angle": min(math.degrees(data.angle), 180.0)}
@@ -111,6 +114,47 @@ class Lights:
             "place": to_ours(world.translation),
         }
 
+    def _color(self, data: Any) -> list[float]:
+        """What a watt is multiplied by: colour, temperature, exposure, and what its nodes say where they are but numbers."""
+        color = list(data.color)
+        if getattr(data, "use_temperature", False):
+            color = [a * b for a, b in zip(color, data.temperature_color, strict=True)]
+        if (factor := self._of_nodes(data)) is not None:
+            color = [a * b for a, b in zip(color, factor, strict=True)]
+        scale = 2.0 ** getattr(data, "exposure", 0.0)
+        return [max(c * scale, 0.0) for c in color]
+
+    def _of_nodes(self, data: Any) -> list[float] | None:
+        has_some = data.use_nodes and data.node_tree is not None and self._known is not None
+        return self._known.of_nodes(data.node_tree) if has_some else None
+
+    def _note(self, thing: Any, notes: list[str]) -> None:
+        data, name = thing.data, f"Light {thing.name}"
+        if data.use_nodes and data.node_tree is not None and self._of_nodes(data) is None:
+            notes.append(f"{name}: its nodes are not taken over; it shines in its own colour")
+        if data.type == "SPOT" and data.shadow_soft_size > WIDE and not getattr(data, "use_soft_falloff", True):
+            notes.append(f"{name}: its cone is that of a point, though in Blender that of a ball")
+        if data.energy < 0:
+            notes.append(f"{name}: takes light away in Blender, and is dark here")
+        if data.type == "AREA" and data.spread < math.pi - 1e-3:
+            notes.append(f"{name}: its spread is not taken over; it shines to all sides")
+        if self._known is not None and data.type == "SPOT" and self._known.is_stretched(thing.matrix_world.to_scale()):
+            notes.append(f"{name}: its cone is round, and as wide as it says, whatever its scale")
+        if self._known is not None and (most := self._known.told_bounces(data)) is not None:
+            notes.append(f"{name}: lights however often its light was scattered, though no more than {most} times in Blender")
+        if not getattr(data, "use_shadow", True):
+            notes.append(f"{name}: casts shadows here, as all lights do")
+        hidden = [words for kind, words in RAYS.items() if not getattr(thing, f"visible_{kind}", True)]
+        if hidden:
+            notes.append(f"{name}: lights {' and '.join(hidden)} here, though not in Blender")
+        if is_linked_to_lights(thing):
+            notes.append(f"{name}: lights all that it reaches; light linking is not taken over")
+
+
+def _is_portal(data: Any) -> bool:
+    """Whether it guides Cycles' samples, and is no light."""
+    return data.type == "AREA" and bool(getattr(getattr(data, "cycles", None), "is_portal", False))
+
 
 def _kind(thing: Any) -> dict[str, Any]:
     data = thing.data
@@ -128,54 +172,13 @@ def _area_of(data: Any, scale: Any) -> float:
     if data.type == "SUN":
         return math.pi * math.sin(min(data.angle, math.pi) / 2) ** 2 or 1.0
     if data.type != "AREA":
-        return math.pi * data.shadow_soft_size**2 or 1.0
+        return 4 * math.pi * data.shadow_soft_size**2 or 1.0
     width, height = data.size, data.size_y if data.shape in ("RECTANGLE", "ELLIPSE") else data.size
     area = float(abs(width * scale.x * height * scale.y))
     return area * (math.pi / 4 if data.shape in ("DISK", "ELLIPSE") else 1.0)
-
-
-def _color(data: Any) -> list[float]:
-    """What a watt is multiplied by: its colour, temperature and exposure, and what its nodes say where they are but numbers."""
-    color = list(data.color)
-    if getattr(data, "use_temperature", False):
-        color = [a * b for a, b in zip(color, data.temperature_color, strict=True)]
-    if (node := _emission(data)) is not None:
-        strength = node.inputs["Strength"].default_value
-        color = [a * b * strength for a, b in zip(color, node.inputs["Color"].default_value, strict=False)]
-    scale = 2.0 ** getattr(data, "exposure", 0.0)
-    return [max(c * scale, 0.0) for c in color]
-
-
-def _emission(data: Any) -> Any:
-    if not data.use_nodes or data.node_tree is None:
-        return None
-    for output in data.node_tree.nodes:
-        if output.type == "OUTPUT_LIGHT" and output.is_active_output and output.inputs["Surface"].links:
-            node = output.inputs["Surface"].links[0].from_node
-            return node if node.type == "EMISSION" else None
-    return None
 
 
 def is_linked_to_lights(thing: Any) -> bool:
     """Whether an object lights, or shades, some things alone."""
     linking = getattr(thing, "light_linking", None)
     return any(getattr(linking, f"{kind}_collection", None) is not None for kind in ("receiver", "blocker"))
-
-
-def _note(thing: Any, notes: list[str]) -> None:
-    data, name = thing.data, thing.name
-    if data.use_nodes and data.node_tree is not None:
-        node = _emission(data)
-        if node is None or any(entry.links for entry in node.inputs):
-            notes.append(f"Light {name}: its nodes are not taken over; it shines in its own colour")
-    if data.type == "AREA" and data.spread < math.pi - 1e-3:
-        notes.append(f"Light {name}: its spread is not taken over; it shines to all sides")
-    if not getattr(data, "use_shadow", True):
-        notes.append(f"Light {name}: casts shadows here, as all lights do")
-    hidden = [words for kind, words in RAYS.items() if not getattr(thing, f"visible_{kind}", True)]
-    if hidden:
-        notes.append(f"Light {name}: lights {' and '.join(hidden)} here, though not in Blender")
-    if is_linked_to_lights(thing):
-        notes.append(f"Light {name}: lights all that it reaches; light linking is not taken over")
-    if getattr(getattr(data, "cycles", None), "is_portal", False):
-        notes.append(f"Light {name}: is a portal, and left dark")

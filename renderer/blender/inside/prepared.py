@@ -9,6 +9,7 @@ from .keys import animated_paths
 
 __all__ = ["VISIBLE", "prepare"]
 
+GREY = 0.8
 NEAR = 1e-5  # of a coordinate: what is less is rounding's
 
 
@@ -26,6 +27,7 @@ def prepare(bpy: Any, scene: Any, frames: list[int], notes: list[str]) -> list[A
         thing.hide_render = thing.name not in shown and thing.type not in ("EMPTY", "ARMATURE")
     found = [thing for thing in scene.objects if thing.name in shown]
     _override(bpy.context.view_layer, scene, found)
+    _plain_materials(bpy, found)
     return found
 
 
@@ -70,6 +72,31 @@ def _override(layer: Any, scene: Any, things: list[Any]) -> None:
             slot.material = material
     if getattr(layer, "world_override", None) is not None:
         scene.world = layer.world_override
+
+
+def _plain_materials(bpy: Any, things: list[Any]) -> None:
+    """Materials of no nodes are matt in Cycles, and what has no material is grey."""
+    grey = bpy.data.materials.new("no material")
+    grey.use_nodes = False
+    grey.diffuse_color = (GREY, GREY, GREY, 1.0)
+    for thing in things:
+        if not hasattr(thing.data, "materials"):
+            continue
+        if not thing.material_slots:
+            thing.data.materials.append(grey)
+        for slot in thing.material_slots:
+            if slot.material is None:
+                slot.material = grey
+            if not slot.material.use_nodes:
+                _as_matt(slot.material)
+
+
+def _as_matt(material: Any) -> None:
+    color = tuple(material.diffuse_color)[:3]
+    material.use_nodes = True
+    node = material.node_tree.nodes["Principled BSDF"]
+    for name, value in (("Base Color", (*color, 1.0)), ("Metallic", 0.0), ("Roughness", 1.0), ("Specular IOR Level", 0.0)):
+        node.inputs[name].default_value = value
 
 
 def _shown(bpy: Any, scene: Any) -> set[str]:

@@ -6,6 +6,9 @@ from typing import Any
 
 __all__ = ["note_settings", "settings_of"]
 
+FEW = 4  # bounces, as Cycles has them unless told: more than these add little
+NEAR = 1e-3
+
 
 def settings_of(scene: Any) -> dict[str, Any]:
     """Size, depth and shutter."""
@@ -24,6 +27,11 @@ def settings_of(scene: Any) -> dict[str, Any]:
     return found
 
 
+def _is_curved(shutter: Any) -> bool:
+    """Whether a shutter lets less light through while it opens or closes."""
+    return any(point.location[1] < 1 - NEAR for curve in shutter.curves[:1] for point in curve.points)
+
+
 def note_settings(scenes: Any, scene: Any, notes: list[str]) -> None:
     """scenes: all of the file's."""
     render, cycles = scene.render, getattr(scene, "cycles", None)
@@ -38,6 +46,18 @@ def note_settings(scenes: Any, scene: Any, notes: list[str]) -> None:
         notes.append("Pixels that are not square are rendered as square ones")
     if render.film_transparent:
         notes.append("Transparent film: the world is seen behind the scene, and there is no alpha")
+    if cycles is not None and render.engine == "CYCLES":
+        least = min(cycles.diffuse_bounces, cycles.glossy_bounces, FEW)
+        if least < min(cycles.max_bounces, FEW):
+            notes.append(
+                f"Light bounces up to {cycles.max_bounces} times between all kinds of surface, not {least} times between some"
+            )
+        if cycles.use_fast_gi:
+            notes.append("Light between surfaces is followed, not approximated (Fast GI)")
+    if render.use_motion_blur and cycles is not None and cycles.rolling_shutter_type != "NONE":
+        notes.append("The shutter opens everywhere at once, without rolling")
+    if render.use_motion_blur and _is_curved(render.motion_blur_shutter_curve):
+        notes.append("The shutter opens and closes at once, whatever its curve")
     if cycles is not None and render.engine == "CYCLES" and abs(cycles.film_exposure - 1) > 1e-3:
         notes.append(f"The film's exposure of {cycles.film_exposure:g} is not taken over; set it where the picture is looked at")
     view = scene.view_settings

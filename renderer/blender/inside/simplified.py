@@ -10,15 +10,14 @@ import types
 from pathlib import Path
 from typing import Any, NamedTuple
 
-__all__ = ["Extensions", "is_followed", "modules_of", "simplify"]
+from .followed import is_followed, lies_by_uv
+from .suited import is_suited
 
-# Between a socket and an image the exporter finds its way through these; a factor that multiplies, too.
-FOLLOWED = {
-    *("TEX_IMAGE", "MAPPING", "UVMAP", "NORMAL_MAP", "SEPARATE_COLOR", "SEPRGB", "REROUTE", "ATTRIBUTE", "VERTEX_COLOR"),
-    *("TEX_COORD", "TANGENT", "VALUE", "RGB"),
-}
+__all__ = ["Extensions", "modules_of", "simplify"]
+
 LEFT = {"Normal", "Coat Normal", "Tangent", "Weight"}  # vectors, which no picture of colours stands for
 BENT = {"Normal", "Coat Normal"}
+GLASS, LEAST_IOR = 1.5, 1e-4
 
 
 Extensions = dict[str, dict[str, Any]]
@@ -67,7 +66,10 @@ def modules_of(addon: Path) -> Any:
             module.__path__ = [str(path)]
             sys.modules[name] = module
     return types.SimpleNamespace(
-        **{name: importlib.import_module(f"{package}.{name}") for name in ("looks", "meshes", "nodes", "painted", "tubes")}
+        **{
+            name: importlib.import_module(f"{package}.{name}")
+            for name in ("lights", "looks", "meshes", "nodes", "painted", "skies", "tubes", "unlike")
+        }
     )
 
 
@@ -85,14 +87,16 @@ class _Simplifier:
         if source is None or output is None or source.node.type in ("EMISSION", "HOLDOUT"):
             return {}
         told: list[str] = []
+        self._modules.unlike.tell_pictures(self._tree, told.append)
         look = self._modules.looks.look_of(source, told.append)
         if look is None:
             return {}
         is_own = source.node.type == "BSDF_PRINCIPLED" and not source.groups
         principled = source.node if is_own else self._made(output)
-        self._notes += [f"Material {self._material.name}: {sentence}" for sentence in told]
+        self._notes += [f"Material {self._material.name}: {sentence}" for sentence in dict.fromkeys(told)]
+        shines = self._shine(principled, look)
         for entry in list(principled.inputs):
-            if entry.type == "SHADER":
+            if entry.type == "SHADER" or entry.name in shines:
                 continue
             at = look.input(entry.name)
             if entry.name in BENT and self._bumps(entry, at):
@@ -102,6 +106,26 @@ class _Simplifier:
             if at is not None:
                 self._set(entry, at, is_own)
         return self._extensions(look)
+
+    def _shine(self, principled: Any, look: Any) -> tuple[str, ...]:
+        """Puts what feeds the strength of its emission into the picture of its colour; the inputs that this settles."""
+        nodes = self._modules.nodes
+        names = ("Emission Color", "Emission Strength")
+        color, strength = (look.input(name) for name in names)
+        if color is None or strength is None or nodes.constant(strength) is not None:
+            return ()
+        painted = self._painter.paint(nodes.Product(color, strength), "emission")
+        entry, power = (principled.inputs[name] for name in names)
+        if painted is None:
+            self._notes.append(f"Material {self._material.name}: what feeds its emission's strength is not taken over")
+            return ()
+        if isinstance(painted, list):
+            self._put(entry, painted)
+            self._put(power, 1.0)
+        else:
+            self._put(power, painted[0].scale_down())
+            self._tree.links.new(self._picture(entry, *painted), entry)
+        return names
 
     def _extensions(self, look: Any) -> dict[str, Any]:
         def number(name: str, default: float = 0.0) -> float:
@@ -115,13 +139,18 @@ class _Simplifier:
                 "diffuseTransmissionFactor": min(weight, 1.0),
                 "diffuseTransmissionColorFactor": [min(max(c, 0.0), 1.0) for c in color or [0.8] * 3],
             }
+        ior, is_glass = number("IOR", 1.5), number("Transmission Weight") > 0
+        if abs(ior - GLASS) > LEAST_IOR:  # the exporter has no index of refraction but of glass
+            said["KHR_materials_ior"] = {"ior": max(ior, 1.0)}
+        if is_glass and ior <= 1.0:
+            said["KHR_materials_ior"] = {"ior": 1.0}
         if (left := self._modules.looks.under_coat(look)) is not None:
             said["baseColorFactor"] = left
         strength, roughness = number("Anisotropic"), number("Roughness", -1.0)
         if strength > 0 and roughness >= 0:
             rough, stretched = self._modules.looks.brushed(strength, roughness, number("Anisotropic Rotation"))
             said |= {"roughnessFactor": rough, "KHR_materials_anisotropy": stretched}
-        if (thickness := number("Thin Film Thickness")) > 0:
+        if (thickness := number("Thin Film Thickness")) > 0 and self._modules.unlike.has_film(look):
             said["KHR_materials_iridescence"] = {
                 "iridescenceFactor": 1.0,
                 "iridescenceIor": min(max(number("Thin Film IOR", 1.33), 1.0), 5.0),
@@ -143,11 +172,14 @@ class _Simplifier:
             self._put(entry, plain)
             return
         source = nodes.followed(at)[0]
-        if source is not None and not source.groups and is_followed(source.node):
+        if source is not None and not source.groups and is_followed(source.node) and is_suited(entry, source.node, source.output):
             if not is_own:
                 self._tree.links.new(source.output, entry)
             return
         if entry.name in LEFT:
+            return
+        if entry.name in self._modules.unlike.NUMBERS:
+            self._put(entry, entry.default_value)
             return
         painted = self._painter.paint(at, entry.name.lower())
         if isinstance(painted, list):
@@ -159,7 +191,7 @@ class _Simplifier:
         """Whether it is bent by a picture of heights, and now by one of normals."""
         nodes = self._modules.nodes
         source = nodes.followed(at)[0]
-        if source is None or source.node.type != "BUMP":
+        if source is None or source.node.type != "BUMP" or nodes.followed(source.input("Normal"))[0] is not None:
             return False
         numbers = [nodes.constant(source.input(name)) for name in ("Strength", "Distance")]
         density = _stretched(self._thing)
@@ -213,7 +245,7 @@ class _Simplifier:
         found, _ = self._modules.nodes.followed(source.input("Vector"))
         if found is None:
             return _Way("", "", node.extension, node.interpolation, (1.0, 1.0))
-        if found.groups or not _lies_by_uv(found.node):
+        if found.groups or not lies_by_uv(node):
             return None
         scale = (1.0, 1.0)
         if found.node.type == "MAPPING":
@@ -245,38 +277,3 @@ def _stretched(thing: Any) -> float | None:
     covered = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
     scale = abs(thing.matrix_world.determinant()) ** (1 / 3)
     return float(np.sqrt(area / covered)) * scale if covered > 0 and area > 0 else None
-
-
-def _lies_by_uv(node: Any) -> bool:
-    """Whether what tells where a picture lies is a set of UVs, mapped or not."""
-    for _ in range(4):
-        if node.type == "MAPPING":
-            links = node.inputs["Vector"].links
-            if not links:
-                return False
-            node = links[0].from_node
-            continue
-        return node.type == "UVMAP" or (node.type == "TEX_COORD" and node.outputs["UV"].is_linked)
-    return False
-
-
-def is_followed(node: Any) -> bool:
-    """Whether the exporter finds its way from there to an image that lies by UVs."""
-    seen, left = set(), [node]
-    while left:
-        each = left.pop()
-        if each.name in seen:
-            continue
-        seen.add(each.name)
-        if each.type == "TEX_IMAGE" and each.projection != "FLAT":
-            return False
-        is_factor = (each.type in ("MIX", "MIX_RGB") and each.blend_type == "MULTIPLY") or (
-            each.type == "MATH" and each.operation == "MULTIPLY"
-        )
-        if each.type not in FOLLOWED and not is_factor:
-            return False
-        links = [link for entry in each.inputs for link in entry.links]
-        if any(link.from_node.type == "TEX_COORD" and link.from_socket.name != "UV" for link in links):
-            return False
-        left += [link.from_node for link in links]
-    return True

@@ -15,7 +15,7 @@ from .lights import Lights
 from .prepared import prepare
 from .rays import note_rays, passed_by, with_rays
 from .settings import note_settings, settings_of
-from .simplified import simplify
+from .simplified import modules_of, simplify
 from .stills import as_stills
 from .surfaces import note_surfaces
 from .world import write_world
@@ -57,10 +57,11 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
     note_surfaces(_materials(solid), notes)
     note_rays(solid, bpy.context.view_layer, notes)
 
-    cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, notes)
+    known = modules_of(addon) if addon is not None else None
+    cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(known, "lights", None), notes)
     seen = over_frames(scene, frames, {**_named("camera", cameras.looks()), **_named("light", lights.looks())})
     scene.frame_set(frames[0])
-    environment = write_world(bpy, scene, out, notes)
+    environment, suns = write_world(bpy, scene, out, getattr(known, "skies", None), notes)
     lamps, materials, shapes = lights.written(_of("light", seen), frames, fps)
     if solid:
         taken = stand_ins(bpy, solid, addon)
@@ -75,7 +76,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
         "notes": [note[:400] for note in _short(notes)],
         "cameras": cameras.written(_of("camera", seen), frames, fps),
         "environment": environment,
-        "lights": lamps,
+        "lights": [*lamps, *suns],
         "materials": materials,
         "shapes": shapes,
     }

@@ -14,7 +14,7 @@ from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.mixture import mixture_bounce
-from renderer.kernel.integrators.record import DIRECT, EMITTED, record_light, record_miss, record_surface
+from renderer.kernel.integrators.record import DIRECT, EMITTED, SKY, record_light, record_miss, record_surface
 from renderer.kernel.integrators.roulette import survival
 from renderer.kernel.integrators.state import (
     MAX_AGAIN,
@@ -28,11 +28,11 @@ from renderer.kernel.integrators.state import (
 from renderer.kernel.integrators.strategy import heuristic_weight, mistaken, share_of_light, special_bounce
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, limited, reach
 from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
-from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light, sun_seen
+from renderer.kernel.light.lights import FAR, environment_seen, primitive_light_pdf, sample_light, sun_seen
 from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
-from renderer.kernel.sampling.sampler import draw4, substream
+from renderer.kernel.sampling.sampler import draw4, opposite, substream
 from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import shines, surface_at
 
@@ -70,7 +70,7 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
         if hit.primitive == NO_PRIMITIVE:
             if row < len(log):
                 record_miss(log, row, path)
-            path = _add_environment(scene, path, options)
+            path = _add_environment(scene, path, number, options)
             path = _add_suns(scene, path, number, options, time)
             if row < len(log):
                 record_light(log, row, EMITTED, path.radiance)
@@ -103,6 +103,11 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
         if path.depth + 1 >= options.max_depth or vertex.material.kind == UNLIT:
             break
 
+        if options.sky_samples > 1 and number == 0:
+            path, sky_rays = _add_sky(scene, stack, vertex, path, options, opposite(for_bounce), time)
+            rays += sky_rays
+            if row < len(log):
+                record_light(log, row, SKY, path.radiance)
         if lit and not is_specular(vertex.material):
             path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream, for_light, time)
             rays += shadow_rays
@@ -139,13 +144,14 @@ def _add(path, light, segments, options):
 
 
 @template
-def _add_environment(scene, path, options):
+def _add_environment(scene, path, number, options):
     """The environment's light that the ray meets, weighed against what next-event estimation finds of it."""
     if path.pdf >= _ZERO:
         emitted, light_pdf = environment_seen(scene, path.d, path.pdf > _ZERO)
         weight = _ONE
         if path.pdf > _ZERO:
-            weight = heuristic_weight(options.heuristic, path.pdf, light_pdf)
+            count = np.float32(options.sky_samples if number == 1 else 1)
+            weight = heuristic_weight(options.heuristic, count * path.pdf, light_pdf) / count
         path = _add(path, vec.scale(emitted, weight), 1, options)
     return path
 
@@ -180,6 +186,27 @@ def _add_emission(scene, surface, path, number, options, time):
 
 
 @template
+def _add_sky(scene, stack, vertex, path, options, numbers, time):
+    """The path with the light of the sky that its first vertex finds in a direction beside the one that the path goes on in; and
+    the rays cast. What has no density is left to the latter, as are lights other than the sky.
+    """
+    surface, (s, t, n) = vertex.surface, vertex.frame
+    rays = 0
+    wi, weight, pdf, _ = special_bounce(vertex.material, options.sampling, vertex.wo, numbers[2], (numbers[0], numbers[1]))
+    if pdf > _ZERO and vec.maximum(weight) > _ZERO:
+        d = vec.to_world(s, t, n, wi)
+        start = departure(surface, wi[2] > _ZERO, d)
+        rays += 1
+        count = np.float32(options.sky_samples)
+        emitted, light_pdf = environment_seen(scene, d, True)
+        share = heuristic_weight(options.heuristic, count * pdf, light_pdf) / count
+        share *= transmittance(scene, stack, start, vec.add(start, vec.scale(d, FAR)), options.transparent, time)
+        if share > _ZERO:
+            path = _add(path, vec.scale(vec.mul(weight, emitted), share), 2, options)
+    return path, rays
+
+
+@template
 def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, time):
     """Next-event estimation: the path with the light that a point of a light sends to its vertex, and the shadow rays cast."""
     surface, material = vertex.surface, vertex.material
@@ -198,7 +225,9 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, ti
                 rays += 1
                 weight = transmittance(scene, stack, start, light.end, options.transparent, time) / light.pdf
                 if weight > _ZERO:
-                    weight *= share_of_light(options, light.pdf, scatter_pdf, light.alone) / np.float32(count)
+                    from_sky = numbers[2] < scene.environment_frame[3]
+                    found = np.float32(options.sky_samples if number == 0 and from_sky else 1) * scatter_pdf
+                    weight *= share_of_light(options, light.pdf, found, light.alone) / np.float32(count)
                     if options.mistake != NO_MISTAKE:
                         weight *= mistaken(options.mistake, surface.point, light.end)
                     path = _add(path, vec.scale(vec.mul(f, light.radiance), weight), 2, options)

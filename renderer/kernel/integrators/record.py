@@ -16,6 +16,7 @@ __all__ = [
     "EMITTED",
     "MISSED",
     "PASSED",
+    "SKY",
     "SURFACE",
     "UNSEEN",
     "record_light",
@@ -28,14 +29,14 @@ UNSEEN, SURFACE, PASSED, MISSED = range(4)
 
 # Columns, float64.
 KIND, OBJECT, MATERIAL, DISTANCE, PDF = range(5)
-POINT, NORMAL, DIRECTION, THROUGHPUT, BEFORE, EMITTED, DIRECT = range(5, 26, 3)
+POINT, NORMAL, DIRECTION, THROUGHPUT, BEFORE, EMITTED, SKY, DIRECT = range(5, 29, 3)
 # Of the pool's paths alone, whose rows are TOLD: the share by which multiple importance sampling counted the vertex' own light
 # (0: it has none); the point of a light that was chosen, what it brings if it is seen, the density by which it was chosen per
 # steradian (0: none was), its share; the chance with which the path went on (below 0: it did not; 0: nothing was left of it); and
 # when, of a shutter's time.
-LAMP_AT, BROUGHT = 26, 29
-OWN_SHARE, LAMP_PDF, LAMP_SHARE, SURVIVAL, TIME, TOLD = range(32, 38)
-COLUMNS = 38
+LAMP_AT, BROUGHT = 29, 32
+OWN_SHARE, LAMP_PDF, LAMP_SHARE, SURVIVAL, TIME, TOLD = range(35, 41)
+COLUMNS = 41
 ARRIVED, SCATTERED = 1.0, 2.0  # values of TOLD: whether the vertex scattered
 AGAIN = -2.0  # of SURVIVAL: it has left too many surfaces without getting on
 
@@ -55,6 +56,7 @@ def _record(log, row, kind, distance, point, normal, path):
         log[row, i + 2] = v[2]
     for i in range(3):  # what follows may not be written
         log[row, EMITTED + i] = path.radiance[i]
+        log[row, SKY + i] = path.radiance[i]
         log[row, DIRECT + i] = path.radiance[i]
 
 
@@ -76,7 +78,8 @@ def record_miss(log, row, path):
 
 @subroutine
 def record_light(log, row, column, radiance):
-    """The radiance so far: from column EMITTED on with the vertex's own light, from DIRECT on with the lights it sees."""
+    """The radiance so far: from column EMITTED on with the vertex's own light, from SKY on with what it finds of the sky
+    beside its path, from DIRECT on with the lights it sees."""
     out_of_line()
     for i in range(3):
         for j in range(column, DIRECT + 3, 3):

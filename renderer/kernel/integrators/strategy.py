@@ -48,7 +48,9 @@ def heuristic_weight(heuristic, a, b):
 
 @device
 def share_of_light(options, light_pdf, scatter_pdf, alone):
-    """The weight of a light's sample under any strategy. alone: whether only light sampling finds it."""
+    """The weight of a light's sample under any strategy. scatter_pdf: times the number of directions that would have found it;
+    alone: whether only light sampling finds it.
+    """
     if alone or options.sampling == LIGHT:
         return _ONE
     return heuristic_weight(options.heuristic, light_pdf, scatter_pdf) if options.sampling == MIS else _ZERO

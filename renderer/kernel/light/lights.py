@@ -29,6 +29,7 @@ from renderer.wide.lanes import each_lane
 from renderer.wide.values import any_of, as_wide, as_wide3, lookup, nil, not_, u32, where, where3
 
 __all__ = [
+    "FAR",
     "choose_light",
     "environment_seen",
     "nearby_choice",
@@ -44,7 +45,7 @@ _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
-_FAR = np.float32(1e18)
+FAR = np.float32(1e18)  # where an environment's light begins
 _LEAST = np.float32(1e-30)
 _FIRST = np.uint32(0)
 _NEXT = np.uint32(1)
@@ -211,7 +212,7 @@ def sample_chosen(scene, p, n, choice, u, light, chance, time):
     if any_of(from_far):
         w, pdf = sample_environment(scene, choice / environment_chance, u)
         radiance = environment_radiance(scene.environment, scene.environment_frame, w)
-        end = vec.add(p, vec.scale(w, _FAR))
+        end = vec.add(p, vec.scale(w, FAR))
         sample = LightSample(w, end, radiance, pdf * environment_chance, as_wide(False, choice))
     if any_of(nearby):
         sample = either(nearby, _sample_nearby(scene, p, n, u, light, chance, nearby, time), sample)

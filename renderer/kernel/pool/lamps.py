@@ -22,6 +22,7 @@ from renderer.wide.values import as_floats, as_ints, as_wide, nil, to_int, where
 
 __all__ = ["choose_lamps"]
 
+_ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _LIGHT_BLOCK = np.uint32(1)
 _TWO = np.uint32(2)
@@ -99,6 +100,7 @@ def choose_lamps(scene, pool, lists, options):
             u, v, choice = _numbers(pool, rows, options)
             light = sample_by_power(scene, point, n, choice, (u, v), time)
         none = nil(light.pdf)
-        alone = where(light.alone, nil(none) + _ONE, none)
-        write(pool, rows, LAMP, (*light.direction, light.pdf, *light.radiance, alone))
+        by_sky = (choice < scene.environment_frame[3]) & (few(pool, rows, _NUMBER, 1)[0] == _ZERO)
+        finding = where(light.alone, none, where(by_sky, nil(none) + np.float32(options.sky_samples), _ONE))
+        write(pool, rows, LAMP, (*light.direction, light.pdf, *light.radiance, finding))
         write(pool, rows, SHADOW, (none, none, none, *light.end, none, none))

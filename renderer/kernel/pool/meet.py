@@ -36,7 +36,7 @@ from renderer.kernel.pool.walk import walk
 from renderer.kernel.pool.ways import BEST, BLOCKED, set_out, three, whole
 from renderer.wide.values import nil, where, where3
 
-__all__ = ["meet", "see_lights"]
+__all__ = ["bring_light", "meet", "see_lights"]
 
 _ZERO = np.float32(0.0)
 _INF = np.float32(np.inf)
@@ -128,6 +128,16 @@ def _light(scene, alone, stack, pool, lists, options):
 
 
 @subroutine
+def bring_light(scene, alone, stack, pool, lists, options):
+    """Casts the shadow rays of the listed vertices that wait for light, and adds what it brings."""
+    out_of_line()
+    if scene.has.textures is not None and options.transparent:
+        _light_through(scene, alone, pool, lists, options)
+    else:
+        _light(scene, alone, stack, pool, lists, options)
+
+
+@subroutine
 def see_lights(scene, alone, stack, pool, lists, options):
     """Casts the shadow rays of the vertices that have one, and adds what lights them: how many.
 
@@ -151,8 +161,5 @@ def see_lights(scene, alone, stack, pool, lists, options):
     cut(lists, DONE, done)
     for k in range(length(lists, PASSED)):
         append(lists, ACTIVE, row(lists, PASSED, k))
-    if scene.has.textures is not None and options.transparent:
-        _light_through(scene, alone, pool, lists, options)
-    else:
-        _light(scene, alone, stack, pool, lists, options)
+    bring_light(scene, alone, stack, pool, lists, options)
     return np.int64(waiting)

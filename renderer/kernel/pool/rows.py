@@ -55,8 +55,8 @@ TIME = np.uintp(29)
 START = np.uintp(30)
 PLACE = np.uintp(32)  # the vertex: point 3, error, geometric normal 3, front + 2 smooth
 FRAME = np.uintp(40)  # its shading normal 3, lift 3, material, the list that it is on (lists.py)
-LAMP = np.uintp(48)  # towards the light 3, pdf, radiance 3, alone; then what a shadow ray brings 3, by how many segments,
-# its share, pdf
+LAMP = np.uintp(48)  # towards the light 3, pdf, radiance 3, how many of the surface's directions might have found it (before
+# that, towards the sky 3, pdf, weight 3); then what a shadow ray brings 3, by how many segments, its share, pdf
 SHADOW = np.uintp(
     56
 )  # the shadow ray's start 3 and end 3, whether it is to be cast, whether the path goes on (above 0: by which chance)

@@ -16,11 +16,15 @@ from renderer.kernel.pool.lists import (
     CONDUCTOR,
     DIFFUSE,
     METALLIC_ROUGHNESS,
+    NODES,
     RARE,
     SPECULAR,
+    cut,
     eight,
     length,
     pad,
+    put,
+    row,
 )
 from renderer.kernel.pool.models import (
     Matter,
@@ -41,12 +45,13 @@ from renderer.kernel.pool.rows import (
     RAY,
     SAMPLE,
     SHADOW,
+    at,
     few,
     read,
     times_of,
     write,
 )
-from renderer.kernel.sampling.sampler import Stream, draw4
+from renderer.kernel.sampling.sampler import Stream, draw4, opposite
 from renderer.kernel.surface.departure import departure, leaves
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
 from renderer.wide.values import as_ints, nil, to_int, where
@@ -62,6 +67,7 @@ _TWO = np.float32(2.0)
 _MOST_AGAIN = np.float32(MAX_AGAIN)
 _AGAIN = np.float32(AGAIN)
 _BLOCK = np.uint32(2)
+_NUMBER = CARRIED + np.uintp(7)
 _END = SHADOW + np.uintp(3)
 _NO_UV = (_ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE, _ONE)
@@ -112,11 +118,24 @@ def _matter(scene, pool, rows, surface):
     return Matter(surface.material, surface.front, base, metallic, roughness, eta, uv, uv1, surface.shading, (s, t, n), time)
 
 
+@device
+def _first_vertices(pool, lists, which):
+    """Which list has those rows of a list that are at the first vertex of their path: one that no stage needs meanwhile."""
+    count = np.uintp(0)
+    for k in range(length(lists, which)):
+        path = row(lists, which, k)
+        put(lists, NODES, count, path)
+        count += np.uintp(pool[at(path, _NUMBER)] == _ZERO)
+    cut(lists, NODES, count)
+    return NODES
+
+
 @template
-def _scatter(scene, pool, lists, which, answer, is_lit, options, lit):
-    """answer: of models.py; is_lit: None where light sampling finds nothing; lit: as in `scatter`."""
-    for k in range(0, pad(lists, which), 8):
-        rows = eight(lists, which, k)
+def _scatter(scene, pool, lists, which, answer, is_lit, options, lit, looks):
+    """answer: of models.py; is_lit: None where light sampling finds nothing; lit, looks: as in `scatter`."""
+    taken = _first_vertices(pool, lists, which) if looks else which
+    for k in range(0, pad(lists, taken), 8):
+        rows = eight(lists, taken, k)
         ray, lamp = read(pool, rows, RAY), read(pool, rows, LAMP)
         rx, ry, rz, depth, tx, ty, tz, number = read(pool, rows, CARRIED)
         surface = _surface(read(pool, rows, PLACE), read(pool, rows, FRAME))
@@ -126,21 +145,31 @@ def _scatter(scene, pool, lists, which, answer, is_lit, options, lit):
         wo = vec.to_local(s, t, n, (-ray[3], -ray[4], -ray[5]))
         towards, light_pdf, light = (lamp[0], lamp[1], lamp[2]), lamp[3], (lamp[4], lamp[5], lamp[6])
         wi = vec.to_local(s, t, n, towards)
+        if looks or not lit:
+            wi = wo  # there is no light: any direction
         u = draw4(stream_of(pool, rows, options), to_int(number) * _BLOCK + _BLOCK)
-        f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, u[2], (u[0], u[1]))
+        x, y, choose = u[0], u[1], u[2]
+        if looks:
+            x, y, choose = opposite(u)
+        f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, choose, (x, y))
+        d = vec.to_world(s, t, n, on)
+        reflected = on[2] > _ZERO
+        o = departure(surface, reflected, d)
+        if looks:
+            waits = where((pdf > _ZERO) & (vec.maximum(weight) > _ZERO), nil(depth) + _ONE, none)
+            write(pool, rows, LAMP, (*d, pdf, *weight, none))
+            write(pool, rows, SHADOW, (*o, none, none, none, waits, none))
+            continue
 
         start, end, waits = (none, none, none), (none, none, none), none
         if is_lit is not None and lit:
-            balance = where(lamp[7] != _ZERO, _ONE, power_heuristic(light_pdf, scatter_pdf))
+            balance = where(lamp[7] == _ZERO, _ONE, power_heuristic(light_pdf, lamp[7] * scatter_pdf))
             brought = vec.mul(throughput, vec.scale(vec.mul(f, light), balance / light_pdf))
             start, end = departure(surface, wi[2] > _ZERO, towards), few(pool, rows, _END, 3)
             seen = (light_pdf > _ZERO) & (vec.maximum(light) > _ZERO) & (vec.maximum(f) > _ZERO)
             waits = where(seen, _ONE, none)
             write(pool, rows, LAMP, (*brought, depth + _TWO, balance, light_pdf, none, none))
 
-        d = vec.to_world(s, t, n, on)
-        reflected = on[2] > _ZERO
-        o = departure(surface, reflected, d)
         depth = where(leaves(surface, reflected, d), depth + _ONE, depth)
         throughput = vec.mul(throughput, weight)
         worth = worth_after(ray[7], number, weight, eta2)
@@ -156,52 +185,53 @@ def _scatter(scene, pool, lists, which, answer, is_lit, options, lit):
 
 
 @subroutine
-def _scatter_diffuse(scene, pool, lists, options, lit):
+def _scatter_diffuse(scene, pool, lists, options, lit, looks):
     out_of_line()
-    _scatter(scene, pool, lists, _DIFFUSE, answer_diffuse, True, options, lit)
+    _scatter(scene, pool, lists, _DIFFUSE, answer_diffuse, True, options, lit, looks)
 
 
 @subroutine
-def _scatter_specular(scene, pool, lists, options, lit):
+def _scatter_specular(scene, pool, lists, options, lit, looks):
     out_of_line()
-    _scatter(scene, pool, lists, _SPECULAR, answer_specular, None, options, lit)
+    _scatter(scene, pool, lists, _SPECULAR, answer_specular, None, options, lit, False)
 
 
 @subroutine
-def _scatter_metallic_roughness(scene, pool, lists, options, lit):
+def _scatter_metallic_roughness(scene, pool, lists, options, lit, looks):
     out_of_line()
-    _scatter(scene, pool, lists, _METALLIC_ROUGHNESS, answer_metallic_roughness, True, options, lit)
+    _scatter(scene, pool, lists, _METALLIC_ROUGHNESS, answer_metallic_roughness, True, options, lit, looks)
 
 
 @subroutine
-def _scatter_conductor(scene, pool, lists, options, lit):
+def _scatter_conductor(scene, pool, lists, options, lit, looks):
     out_of_line()
-    _scatter(scene, pool, lists, _CONDUCTOR, answer_conductor, True, options, lit)
+    _scatter(scene, pool, lists, _CONDUCTOR, answer_conductor, True, options, lit, looks)
 
 
 @subroutine
-def _scatter_rare(scene, pool, lists, options, lit):
+def _scatter_rare(scene, pool, lists, options, lit, looks):
     out_of_line()
-    _scatter(scene, pool, lists, _RARE, answer_rare, True, options, lit)
+    _scatter(scene, pool, lists, _RARE, answer_rare, True, options, lit, looks)
 
 
 @subroutine
-def scatter(scene, pool, lists, options, lit):
+def scatter(scene, pool, lists, options, lit, looks):
     """Scatters every listed vertex: writes the path's next ray, and the shadow ray towards its light.
 
-    lit: whether there is anything that light sampling would find in the scene.
+    lit: whether there is anything that light sampling would find in the scene. looks: whether the vertices are not to be
+    scattered yet, and those that are their path's first only to choose another direction, to look for the sky in (sky.py).
     """
     out_of_line()
     if scene.has.layers is not None and length(lists, _RARE) > 0:
-        _scatter_rare(scene, pool, lists, options, lit)
+        _scatter_rare(scene, pool, lists, options, lit, looks)
     if length(lists, _DIFFUSE) > 0:
-        _scatter_diffuse(scene, pool, lists, options, lit)
-    if length(lists, _SPECULAR) > 0:
-        _scatter_specular(scene, pool, lists, options, lit)
+        _scatter_diffuse(scene, pool, lists, options, lit, looks)
+    if length(lists, _SPECULAR) > 0 and not looks:
+        _scatter_specular(scene, pool, lists, options, lit, looks)
     if length(lists, _METALLIC_ROUGHNESS) > 0:
-        _scatter_metallic_roughness(scene, pool, lists, options, lit)
+        _scatter_metallic_roughness(scene, pool, lists, options, lit, looks)
     if length(lists, _CONDUCTOR) > 0:
-        _scatter_conductor(scene, pool, lists, options, lit)
+        _scatter_conductor(scene, pool, lists, options, lit, looks)
 
 
 def kinds_of_scattering(has: Any) -> list[Any]:

@@ -10,15 +10,16 @@ from numba import typeof, types
 
 from renderer.bvh.traverse import new_stack
 from renderer.jit import template
-from renderer.kernel.integrators.record import DIRECT, record_light
+from renderer.kernel.integrators.record import DIRECT, SKY, record_light
 from renderer.kernel.pool.begin import Next, begin
 from renderer.kernel.pool.keep import SUMS, keep, unfold
 from renderer.kernel.pool.lamps import choose_lamps
 from renderer.kernel.pool.lists import ACTIVE, DONE, LIST_SIZE, LISTS, append, clear, length
-from renderer.kernel.pool.meet import meet, see_lights
+from renderer.kernel.pool.meet import bring_light, meet, see_lights
 from renderer.kernel.pool.protocol import first_row, record_arrival, record_departure
 from renderer.kernel.pool.rows import CARRIED, ROW, ROWS, line_floats
 from renderer.kernel.pool.scatter import kinds_of_scattering, scatter
+from renderer.kernel.pool.sky import see_sky
 from renderer.kernel.pool.surfaces import arrive, miss
 from renderer.kernel.pool.ways import new_ways, three
 
@@ -80,9 +81,14 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         arrive(scene, paths, lists, options, len(log) > 0)
         if row < len(log):
             record_arrival(paths, lists, log, row, passed, before)
+        if options.sky_samples > 1:
+            scatter(scene, paths, lists, options, lit, True)
+            rays += see_sky(scene, pool.alone, pool.stack, paths, lists, options)
+            if row < len(log):
+                record_light(log, row, np.int64(SKY), three(paths, CARRIED))
         if lit:
             choose_lamps(scene, paths, lists, options)
-        scatter(scene, paths, lists, options, lit)
+        scatter(scene, paths, lists, options, lit, False)
         rays += see_lights(scene, pool.alone, pool.stack, paths, lists, options)
         if row < len(log):
             record_light(log, row, np.int64(DIRECT), three(paths, CARRIED))
@@ -101,13 +107,15 @@ def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, b
     view, asked, wanted, lit = typeof(camera), typeof(options), typeof(batch), types.boolean
     following = typeof(Next(np.int64(0), np.int64(0), np.int64(0)))
     bad, scale, number = typeof(output.bad), typeof(options.scale), types.int64
-    scattering = [(each, (scene, paths, lists, asked, lit)) for each in kinds_of_scattering(has)]
+    scattering = [(each, (scene, paths, lists, asked, lit, lit)) for each in kinds_of_scattering(has)]
     return [
         (arrive, (scene, paths, lists, asked, lit)),
         (meet, (scene, alone, stack, paths, lists)),
         *scattering,
         (miss, (scene, paths, lists, asked, lit)),
+        (bring_light, (scene, alone, stack, paths, lists, asked)),
         (see_lights, (scene, alone, stack, paths, lists, asked)),
+        (see_sky, (scene, alone, stack, paths, lists, asked)),
         (choose_lamps, (scene, paths, lists, asked)),
         (begin, (paths, lists, following, number, number, view, asked, wanted, typeof(has.motion))),
         (keep, (paths, lists, film, scale, number, wanted, bad, number)),

@@ -8,7 +8,10 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["coat_over", "dielectric_albedo", "ior_of", "pane_ior", "under_a_coat"]
+from renderer.scene.material import Material
+from renderer.scene.readers.numbers import unit_color
+
+__all__ = ["coat_over", "dielectric_albedo", "ior_of", "pane_ior", "tint_beneath", "under_a_coat"]
 
 
 @functools.cache
@@ -50,3 +53,13 @@ def under_a_coat(reflectance: Any, inner: float) -> Any:
         r, g, b = (float(v) for v in found)
         return r, g, b
     return found
+
+
+def tint_beneath(material: Material, color: tuple[float, float, float]) -> None:
+    """Gives a material's clear coat a colour: it tints all that is beneath it. Source: Autodesk's Standard Surface 1.0.1."""
+    through = unit_color(1 + material.clearcoat * (c - 1) for c in color)
+    if through == (1.0, 1.0, 1.0):
+        return
+    for name, most in (("base_color", 1.0), ("specular_color", 1000.0), ("emission", 1e9)):
+        below = getattr(material, name)
+        setattr(material, name, unit_color((c * t for c, t in zip(below, through, strict=True)), most))

@@ -50,17 +50,20 @@ def cycles_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterat
             took = cycles.ask("render", samples=1 + spp, seed=seed)
             return Taken(took["wall"] - one["wall"], took["cpu"] - one["cpu"])
 
+        plain = Rayfarm(case, sizes.picture, environment=_WHITE, sky_samples=1)  # the same work as theirs
+        plain.picture(1, 0)
         ours.picture(1, 0)
         picture(1, 0)
         ones = [cycles.ask("render", samples=1, seed=seed) for seed in range(_ONES)]
         one = {clock: min(took[clock] for took in ones) for clock in ("wall", "cpu")}
-        run = race(lambda number: taken(lambda: ours.picture(spp, 1 + number)), they, sizes.rounds)
+        run = race(lambda number: taken(lambda: plain.picture(spp, 1 + number)), they, sizes.rounds)
+        own = race(lambda number: taken(lambda: ours.picture(spp, 1 + number)), they, sizes.rounds)
         total = sizes.picture**2 * spp / 1e6
         rates = [[total / seconds for seconds in side] for side in run.seconds]
         notes = {"cpu_ratio": run.cpu_ratio, "version": version}
         yield ratio_line("cycles", "samples a second", run.ratios, "M samples/s", *rates, **notes)
 
-        in_time = max(1, round(spp * statistics.median(run.ratios)))
+        in_time = max(1, round(spp * statistics.median(own.ratios)))
         seeds = range(1, 1 + sizes.rounds)
         cycles.ask("load", size=sizes.error_picture, **told)
         truth = references.of(_NAME, f"cycles {version}", picture)

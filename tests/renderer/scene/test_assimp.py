@@ -213,3 +213,30 @@ def test_what_is_none_of_them_is_told_in_a_sentence(scene, suffix):
 def test_entities_are_refused(scene):
     with pytest.raises(SceneError, match="entities"):
         scene("a.x3d", '<!DOCTYPE x [<!ENTITY a "b">]><X3D/>')
+
+
+def x3d(appearance, more=""):
+    """A triangle with texture coordinates."""
+    return (
+        f'<?xml version="1.0"?><X3D profile="Interchange" version="3.3"><Scene>{more}<Shape><Appearance>{appearance}</Appearance>'
+        '<IndexedFaceSet coordIndex="0 1 2 -1" texCoordIndex="0 1 2 -1"><Coordinate point="0 0 0 1 0 0 0 1 0"/>'
+        '<TextureCoordinate point="0 0 1 0 0 1"/></IndexedFaceSet></Shape></Scene></X3D>'
+    )
+
+
+def test_a_texture_of_x3d_is_moved_and_turned_as_its_transform_says(scene, png):
+    """Tc' = S R T Tc (ISO/IEC 19775-1, 18.4.8)."""
+    said = '<ImageTexture url="t.png"/><TextureTransform scale="2 3" translation="0.1 0.2" rotation="0.5"/>'
+    found = scene("a.x3d", x3d(said), {"t.png": png(200, 100, 50)})
+    look = found.materials[found.meshes[0].material]
+    assert look.base_color == (1, 1, 1)  # where the file says nothing, the texture is as it is
+    rows = np.array(found.textures[look.base_color_texture].transform).reshape(2, 3)
+    s, t = 0.3, 0.9
+    u, v = rows @ (s, 1 - t, 1)
+    turn = np.array([[math.cos(0.5), -math.sin(0.5)], [math.sin(0.5), math.cos(0.5)]])
+    np.testing.assert_allclose((u, 1 - v), (2, 3) * (turn @ (s + 0.1, t + 0.2)), atol=1e-6)
+
+
+def test_viewpoints_of_x3d_are_named(scene):
+    found = scene("a.x3d", x3d("", '<Viewpoint position="0 0 5"/>'))
+    assert any("1 viewpoints, which are X3D's cameras" in w for w in found.warnings)

@@ -9,6 +9,7 @@ from renderer import film
 from renderer.arrays.rows import PART_OBJECT
 from renderer.arrays.scene import flat, seal
 from renderer.errors import SceneError
+from renderer.luminance import luminance
 from renderer.render import render_frame
 from renderer.scene.animation import Clip
 from renderer.scene.compile import AUTO_CAMERA, compile_scene, summarise
@@ -26,7 +27,6 @@ from renderer.scene.description import (
 from renderer.scene.environment import search_tables
 from renderer.scene.framing import ASPECT, frame
 from renderer.scene.geometry import by_triangle, flatten
-from renderer.scene.lights import luminance
 from renderer.scene.readers import shapes
 from renderer.settings import RenderSettings, View
 from tests.renderer.scene.builders import rotation_y

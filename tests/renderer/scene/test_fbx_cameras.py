@@ -30,6 +30,14 @@ def test_what_stands_before_a_cameras_near_plane_is_cut_away(scene):
     assert [view.near for view in views] == pytest.approx([40 * 0.0254, 0])
 
 
+@pytest.mark.parametrize("unit", [1.0, 2.54, 100.0])
+def test_an_orthographic_picture_is_in_units_of_the_file(scene, unit):
+    """Thirty units high for a zoom of 1, as Autodesk has it; unit: in centimetres."""
+    objects = node(51, "plan", "Camera") + camera(61, CameraProjectionType=1, OrthoZoom=2.0)
+    view = scene("a.fbx", fbx(objects, [(61, 51), (51, 0)], unit=unit)).cameras[0].view
+    assert view.height == pytest.approx(60 * unit / 100)
+
+
 def test_a_camera_with_depth_of_field_is_named(scene):
     for said in (True, False):
         objects = node(51, "view", "Camera") + camera(61, UseDepthOfField=said, FocusDistance=120.0)

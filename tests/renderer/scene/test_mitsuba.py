@@ -36,7 +36,7 @@ def test_old_names_defaults_and_the_film(tmp_path: Path) -> None:
         + BALL.format('<bsdf type="dielectric"><string name="intIOR" value="water"/></bsdf><float name="radius" value="2"/>'),
         "0.6.0",
     )
-    assert found.defaults == {"width": 200, "height": 100, "spp": 12, "max_depth": 7}
+    assert found.defaults == {"width": 200, "height": 100, "spp": 12, "max_depth": 7, "filter": "tent"}
     view = found.cameras[0].view
     assert view.eye == (0, 0, 5)
     assert np.tan(np.radians(view.fov / 2)) == pytest.approx(np.tan(np.radians(30)) / 2)  # Mitsuba's fov is across
@@ -104,7 +104,7 @@ def test_a_spectrum_that_is_flat_is_grey_and_a_red_one_red() -> None:
         (BALL.format('<bsdf type="principled"><float name="sheen" value="1"/></bsdf>'), "its sheen is rendered as glTF's"),
         (
             BALL.format("") + '<sensor type="perspective"><film type="hdrfilm"><rfilter type="lanczos"/></film></sensor>',
-            "lanczos.*B",
+            "lanczos.*tent",
         ),
         (BALL.format('<medium type="homogeneous" name="interior"/>'), "Participating media are not rendered"),
         (BALL.format('<emitter type="directionalarea"/>'), r"The emitter \(directionalarea\) of a shape \(sphere\) is not"),

@@ -41,6 +41,39 @@ def test_the_film_the_sampler_and_the_camera(pbrt):
     assert pbrt("Translate 1 0 0 " + BALL).spheres[0].center == (-1.0, 0.0, 0.0)
 
 
+def test_what_is_not_said_is_as_in_pbrt(pbrt):
+    found = pbrt(BALL, head='Camera "perspective" WorldBegin ')
+    # Its Gaussian is as wide as a tent of two pixels.
+    assert found.defaults == {"width": 1280, "height": 720, "spp": 16, "max_depth": 6, "filter": "tent"}
+    assert found.cameras[0].view.fov == pytest.approx(90)
+    assert found.materials[0].base_color == (0.5, 0.5, 0.5)
+    shade = pbrt(
+        BALL, head='Integrator "ambientocclusion" "float maxdistance" 3 "bool cossample" true ' + HEAD.replace("path", "ao")
+    )
+    assert (shade.defaults["integrator"], shade.defaults["ao_distance"]) == ("ao", 3)
+    assert pbrt(BALL, head='ColorSpace "Rec2020" ' + HEAD).spheres
+
+
+@pytest.mark.parametrize(
+    ("head", "sentence"),
+    [
+        ('PixelFilter "mitchell"', "filtered by a tent"),
+        ('PixelFilter "triangle"', "two pixels wide here, and not 4 by 4"),
+        ('Film "spectral"', "an image of red, green and blue"),
+        ('Film "rgb" "float whitebalance" 4500', "strongly coloured surfaces"),
+        ('Option "bool forcediffuse" true', "forcediffuse is not taken over"),
+        ('Option "disable-pixel-jitter" true', "disablepixeljitter is not taken over"),
+    ],
+)
+def test_what_stands_before_the_world_is_named(pbrt, head, sentence):
+    assert any(re.search(sentence, each) for each in pbrt(BALL, head=HEAD.replace("WorldBegin", f"{head} WorldBegin")).warnings)
+
+
+def test_attributes_speak_of_what_there_is(pbrt):
+    with pytest.raises(SceneError, match="Attribute speaks of shape, light, material, medium, texture"):
+        pbrt(f'Attribute "shapes" "float radius" 2 {BALL}')
+
+
 def test_a_lens_and_a_window(pbrt):
     head = HEAD.replace('"float fov" [36.87]', '"float fov" 50 "float lensradius" 0.1 "float focaldistance" 3')
     view = pbrt(BALL, head=head).cameras[0].view

@@ -9,7 +9,8 @@ from renderer.scene.readers.coats import dielectric_albedo, under_a_coat
 from renderer.scene.readers.pbrt.conductors import _matched, head_on
 from renderer.scene.readers.pbrt.named import METALS
 from renderer.scene.readers.pbrt.observer import D65, MATCHING, WAVELENGTHS, at_wavelengths, planck
-from tests.renderer.scene.pbrt_files import BALL, SQUARE, world
+from renderer.scene.readers.pbrt.spectra import balanced
+from tests.renderer.scene.pbrt_files import BALL, HEAD, SQUARE, world
 
 # Chromaticities of black bodies: CIE 015:2018, the Planckian locus. Wyszecki and Stiles 1982, table 1(3.11).
 LOCUS = {2000: (0.5267, 0.4133), 2856: (0.4476, 0.4074), 4000: (0.3805, 0.3768), 6500: (0.3135, 0.3237), 10000: (0.2807, 0.2884)}
@@ -132,3 +133,23 @@ def test_what_a_coat_reflects_and_keeps():
     inner = 1 - (1 - outside) / 1.5**2
     assert inner == pytest.approx(0.5963, abs=3e-4)
     assert under_a_coat((1.0, 0.0, 0.5), inner) == pytest.approx((1, 0, 0.5 * (1 - inner) / (1 - inner / 2)), rel=1e-6)
+
+
+@pytest.mark.parametrize(("kelvin", "xy"), [(5000, (0.3457, 0.3586)), (6504, (0.3127, 0.3291)), (10_000, (0.2788, 0.2920))])
+def test_daylight_that_is_balanced_is_white(kelvin, xy):
+    """Chromaticities of the phases of daylight: CIE 015:2018."""
+    x, y = xy
+    to_709 = np.array(
+        [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]
+    )
+    light = to_709 @ (x / y, 1, (1 - x - y) / y)
+    np.testing.assert_allclose(balanced(kelvin, "srgb") @ light, (1, 1, 1), atol=4e-3)
+
+
+def test_a_film_balances_lights_and_the_sky(scene):
+    head = HEAD.replace('"integer yresolution" [ 32 ]', '"integer yresolution" 32 "float whitebalance" 4500')
+    found = scene("scene.pbrt", world('LightSource "point" "rgb I" [2 2 2] LightSource "infinite" "rgb L" [1 1 1] ' + BALL, head))
+    expected = balanced(4500, "srgb").sum(axis=1)
+    assert found.lights[0].intensity == pytest.approx(tuple(2 * expected))
+    assert found.environment.color == pytest.approx(tuple(expected))
+    assert expected[0] < 1 < expected[2]  # what is white by a warm light is blue by daylight

@@ -8,9 +8,9 @@ import pytest
 from renderer.errors import SceneError
 from renderer.image.encode import encode
 from renderer.scene.normals import face_normals
+from renderer.scene.readers.linear import linear
 from renderer.scene.readers.pbrt.equal_area import equirectangular, to_square
 from renderer.scene.readers.pbrt.loop import subdivided
-from renderer.scene.readers.pbrt.textures import linear
 from tests.renderer.scene.pbrt_files import BALL, HEAD, SQUARE, world
 
 RIGHT = "Scale -1 1 1 " + HEAD
@@ -83,6 +83,48 @@ def test_loops_scheme_on_a_tetrahedron_and_a_plane():
     assert np.abs(smooth[:, 2]).max() == 0
     np.testing.assert_allclose(smooth[4], (1, 1, 0), atol=1e-12)
     np.testing.assert_allclose(smooth[1], (1, 0, 0), atol=1e-12)  # a border is a curve of its own
+
+
+def test_normals_of_loops_scheme_are_on_pbrts_side(pbrt):
+    """Its tangents go round a point clockwise, as seen from where the triangles run counter-clockwise."""
+    points = "1 1 1 1 -1 -1 -1 1 -1 -1 -1 1"
+    (mesh,) = pbrt(f'Shape "loopsubdiv" "integer indices" [0 1 2 0 3 1 0 2 3 1 3 2] "point3 P" [{points}]').meshes
+    assert (mesh.normals * mesh.positions).sum(axis=1).max() < 0
+    _, outside = area_and_way(mesh)
+    assert outside > 0  # its triangles face as its normals
+
+
+def test_numbers_of_a_picture_are_its_first_channel(pbrt, png):
+    rough = '''Texture "t" "float" "imagemap" "string filename" "t.png" "string encoding" "linear"
+    Material "conductor" "texture roughness" "t"'''
+    found = pbrt(f"{rough} {BALL}", {"t.png": png(64, 255, 0)})
+    texture = found.textures[found.materials[0].metallic_roughness_texture]
+    packed = found.images[texture.image].pixels
+    np.testing.assert_allclose(packed[0, 0], ((64 / 255) ** 0.25, (64 / 255) ** 0.25, 1), rtol=1e-5)
+
+
+def test_an_index_may_be_a_texture(pbrt):
+    """Of what is the same everywhere it is taken over, of another its mean, and that is said."""
+    texture = 'Texture "e" "{}" "{}" {} Material "{}" "texture eta" "e" '
+    glass = pbrt(texture.format("float", "constant", '"float value" 1.3', "dielectric") + BALL)
+    assert glass.materials[0].ior == pytest.approx(1.3)
+    metal = pbrt(
+        texture.format("spectrum", "constant", '"rgb value" [.2 1.9 1.1]', "conductor") + '"rgb k" [3.9 2.4 2.2] ' + BALL
+    )
+    assert metal.materials[0].eta == pytest.approx((0.2, 1.9, 1.1))
+    varies = pbrt(texture.format("float", "checkerboard", '"float tex1" 1.2 "float tex2" 1.8', "dielectric") + BALL)
+    assert varies.materials[0].ior == pytest.approx(1.5)
+    assert any("eta of material 'dielectric' varies" in each for each in varies.warnings)
+
+
+def test_a_light_that_is_not_there_shines(pbrt):
+    """pbrt's way of an invisible light: alpha is 0."""
+    light = 'AreaLightSource "diffuse" "rgb L" [4 4 4]'
+    made = pbrt(f'{light} Shape "sphere" "float alpha" 0')
+    (material,) = made.materials
+    assert (material.lamp, material.unseen, material.emission) == (True, True, (4, 4, 4))
+    assert len(made.spheres) == 1
+    assert not pbrt(f'{BALL} Shape "disk" "float alpha" 0').instances
 
 
 def test_roughness_becomes_ours(pbrt):

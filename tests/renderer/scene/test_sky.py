@@ -8,12 +8,12 @@ import pytest
 
 from renderer.errors import SceneError
 from renderer.film import mean
+from renderer.luminance import luminance
 from renderer.render import render_frame
 from renderer.scene import atmosphere
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sky
 from renderer.scene.environment import relit, tabulate_environment
-from renderer.scene.lights import luminance
 from renderer.scene.load import read
 from renderer.scene.sky import image_of_sky, parse_sky, sun_of_sky
 from tests.grids import grid

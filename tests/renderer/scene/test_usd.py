@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pxr import Gf, UsdGeom, UsdRender, UsdShade, Vt
+from pxr import Gf, UsdGeom, UsdPhysics, UsdRender, UsdShade, Vt
 
 from renderer.errors import SceneError
 from tests.renderer.scene.usd_files import CUBE, SQUARE, TYPES, bind, cube, material, mesh, ours, read, stage, texture, world
@@ -173,6 +173,29 @@ def test_a_point_instancer_puts_its_prototypes_where_usd_says(tmp_path):
     for number, place in enumerate(places):
         corners = {tuple(np.round(ours(made, (*p, 1) @ place[:, :3]), 4)) for p in CUBE}
         assert {tuple(np.round(p, 4)) for p in world(found, number).reshape(-1, 3)} == corners
+
+
+@pytest.mark.parametrize("word", ["def", "over", "class"])
+def test_prototypes_that_nothing_but_their_instancer_shows(word, tmp_path):
+    (tmp_path / "a.usda").write_text(
+        f"""#usda 1.0
+(
+    metersPerUnit = 1
+)
+def PointInstancer "i" {{
+    int[] protoIndices = [0, 0]
+    point3f[] positions = [(0, 0, 0), (3, 0, 0)]
+    rel prototypes = [</{"i/" if word != "class" else ""}kinds/a>]
+    {'def "kinds" { def Xform "a" { def Sphere "ball" {' if word == "def" else ""}
+    {'over "kinds" { def Xform "a" { def Sphere "ball" {' if word == "over" else ""}
+    {"}}}" if word != "class" else ""}
+}}
+{'class "kinds" { def Xform "a" { def Sphere "ball" {' if word == "class" else ""}
+{"}}}" if word == "class" else ""}
+""".replace("}", "\n}\n").replace("{", "{\n")
+    )
+    found = read(tmp_path / "a.usda")
+    assert sorted(instance.transform[0, 3] for instance in found.instances) == [0, 3]
 
 
 def test_a_camera_sees_what_usd_says_it_sees(tmp_path):
@@ -347,3 +370,16 @@ def test_materials_for_previews_alone_are_shown_and_unknown_kinds_named(tmp_path
     found = read(tmp_path / "a.usda")
     assert found.materials[found.meshes[0].material].base_color == (1, 0, 0)
     assert any("type PxrRectLight, which USD itself does not know" in w for w in found.warnings)
+
+
+def test_what_is_hidden_from_renders_is_not_drawn_and_physics_are_named(tmp_path):
+    made = stage(tmp_path / "a.usda")
+    cube(made, "/shown")
+    hidden = cube(made, "/hidden")
+    hidden.CreatePurposeAttr("render")
+    UsdGeom.VisibilityAPI.Apply(hidden.GetPrim()).CreateRenderVisibilityAttr("invisible")
+    UsdPhysics.Scene.Define(made, "/physics")
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    assert [instance.name for instance in found.instances] == ["shown"]
+    assert any("Physics are not simulated" in w for w in found.warnings)

@@ -9,6 +9,8 @@ import pytest
 from pxr import Gf, Sdf, UsdGeom, UsdUtils
 
 from renderer.errors import SceneError
+from renderer.scene.animation import Moment
+from renderer.scene.load import Shot
 from tests.renderer.scene.usd_files import TYPES, bind, cube, material, mesh, read, stage, texture, world
 
 MODEL = '#usda 1.0\n(defaultPrim = "m")\ndef Cube "m" {}\n'
@@ -166,3 +168,20 @@ def test_a_mesh_of_a_scene_of_ours_may_be_usd(tmp_path):
     (tmp_path / "s.yaml").write_text("shapes: [{type: mesh, file: m.usda}]\n")
     placed = world(read(tmp_path / "s.yaml"))
     np.testing.assert_allclose([placed[..., 1].min(), placed[..., 1].max()], [0.99, 1.01], atol=1e-6)
+
+
+@pytest.mark.parametrize("arc", ["subLayers", "references"])
+def test_a_layer_plays_at_the_times_that_its_offset_says(tmp_path, arc):
+    made = stage(tmp_path / "moving.usda")
+    ball = UsdGeom.Sphere.Define(made, "/a")
+    move = ball.AddTranslateOp()
+    for time in (0.0, 10.0):
+        move.Set(Gf.Vec3d(time, 0, 0), time)
+    made.GetRootLayer().Save()
+    offset = "@./moving.usda@ (offset = 20; scale = 2)"
+    head = f"subLayers = [{offset}]" if arc == "subLayers" else ""
+    over = "" if arc == "subLayers" else 'def "b" (\n references = @./moving.usda@</a> (offset = 20; scale = 2)\n)\n{\n}\n'
+    (tmp_path / "a.usda").write_text(f"#usda 1.0\n(\n metersPerUnit = 1\n {head}\n)\n{over}")
+    shot = Shot(tmp_path, "a.usda")
+    assert shot.at(Moment()).clips[0].end == pytest.approx(20 / 24)
+    assert [shot.at(Moment(frame)).spheres[0].center[0] for frame in (0, 5, 20)] == pytest.approx([0, 2.5, 10])

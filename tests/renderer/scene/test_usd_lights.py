@@ -5,7 +5,7 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
 
 from renderer.image import encode
-from tests.renderer.scene.usd_files import cube, read, stage, world
+from tests.renderer.scene.usd_files import TYPES, bind, cube, material, mesh, read, stage, world
 
 
 @pytest.fixture
@@ -181,3 +181,25 @@ def test_lights_of_a_stage_that_blender_wrote_in_centimetres_are_as_bright_as_in
     found = read(tmp_path / "a.usda")
     assert found.spheres[0].radius == pytest.approx(0.1)
     assert shining(found).emission[0] == pytest.approx(3.0 / (4 * np.pi * 0.1**2))
+
+
+@pytest.mark.parametrize(("mode", "glow", "expected"), [
+    ("materialGlowTintsLight", None, (6, 3, 1.5)), ("materialGlowTintsLight", (0.5, 1, 2), (3, 3, 3)),
+    ("independent", (0.5, 1, 2), (6.5, 4, 3.5)), ("noMaterialResponse", (0.5, 1, 2), (6, 3, 1.5)),
+])  # fmt: skip
+@pytest.mark.parametrize("normalized", [False, True])
+def test_a_mesh_that_is_a_light_shines(tmp_path, mode, glow, expected, normalized):
+    made = stage(tmp_path / "a.usda", unit=0.1)
+    square = mesh(made, "/m")
+    square.AddScaleOp().Set(Gf.Vec3f(2, 2, 2))
+    if glow:
+        bind(square, material(made, "/look", emissiveColor=(TYPES.Color3f, glow))[0])
+    UsdLux.MeshLightAPI.Apply(square.GetPrim())
+    api = UsdLux.LightAPI(square)
+    api.CreateMaterialSyncModeAttr(mode)
+    api.CreateIntensityAttr(24.0 if normalized else 6.0)
+    api.CreateNormalizeAttr(normalized)
+    api.CreateColorAttr(Gf.Vec3f(1, 0.5, 0.25))
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    np.testing.assert_allclose(found.materials[found.meshes[0].material].emission, expected, rtol=1e-5)

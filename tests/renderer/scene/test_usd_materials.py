@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pxr import Gf, UsdGeom, UsdShade, Vt
 
-from tests.renderer.scene.usd_files import TYPES, bind, material, mesh, read, stage, texture
+from tests.renderer.scene.usd_files import TYPES, bind, cube, material, mesh, read, stage, texture
 
 F, C = TYPES.Float, TYPES.Color3f
 
@@ -172,6 +172,54 @@ def test_colours_of_vertices_are_read_where_the_material_reads_them(shaded, name
     np.testing.assert_array_equal(found.meshes[0].colors[:, :3], [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)])
 
 
+@pytest.mark.parametrize(
+    ("given", "color", "rough"),
+    [(None, (0.2, 0.4, 0.6), 0.9), ("constant", (1, 0.5, 0.25), 0.3)],
+)
+def test_a_primvar_that_is_missing_has_the_readers_fallback_and_one_that_is_constant_drives_any_input(
+    shaded, given, color, rough
+):
+    def reader(made, kind, type_name, name, fallback):
+        found = UsdShade.Shader.Define(made, f"/look/{name}")
+        found.CreateIdAttr(f"UsdPrimvarReader_{kind}")
+        found.CreateInput("varname", TYPES.String).Set(name)
+        found.CreateInput("fallback", type_name).Set(fallback)
+        return found.CreateOutput("result", type_name)
+
+    def make(made):
+        on = UsdGeom.PrimvarsAPI(made.GetPrimAtPath("/m"))
+        if given:
+            on.CreatePrimvar("tint", TYPES.Color3fArray, "constant").Set([color])
+            on.CreatePrimvar("dull", F, "constant").Set(rough)
+        tint = reader(made, "float3", TYPES.Float3, "tint", (0.2, 0.4, 0.6))
+        return material(made, "/look", diffuseColor=(C, tint), roughness=(F, reader(made, "float", F, "dull", 0.9)))[0]
+
+    found, look = shaded(make)
+    np.testing.assert_allclose((*look.base_color, look.roughness), (*color, rough), atol=1e-6)
+    assert found.meshes[0].colors is None
+
+
+@pytest.mark.parametrize("file", [None, "nothing.png"])
+def test_a_texture_without_a_picture_gives_its_fallback_by_channel(shaded, file):
+    def make(made):
+        outputs = [texture(made, f"/look/{o}", file or "", o, fallback=(TYPES.Float4, (0.1, 0.7, 0.3, 1))) for o in ("rgb", "g")]
+        return material(made, "/look", diffuseColor=(C, outputs[0]), roughness=(F, outputs[1]))[0]
+
+    _, look = shaded(make)
+    np.testing.assert_allclose((*look.base_color, look.roughness), (0.1, 0.7, 0.3, 0.7), atol=1e-6)
+
+
+@pytest.mark.parametrize("surface", ["standard_surface", "open_pbr_surface"])
+def test_the_depth_of_glass_is_in_units_of_the_stage(tmp_path, surface):
+    made = stage(tmp_path / "a.usda", "Y", 0.01)
+    weight = "transmission" if surface == "standard_surface" else "transmission_weight"
+    inputs = {weight: (F, 1.0), "transmission_depth": (F, 10.0), "transmission_color": (C, (1, 0.5, 0.5))}
+    bind(cube(made, "/m"), material(made, "/look", f"ND_{surface}_surfaceshader", "mtlx", **inputs)[0])
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    assert found.materials[found.meshes[0].material].attenuation_distance == pytest.approx(0.1)
+
+
 def test_a_standard_surface_of_materialx_says_what_ours_can(shaded):
     def make(made):
         picture = UsdShade.Shader.Define(made, "/look/picture")
@@ -203,7 +251,7 @@ def test_a_standard_surface_of_materialx_says_what_ours_can(shaded):
         (0.25, 0.3, 1.7, 0.8, 0.1, 0.5, 0.25, 0, 2, 1, 0.5),
         atol=1e-6,
     )
-    assert any("subsurface of MaterialX surfaces is left out (1): look" in w for w in found.warnings)
+    assert any("Light beneath the surface of MaterialX is left out" in w for w in found.warnings)
 
 
 def test_a_surface_of_another_renderer_is_drawn_in_the_display_colour(shaded):

@@ -155,6 +155,20 @@ def test_skeletons_and_blend_shapes_bend_meshes_as_usd_bakes_them(tmp_path):
     assert cubes.normals is not None
 
 
+@pytest.mark.parametrize("hidden", ["purpose", "visibility"])
+def test_a_skeleton_that_is_not_shown_still_says_where_its_meshes_stand(tmp_path, hidden):
+    made = arm(tmp_path / "a.usda")
+    shown = world(read(tmp_path / "a.usda"), 0)
+    for prim in made.Traverse():
+        if prim.IsA(UsdSkel.Skeleton):
+            if hidden == "purpose":
+                UsdGeom.Imageable(prim).CreatePurposeAttr("guide")
+            else:
+                UsdGeom.Imageable(prim).CreateVisibilityAttr("invisible")
+    made.GetRootLayer().Save()
+    np.testing.assert_array_equal(world(read(tmp_path / "a.usda"), 0), shown)
+
+
 def test_a_skin_moves_while_the_shutter_is_open(tmp_path):
     arm(tmp_path / "a.usda")
     moving = Shot(tmp_path, "a.usda").over(Moment(3), {"shutter": 0.5})

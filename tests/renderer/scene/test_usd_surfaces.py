@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
-from pxr import Gf, UsdGeom, Vt
+from pxr import Gf, Usd, UsdGeom, Vt
 
+from renderer.scene.readers.usd.meshes import Wanted, read_mesh
+from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.polygons import Faces
 from renderer.scene.readers.usd.subdivision import Cage, limit, refined
-from tests.renderer.scene.usd_files import CUBE, QUADS, cube, mesh, read, stage, world
+from tests.renderer.scene.usd_files import CUBE, QUADS, TYPES, cube, mesh, read, stage, world
 
 NONE = np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0, np.int64), np.zeros(0)
 
@@ -34,6 +36,16 @@ def test_the_limit_is_where_many_levels_lead():
     deep, near = limit(fine)[: len(first.points)], limit(first)
     np.testing.assert_allclose(deep, near, atol=1e-9)
     assert np.abs(fine.points[: len(first.points)] - near).max() < 0.01
+
+
+def test_creases_that_are_half_sharp_are_refined_until_they_are_not():
+    sharp = np.array([(0, 1), (1, 2), (2, 3), (3, 0)]), np.full(4, 2.5), np.zeros(0, np.int64), np.zeros(0)
+    one, deep = cage(sharp=sharp), cage(sharp=sharp)
+    for _ in range(2):
+        one = refined(one, [])[0]
+    for _ in range(5):
+        deep = refined(deep, [])[0]
+    np.testing.assert_allclose(limit(one), limit(deep)[: len(one.points)], atol=1e-6)
 
 
 def test_creases_keep_edges_and_semi_sharp_ones_round_them_later():
@@ -116,6 +128,76 @@ def test_curves_are_tubes_around_their_lines(tmp_path, kind, basis, wrap):
         assert away.min() == pytest.approx(0.01, abs=1e-4)
         assert (away < 0.0101).sum() >= 12
     np.testing.assert_allclose(np.linalg.norm(found.normals, axis=1), 1, atol=1e-5)
+
+
+def test_widths_vary_along_curves_of_any_number_of_points_and_ribbons_are_named(tmp_path):
+    made = stage(tmp_path / "a.usda")
+    curves = UsdGeom.BasisCurves.Define(made, "/c")
+    curves.CreateTypeAttr("cubic")
+    curves.CreateBasisAttr("bspline")
+    curves.CreateCurveVertexCountsAttr([4, 5])
+    curves.CreatePointsAttr([(x, float(y), 0) for x, count in ((0, 4), (5, 5)) for y in range(count)])
+    curves.CreateWidthsAttr([0.2, 0.4, 0.6, 0.8, 1.0])
+    curves.SetWidthsInterpolation("varying")
+    curves.CreateNormalsAttr([(0, 0, 1)] * 9)
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    x, y, _ = found.meshes[0].positions.T
+    for middle, ends in ((0, (0.2, 0.4)), (5, (0.6, 1.0))):
+        own = np.abs(x - middle) < 2
+        low, high = y[own].min(), y[own].max()
+        got = [np.ptp(x[own & (np.abs(y - end) < 0.01)]) for end in (low, high)]
+        np.testing.assert_allclose(got, ends, atol=1e-4)
+    assert any("ribbons" in w for w in found.warnings)
+
+
+def lattice(made, how, split=False):
+    """A flat 4 x 4 lattice whose UVs are where its points are, but that a column of its faces may be moved away."""
+    points = [(x + 0.2 * np.sin(2 * y), y + 0.1 * x * x, 0) for y in range(4) for x in range(4)]
+    corners = [v for y in range(3) for x in range(3) for v in (4 * y + x, 4 * y + x + 1, 4 * y + x + 5, 4 * y + x + 4)]
+    moved = [10 * (split and k // 4 % 3 == 2) for k in range(len(corners))]
+    values = [(points[v][0] + m, points[v][1]) for v, m in zip(corners, moved, strict=True)]
+    kinds = sorted(set(values))
+    one = mesh(made, "/m", points, [4] * 9, corners, scheme="catmullClark")
+    one.CreateFaceVaryingLinearInterpolationAttr(how)
+    uvs = UsdGeom.PrimvarsAPI(one).CreatePrimvar("st", TYPES.TexCoord2fArray, "faceVarying")
+    uvs.Set([Gf.Vec2f(*map(float, v)) for v in kinds])
+    uvs.SetIndices([kinds.index(v) for v in values])
+    return one
+
+
+def refined_uvs(prim):
+    found = read_mesh(prim.GetPrim(), [Wanted(("st",))], None, Usd.TimeCode(0), Notes())[0]
+    return found.positions[:, :2], found.uvs * (1, -1) + (0, 1)
+
+
+@pytest.mark.parametrize("how", ["cornersOnly", "cornersPlus1", "cornersPlus2", "none"])
+def test_uvs_that_neighbours_share_are_refined_as_points_are(how):
+    made = Usd.Stage.CreateInMemory()
+    points, uvs = refined_uvs(lattice(made, how))
+    np.testing.assert_allclose(uvs, points, atol=1e-5)
+
+
+def test_uvs_have_borders_where_they_are_cut_and_may_be_linear():
+    made = Usd.Stage.CreateInMemory()
+    points, uvs = refined_uvs(lattice(made, "cornersPlus1", split=True))
+    # Along the cut the border is a cubic B-spline of its own points: at the second its limit is (a + 4 b + c) / 6.
+    a, b, c = (np.array((2 + 0.2 * np.sin(2 * y), y + 0.4)) for y in range(3))
+    for own in ((a + 4 * b + c) / 6, (a + 4 * b + c) / 6 + (10, 0)):
+        assert np.linalg.norm(uvs - own, axis=1).min() < 1e-5
+    points, uvs = refined_uvs(lattice(made, "all"))
+    for corner in (np.array((1 + 0.2 * np.sin(2.0), 1.1)), np.array((2 + 0.2 * np.sin(2.0), 1.4))):
+        assert np.linalg.norm(uvs - corner, axis=1).min() < 1e-5
+    assert np.abs(uvs - points).max() > 0.01
+
+
+def test_a_border_that_is_not_interpolated_has_no_faces():
+    made = Usd.Stage.CreateInMemory()
+    prim = lattice(made, "all")
+    inside, _ = refined_uvs(prim)
+    prim.CreateInterpolateBoundaryAttr("none")
+    kept, _ = refined_uvs(prim)
+    assert np.ptp(kept[:, 0]) < np.ptp(inside[:, 0]) / 2
 
 
 def test_points_are_spheres_of_their_widths_and_colours(tmp_path):

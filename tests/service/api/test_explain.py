@@ -30,6 +30,7 @@ VERTEX = {
     "emitted": [0, 0, 0],
     "emitted_weight": None,
     "direct": [0, 0, 0],
+    "sky": [0, 0, 0],
     "light": None,
     "spot": [1, 2, 1],
 }

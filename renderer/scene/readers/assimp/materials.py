@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
-from renderer.scene.description import Vec3, Wrap
+from renderer.scene.description import UvTransform, Vec3, Wrap
 from renderer.scene.files import SceneFiles
 from renderer.scene.material import Material
 from renderer.scene.readers.assimp.library import Imported
 from renderer.scene.readers.mtl_maps import holds_normals, with_opacity, with_roughness_and_metal
 from renderer.scene.readers.numbers import clamped, unit
-from renderer.scene.textures import TextureShelf
+from renderer.scene.textures import UNMOVED, TextureShelf
 
 __all__ = ["Materials"]
 
@@ -22,6 +23,7 @@ _TAKEN = {_DIFFUSE, _EMISSIVE, _HEIGHT, _NORMALS, _OPACITY, _BASE, _METAL, _ROUG
 _NAMES = {2: "specular", 3: "ambient", 7: "shininess", 9: "displacement", 10: "lightmap", 11: "reflection"}
 _WRAPS: dict[int, Wrap] = {0: "repeat", 1: "clamp", 2: "mirror", 3: "clamp"}
 _MATTE = (1, 2, 9)  # aiShadingMode: flat, Gouraud, none
+_UNSHADED = 9
 _MAX_RADIANCE = 1e9
 
 
@@ -48,12 +50,15 @@ class Materials:
         if texture is None:
             texture = self._texture(said, _DIFFUSE, name, srgb=True)
         material.base_color_texture = texture
-        if texture is not None and max(material.base_color) == 0:
+        is_said = ("$clr.base", 0) in said or ("$clr.diffuse", 0) in said
+        if texture is not None and (max(material.base_color) == 0 or not is_said):
             material.base_color = (1.0, 1.0, 1.0)
         material.emission = _color(said, "$clr.emissive", (0.0, 0.0, 0.0), _MAX_RADIANCE)
         material.emission_texture = self._texture(said, _EMISSIVE, name, srgb=True)
         if material.emission_texture is not None and max(material.emission) == 0:
             material.emission = (1.0, 1.0, 1.0)
+        if texture is None and int(_number(said, "$mat.shadingm", 0)) == _UNSHADED and max(material.emission) > 0:
+            material.base_color = (0.0, 0.0, 0.0)  # Collada's constant colour
         self._surface(said, material)
         self._opacity(said, material)
         self._normals(said, material)
@@ -103,7 +108,8 @@ class Materials:
             return None
         wraps = [_WRAPS.get(int(_number(said, key, 0, kind)), "repeat") for key in ("$tex.mapmodeu", "$tex.mapmodev")]
         uv_set = min(max(int(_number(said, "$tex.uvwsrc", 0, kind)), 0), 1)
-        return self._shelf.texture(self._image(reference, f"Material {name}", srgb), wraps[0], wraps[1], uv_set)
+        place = _transform(said.get(("$tex.uvtrafo", kind)), self._main.lower().endswith((".x3d", ".x3db", ".wrl")))
+        return self._shelf.texture(self._image(reference, f"Material {name}", srgb), wraps[0], wraps[1], uv_set, place)
 
     def _image(self, reference: str, user: str, srgb: bool) -> int | None:
         number = reference[1:] if reference.startswith("*") else ""
@@ -117,6 +123,22 @@ class Materials:
             self._shelf.missing(reference, user)
             return None
         return self._shelf.image_file(found, srgb)
+
+
+def _transform(given: Any, is_x3d: bool) -> UvTransform:
+    """How a texture lies, of assimp's offset, scale and turn about the middle; in X3D about the corner, and moved first."""
+    if not isinstance(given, np.ndarray) or len(given) < 5 or not np.isfinite(given[:5]).all():
+        return UNMOVED
+    x, y, wide, high, turn = (float(v) for v in given[:5])
+    cosine, sine, middle = math.cos(turn), math.sin(turn), 0.0 if is_x3d else 0.5
+    scaled, moved = np.diag([wide, high, 1.0]), np.array([(1, 0, x), (0, 1, y), (0, 0, 1)])
+    turned = np.array([(cosine, -sine, middle), (sine, cosine, middle), (0, 0, 1)]) @ np.array(
+        [(1, 0, -middle), (0, 1, -middle), (0, 0, 1)]
+    )
+    upward = scaled @ turned @ moved if is_x3d else moved @ turned @ scaled
+    flip = np.array([(1, 0, 0), (0, -1, 1), (0, 0, 1)])  # counted from the lower edge there, from the upper here
+    a, b, c, d, e, f = (float(v) for v in (flip @ upward @ flip)[:2].reshape(-1))
+    return a, b, c, d, e, f
 
 
 def _number(said: dict[tuple[str, int], Any], key: str, default: float, kind: int = 0) -> float:

@@ -86,6 +86,8 @@ class _Reader:
             self._light(lamp, middle)
         for camera in self._imported.cameras:
             self._camera(camera)
+        if self._main.lower().endswith((".x3d", ".wrl")):
+            self._odd["viewpoints, which are X3D's cameras"] += self._files.read(self._main).count(b"Viewpoint ")
         self._odd["meshes of lines and points"] += self._imported.loose
         self._odd["morph targets"] += self._imported.morphs
         self._odd["channels that animate meshes"] += self._movement.others

@@ -172,9 +172,9 @@ def matrix(values: Any) -> npt.NDArray[np.float64]:
     return found
 
 
-def is_set(element: Any, name: bytes) -> bool:
-    """Whether a property of an element, which is yes or no, is yes; no where it is not there."""
-    return bool(_library().ufbx_find_bool_len(ctypes.addressof(element.props), name, len(name), False))
+def is_set(element: Any, name: bytes, default: bool = False) -> bool:
+    """Whether a property of an element, which is yes or no, is yes; the default where it is not there."""
+    return bool(_library().ufbx_find_bool_len(ctypes.addressof(element.props), name, len(name), default))
 
 
 def number_of(element: Any, name: bytes) -> float:

@@ -85,10 +85,13 @@ def upright_square(light: Any, world: F64) -> F64:
     return np.asarray(world @ turn @ half, np.float64)
 
 
-def read_camera(camera: Any, world: F64, film_offset: tuple[float, float] = (0.0, 0.0), near: float = 0.0) -> View:
+def read_camera(
+    camera: Any, world: F64, film_offset: tuple[float, float] = (0.0, 0.0), near: float = 0.0, tall: float = 1.0
+) -> View:
     """The view of a camera, along +X of its node, +Y up; its scale is left aside. Raises SettingsError where it sees nothing.
 
-    film_offset: in inches. near: what stands before it is cut away, in metres.
+    film_offset: in inches. near: what stands before it is cut away, in metres. tall: metres from top to bottom of an orthographic
+    picture.
     """
     near = clamped(float(np.nan_to_num(near)), 0.0, _FAR)
     eye, forward, up = world[:3, 3], _unit(world[:3, 0]), _unit(world[:3, 1])
@@ -96,7 +99,7 @@ def read_camera(camera: Any, world: F64, film_offset: tuple[float, float] = (0.0
     points = (tuple(float(c) for c in v) for v in (eye, target, up))
     a, b, c = points
     if camera.projection == 1:
-        return View(a, b, c, projection="orthographic", height=abs(camera.orthographic[1]), near=near)  # type: ignore[arg-type]
+        return View(a, b, c, projection="orthographic", height=abs(tall), near=near)  # type: ignore[arg-type]
     fov = clamped(float(np.nan_to_num(camera.fov[1])) or 40.0, 0.01, 179.0)
     height = 2 * math.tan(math.radians(fov) / 2) * max(float(np.nan_to_num(camera.focal_mm)), 1e-6) / _INCH  # of the film
     x, y = (clamped(float(np.nan_to_num(each)) / height, -MAX_SHIFT, MAX_SHIFT) for each in film_offset)

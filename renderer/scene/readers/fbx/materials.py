@@ -11,6 +11,7 @@ import numpy as np
 
 from renderer.scene.description import Vec3
 from renderer.scene.material import ALL_REFLECTING_IOR, Material
+from renderer.scene.readers.coats import tint_beneath
 from renderer.scene.readers.fbx import layout
 from renderer.scene.readers.fbx.library import each, text
 from renderer.scene.readers.fbx.textures import Pictures
@@ -22,11 +23,14 @@ __all__ = ["Materials"]
 
 _UNKNOWN, _LAMBERT, _PHONG = 0, 1, 2
 _BLENDER = 11
+_BY_ABBE = (3, 4, 9)  # ufbx_shader_type: OSL's and Arnold's standard surface and OpenPBR give Abbe's number
 _MAX_RADIANCE = 1e9
 _LEFT_OUT = {
     "subsurface_factor": "light beneath the surface",
     "transmission_scatter": "scattering inside",
     "displacement_map": "displacement",
+    "diffuse_roughness": "the roughness of the matt part",
+    "transmission_extra_roughness": "what makes transmission rougher",
     "matte_factor": "matte",
 }
 _PBR = {name: i for i, name in enumerate(layout.PBR_MAPS)}
@@ -35,10 +39,10 @@ _FEATURES = {name: 2 * i for i, name in enumerate(layout.FEATURES)}
 
 
 class Materials:
-    """The description's materials by the file's."""
+    """The description's materials by the file's. unit: metres of a unit of the file."""
 
-    def __init__(self, pictures: Pictures, shelf: TextureShelf, materials: list[Material]) -> None:
-        self._pictures, self._shelf, self._materials = pictures, shelf, materials
+    def __init__(self, pictures: Pictures, shelf: TextureShelf, materials: list[Material], unit: float) -> None:
+        self._pictures, self._shelf, self._materials, self._unit = pictures, shelf, materials, unit
         self._known: dict[int, int] = {}
 
     def number(self, source: Any | None) -> int:
@@ -135,11 +139,14 @@ class Materials:
             tint = said.color("transmission_color", None, (1.0, 1.0, 1.0))
             depth = said.value("transmission_depth", 0.0)
             if depth > 0 and not material.thin:
-                material.attenuation_color, material.attenuation_distance = tint, depth
+                material.attenuation_color, material.attenuation_distance = tint, depth * self._unit
                 material.base_color = (1.0, 1.0, 1.0)
             else:
                 material.base_color = tint
-            material.dispersion = clamped(said.value("transmission_dispersion", 0.0), 0.0, 20.0)
+            dispersion = said.value("transmission_dispersion", 0.0)
+            if dispersion > 0 and said.source.shader in _BY_ABBE:
+                dispersion = 20 / dispersion
+            material.dispersion = clamped(dispersion, 0.0, 20.0)
         self._coat(said, material)
         if said.value("sheen_factor", 0.0) > 0:
             material.sheen_color = said.color("sheen_color", "sheen_factor", (0.0, 0.0, 0.0))
@@ -148,9 +155,10 @@ class Materials:
                 level = unit(said.value("sheen_factor", 1.0))
                 material.sheen_color = (level, level, level)
             material.sheen_roughness = unit(said.value("sheen_roughness", 0.3))
-        if said.value("thin_film_factor", 0.0) > 0 and said.value("thin_film_thickness", 0.0) > 0:
+        film = said.value("thin_film_factor", 1.0)  # Arnold's has a thickness alone
+        if film > 0 and said.value("thin_film_thickness", 0.0) > 0:
             thickness = clamped(said.value("thin_film_thickness", 0.0), 0.0, 1e5)
-            material.iridescence = unit(said.value("thin_film_factor", 0.0))
+            material.iridescence = unit(film)
             material.iridescence_thickness = (thickness, thickness)
             material.iridescence_ior = clamped(said.value("thin_film_ior", 1.4), 1.0, 5.0)
 
@@ -162,6 +170,7 @@ class Materials:
             rough = material.clearcoat_roughness_texture is not None
             material.clearcoat_roughness = 1.0 if rough else said.roughness("coat_", 0.0)
             material.clearcoat_normal_texture = said.texture("coat_normal")
+            tint_beneath(material, said.color("coat_color", None, (1.0, 1.0, 1.0)))
 
     def _phong(self, said: _Said, material: Material) -> None:
         specular = said.fbx_color("specular_color", "specular_factor")

@@ -69,7 +69,7 @@ class _Reader:
         self._by_blender = scene.metadata.exporter in _BLENDER
         self._shelf = TextureShelf(description, files)
         pictures = Pictures(scene, main, files, self._shelf, self._by_blender)
-        self._materials = Materials(pictures, self._shelf, description.materials)
+        self._materials = Materials(pictures, self._shelf, description.materials, float(scene.settings.unit))
         self._numbers: dict[tuple[int, int], int] = {}
         self._names: Counter[str] = Counter()
         self._odd: Counter[str] = Counter()
@@ -143,6 +143,9 @@ class _Reader:
                     )
                     found = _mesh(name, part, points, part.normals)
                 found.material = material
+                if found.colors is not None and self._description.materials[material].base_color_texture is not None:
+                    found.colors = None  # a mask for a game or a tool: no program that writes FBX has it tint a texture
+                    self._odd["vertex colours of textured meshes"] += 1
                 self._description.meshes.append(found)
                 self._numbers[key] = len(self._description.meshes) - 1
             number = self._numbers[key]
@@ -212,6 +215,10 @@ class _Reader:
         light = at(layout.Light, node.light)
         world = self._finite(matrix(node.node_to_world), node)
         name = self._unique(text(node.name) or "light")
+        if not is_set(light, b"CastShadows", True):
+            self._odd["lights without shadows, which cast them"] += 1
+        if is_set(light, b"EnableNearAttenuation") or is_set(light, b"EnableFarAttenuation"):
+            self._odd["distances within which alone a light shines"] += 1
         if light.kind == lights.VOLUME or not light.shines:
             self._odd["volume lights" if light.kind == lights.VOLUME else "lights that are switched off"] += 1
         elif lights.is_area(light):
@@ -243,8 +250,12 @@ class _Reader:
             world = self._finite(matrix(node.node_to_world), node)
             camera = at(layout.Camera, node.camera)
             offset = number_of(camera, b"FilmOffsetX"), number_of(camera, b"FilmOffsetY")
-            near = number_of(camera, b"NearPlane") * float(self._scene.settings.unit)  # 0 where the file does not say
-            view = lights.read_camera(camera, world, offset, near)
+            unit = float(self._scene.settings.unit)
+            near = number_of(camera, b"NearPlane") * unit  # 0 where the file does not say
+            tall = float(camera.orthographic[1]) * (1.0 if self._by_blender else unit)
+            view = lights.read_camera(camera, world, offset, near, tall)
+            if number_of(camera, b"Roll"):
+                self._odd["cameras that roll, which are upright"] += 1
             if is_set(camera, b"UseDepthOfField"):
                 self._odd["cameras with depth of field, whose aperture FBX does not tell: sharp everywhere"] += 1
         except SettingsError as error:

@@ -17,6 +17,7 @@ from renderer.scene.readers.mitsuba.principled import principled
 from renderer.scene.readers.mitsuba.rough_coats import rough_coat
 from renderer.scene.readers.mitsuba.textures import Textures
 from renderer.scene.readers.mitsuba.values import rgb
+from renderer.scene.readers.mixed import mixed
 from renderer.scene.readers.numbers import clamped, unit
 
 __all__ = ["Bsdfs"]
@@ -66,7 +67,8 @@ class Bsdfs:
         key = (id(source), id(emitter))
         if key not in self._numbers:
             self._textures.by_vertices = False
-            made = self._made(source, 0) if source is not None else Material(base_color=(0.5, 0.5, 0.5))
+            grey = 0.0 if any(shape.of("emitter")) else 0.5  # what shines reflects nothing unless it says so
+            made = self._made(source, 0) if source is not None else Material(base_color=(grey,) * 3)
             if emitter is not None:
                 emission, texture = self._textures.color(emitter, "radiance", 1.0, is_light=True)
                 made = replace(made, emission=emission, emission_texture=texture)
@@ -112,14 +114,21 @@ class Bsdfs:
         if source.type == "normalmap" and inner:
             return self._bent(source, self._made(inner[0], depth + 1))
         if source.type == "blendbsdf" and len(inner) > 1:
-            weight = self._textures.number(source, "weight", 0.5)
-            self._document.ignore(f"{source.what} mixes two materials: the one that counts for more is rendered")
-            return self._made(inner[1] if weight > 0.5 else inner[0], depth + 1)
+            return self._mixed(source, inner, depth)
         if inner:
             self._document.ignore(f"{source.what} is not read: rendered by the material in it")
             return self._made(inner[0], depth + 1)
         self._document.ignore(f"{source.what} is not read: rendered as a grey matt surface")
         return Material(name, base_color=(0.5, 0.5, 0.5))
+
+    def _mixed(self, source: Element, inner: list[Element], depth: int) -> Material:
+        weight = unit(self._textures.number(source, "weight", 0.5))
+        first, second = (self._made(each, depth + 1) for each in inner[:2])
+        made = mixed(first, second, weight)
+        if made is None:
+            self._document.ignore(f"{source.what} mixes what ours cannot as one: the one that counts for more is rendered")
+            return second if weight > 0.5 else first
+        return replace(made, name=source.id or source.type)
 
     def _is_inside_out(self, source: Element) -> bool:
         """Whether it is of glass whose inside is optically thinner than its outside, as a bubble in water is."""

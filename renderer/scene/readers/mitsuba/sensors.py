@@ -93,8 +93,10 @@ def _film(source: Element, document: Document, description: SceneDescription, is
         named = next(iter(film.of("rfilter")), None) if film is not None else None
         if named is not None and named.type in _FILTERS:
             description.defaults["filter"] = _FILTERS[named.type]
-        elif named is not None and named.type != "gaussian":  # which Blackman and Harris's is much like
-            document.ignore(f"{named.what}: pixels are filtered after Blackman and Harris")
+        else:
+            description.defaults["filter"] = "tent"  # nearer to Mitsuba's Gaussian than Blackman and Harris's, half as wide
+            if named is not None and named.type != "gaussian":
+                document.ignore(f"{named.what}: pixels are filtered by a tent of two pixels")
     return width, height, window
 
 

@@ -13,14 +13,20 @@ from renderer.scene.matrices import Matrix
 from renderer.scene.readers.cropped import Window, cropped
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
+from renderer.scene.readers.pbrt.spectra import balanced
 from renderer.settings import MAX_DEPTH, MAX_SIZE, MAX_SPP, View
 
-__all__ = ["MIRROR", "add_camera", "exposure_of", "mirrors", "set_film", "set_filter", "set_integrator", "set_sampler"]
+__all__ = [
+    *("FILTER", "MIRROR", "add_camera", "balance_of", "exposure_of", "mirrors"),
+    *("set_film", "set_filter", "set_integrator", "set_sampler"),
+]
 
 MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
 _FILM = (1280, 720)
 _FAR = 1e6
-_FILTERS = {"box": "box", "triangle": "tent"}
+# A tent of two pixels is nearer to pbrt's Gaussian than ours of Blackman and Harris, which is half as wide.
+_FILTERS = {"box": "box", "triangle": "tent", "gaussian": "tent"}
+FILTER = "tent"  # where none is named
 _UNSAID = ("filename", "savefp16", "diagonal", "coordinatesystem", "buckets", "nbuckets", "lambdamin", "lambdamax")
 
 
@@ -51,11 +57,11 @@ def set_film(source: Parameters, description: SceneDescription, notes: Notes) ->
         if size < 1:
             raise source.place.wrong(f"{name} is {size}; it is at least 1")
         description.defaults[key] = min(size, MAX_SIZE)
+    if source.type not in ("rgb", "gbuffer"):
+        notes.add(source.place, f"{source}: an image of red, green and blue is rendered")
     sensor = source.text("sensor", "cie1931")
     if sensor != "cie1931":
         notes.add(source.place, f"The film sees as the CIE's observer, and not as the sensor {sensor[:40]!r}")
-    if source.number("whitebalance", 0.0) > 0:
-        notes.add(source.place, "whitebalance of the film is not taken over: colours are as the light makes them")
     source.used.update(_UNSAID)
     return _rendered(source, description.defaults["width"], description.defaults["height"])
 
@@ -87,19 +93,37 @@ def set_sampler(source: Parameters, description: SceneDescription) -> None:
     source.used.update(source.values)
 
 
-def set_filter(source: Parameters, description: SceneDescription) -> None:
-    """How wide a pixel looks; pbrt's Gaussian is much as ours of Blackman and Harris."""
-    description.defaults["filter"] = _FILTERS.get(source.type, "blackman-harris")
+def balance_of(film: Parameters | None, notes: Notes) -> Matrix | None:
+    """(3, 3) by which the film balances linear Rec.709; None where it does not."""
+    kelvin = film.number("whitebalance", 0.0) if film is not None else 0.0
+    if film is None or not kelvin > 0:
+        return None
+    if not 1000 <= kelvin <= 1e5:
+        raise film.place.wrong(f"whitebalance is {kelvin:g} kelvins; give a temperature from 1000 to 100000")
+    notes.add(film.place, "whitebalance is that of the lights here: strongly coloured surfaces come out a little otherwise")
+    return balanced(kelvin, film.space)
+
+
+def set_filter(source: Parameters, description: SceneDescription, notes: Notes) -> None:
+    """How wide a pixel looks."""
+    description.defaults["filter"] = _FILTERS.get(source.type, FILTER)
+    if source.type not in _FILTERS:
+        notes.add(source.place, f"{source}: pixels are filtered by a tent of two pixels")
+    elif source.type == "triangle":
+        radii = [source.number(f"{axis}radius", 2.0) for axis in "xy"]
+        if radii != [1.0, 1.0]:
+            notes.add(source.place, f"{source} is two pixels wide here, and not {2 * radii[0]:g} by {2 * radii[1]:g}")
     source.used.add("")  # so that what shapes it is named
 
 
 def set_integrator(source: Parameters, description: SceneDescription, notes: Notes) -> None:
     """How light is followed; pbrt counts bounces, ours the path's segments."""
-    if source.type == "ao":
+    if source.type in ("ambientocclusion", "ao"):
         description.defaults["integrator"] = "ao"
         distance = source.number("maxdistance", math.inf)
         if 0 < distance < 1e15:
             description.defaults["ao_distance"] = distance
+        source.used.add("cossample")
         return
     if source.type not in ("path", "volpath", "simplepath", "simplevolpath", "randomwalk"):
         notes.add(source.place, f"{source}: rendered by path tracing")

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import Vec3
 from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.pbrt.named import METALS
-from renderer.scene.readers.pbrt.parameters import Parameters, text_of
+from renderer.scene.readers.pbrt.parameters import Parameter, text_of
 from renderer.scene.readers.pbrt.spectra import WEIGHTS, Colors
 
-__all__ = ["index_of", "of_reflectance"]
+__all__ = ["absorbing", "index_of", "of_reflectance"]
 
 F64 = npt.NDArray[np.float64]
 _BRIGHTEST = 0.9999  # pbrt's
 _BRIGHTEST_METAL = 0.998
 
 
-def index_of(source: Parameters, colors: Colors, prefix: str = "") -> tuple[Vec3, Vec3]:
-    """eta and k of a conductor; copper where it does not say."""
-    eta, k = source.get(f"{prefix}eta", "spectrum", "rgb", "float"), source.get(f"{prefix}k", "spectrum", "rgb", "float")
+def index_of(eta: Parameter | None, k: Parameter | None, colors: Colors) -> tuple[Vec3, Vec3]:
+    """eta and k of a conductor; copper's where it does not say."""
     names = [text_of(each) if each is not None else "" for each in (eta, k)]
     if eta is None and k is None:
         names = ["metal-Cu-eta", "metal-Cu-k"]
@@ -55,8 +56,13 @@ def _matched(eta: F64, k: F64) -> tuple[Vec3, Vec3]:
 
 def of_reflectance(rgb: Vec3) -> tuple[Vec3, Vec3]:
     """An index of 1 with the k by which head on so much is reflected: pbrt's rule."""
-    values = np.clip(np.array(rgb), 0.0, _BRIGHTEST)
-    return (1.0, 1.0, 1.0), _vec(2 * np.sqrt(values) / np.sqrt(1 - values))
+    return (1.0, 1.0, 1.0), _vec(absorbing(np.array(rgb)))
+
+
+def absorbing(reflectance: npt.NDArray[Any]) -> F64:
+    """The k by which a metal of an index of 1 reflects so much head on."""
+    values = np.clip(np.asarray(reflectance, np.float64), 0.0, _BRIGHTEST)
+    return np.asarray(2 * np.sqrt(values) / np.sqrt(1 - values))
 
 
 def _vec(values: F64) -> Vec3:

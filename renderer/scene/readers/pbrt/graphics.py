@@ -18,6 +18,7 @@ from renderer.scene.readers.pbrt import cameras, transforms
 from renderer.scene.readers.pbrt.lights import Lights
 from renderer.scene.readers.pbrt.materials import Materials
 from renderer.scene.readers.pbrt.notes import Notes, Place
+from renderer.scene.readers.pbrt.options import note_option
 from renderer.scene.readers.pbrt.parameters import Parameter, Parameters
 from renderer.scene.readers.pbrt.shapes import Looks, Shapes
 from renderer.scene.readers.pbrt.spectra import SPACES, Colors
@@ -48,6 +49,7 @@ _DIRECTIVES = (
     *("MakeNamedMaterial", "NamedMaterial", "Texture", "LightSource", "AreaLightSource", "Shape", "MakeNamedMedium"),
     "MediumInterface",
 )
+_ATTRIBUTES = ("shape", "light", "material", "medium", "texture")
 _MEDIA = "Media are not rendered: the scene is as in clear air"
 
 
@@ -239,6 +241,8 @@ class Graphics:
 
     def _on_attribute(self, statement: Statement) -> None:
         (target,), found = Parameters.of("Attribute", statement, 1, self._state.space)
+        if target not in _ATTRIBUTES:
+            raise statement.place.wrong(f"Attribute speaks of {', '.join(_ATTRIBUTES)}, and not of {target[:40]!r}")
         known = dict(self._state.attributes)
         known[target] = known.get(target, {}) | found.values
         self._state.attributes = known
@@ -247,7 +251,7 @@ class Graphics:
         self._state.reverse = not self._state.reverse
 
     def _on_color_space(self, statement: Statement) -> None:
-        name = self._name(statement)
+        name = self._name(statement).lower()
         if name not in SPACES:
             raise statement.place.wrong(f"{name[:40]!r} is no colour space of pbrt's; they are {', '.join(SPACES)}")
         self._state.space = name
@@ -271,13 +275,13 @@ class Graphics:
         cameras.set_sampler(self._kept(statement, "sampler"), self._description)
 
     def _on_pixel_filter(self, statement: Statement) -> None:
-        cameras.set_filter(self._kept(statement, "filter"), self._description)
+        cameras.set_filter(self._kept(statement, "filter"), self._description, self._notes)
 
     def _on_accelerator(self, statement: Statement) -> None:
         """Trees are ours."""
 
     def _on_option(self, statement: Statement) -> None:
-        """Options are of pbrt's running, not of the scene."""
+        note_option(self._name(statement), statement, self._notes)
 
     def _on_world_begin(self, statement: Statement) -> None:
         if self._shapes is not None:
@@ -285,6 +289,7 @@ class Graphics:
         description = self._description
         source = self._camera[0] if self._camera else None
         self._lights.exposure = cameras.exposure_of(source, self._film)
+        self._lights.balance = cameras.balance_of(self._film, self._notes)
         opens, closes = (
             sorted((source.number("shutteropen", 0.0), source.number("shutterclose", 1.0))) if source is not None else (0.0, 1.0)
         )
@@ -299,6 +304,7 @@ class Graphics:
             description.defaults.setdefault(key, size)
         description.defaults.setdefault("spp", 16)
         description.defaults.setdefault("max_depth", 6)
+        description.defaults.setdefault("filter", cameras.FILTER)
         if cameras.mirrors(source, to_world):
             outer = cameras.MIRROR
         if self._camera is not None:

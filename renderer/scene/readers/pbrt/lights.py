@@ -12,12 +12,13 @@ import numpy as np
 from renderer.scene.description import Environment, Image, Light, SceneDescription, Vec3
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix, product
+from renderer.scene.readers.linear import linear
 from renderer.scene.readers.pbrt.equal_area import equirectangular
 from renderer.scene.readers.pbrt.materials import Emission
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.spectra import luminance
-from renderer.scene.readers.pbrt.textures import Textures, linear
+from renderer.scene.readers.pbrt.textures import Textures
 
 __all__ = ["Lights"]
 
@@ -26,11 +27,12 @@ _MOST_LIGHTS = 1_000_000
 
 
 class Lights:
-    """Adds lights to a description. exposure: of the film, which all light is multiplied by."""
+    """Adds lights to a description. exposure: of the film, which all light is multiplied by; balance: (3, 3) of it, likewise."""
 
     def __init__(self, files: SceneFiles, textures: Textures, description: SceneDescription, notes: Notes) -> None:
         self._files, self._textures, self._description, self._notes = files, textures, description, notes
         self.exposure = 1.0
+        self.balance: Matrix | None = None
 
     def add(self, source: Parameters, world: Matrix) -> None:
         """A light of the scene. world: (4, 4), of its own space."""
@@ -98,7 +100,8 @@ class Lights:
         return self._textures.colors.light(source.color(name))
 
     def _times(self, rgb: Vec3, factor: float) -> Vec3:
-        r, g, b = (min(max(v * factor * self.exposure, 0.0), _MOST) for v in rgb)
+        seen = rgb if self.balance is None else (float((row * rgb).sum()) for row in self.balance)
+        r, g, b = (min(max(v * factor * self.exposure, 0.0), _MOST) for v in seen)
         return r, g, b
 
     @staticmethod
@@ -164,10 +167,13 @@ class Lights:
             pixels = _square(pixels)
         if illuminance > 0:
             scale *= illuminance / max(_illuminance(pixels), 1e-9)
+        if self.balance is not None:
+            pixels = np.ascontiguousarray(np.maximum(pixels @ self.balance.T.astype(np.float32), 0))
         turn = _rotation(world[:3, :3])
         around = Image(f"{name} all around", equirectangular(pixels, turn), srgb=False)
         self._description.images[image] = around  # nothing else looks at what it was
-        self._surround(Environment(self._times((1.0, 1.0, 1.0), scale), image), source)
+        strength = min(max(scale * self.exposure, 0.0), _MOST)
+        self._surround(Environment((strength,) * 3, image), source)
 
     def _surround(self, environment: Environment, source: Parameters) -> None:
         first = self._description.environment

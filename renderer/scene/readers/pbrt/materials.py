@@ -13,13 +13,16 @@ import numpy as np
 
 from renderer.scene.description import Image, Material, SceneDescription, Vec3
 from renderer.scene.readers.brushed import brushed
-from renderer.scene.readers.coats import coat_over, pane_ior, under_a_coat
+from renderer.scene.readers.coats import pane_ior
+from renderer.scene.readers.linear import linear
 from renderer.scene.readers.metals import head_on
-from renderer.scene.readers.pbrt.conductors import index_of, of_reflectance
+from renderer.scene.readers.mixed import mixed
+from renderer.scene.readers.pbrt.coats import coat_of, metal_beneath, paint_beneath
+from renderer.scene.readers.pbrt.conductors import absorbing, index_of, of_reflectance
 from renderer.scene.readers.pbrt.mappings import Mapping
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
-from renderer.scene.readers.pbrt.textures import Textures, Varying, linear
+from renderer.scene.readers.pbrt.textures import Textures, Varying
 
 __all__ = ["Emission", "Materials", "is_nothing"]
 
@@ -27,7 +30,7 @@ _HALF: Vec3 = (0.5, 0.5, 0.5)
 _NO_LIGHT: Vec3 = (0.0, 0.0, 0.0)
 _SMOOTH = 1e-3  # alpha, below which pbrt takes a surface for a mirror
 _MAX_NESTED = 16
-_IGNORED = ("thickness", "maxdepth", "nsamples", "regularize")
+_IGNORED = ("maxdepth", "nsamples")
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,8 @@ class Materials:
         key = (id(source), emission, alpha)
         if key not in self._numbers:
             made = Material(base_color=_HALF) if source is None else self.of(source, 0)
-            made = self._cut(made, alpha, source)
+            is_lamp = alpha.is_constant and alpha.value[0] <= 0
+            made = replace(made, lamp=True, unseen=True) if is_lamp else self._cut(made, alpha, source)
             made = replace(made, emission=emission.radiance, emission_texture=emission.texture, double_sided=emission.both_sides)
             self._description.materials.append(made)
             self._numbers[key] = len(self._description.materials) - 1
@@ -108,27 +112,39 @@ class Materials:
     def _coated(self, source: Parameters) -> Material:
         """Paint under varnish: what of the light that enters comes out again, after being thrown back within."""
         color = self._textures.color(source, "reflectance", _HALF)
-        ior, _ = self._textures.colors.index(source.get("eta", "float", "spectrum"))
+        ior, _ = self._textures.colors.index(self._textures.index(source, "eta"))
         ior = min(max(ior, 1.0), 4.0)
         self._medium(source)
-        inner = coat_over(ior)
+        rough = self._rough(source, "")
+        coat = coat_of(ior, self._mean_alpha(rough), self._thickness(source), min(max(source.integer("maxdepth", 10), 1), 1000))
         if color.texture is None:
-            color = Varying(under_a_coat(color.value, inner))
+            color = Varying(paint_beneath(color.value, coat))
         else:
             factor = color.value
             texture = self._textures.shelf.derived(
                 color.texture,
-                f"under a coat of {inner} by {factor}",
-                lambda it: Image(f"{it.name} coated", under_a_coat(linear(it) * np.array(factor, np.float32), inner), False),
+                f"under a coat {coat} by {factor}",
+                lambda it: Image(f"{it.name} coated", paint_beneath(linear(it) * np.array(factor, np.float32), coat), False),
             )
             color = Varying((1.0, 1.0, 1.0), texture)
-        made = _painted(color)
-        return replace(made, kind="metallic_roughness", ior=ior, **self._rough(source, ""))
+        return replace(_painted(color), kind="metallic_roughness", ior=ior, **rough)
+
+    def _thickness(self, source: Parameters) -> float:
+        return min(max(self._textures.one_number(source, "thickness", 0.01), 0.0), 100.0)
+
+    def _mean_alpha(self, rough: dict[str, Any]) -> float:
+        """Of a coat's facets, where it is brushed or varies."""
+        least: float = rough["roughness"] ** 2
+        texture = rough.get("metallic_roughness_texture")
+        if texture is not None:
+            least = float((linear(self._textures.shelf.image_of(texture))[..., 1] ** 2).mean(dtype=np.float64))
+        most = least + (1 - least) * rough.get("anisotropy", 0.0) ** 2
+        return round(math.sqrt(least * most), 4)
 
     def _conductor(self, source: Parameters) -> Material:
         rough = self._rough(source, "")
         if source.get("reflectance") is None:
-            eta, k = index_of(source, self._textures.colors)
+            eta, k = self._eta_and_k(source, "")
             return Material(kind="conductor", eta=eta, k=k, **rough)
         color = self._textures.color(source, "reflectance", _HALF)
         if color.is_constant:
@@ -136,18 +152,42 @@ class Materials:
             return Material(kind="conductor", eta=eta, k=k, **rough)
         return replace(_painted(color), kind="metallic_roughness", metallic=1.0, **rough)
 
+    def _eta_and_k(self, source: Parameters, prefix: str) -> tuple[Vec3, Vec3]:
+        eta, k = (self._textures.index(source, f"{prefix}{each}") for each in ("eta", "k"))
+        return index_of(eta, k, self._textures.colors)
+
     def _coated_conductor(self, source: Parameters) -> Material:
         self._medium(source)
-        ior, _ = self._textures.colors.index(source.get("interface.eta", "float", "spectrum"))
+        ior, _ = self._textures.colors.index(self._textures.index(source, "interface.eta"))
+        ior = ior if ior > 0 else 1.0
+        thickness = self._thickness(source)
+
+        def beneath(eta: np.ndarray, k: np.ndarray) -> np.ndarray:
+            return metal_beneath(head_on(eta / ior, k / ior), ior, thickness)
+
         if source.get("reflectance") is not None:
             color = self._textures.color(source, "reflectance", _HALF)
+            if color.texture is None:
+                r, g, b = (float(v) for v in beneath(*(np.array(v) for v in of_reflectance(color.value))))
+                color = Varying((r, g, b))
+            else:
+                factor = np.array(color.value, np.float32)
+                texture = self._textures.shelf.derived(
+                    color.texture,
+                    f"metal under a coat of {ior} and {thickness} by {color.value}",
+                    lambda it: Image(
+                        f"{it.name} coated", beneath(np.ones(1), absorbing(linear(it) * factor)).astype(np.float32), False
+                    ),
+                )
+                color = Varying((1.0, 1.0, 1.0), texture)
         else:
-            eta, k = (np.array(v) / max(ior, 1e-3) for v in index_of(source, self._textures.colors, "conductor."))
-            r, g, b = (float(v) for v in head_on(eta, k))
+            eta, k = (np.array(v) for v in self._eta_and_k(source, "conductor."))
+            r, g, b = (float(v) for v in beneath(eta, k))
             color = Varying((r, g, b))
         coat = self._rough(source, "interface.")
         self._notes.add(
-            source.place, "coatedconductor is rendered as a metal under a clear coat, without what bounces between them"
+            source.place,
+            "coatedconductor is rendered as a metal under a clear coat of index 1.5, with what bounces between them head on",
         )
         metal = self._rough(source, "conductor.")
         clear = float(coat.get("roughness", 0.0))
@@ -156,7 +196,7 @@ class Materials:
         )
 
     def _glass(self, source: Parameters) -> Material:
-        ior, dispersion = self._textures.colors.index(source.get("eta", "float", "spectrum"))
+        ior, dispersion = self._textures.colors.index(self._textures.index(source, "eta"))
         if not ior > 0:
             raise source.place.wrong(f"{source} has the index {ior:g}; it is above 0")
         if ior < 1:
@@ -207,19 +247,17 @@ class Materials:
             )
         amount = min(max(self._textures.one_number(source, "amount", 0.5), 0.0), 1.0)
         first, second = (self.of(part, depth + 1) for part in parts if part is not None)
-        if amount in (0.0, 1.0):
-            return second if amount else first
-        if first.kind == second.kind == "diffuse" and first.base_color_texture is second.base_color_texture is None:
-            r, g, b = (a * (1 - amount) + b * amount for a, b in zip(first.base_color, second.base_color, strict=True))
-            return replace(first, base_color=(r, g, b))
-        self._notes.add(source.place, f"{source} mixes two materials: the one that counts for more is rendered")
-        return second if amount > 0.5 else first
+        made = mixed(first, second, amount)
+        if made is None:
+            self._notes.add(source.place, f"{source} mixes what ours cannot as one: the one that counts for more is rendered")
+            return second if amount > 0.5 else first
+        return made
 
     def _nearest(self, source: Parameters) -> Material:
         """What pbrt renders and ours does not."""
         if source.type == "subsurface":
             color = self._textures.color(source, "reflectance", _HALF)
-            ior, _ = self._textures.colors.index(source.get("eta", "float", "spectrum"))
+            ior, _ = self._textures.colors.index(self._textures.index(source, "eta"))
             self._notes.add(source.place, "Light below the surface of a subsurface material is not followed: rendered as paint")
             made = replace(_painted(color), kind="metallic_roughness", ior=min(max(ior, 1.0), 4.0), **self._rough(source, ""))
         elif source.type == "hair":

@@ -32,7 +32,7 @@ _FLAT = 1e-5
 def mesh_of(source: Parameters, files: SceneFiles, notes: Notes, growth: Growth) -> Mesh:
     """The mesh of a shape. Raises SceneError."""
     if source.type == "trianglemesh":
-        return _triangles(source)
+        return _triangles(source, notes)
     if source.type == "plymesh":
         return _of_file(source, files, notes)
     if source.type == "bilinearmesh":
@@ -40,13 +40,13 @@ def mesh_of(source: Parameters, files: SceneFiles, notes: Notes, growth: Growth)
     return _subdivided(source, notes, growth)
 
 
-def _triangles(source: Parameters) -> Mesh:
+def _triangles(source: Parameters, notes: Notes) -> Mesh:
     points = _points(source)
     indices = _indices(source, len(points), 3, None if len(points) != 3 else np.arange(3))
     mesh = Mesh("trianglemesh", points.astype(np.float32), indices.astype(np.int32))
     mesh.normals, mesh.uvs = _vectors(source, "N", len(points)), _uvs(source, len(points))
     if source.get("S") is not None:
-        mesh.tangents = None
+        notes.add(source.place, "Tangents of a mesh (S) are not taken over: they are those of its UVs")
     return _facing(mesh)
 
 
@@ -128,7 +128,7 @@ def _subdivided(source: Parameters, notes: Notes, growth: Growth) -> Mesh:
         notes.add(source.place, f"{source} is refined {levels} times and not {wanted}, so that it does not grow too large")
     fine, faces = subdivided(points, triangles, levels)
     mesh = Mesh("loopsubdiv", fine.astype(np.float32), faces.astype(np.int32))
-    return smoothed(mesh, _EVERY_EDGE)
+    return turned(smoothed(mesh, _EVERY_EDGE))  # pbrt's normals of it are on the side from which its triangles run clockwise
 
 
 def turned(mesh: Mesh) -> Mesh:

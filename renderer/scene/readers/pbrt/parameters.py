@@ -43,6 +43,7 @@ class Parameters:
     values: dict[str, Parameter] = field(default_factory=dict)
     defaults: dict[str, Parameter] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
+    space: str = "srgb"  # the colour space where it stands
 
     @classmethod
     def of(cls, what: str, statement: Statement, names: int, space: str) -> tuple[list[str], Parameters]:
@@ -52,7 +53,7 @@ class Parameters:
         if len(first) < names or not all(isinstance(each, str | tuple) for each in first):
             raise place.wrong(f'{statement.directive} takes {names} name{"s" if names > 1 else ""} in quotes, as "diffuse"')
         called = [each if isinstance(each, str) else str(each[0]) if len(each) else "" for each in first]
-        made = cls(what, called[-1] if called else "", place)
+        made = cls(what, called[-1] if called else "", place, space=space)
         rest = arguments[names:]
         for declared, value in zip(rest[::2], rest[1::2], strict=False):
             parameter, name = _declared(declared, value, statement, space)

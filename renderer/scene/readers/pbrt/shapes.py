@@ -20,7 +20,7 @@ from renderer.scene.readers.pbrt.meshes import MESHES, mesh_of, turned, with_uvs
 from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.quadrics import QUADRICS, Quadric, quadric, shape_key, whole_sphere
-from renderer.scene.readers.pbrt.textures import Textures
+from renderer.scene.readers.pbrt.textures import Textures, Varying
 from renderer.scene.readers.pbrt.transforms import Ctm, between
 from renderer.scene.readers.strands import Strand, together
 
@@ -28,6 +28,7 @@ __all__ = ["Looks", "Part", "Shapes"]
 
 _MOST_INSTANCES = 500_000
 _ROUND = 1e-4
+_UNSEEN = Varying((0.0, 0.0, 0.0))
 
 
 class Looks(NamedTuple):
@@ -114,10 +115,14 @@ class Shapes:
             source.used.update(source.values)
             self._notes.add(source.place, "A surface that only bounds a medium is not seen, and left out")
             return
+        if source.type in QUADRICS and float(np.linalg.det(looks.ctm[0][:3, :3])) < 0:
+            self._note_mirrored(source, looks)
         alpha = self._textures.number(source, "alpha", 1.0)
         if alpha.is_constant and alpha.value[0] <= 0:
-            source.used.update(source.values)
-            return
+            if looks.area is None or self.in_object:
+                source.used.update(source.values)
+                return
+            looks, alpha = looks._replace(material=None), _UNSEEN  # it is not met, and shines all the same
         if source.type == "curve":
             strand = strand_of(source, self._notes)
             number = self._materials.number(looks.material, self._emission(looks, np.zeros(0)), alpha)
@@ -145,6 +150,11 @@ class Shapes:
         self._add_mesh(replace(mesh, material=number), looks.ctm)
         if shared is not None:
             self._quadrics[shared] = len(self._description.meshes) - 1
+
+    def _note_mirrored(self, source: Parameters, looks: Looks) -> None:
+        """pbrt's quadrics that are mirrored face inwards where rays meet them, and outwards where light is sampled."""
+        if looks.area is not None or (looks.material is not None and looks.material.type == "dielectric"):
+            self._notes.add(source.place, f"{source} is mirrored: its inside stays inside, where pbrt turns it inside out")
 
     def flush(self) -> None:
         """Makes meshes of the curves so far."""

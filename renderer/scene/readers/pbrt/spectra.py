@@ -20,7 +20,7 @@ from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.observer import D65, MATCHING, at_wavelengths, planck
 from renderer.scene.readers.pbrt.parameters import Parameter, text_of
 
-__all__ = ["SPACES", "WEIGHTS", "Colors", "luminance"]
+__all__ = ["SPACES", "WEIGHTS", "Colors", "balanced", "luminance"]
 
 F64 = npt.NDArray[np.float64]
 
@@ -45,6 +45,28 @@ _FROM_XYZ = np.linalg.inv(_to_xyz("srgb"))
 _INTO_709 = {space: np.eye(3) if space == "srgb" else _FROM_XYZ @ _to_xyz(space) for space in SPACES}
 WEIGHTS = _FROM_XYZ @ (MATCHING * D65)
 WEIGHTS = WEIGHTS / WEIGHTS.sum(axis=1, keepdims=True)  # (3, W): how much each wavelength of daylight adds to a colour
+
+
+# Source: the cone responses of Bradford's chromatic adaptation, as CIE 160:2004 has them.
+_CONES = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+
+
+def balanced(kelvin: float, space: str) -> F64:
+    """(3, 3) by which a film of a colour space that takes daylight of this temperature for white shows linear Rec.709."""
+    if kelvin < 4000:
+        source = MATCHING @ planck(kelvin)
+    else:
+        t = 1000 / (kelvin * 1.4388 / 1.4380)  # the phases of daylight: CIE 015:2018, 4.1.2
+        x = (
+            0.244063 + t * (0.09911 + t * (2.9678 - t * 4.6070))
+            if kelvin <= 7000
+            else 0.237040 + t * (0.24748 + t * (1.9018 - t * 2.0064))
+        )
+        y = -3 * x * x + 2.87 * x - 0.275
+        source = np.array([x, y, 1 - x - y])
+    target = _to_xyz(space).sum(axis=1)
+    gains = (_CONES @ target / target[1]) / (_CONES @ source / source[1])
+    return np.asarray(_FROM_XYZ @ np.linalg.solve(_CONES, gains[:, None] * _CONES) @ _to_xyz("srgb"))
 
 
 def luminance(rgb: Vec3) -> float:

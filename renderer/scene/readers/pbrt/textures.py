@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.image.tonemap import decode_srgb, encode_srgb
+from renderer.image.tonemap import encode_srgb
 from renderer.scene.description import Image, SceneDescription, TexelFilter, UvTransform, Vec3, Wrap
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix
+from renderer.scene.readers.linear import linear
 from renderer.scene.readers.pbrt.baked import SIZE, Grid, checks, grid, looked_up
 from renderer.scene.readers.pbrt.mappings import UPRIGHT, Mapping, mapping_of
 from renderer.scene.readers.pbrt.notes import Notes
@@ -89,6 +90,19 @@ class Textures:
         if owner.names_texture(name):
             return self._of_name(owner, name, "float", (default,) * 3)
         return Varying((owner.number(name, default),) * 3)
+
+    def index(self, owner: Parameters, name: str) -> Parameter | None:
+        """An index of refraction: of a texture what it is everywhere, or its mean, which is noted."""
+        if not owner.names_texture(name):
+            return owner.get(name, "float", "spectrum", "rgb")
+        wanted = owner.text(name)
+        found = self.named.get(("spectrum", wanted)) or self.named.get(("float", wanted))
+        if found is not None and found.parameters.type == "constant":
+            return found.parameters.get("value", "float", "rgb", "spectrum")
+        kind = "float" if ("spectrum", wanted) not in self.named else "spectrum"
+        mean = self.mean(self._of_name(owner, name, kind, _ONE))
+        self._notes.add(owner.place, f"{name} of {owner} varies over the surface: its mean is taken")
+        return Parameter("rgb", np.array(mean), owner.place, owner.space)
 
     def mean(self, varying: Varying) -> Vec3:
         """The mean of a value over its texture."""
@@ -273,6 +287,8 @@ class Textures:
         filter: TexelFilter = "nearest" if source.text("filter", "bilinear") == "point" else "linear"
         source.used.add("maxanisotropy")
         texture = self.shelf.texture(image, wrap, wrap, int(mapping is not None), self._place(definition), (), filter)
+        if definition.kind == "float" and texture is not None:
+            texture = self._of_red(texture)
         scale = source.number("scale", 1.0)
         if source.flag("invert", False):
             texture = self.shelf.derived(
@@ -282,6 +298,16 @@ class Textures:
             )
             scale = 1.0
         return Varying((scale,) * 3, texture, mapping)
+
+    def _of_red(self, texture: int) -> int:
+        """A texture of numbers: pbrt looks at the first channel alone."""
+        pixels = self.shelf.image_of(texture).pixels
+        if all(np.array_equal(pixels[..., 0], pixels[..., channel]) for channel in (1, 2)):
+            return texture
+        made = self.shelf.derived(
+            texture, "red", lambda it: Image(f"{it.name} of red", np.repeat(linear(it)[..., :1], 3, axis=-1), False)
+        )
+        return texture if made is None else made
 
     def _checks(self, definition: Definition, first: Vec3, second: Vec3) -> Varying:
         su, _, du, _, sv, dv = self._place(definition)
@@ -356,15 +382,6 @@ class Textures:
         self._notes.add(source.place, f"{source} is not read: one value stands for all of it")
         source.used.update(source.values)
         return np.full((SIZE, SIZE, 3), 0.5)
-
-
-def linear(image: Image) -> np.ndarray:
-    """(h, w, 3) float32 of an image's pixels, as light is added."""
-    pixels = np.asarray(image.pixels[..., :3])
-    if pixels.dtype != np.uint8:
-        return np.asarray(pixels, np.float32)
-    table = np.arange(256, dtype=np.float32) / 255
-    return np.asarray((decode_srgb(table) if image.srgb else table)[pixels], np.float32)
 
 
 def _unit(rgb: Vec3) -> Vec3:

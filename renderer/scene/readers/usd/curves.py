@@ -72,6 +72,11 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
     tint = primvars.found(prim, color) if color else None
     colors = None if tint is None else primvars.array(tint.ComputeFlattened(time), 3).astype(np.float64)
     sides = 12 if len(counts) <= _FEW else 4
+    if curves.GetNormalsAttr().HasAuthoredValue() or primvars.found(prim, "normals") is not None:
+        notes.add("Curves that are ribbons by their normals are drawn as tubes", path)
+    spans = np.zeros(len(counts), np.int64)  # values of each curve that vary along it
+    for count in np.unique(counts):
+        spans[counts == count] = curve_weights(int(count), basis, wrap)[1].shape[1]
     pieces = []
     total = 0
     for count in np.unique(counts):
@@ -86,10 +91,10 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
         first = (np.cumsum(counts) - counts)[which]
         own = points[first[:, None] + np.arange(count)]
         lines = np.einsum("sc,ncx->nsx", weights, own)
-        radii = _along(widths, interpolation, which, first, counts, weights, between)[..., 0] / 2
+        radii = _along(widths, interpolation, which, first, spans, weights, between)[..., 0] / 2
         shown = None
         if colors is not None and tint is not None:
-            shown = _along(colors, tint.GetInterpolation(), which, first, counts, weights, between)
+            shown = _along(colors, tint.GetInterpolation(), which, first, spans, weights, between)
         pieces.append(tubes(lines, np.maximum(radii, 0), shown, sides))
     if not pieces:
         return None
@@ -108,20 +113,18 @@ def _along(
     interpolation: str,
     which: npt.NDArray[np.int64],
     first: npt.NDArray[np.int64],
-    counts: npt.NDArray[np.int64],
+    spans: npt.NDArray[np.int64],
     weights: F64,
     between: F64,
 ) -> F64:
     """(curves, samples, w) values along some curves; the first one everywhere where they do not fit."""
-    samples, varying = len(weights), between.shape[1]
+    samples, (_, points) = len(weights), weights.shape
     shape = (len(which), samples, values.shape[1])
-    if interpolation == "uniform" and len(values) == len(counts):
+    if interpolation == "uniform" and len(values) == len(spans):
         return np.broadcast_to(values[which][:, None], shape)
-    if interpolation == "vertex" and len(values) == counts.sum():
-        own = values[first[:, None] + np.arange(weights.shape[1])]
-        return np.einsum("sc,ncx->nsx", weights, own)
-    if interpolation == "varying" and (counts == counts[which[0]]).all() and len(values) == varying * len(counts):
-        return np.einsum("sc,ncx->nsx", between, values.reshape(len(counts), varying, -1)[which])
-    if interpolation in ("varying", "vertex") and len(values) == counts.sum() and weights.shape == between.shape:
-        return np.einsum("sc,ncx->nsx", weights, values[first[:, None] + np.arange(weights.shape[1])])
+    if interpolation == "varying" and len(values) == spans.sum():
+        begin = (np.cumsum(spans) - spans)[which]
+        return np.einsum("sc,ncx->nsx", between, values[begin[:, None] + np.arange(between.shape[1])])
+    if interpolation == "vertex" and len(values) >= int(first.max()) + points:
+        return np.einsum("sc,ncx->nsx", weights, values[first[:, None] + np.arange(points)])
     return np.broadcast_to(values[0], shape)

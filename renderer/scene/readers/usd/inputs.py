@@ -53,6 +53,10 @@ class Following(Protocol):
         """Which set of UVs a texture lies by, and what they go through first."""
         ...
 
+    def primvar(self, name: str | None, fallback: Any) -> Input:
+        """What a primvar is on the prim that shows the material."""
+        ...
+
     def uv_set(self, name: str) -> int:
         """The number of a set of UVs by its primvar's name."""
         ...

@@ -43,6 +43,10 @@ class Stage:
     def span(self) -> tuple[float, float] | None:
         """The first and the last time code at which anything is said; None where nothing moves."""
         times = [time for layer in self._layers for time in (*_ends(layer), *_knots(layer))]
+        if times and any(
+            _shifts(layer) or layer.timeCodesPerSecond != self.stage.GetTimeCodesPerSecond() for layer in self._layers
+        ):
+            times = list(_composed_times(self.stage)) or times
         return (min(times), max(times)) if times else None
 
 
@@ -125,9 +129,18 @@ class _Opener:
                         found = None
                     else:
                         waiting.append(found)
-                layer.UpdateCompositionAssetDependency(reference, "" if found is None else self.opened[found].identifier)
+                self._replace(layer, reference, "" if found is None else self.opened[found].identifier)
             self._without_clips(layer)
         return self.opened[name]
+
+    @staticmethod
+    def _replace(layer: Any, reference: str, identifier: str) -> None:
+        """Has a layer lead elsewhere, a sublayer at the times that it had: USD forgets them."""
+        offsets = [o for path, o in zip(layer.subLayerPaths, layer.subLayerOffsets, strict=True) if path == reference]
+        layer.UpdateCompositionAssetDependency(reference, identifier)
+        at = [number for number, path in enumerate(layer.subLayerPaths) if identifier and path == identifier]
+        for number, offset in zip(at, offsets, strict=False):
+            layer.subLayerOffsets[number] = offset
 
     def _found(self, reference: str, beside: str) -> str | None:
         if reference.startswith("`"):
@@ -171,6 +184,30 @@ class _Opener:
                     self._notes.add("Value clips are not read here; what plays them stands still", str(path))
 
         layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+
+
+def _shifts(layer: Any) -> bool:
+    """Whether a layer plays what it leads to at other times."""
+    if any(not offset.IsIdentity() for offset in layer.subLayerOffsets):
+        return True
+    found: list[Any] = []
+
+    def visit(path: Any) -> None:
+        spec = layer.GetPrimAtPath(path) if path.IsPrimPath() or path.IsPrimVariantSelectionPath() else None
+        for info, given in (("references", "referenceList"), ("payload", "payloadList")):
+            if spec is not None and not found and spec.HasInfo(info):
+                found.extend(arc for arc in getattr(spec, given).GetAddedOrExplicitItems() if not arc.layerOffset.IsIdentity())
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+    return bool(found)
+
+
+def _composed_times(stage: Any) -> Iterator[float]:
+    """The first and the last time of every attribute, as the stage plays it."""
+    for prim in stage.Traverse(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
+        for attribute in prim.GetAuthoredAttributes():
+            if attribute.ValueMightBeTimeVarying() and (times := attribute.GetTimeSamples()):
+                yield from (float(times[0]), float(times[-1]))
 
 
 def _ends(layer: Any) -> list[float]:

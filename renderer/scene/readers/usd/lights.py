@@ -15,7 +15,7 @@ from renderer.scene.readers.numbers import blended_cone
 from renderer.scene.readers.shapes import disk, lathe, quad
 from renderer.scene.readers.usd.notes import Notes
 
-__all__ = ["Lamp", "is_light", "lamp_of", "radiance_of"]
+__all__ = ["Lamp", "glow_of", "is_light", "lamp_of", "radiance_of"]
 
 _MOST = 1e9
 _BLENDERS_SUN = 4.0  # Blender writes a fourth of what its suns shine with, and its own reader knows that
@@ -50,6 +50,21 @@ def radiance_of(light: Any, time: Any, size: float = 1.0) -> Vec3:
         scale /= size
     r, g, b = (float(c) for c in np.nan_to_num(np.clip(color * scale, 0.0, _MOST)))
     return r, g, b
+
+
+def glow_of(light: Any, material: Material, area: float, time: Any) -> dict[str, Any]:
+    """What a surface is that shines by MeshLightAPI. area: of the mesh, in the stage's units.
+
+    How its material takes part is materialSyncMode: what glows gives the light its colour, unless the light does without.
+    """
+    radiance = radiance_of(light, time, area)
+    said = light.GetMaterialSyncModeAttr().Get(time)
+    if said == "noMaterialResponse":
+        return {"base_color": (0.0, 0.0, 0.0), "base_color_texture": None, "emission": radiance, "emission_texture": None}
+    if max(material.emission) == 0:
+        return {"emission": radiance}
+    (r, g, b), (x, y, z) = radiance, material.emission
+    return {"emission": (r + x, g + y, b + z) if said == "independent" else (r * x, g * y, b * z)}
 
 
 def lamp_of(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes) -> Lamp | None:
@@ -202,6 +217,9 @@ def _note(light: Any, prim: Any, time: Any, notes: Notes) -> None:
     for attribute in (light.GetDiffuseAttr(), light.GetSpecularAttr()):
         if attribute.Get(time) not in (None, 1.0):
             notes.add("Lights that shine differently on diffuse and glossy surfaces shine on both alike", name)
+    shadow = UsdLux.ShadowAPI(prim) if prim.HasAPI(UsdLux.ShadowAPI) else None
+    if shadow and shadow.GetShadowEnableAttr().Get(time) is False:
+        notes.add("Lights without shadows cast them", name)
     if light.GetFiltersRel().HasAuthoredTargets():
         notes.add("Filters of lights are left out", name)
     for collection in (light.GetLightLinkCollectionAPI(), light.GetShadowLinkCollectionAPI()):

@@ -15,13 +15,11 @@ from renderer.scene.normals import face_normals, smoothed
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces, cut, joined
-from renderer.scene.readers.usd.subdivision import Cage, limit, refined
+from renderer.scene.readers.usd.refining import of_boundary, refine
 
-__all__ = ["Wanted", "deforms", "read_mesh"]
+__all__ = ["Wanted", "area_of", "deforms", "read_mesh"]
 
 MAX_VERTICES = 1 << 26
-MAX_LEVEL = 2
-MAX_REFINED = 4_000_000  # triangles of a mesh that it is refined to
 
 
 class Wanted(NamedTuple):
@@ -47,6 +45,20 @@ def deforms(prim: Any) -> bool:
     if any(attribute.ValueMightBeTimeVarying() for attribute in attributes):
         return True
     return any(primvar.ValueMightBeTimeVarying() for primvar in UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithAuthoredValues())
+
+
+def area_of(prim: Any, place: npt.NDArray[np.float64], time: Any) -> float:
+    """The area of a mesh at a place (4, 4)."""
+    mesh = UsdGeom.Mesh(prim)
+    points = primvars.array(mesh.GetPointsAttr().Get(time), 3)
+    counts, corners = (primvars.integers(a.Get(time)) for a in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()))
+    if not _is_whole(points, counts, corners):
+        return 0.0
+    faces, _ = Faces(counts, corners).kept(counts >= 3)
+    placed = (points @ place[:3, :3].T).astype(np.float32)
+    return (
+        float(np.linalg.norm(face_normals(placed, faces.corners[cut(faces, placed, False)].astype(np.int32)), axis=1).sum()) / 2
+    )
 
 
 def read_mesh(
@@ -81,7 +93,9 @@ def read_mesh(
     solid[holes[(holes >= 0) & (holes < len(solid))]] = False
     is_refined = scheme == "catmullClark"
     if is_refined:
-        points, faces, attributes, parent = _refined(mesh, points, faces, attributes, solid, time)
+        if mesh.GetInterpolateBoundaryAttr().Get(time) == "none":
+            solid &= ~of_boundary(faces)
+        points, faces, attributes, parent = refine(mesh, points, faces, attributes, time)
         of, solid = None if of is None else of[parent], solid[parent]
     mirrored = mesh.GetOrientationAttr().Get(time) == "leftHanded"
     name = prim.GetName()
@@ -144,69 +158,6 @@ def _normals(mesh: Any, scheme: str, faces: Faces, points: int, time: Any, notes
         return None
     path = mesh.GetNormalsAttr().GetPath()
     return primvars.spread(values, None, mesh.GetNormalsInterpolation(), faces, points, path, notes)
-
-
-def _refined(
-    mesh: Any, points: F32, faces: Faces, attributes: dict[str, AtCorners], solid: npt.NDArray[np.bool_], time: Any
-) -> tuple[F32, Faces, dict[str, AtCorners], Codes]:
-    """The mesh some levels finer, and which of its faces each of the new ones is a part of. Holes are refined, too."""
-    old = np.arange(len(faces.counts))
-    whole = faces.counts >= 3
-    faces, corners = faces.kept(whole)
-    attributes, old = {name: values.at(corners) for name, values in attributes.items()}, old[whole]
-    smooth = {name: values for name, values in attributes.items() if values.by_point and len(values.values) > 1}
-    columns = [points.astype(np.float64)]
-    for values in smooth.values():
-        at_points = np.zeros((len(points), values.values.shape[1]))
-        at_points[faces.corners] = values.each()
-        columns.append(at_points)
-    lengths = np.asarray(mesh.GetCreaseLengthsAttr().Get(time) or (), np.int64)
-    edges, sharpness = _creases(
-        np.asarray(mesh.GetCreaseIndicesAttr().Get(time) or (), np.int64),
-        lengths,
-        np.asarray(mesh.GetCreaseSharpnessesAttr().Get(time) or (), np.float64),
-        len(points),
-    )
-    still = np.asarray(mesh.GetCornerIndicesAttr().Get(time) or (), np.int64)
-    strength = np.asarray(mesh.GetCornerSharpnessesAttr().Get(time) or (), np.float64)
-    known = (still >= 0) & (still < len(points)) if len(still) == len(strength) else np.zeros(len(still), bool)
-    strength = strength[known] if len(still) == len(strength) else np.zeros(0)
-    is_cornered = mesh.GetInterpolateBoundaryAttr().Get(time) != "edgeOnly"
-    cage = Cage(np.concatenate(columns, axis=1), faces, edges, sharpness, still[known], strength, is_cornered)
-    along = {name: values for name, values in attributes.items() if name not in smooth}
-    level = 0
-    while level < MAX_LEVEL and 2 * 4 * len(cage.faces.corners) <= 4 * MAX_REFINED:
-        cage, finer, parent = refined(cage, list(along.values()))
-        along = dict(zip(along, finer, strict=True))
-        old = old[parent]
-        level += 1
-    if level:
-        cage = replace(cage, points=limit(cage))
-    at = 3
-    for name, given in smooth.items():
-        width = given.values.shape[1]
-        along[name] = AtCorners(cage.points[:, at : at + width].astype(np.float32), cage.faces.corners, True)
-        at += width
-    return np.ascontiguousarray(cage.points[:, :3], np.float32), cage.faces, along, old
-
-
-def _creases(
-    indices: Codes, lengths: Codes, sharpness: npt.NDArray[np.float64], points: int
-) -> tuple[Codes, npt.NDArray[np.float64]]:
-    """(E, 2) edges and their sharpness, of chains of points, each of a sharpness or with one for every edge."""
-    none = np.zeros((0, 2), np.int64), np.zeros(0)
-    if len(lengths) == 0 or lengths.min() < 2 or lengths.sum() != len(indices):
-        return none
-    if indices.min() < 0 or indices.max() >= points:
-        return none
-    is_last = np.zeros(len(indices), bool)
-    is_last[np.cumsum(lengths) - 1] = True
-    begin = np.flatnonzero(~is_last)
-    if len(sharpness) == len(lengths):
-        sharpness = np.repeat(sharpness, lengths - 1)
-    if len(sharpness) != len(begin):
-        return none
-    return np.stack([indices[begin], indices[begin + 1]], axis=1), np.maximum(sharpness, 0)
 
 
 def _part(

@@ -8,6 +8,7 @@ from typing import Any
 from pxr import UsdShade
 
 from renderer.scene.description import UvTransform
+from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.arnold import PREFIX as ARNOLD
 from renderer.scene.readers.usd.arnold import follow_arnold
 from renderer.scene.readers.usd.inputs import Input
@@ -21,17 +22,25 @@ __all__ = ["Network"]
 MAX_DEPTH = 32
 _NOTHING = Input()
 _UV_SETS = 2
+_ODD = (TypeError, ValueError, IndexError, OverflowError)  # numbers that are words, triples that are pairs
+_OF_ODD_TYPES = "Nodes of MaterialX whose inputs are of types that they do not have are left out"
 
 
 @dataclass
 class Network:
-    """Follows the inputs of one material. uvs: the primvars that its textures lie by, at most two."""
+    """Follows the inputs of one material as a prim shows it. uvs: the primvars that its textures lie by, at most two.
+
+    asked: the other primvars that it reads. unit: metres of a unit of the stage.
+    """
 
     images: Images
     notes: Notes
     time: Any
     user: str
+    prim: Any = None
+    unit: float = 1.0
     uvs: list[str] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
     _surface: Any = None  # the shader that was asked last, whose inputs are looked up at once
     _inputs: dict[str, Any] = field(default_factory=dict)
 
@@ -58,13 +67,29 @@ class Network:
         if kind == "UsdUVTexture":
             return self._uv_texture(shader, output, srgb, depth)
         if kind.startswith("UsdPrimvarReader"):
-            return Input(self._follow(shader.GetInput("fallback"), srgb, depth + 1).value, None, self._varname(shader, depth))
+            fallback = self._follow(shader.GetInput("fallback"), srgb, depth + 1).value
+            return self.primvar(self._varname(shader, depth), _zero(kind) if fallback is None else fallback)
         if kind.startswith("ND_"):
-            return follow_node(self, shader, kind, output, srgb, depth, self._follow)
+            try:
+                return follow_node(self, shader, kind, output, srgb, depth, self._follow)
+            except _ODD:
+                self.notes.add(_OF_ODD_TYPES, kind)
+                return Input()
         if kind.startswith(ARNOLD):
             return follow_arnold(self, shader, kind, output, srgb, depth, self._follow)
         self.notes.add("Shaders of these kinds are not known here, and left out", kind or "one without a kind")
         return Input()
+
+    def primvar(self, name: str | None, fallback: Any) -> Input:
+        """What a primvar is on the prim: its value where it has one all over, and the fallback where it is not there."""
+        if not name:
+            return Input(fallback)
+        if name not in self.asked:
+            self.asked.append(name)
+        if primvars.found(self.prim, name) is None:
+            return Input(fallback)
+        value = primvars.single(self.prim, name, self.time)
+        return Input(fallback, None, name) if value is None else Input(value)
 
     def _varname(self, shader: Any, depth: int) -> str | None:
         name = self._follow(shader.GetInput("varname"), False, depth + 1).value
@@ -81,7 +106,12 @@ class Network:
         encoded = srgb if space == "auto" else space.lower() == "srgb"
         image = self.images.find(found[0], f"Material {self.user}", encoded, self.time) if found else None
         if image is None:
-            return Input(tuple(said("fallback", (0.0, 0.0, 0.0, 1.0))) if not found else None)
+            # Without a file it is black; a file that is missing leaves the default, unless the network says what then.
+            fallback = said("fallback", None if found else (0.0, 0.0, 0.0, 1.0))
+            if fallback is None:
+                return Input()
+            values = _four(fallback, PLAIN[1])
+            return Input(values["rgba".index(output)] if output in ("r", "g", "b", "a") else values[:3])
         number, tiles = image
         uv_set, transform = self.coordinates(shader.GetInput("st"), depth + 1)
         wraps = str(said("wrapS", "useMetadata")), str(said("wrapT", "useMetadata"))
@@ -106,7 +136,11 @@ class Network:
             if kind.startswith("UsdPrimvarReader"):
                 return self.uv_set(self._varname(shader, depth) or "st"), transform
             if kind.startswith("ND_"):
-                name, moved, source = follow_coordinates(shader, kind, self.time)
+                try:
+                    name, moved, source = follow_coordinates(self, shader, kind, depth, self._follow)
+                except _ODD:
+                    self.notes.add(_OF_ODD_TYPES, kind)
+                    break
                 transform = composed(moved, transform)
                 if name is not None:
                     return self.uv_set(name), transform
@@ -131,6 +165,11 @@ class Network:
                 return 0
             self.uvs.append(name)
         return self.uvs.index(name)
+
+
+def _zero(kind: str) -> Any:
+    """What a reader of primvars gives where it finds none, and does not say what then."""
+    return 0.0 if kind.endswith(("float", "int")) else (0.0, 0.0, 0.0)
 
 
 def _four(values: Any, default: Four) -> Four:

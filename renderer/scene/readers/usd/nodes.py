@@ -2,119 +2,184 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Any
 
 from renderer.scene.description import UvTransform
+from renderer.scene.readers.usd.arithmetic import NODES, calculated, same_channels
 from renderer.scene.readers.usd.inputs import Follow, Following, Input
 from renderer.scene.readers.usd.textures import Taken, composed, transform_2d
 from renderer.scene.textures import UNMOVED
 
 __all__ = ["follow_coordinates", "follow_node"]
 
+_CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3, "x": 0, "y": 1, "z": 2, "w": 3}
+
 
 def follow_node(network: Following, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
     """What a node that is no surface gives."""
     node = kind[3:].split("_")[0]
+
+    def said(name: str, encoded: bool = srgb) -> Input:
+        return follow(shader.GetInput(name), encoded, depth + 1)
+
     if node in ("image", "tiledimage", "UsdUVTexture"):
         return _image(network, shader, node, output, srgb, depth, follow)
-    if node in ("normalmap", "convert", "dot"):
-        name = "in1" if node == "dot" and not shader.GetInput("in") else "in"
-        return follow(shader.GetInput(name), False if node == "normalmap" else srgb, depth + 1)
+    if node == "normalmap":
+        return _bumped(said("in", False), said("scale", False))
+    if node in ("convert", "dot"):
+        return said("in1" if node == "dot" and not shader.GetInput("in") else "in")
     if node == "constant":
-        return follow(shader.GetInput("value"), srgb, depth + 1)
-    if node in ("geompropvalue", "UsdPrimvarReader"):
-        name = follow(shader.GetInput("geomprop" if node == "geompropvalue" else "varname"), False, depth + 1).value
-        return Input(None, None, str(name) if name else None)
-    if node == "geomcolor":
-        return Input(None, None, "displayColor")
-    if node == "multiply":
-        one, other = (follow(shader.GetInput(name), srgb, depth + 1) for name in ("in1", "in2"))
-        found = _multiplied(one, other)
+        return said("value")
+    if node in ("geompropvalue", "UsdPrimvarReader", "geomcolor"):
+        named, fallback = ("geomprop", "default") if node == "geompropvalue" else ("varname", "fallback")
+        name = "displayColor" if node == "geomcolor" else said(named).value
+        missing = said(fallback).value
+        return network.primvar(str(name) if name else None, 0.0 if missing is None else missing)
+    if node in ("extract", "separate2", "separate3", "separate4", "swizzle"):
+        return _channel(said("in"), _index(node, output, said))
+    if node in ("combine2", "combine3", "combine4"):
+        return _combined(network, kind, [said(f"in{k + 1}") for k in range(int(node[-1]))])
+    if node in NODES:
+        found = calculated(node, said)
         if found is not None:
             return found
-    if node in ("extract", "separate2", "separate3", "separate4"):
-        return _channel(follow(shader.GetInput("in"), srgb, depth + 1), shader, node, output, depth, follow)
-    network.notes.add("Nodes of MaterialX of these kinds are not known here, and left out", kind)
-    return Input()
+    first = next((one for name in ("in", "bg", "in1") if (one := said(name)).taken is not None or one.value is not None), Input())
+    is_shown = "left out" if first.taken is None else "passed over: a picture is shown as it is before them"
+    network.notes.add(f"Nodes of MaterialX of these kinds are not known here for pictures, and {is_shown}", kind)
+    return first if first.taken is not None else Input()
+
+
+def _bumped(given: Input, scale: Input) -> Input:
+    """A normal map of some strength, as UsdUVTexture says it."""
+    if given.taken is None or scale.value is None:
+        return given
+    x, y, _ = (*scale.color((1.0, 1.0, 1.0))[:2], 1.0) if isinstance(scale.value, float) else (*tuple(scale.value)[:2], 1.0)
+    if x == y == 1:
+        return given
+    return Input(None, replace(given.taken, scale=(2 * x, 2 * y, 2.0, 1.0), bias=(-x, -y, -1.0, 0.0)))
 
 
 def _image(network: Following, shader: Any, node: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
     file = shader.GetInput("file")
     found = file.GetValueProducingAttributes() if file else []
+    missing = follow(shader.GetInput("fallback" if node == "UsdUVTexture" else "default"), srgb, depth + 1)
     if not found:
-        return follow(shader.GetInput("default"), srgb, depth + 1)
+        return missing
     space = found[0].GetColorSpace() if found[0].HasColorSpace() else ""
+    if node == "UsdUVTexture" and not space:
+        space = str(follow(shader.GetInput("sourceColorSpace"), False, depth + 1).value or "").replace("auto", "")
     encoded = ("srgb" in space.lower() and "lin" not in space.lower()) if space else srgb
     image = network.images.find(found[0], f"Material {network.user}", encoded, network.time)
     if image is None:
-        return Input()
-    uv_set, transform = network.coordinates(shader.GetInput("st" if node == "UsdUVTexture" else "texcoord"), depth + 1)
+        return missing
+    is_preview = node == "UsdUVTexture"
+    uv_set, transform = network.coordinates(shader.GetInput("st" if is_preview else "texcoord"), depth + 1)
     if node == "tiledimage":
-        tiling = follow(shader.GetInput("uvtiling"), False, depth + 1).value or (1.0, 1.0)
-        transform = composed(transform, transform_2d((float(tiling[0]), float(tiling[1])), 0.0, (0.0, 0.0)))
-    modes = [follow(shader.GetInput(name), False, depth + 1).value for name in ("uaddressmode", "vaddressmode")]
+        (u, v), (x, y) = (
+            _two(follow(shader.GetInput(name), False, depth + 1), d) for name, d in (("uvtiling", 1.0), ("uvoffset", 0.0))
+        )
+        transform = composed(transform, transform_2d((u, v), 0.0, (-x, -y)))
+    names = ("wrapS", "wrapT") if is_preview else ("uaddressmode", "vaddressmode")
+    modes = [follow(shader.GetInput(name), False, depth + 1).value for name in names]
     wraps = (str(modes[0] or "periodic"), str(modes[1] or "periodic"))
+    if "constant" in wraps:
+        network.notes.add("Textures that end at their image's edge go on there as at that edge", network.user)
+        wraps = (wraps[0].replace("constant", "clamp"), wraps[1].replace("constant", "clamp"))
     texture = network.images.texture(image[0], wraps, uv_set, composed(transform, image[1]), network.user)
     if texture is None:
         return Input()
-    return Input(None, Taken(texture, output if output in ("r", "g", "b", "a") else "rgb"))
+    taken = Taken(texture, output if output in ("r", "g", "b", "a") else "rgb")
+    if is_preview:
+        scale, bias = (follow(shader.GetInput(name), False, depth + 1).value for name in ("scale", "bias"))
+        taken = replace(taken, scale=_four(scale, taken.scale), bias=_four(bias, taken.bias))
+    return Input(None, taken)
 
 
-def _multiplied(one: Input, other: Input) -> Input | None:
-    if one.taken is None and other.taken is not None:
-        one, other = other, one
-    if other.value is None:
-        return None
-    factor = other.color((1.0, 1.0, 1.0))
-    if one.taken is not None:
-        (r, g, b, a), (x, y, z) = one.taken.scale, factor
-        return Input(None, replace(one.taken, scale=(r * x, g * y, b * z, a)))
-    if one.value is None:
-        return None
-    if isinstance(one.value, float) and isinstance(other.value, float):
-        return Input(one.value * other.value)
-    return Input(tuple(p * q for p, q in zip(one.color((1.0, 1.0, 1.0)), factor, strict=True)))
+def _two(given: Input, default: float) -> tuple[float, float]:
+    value = given.value
+    if value is None:
+        return default, default
+    return (float(value), float(value)) if isinstance(value, (int, float)) else (float(value[0]), float(value[1]))
 
 
-def _channel(given: Input, shader: Any, node: str, output: str, depth: int, follow: Follow) -> Input:
+def _four(value: Any, default: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    found = () if value is None else tuple(float(v) for v in value)
+    return (found[0], found[1], found[2], found[3]) if len(found) == 4 else default
+
+
+def _index(node: str, output: str, said: Any) -> str:
+    """Which channels a node takes, as letters."""
+    if node == "swizzle":
+        return str(said("channels").value or "r")
     if node == "extract":
-        index = int(follow(shader.GetInput("index"), False, depth + 1).number(0.0))
-    else:
-        index = {"outr": 0, "outg": 1, "outb": 2, "outa": 3, "outx": 0, "outy": 1, "outz": 2, "outw": 3}.get(output, 0)
+        return "rgba"[min(max(int(said("index").number(0.0)), 0), 3)]
+    return output[-1] if output[-1:] in _CHANNELS else "r"
+
+
+def _channel(given: Input, letters: str) -> Input:
+    which = [_CHANNELS.get(letter, 0) for letter in letters] or [0]
+    if which[:3] == [0, 1, 2]:
+        return given
     if given.taken is not None:
-        return Input(None, replace(given.taken, channel="rgba"[min(max(index, 0), 3)]))
-    return Input(given.color((0.0, 0.0, 0.0))[min(max(index, 0), 2)])
+        own = given.taken.channel
+        return given if own != "rgb" else Input(None, replace(given.taken, channel="rgba"[which[0]]))
+    values = given.color((0.0, 0.0, 0.0))
+    found = tuple(values[min(k, 2)] for k in which)
+    return Input(found[0] if len(found) == 1 else found)
 
 
-def follow_coordinates(shader: Any, kind: str, time: Any) -> tuple[str | None, UvTransform, Any]:
+def _combined(network: Following, kind: str, found: list[Input]) -> Input:
+    taken = same_channels(found)
+    if taken is not None:
+        return Input(None, taken)
+    if any(each.taken is not None for each in found):
+        network.notes.add("Nodes of MaterialX that make one picture of several are left out", kind)
+        return Input()
+    return Input(tuple(each.number(0.0) for each in found))
+
+
+def follow_coordinates(
+    network: Following, shader: Any, kind: str, depth: int, follow: Follow
+) -> tuple[str | None, UvTransform, Any]:
     """(the primvar that texture coordinates are, what they go through, the input that leads further)."""
     node = kind[3:].split("_")[0]
 
-    def said(name: str, default: Any) -> Any:
-        given = shader.GetInput(name)
-        value = given.Get(time) if given else None
-        return default if value is None else value
+    def value(name: str) -> Any:
+        return follow(shader.GetInput(name), False, depth + 1).value
+
+    def two(name: str, default: float) -> tuple[float, float]:
+        return _two(follow(shader.GetInput(name), False, depth + 1), default)
 
     if node == "texcoord":
-        return "st", UNMOVED, None
+        index = int(value("index") or 0)
+        return f"st{index}" if index else "st", UNMOVED, None
     if node in ("geompropvalue", "UsdPrimvarReader"):
-        return str(said("geomprop" if node == "geompropvalue" else "varname", "st")), UNMOVED, None
+        return str(value("geomprop" if node == "geompropvalue" else "varname") or "st"), UNMOVED, None
     if node == "place2d":
-        pivot, scale, offset = (said(name, d) for name, d in (("pivot", (0, 0)), ("scale", (1, 1)), ("offset", (0, 0))))
-        inverse = tuple(1 / float(s) if s else 1.0 for s in scale)
-        degrees = -float(said("rotate", 0.0))
-        # Moved by the pivot, scaled by the inverse, turned, moved back: MaterialX's order SRT.
-        cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-        x, y = -float(pivot[0]) * inverse[0], -float(pivot[1]) * inverse[1]
-        moved = (
-            cosine * x - sine * y - float(offset[0]) + float(pivot[0]),
-            sine * x + cosine * y - float(offset[1]) + float(pivot[1]),
-        )
-        return None, transform_2d((inverse[0], inverse[1]), degrees, moved), shader.GetInput("texcoord")
+        pivot, scale, offset = (two(name, d) for name, d in (("pivot", 0.0), ("scale", 1.0), ("offset", 0.0)))
+        # Moved by the pivot, then scaled by the inverse, turned clockwise and moved (SRT), or the other way round; moved back.
+        scaled = transform_2d((1 / (scale[0] or 1.0), 1 / (scale[1] or 1.0)), 0.0, (0.0, 0.0))
+        turned = transform_2d((1.0, 1.0), -float(value("rotate") or 0.0), (0.0, 0.0))
+        moved = transform_2d((1.0, 1.0), 0.0, (-offset[0], -offset[1]))
+        whole = transform_2d((1.0, 1.0), 0.0, (-pivot[0], -pivot[1]))
+        for step in (moved, turned, scaled) if int(value("operationorder") or 0) == 1 else (scaled, turned, moved):
+            whole = composed(whole, step)
+        return None, composed(whole, transform_2d((1.0, 1.0), 0.0, pivot)), shader.GetInput("texcoord")
     if node == "UsdTransform2d":
-        scale, moved = said("scale", (1, 1)), said("translation", (0, 0))
-        own = transform_2d((float(scale[0]), float(scale[1])), float(said("rotation", 0.0)), (float(moved[0]), float(moved[1])))
+        own = transform_2d(two("scale", 1.0), float(value("rotation") or 0.0), two("translation", 0.0))
         return None, own, shader.GetInput("in")
-    return "st", UNMOVED, None
+    if node == "rotate2d":
+        return None, transform_2d((1.0, 1.0), -float(value("amount") or 0.0), (0.0, 0.0)), shader.GetInput("in")
+    if node in ("multiply", "divide", "add", "subtract"):
+        x, y = two("in2", 1.0 if node in ("multiply", "divide") else 0.0)
+        own = {
+            "multiply": lambda: transform_2d((x, y), 0.0, (0.0, 0.0)),
+            "divide": lambda: transform_2d((1 / (x or 1.0), 1 / (y or 1.0)), 0.0, (0.0, 0.0)),
+            "add": lambda: transform_2d((1.0, 1.0), 0.0, (x, y)),
+            "subtract": lambda: transform_2d((1.0, 1.0), 0.0, (-x, -y)),
+        }[node]()
+        return None, own, shader.GetInput("in1")
+    network.notes.add("Nodes of MaterialX of these kinds do not move textures here", kind)
+    further = shader.GetInput("in")
+    return (None, UNMOVED, further) if further else ("st", UNMOVED, None)

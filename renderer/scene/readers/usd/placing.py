@@ -21,8 +21,8 @@ from renderer.scene.readers.usd.cameras import read_camera, shutter_of
 from renderer.scene.readers.usd.curves import balls_of, tubes_of
 from renderer.scene.readers.usd.dome import add_dome, is_dome
 from renderer.scene.readers.usd.layers import Stage
-from renderer.scene.readers.usd.lights import is_light, lamp_of
-from renderer.scene.readers.usd.meshes import MAX_VERTICES, Shape, Wanted, deforms, read_mesh
+from renderer.scene.readers.usd.lights import glow_of, is_light, lamp_of
+from renderer.scene.readers.usd.meshes import MAX_VERTICES, Shape, Wanted, area_of, deforms, read_mesh
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.prims import MAX_INSTANCES, Placed
 from renderer.scene.readers.usd.shapes import is_shape, shape_of
@@ -54,7 +54,7 @@ class Placing:
         self._shelf, self._images, self._notes, self._time = shelf, images, notes, time
         self._is_still = stage.span is None
         self._unit = float(UsdGeom.GetStageMetersPerUnit(self._stage))
-        self._surfaces = Surfaces(images, shelf, description.materials, notes, time)
+        self._surfaces = Surfaces(images, shelf, description.materials, notes, time, self._unit)
         self._skeletons = Skeletons(time, notes)
         self._bound: dict[Any, Any] = {}
         self._numbers: dict[Hashable, list[int]] = {}
@@ -80,8 +80,6 @@ class Placing:
 
     def _gprim(self, each: Placed) -> None:
         prim = each.prim
-        if prim.HasAPI(UsdLux.MeshLightAPI):
-            self._notes.add("Meshes that are lights by MeshLightAPI do not shine", str(prim.GetPath()))
         if prim.IsA(UsdGeom.Mesh):
             self._mesh(each)
         elif is_shape(prim):
@@ -117,6 +115,8 @@ class Placing:
             s for s in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets() if s.GetElementTypeAttr().Get() == "face"
         ]
         surfaces = [self._surface(prim), *(self._surface(s.GetPrim(), prim) for s in subsets)]
+        if prim.HasAPI(UsdLux.MeshLightAPI):
+            surfaces = [self._shining(surface, each) for surface in surfaces]
         shape = self._skeletons.shape_of(prim)
         bends = shape is not None or (not self._is_still and deforms(prim))
         if UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get() == "loop":
@@ -134,6 +134,13 @@ class Placing:
         if shape is not None:
             each = replace(each, places=self._skeletons.places_of(prim, each.places))
         self._show(self._numbers[key], replace(each, moves=moves))
+
+    def _shining(self, surface: Surface, each: Placed) -> Surface:
+        """The surface of a mesh that is a light."""
+        place = each.places[0] / np.array([self._unit] * 3 + [1.0])[:, None]
+        light, material = UsdLux.LightAPI(each.prim), self._surfaces.material(surface)
+        changes = glow_of(light, material, area_of(each.prim, place, self._time), self._time)
+        return self._surfaces.changed(surface, f"shining {sorted(changes.items())}", **changes)
 
     def _parts(self, prim: Any, surfaces: list[Surface], subsets: list[Any], shape: Shape | None) -> list[Mesh | None]:
         """The mesh's parts, in the order of the surfaces: what is in no subset, and each subset."""

@@ -53,6 +53,7 @@ class AtCorners:
     code: Codes  # (C,)
     by_point: bool = False  # whether corners at one point always have the same
     kinds: F32 | None = None  # (K, w) what tells them apart, where that must not depend on the time
+    is_indexed: bool = False  # whether corners that share a value say so
 
     def at(self, corners: Codes) -> AtCorners:
         """The same for some of the corners."""

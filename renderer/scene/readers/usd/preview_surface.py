@@ -16,7 +16,17 @@ from renderer.scene.readers.usd.network import Network
 from renderer.scene.readers.usd.textures import Taken, colored, grey, normals
 from renderer.scene.textures import TextureShelf
 
-__all__ = ["Read", "fill_base", "fill_data", "fill_emission", "fill_normal", "fill_opacity", "read_preview_surface"]
+__all__ = [
+    "MAX_RADIANCE",
+    "Read",
+    "fill_base",
+    "fill_data",
+    "fill_emission",
+    "fill_normal",
+    "fill_opacity",
+    "fill_roughness",
+    "read_preview_surface",
+]
 
 MAX_RADIANCE = 1e9
 
@@ -120,13 +130,14 @@ def fill_emission(read: Read, given: Input, strength: float) -> None:
 def fill_opacity(read: Read, opacity: Input, threshold: float, base: Taken | None) -> None:
     """What of the surface is there: cut off at a threshold, or mixed with what is behind."""
     material, shelf = read.material, read.shelf
-    if opacity.taken is None and opacity.primvar is None and opacity.number(1.0) >= 1:
+    level = sum(opacity.color((1.0, 1.0, 1.0))) / 3  # MaterialX's are colours
+    if opacity.taken is None and opacity.primvar is None and level >= 1:
         return
     material.alpha_mode = "mask" if threshold > 0 else "blend"
     material.alpha_cutoff = clamped(threshold, 0.0, 2.0) if threshold > 0 else 0.5
     read.opacity = opacity.primvar
     if opacity.taken is None:
-        material.opacity = unit(opacity.number(1.0))
+        material.opacity = unit(level) if opacity.primvar is None else 1.0
         if material.base_color_texture is not None:  # whose alpha nobody asked for
             material.base_color_texture = shelf.derived(material.base_color_texture, "opaque", _opaque)
         return

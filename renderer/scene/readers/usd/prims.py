@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdLux, UsdShade
+from pxr import Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, UsdSkel
 
 from renderer.errors import SceneError
 from renderer.scene.matrices import Matrix, product
@@ -20,6 +20,10 @@ MAX_INSTANCES = 500_000
 MAX_DEPTH = 400
 _LEVELS = "LODRootAPI"  # UsdLod's, new in usd-core 26
 _DRAWN_PURPOSES = ("default", "render")
+_DEFINED = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+# Prototypes may be `over` or `class`, so that nothing but their instancer shows them.
+_UNDEFINED = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded & ~Usd.PrimIsAbstract)
+_ABSTRACT = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
 _Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
@@ -75,11 +79,11 @@ class _Walk:
         self.stands_in = False
         self._seen = 0
         self._copies = 0
-        self._filter = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 
     def below(self, top: Any, places: Matrix, depth: int = 0) -> Iterator[Placed]:
         """What is below a prim, whose own places are given."""
-        stack = [(child, places, False, True, "default") for child in reversed(top.GetFilteredChildren(self._filter))]
+        which = _ABSTRACT if top.IsAbstract() else _DEFINED if top.IsDefined() else _UNDEFINED
+        stack = [(child, places, False, True, "default") for child in reversed(top.GetFilteredChildren(which))]
         while stack:
             prim, outer, moves, shown, purpose = stack.pop()
             self._seen += 1
@@ -89,6 +93,8 @@ class _Walk:
                 self._notes.add(
                     f"Prims of the type {prim.GetTypeName()}, which USD itself does not know, are left out", str(prim.GetPath())
                 )
+            if prim.IsA(UsdPhysics.Scene):
+                self._notes.say("Physics are not simulated: what would fall stands where the file has it.")
             if prim.IsA(UsdShade.Material) or prim.IsA(UsdShade.Shader) or prim.IsA(UsdShade.NodeGraph):
                 continue
             inner, moving = self._local(prim, outer)
@@ -101,6 +107,9 @@ class _Walk:
                 attribute = imageable.GetPurposeAttr()
                 if attribute.HasAuthoredValue():
                     purpose = str(attribute.Get())
+                if purpose == "render" and prim.HasAPI(UsdGeom.VisibilityAPI):
+                    own = UsdGeom.VisibilityAPI(prim).GetRenderVisibilityAttr()
+                    shown = shown and not (own and own.Get(self._time) == UsdGeom.Tokens.invisible)
                 self.stands_in |= purpose == "render"
                 if purpose == "proxy" and "proxy" not in self._drawn and shown and prim.IsA(UsdGeom.Gprim):
                     self.proxies.append(str(prim.GetPath()))
@@ -110,11 +119,13 @@ class _Walk:
                             yield from self._instanced(prim, inner, moves, depth)
                         continue
                     yield Placed(prim, inner, moves, shown)
-            stack += [(c, inner, moves, shown, purpose) for c in reversed(self._children(prim))]
+                elif prim.IsA(UsdSkel.Skeleton):  # often a guide: what it bends stands where it does
+                    yield Placed(prim, inner, moves, shown=False)
+            stack += [(c, inner, moves, shown, purpose) for c in reversed(self._children(prim, which))]
 
-    def _children(self, prim: Any) -> list[Any]:
+    def _children(self, prim: Any, which: Any) -> list[Any]:
         """The prims below one that are walked: of levels of detail, which stand in one place, the default."""
-        children = list(prim.GetFilteredChildren(self._filter))
+        children = list(prim.GetFilteredChildren(which))
         if len(children) > 1 and _LEVELS in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
             said = prim.GetAttribute("lod:default:index")
             index = int((said.Get(self._time) if said else None) or 0)

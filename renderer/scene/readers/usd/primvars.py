@@ -12,7 +12,7 @@ from renderer.scene.description import F32
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.polygons import AtCorners, Faces
 
-__all__ = ["array", "at_corners", "constant", "found", "integers", "varies"]
+__all__ = ["array", "at_corners", "constant", "found", "integers", "single", "varies"]
 
 
 def array(value: Any, width: int) -> F32:
@@ -51,6 +51,18 @@ def constant(prim: Any, name: str, width: int, time: Any) -> npt.NDArray[np.floa
     return values[0] if len(values) == 1 or (len(values) and primvar.GetInterpolation() == "constant") else None
 
 
+def single(prim: Any, name: str, time: Any) -> float | tuple[float, ...] | None:
+    """A primvar that is the same all over, as a number or as several; None where it is not, or is no number."""
+    primvar = found(prim, name)
+    if primvar is None or primvar.GetInterpolation() != "constant":
+        return None
+    values = np.asarray(primvar.ComputeFlattened(time))
+    if values.dtype.kind not in "fiu" or values.size == 0 or not np.isfinite(values).all():
+        return None
+    first = values if primvar.GetTypeName().scalarType == primvar.GetTypeName() else values[0]
+    return float(first) if np.ndim(first) == 0 else tuple(float(v) for v in first)
+
+
 def at_corners(primvar: Any, width: int | None, faces: Faces, points: int, time: Any, notes: Notes) -> AtCorners | None:
     """A primvar of a mesh at its corners; None, with a note, where it does not fit the mesh. width: its own where None."""
     given = primvar.Get(time)
@@ -86,4 +98,5 @@ def spread(
     if not fits:
         notes.add("Primvars that do not fit their meshes are left out", str(path))
         return None
-    return AtCorners(values, code, interpolation in ("constant", "vertex", "varying"))
+    is_indexed = indices is not None and interpolation == "faceVarying"
+    return AtCorners(values, code, interpolation in ("constant", "vertex", "varying"), is_indexed=is_indexed)

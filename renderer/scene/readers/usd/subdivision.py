@@ -17,6 +17,7 @@ from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces
 __all__ = ["Cage", "limit", "refined"]
 
 F64 = npt.NDArray[np.float64]
+MAX_FURTHER, MAX_CORNERS = 4, 8_000_000
 SHARP = 10.0  # as OpenSubdiv has it: sharp at every level
 
 
@@ -75,6 +76,18 @@ def refined(cage: Cage, along: list[AtCorners]) -> tuple[Cage, list[AtCorners], 
 
 
 def limit(cage: Cage) -> F64:
+    """(P, w) the same of any cage: what is half sharp is refined until it is not, as long as that takes no more than it may."""
+    count, level = len(cage.points), 0
+    while level < MAX_FURTHER and 4 * len(cage.faces.corners) <= MAX_CORNERS and _is_half_sharp(cage):
+        cage, level = refined(cage, [])[0], level + 1
+    return _limit(cage)[:count]
+
+
+def _is_half_sharp(cage: Cage) -> bool:
+    return any(bool(((sharp > 0) & (sharp < SHARP)).any()) for sharp in (cage.edge_sharpness, cage.corner_sharpness))
+
+
+def _limit(cage: Cage) -> F64:
     """(P, w) where the points of a cage of quads come to lie after infinitely many levels.
 
     Source: Halstead, Kass & DeRose 1993; of creases, the limit of cubic B-splines.
@@ -130,7 +143,11 @@ def _points(cage: Cage, edges: _Edges, middle: F64, face: Codes) -> F64:
     is_sharp = np.repeat(edges.sharpness > 0, 2)
     sharp = np.bincount(ends[is_sharp], minlength=count)
     crease = (6 * points + 2 * _mean(points[others[is_sharp]], ends[is_sharp], count)) / 8
-    least = np.bincount(ends[is_sharp], np.repeat(edges.sharpness, 2)[is_sharp], count) / np.maximum(sharp, 1)
+    # Of edges that cease to be sharp at this level, how much they still are: OpenSubdiv's weight between two rules.
+    ceases = is_sharp & (np.repeat(edges.sharpness, 2) <= 1)
+    ceasing = np.bincount(ends[ceases], minlength=count)
+    least = np.bincount(ends[ceases], np.repeat(edges.sharpness, 2)[ceases], count) / np.maximum(ceasing, 1)
+    least = np.where(ceasing > 0, least, np.where(sharp > 0, 1.0, 0.0))
 
     still = np.where(sharp > 2, np.maximum(_stillness(cage, edges, sharp), least), _stillness(cage, edges, sharp))
 

@@ -20,6 +20,7 @@ from renderer.scene.textures import TextureShelf
 __all__ = ["Surface", "Surfaces"]
 
 _SHOWN = ("displayColor", "Cd")  # Houdini's own name, where its exporter left it
+_VARIES = "varies"
 _SURFACE, _MDL = "surface", "mdl"
 _CONTEXTS = ("mtlx", "", "kma", "arnold", _MDL)  # of renderers, best first; "" is for all of them
 
@@ -36,9 +37,13 @@ class Surface(NamedTuple):
 class Surfaces:
     """Reads each material when a prim first shows it."""
 
-    def __init__(self, images: Images, shelf: TextureShelf, materials: list[Material], notes: Notes, time: Any) -> None:
+    def __init__(
+        self, images: Images, shelf: TextureShelf, materials: list[Material], notes: Notes, time: Any, unit: float
+    ) -> None:
         self._images, self._shelf, self._materials, self._notes, self._time = images, shelf, materials, notes, time
-        self._known: dict[Any, Surface] = {}
+        self._unit = unit
+        self._known: dict[Any, Any] = {}
+        self._asked: dict[Any, tuple[str, ...]] = {}  # the primvars that a material reads, but for those of its UVs
 
     def of(self, material: Any, prim: Any) -> Surface:
         """The surface of a prim that is bound to a material; of one without, its display colour."""
@@ -46,13 +51,24 @@ class Surfaces:
             return self._shown(prim)
         source = material.GetPrim()
         key = (source.GetPrimInPrototype() if source.IsInstanceProxy() else source).GetPath()
-        if key not in self._known:
-            found = self._read(material)
-            if found is not None:
-                self._known[key] = found
-            else:
-                return self._shown(prim)
-        return self._known[key]
+        if key not in self._asked:
+            self._take(key, material, prim)
+        states = tuple(self._state(prim, name) for name in self._asked[key])
+        if (key, states) not in self._known:
+            self._take(key, material, prim)
+        return self._known.get((key, states)) or self._shown(prim)
+
+    def _take(self, key: Any, material: Any, prim: Any) -> None:
+        """Reads a material as a prim shows it, once for all whose primvars are the same to it."""
+        found, self._asked[key] = self._read(material, prim)
+        self._known[key, tuple(self._state(prim, name) for name in self._asked[key])] = found
+
+    def _state(self, prim: Any, name: str) -> Any:
+        """What a material that reads a primvar finds: nothing, one value, or one that varies."""
+        if primvars.found(prim, name) is None:
+            return None
+        value = primvars.single(prim, name, self._time)
+        return _VARIES if value is None else value
 
     def changed(self, surface: Surface, key: str, **values: Any) -> Surface:
         """The same surface with other parameters, once for each key."""
@@ -92,9 +108,9 @@ class Surfaces:
             self._known[key] = self._add(material, Surface(0, (), varying[0], varying[1]))
         return self._known[key]
 
-    def _read(self, material: Any) -> Surface | None:
+    def _read(self, material: Any, prim: Any) -> tuple[Surface | None, tuple[str, ...]]:
         name = material.GetPrim().GetName()
-        network = Network(self._images, self._notes, self._time, name)
+        network = Network(self._images, self._notes, self._time, name, prim, self._unit)
         read = Read(name, network, self._shelf)
         shader, kind = _surface(material)
         if kind == "UsdPreviewSurface":
@@ -110,8 +126,14 @@ class Surfaces:
                 "are drawn in the display colour",
                 name,
             )
-            return None
-        return self._add(read.material, Surface(0, tuple(network.uvs), read.color, read.opacity))
+            return None, ()
+        if any(self._state(prim, each) is _VARIES for each in network.asked if each not in (read.color, read.opacity)):
+            self._notes.add("Primvars that vary over a mesh give colours and opacities alone; others have their fallback", name)
+        if material.ComputeDisplacementSource()[0]:
+            self._notes.add("Displacement is not drawn; left out of materials", name)
+        if material.ComputeVolumeSource()[0]:
+            self._notes.add("Volumes inside of materials are not drawn", name)
+        return self._add(read.material, Surface(0, tuple(network.uvs), read.color, read.opacity)), tuple(network.asked)
 
 
 def _surface(material: Any) -> tuple[Any, str]:

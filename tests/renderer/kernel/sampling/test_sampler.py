@@ -7,7 +7,7 @@ import pytest
 import scipy.stats
 
 from renderer.jit import entry
-from renderer.kernel.sampling.sampler import INDEPENDENT, SOBOL, Stream, draw_film, pixel_key, uniform4
+from renderer.kernel.sampling.sampler import INDEPENDENT, SOBOL, Stream, draw_film, opposite, pixel_key, uniform4
 from renderer.kernel.sampling.sobol import direction_numbers
 from tests.grids import grid
 from tests.renderer.judge import assert_uniform, limit
@@ -231,3 +231,38 @@ def test_places_of_different_pixels_are_independent(kind):
     for a, b in ((0, 1), (1, 2), (2, 3), (0, 3)):
         assert_uniform(np.bincount(cell[:, a] * 16 + cell[:, b], minlength=256), 8, f"dimensions {a} and {b}")
     assert_uniform(np.bincount(cell[:-1, 0] * 16 + cell[1:, 0], minlength=256), 8, "a pixel and the next")
+
+
+@entry
+def _opposite(numbers, out):
+    for i in range(len(out)):
+        out[i, 0], out[i, 1], out[i, 2] = opposite((numbers[i, 0], numbers[i, 1], numbers[i, 2]))
+
+
+def _opposites(own):
+    out = np.empty((len(own), 3), np.float32)
+    _opposite(own, out)
+    return out
+
+
+@pytest.mark.parametrize("kind", [SOBOL, INDEPENDENT])
+def test_opposite_numbers_are_uniform_and_others(kind):
+    own = numbers(sample=np.arange(1 << 14), block=2, kind=kind)[:, :3]
+    others = _opposites(own)
+    assert ((others >= 0) & (others < 1)).all()
+    assert (abs(others - own).max(axis=1) > 0.1).all()
+    np.testing.assert_array_equal(_opposites(others), own)
+    for column in others.T:
+        assert scipy.stats.kstest(column, "uniform").pvalue > 1e-4
+
+
+def test_opposite_numbers_fill_the_gaps_between_a_pixels_own():
+    """Divided into as many rectangles as there are points of both, whose sides are powers of two."""
+    found = []
+    for power in range(9):
+        own = numbers(x=5, y=9, sample=np.arange(2**power), block=2, kind=SOBOL)[:, :3]
+        both = np.concatenate([own, _opposites(own)])
+        for wide in range(power + 2):
+            cells = np.floor(both[:, 0] * 2**wide) * 2 ** (power + 1 - wide) + np.floor(both[:, 1] * 2 ** (power + 1 - wide))
+            found.append(len(np.unique(cells)) == len(both))
+    assert np.mean(found) > 2 / 3

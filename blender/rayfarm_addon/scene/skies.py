@@ -1,0 +1,129 @@
+"""A world as a picture of all directions that Cycles takes, and the disk of its sky's sun as a light of its own.
+
+A sun of half a degree is two texels of the picture: so it is photographed without, and the disk through a long lens.
+Run as a script by a Blender of its own, this takes a world of a .blend file:
+
+    python skies.py WORLD.blend FOLDER WIDTH
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+__all__ = ["PICTURE", "TOLD", "photographed"]
+
+PICTURE, TOLD = "world.exr", "sun.json"
+SAMPLES = 4
+LENS_PIXELS, LENS_ROOM = 48, 1.2  # through the lens: the disk's picture, and how much wider than the disk that is
+FORWARD = (1.5707963267948966, 0.0, 0.0)  # a camera's turn to Blender's +Y
+LEAST = 1e-9
+
+
+def photographed(bpy: Any, world: Any, folder: Path, width: int) -> dict[str, Any] | None:
+    """Writes PICTURE into a folder, whose middle is what lies along Blender's +Y. The sun's disk that is not in it, or None.
+
+    That is a direction towards it and its irradiance, of Blender's axes, and the angle that it takes, in radians.
+    """
+    sky = _sky_with_a_sun(world)
+    studio = _Studio(bpy, world)
+    sun = None
+    try:
+        if sky is not None:
+            sun = _measured(bpy, studio, sky, folder)
+            sky.sun_disc = sun is None
+        studio.take(folder / PICTURE, width, width // 2, FORWARD, None)
+    finally:
+        if sky is not None:
+            sky.sun_disc = True
+        studio.close()
+    return sun
+
+
+def _sky_with_a_sun(world: Any) -> Any:
+    found = [node for node in world.node_tree.nodes if node.type == "TEX_SKY" and hasattr(node, "sun_disc") and node.sun_disc]
+    found = [node for node in found if node.sky_type not in ("PREETHAM", "HOSEK_WILKIE")]
+    vectors = [entry for node in world.node_tree.nodes if node.type == "TEX_SKY" for entry in node.inputs if entry.is_linked]
+    return found[0] if len(found) == 1 and not vectors else None
+
+
+def _measured(bpy: Any, studio: _Studio, sky: Any, folder: Path) -> dict[str, Any] | None:
+    """What the disk adds to a picture of where it is."""
+    import numpy as np
+    from mathutils import Vector
+
+    elevation, turn, size = float(sky.sun_elevation), float(sky.sun_rotation), float(sky.sun_size)
+    towards = (math.cos(elevation) * math.sin(turn), math.cos(elevation) * math.cos(turn), math.sin(elevation))
+    angle = LENS_ROOM * size
+    taken = []
+    for is_on in (True, False):
+        sky.sun_disc = is_on
+        path = folder / "sun.exr"
+        studio.take(path, LENS_PIXELS, LENS_PIXELS, Vector(towards).to_track_quat("-Z", "Y").to_euler(), angle)
+        image = bpy.data.images.load(str(path))
+        pixels = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(pixels)
+        taken.append(pixels.reshape(-1, image.channels)[:, :3].astype(float))
+        bpy.data.images.remove(image)
+        path.unlink()
+    texel = (2 * math.tan(angle / 2) / LENS_PIXELS) ** 2
+    irradiance = ((taken[0] - taken[1]).sum(axis=0) * texel).clip(0)
+    if irradiance.max() < LEAST:
+        return None
+    return {"towards": list(towards), "irradiance": [float(c) for c in irradiance], "angle": size}
+
+
+class _Studio:
+    """A scene of nothing but the world."""
+
+    def __init__(self, bpy: Any, world: Any) -> None:
+        self._bpy = bpy
+        self._scene = scene = bpy.data.scenes.new("rayfarm world")
+        self._data = bpy.data.cameras.new("rayfarm world")
+        self._camera = bpy.data.objects.new("rayfarm world", self._data)
+        scene.world, scene.camera = world, self._camera
+        scene.collection.objects.link(self._camera)
+        render, cycles = scene.render, scene.cycles
+        render.engine = "CYCLES"
+        render.resolution_percentage = 100
+        render.film_transparent = render.use_compositing = render.use_sequencer = False
+        render.image_settings.file_format = "OPEN_EXR"
+        render.image_settings.color_mode = "RGB"
+        render.image_settings.color_depth = "32"
+        cycles.device, cycles.samples, cycles.pixel_filter_type = "CPU", SAMPLES, "BOX"
+        cycles.use_adaptive_sampling = cycles.use_denoising = False
+        cycles.shading_system = False  # no scripts of Open Shading Language
+
+    def take(self, path: Path, width: int, height: int, turn: Any, angle: float | None) -> None:
+        """angle: of a lens, in radians; None: all around."""
+        data, render = self._data, self._scene.render
+        data.type = "PANO" if angle is None else "PERSP"
+        if angle is not None:
+            data.angle = angle
+        elif hasattr(data, "panorama_type"):  # Blender 5; before, Cycles' own
+            data.panorama_type = "EQUIRECTANGULAR"
+        else:
+            data.cycles.panorama_type = "EQUIRECTANGULAR"
+        self._camera.rotation_euler = turn
+        render.resolution_x, render.resolution_y, render.filepath = width, height, str(path)
+        self._bpy.ops.render.render(write_still=True, scene=self._scene.name)
+
+    def close(self) -> None:
+        self._bpy.data.scenes.remove(self._scene)
+
+
+def main(path: str, folder: str, width: str) -> None:
+    """The command."""
+    import bpy
+
+    with bpy.data.libraries.load(path) as (given, wanted):
+        wanted.worlds = given.worlds[:1]
+    sun = photographed(bpy, wanted.worlds[0], Path(folder), int(width))
+    (Path(folder) / TOLD).write_text(json.dumps(sun))
+
+
+if __name__ == "__main__":
+    main(*(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]))

@@ -1,0 +1,90 @@
+"""Worlds that the farm has no words for, photographed by Cycles in a Blender of its own: while one renders it can do no more."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..scene import skies
+
+__all__ = ["photographed"]
+
+WIDTH, MOST_WIDTH = 2048, 8192
+PATIENCE_S = 120.0
+KEPT = 4  # worlds, of which the oldest are forgotten
+
+_known: dict[str, tuple[bytes, Any]] = {}
+
+
+def photographed(world: Any) -> tuple[bytes, dict[str, Any] | None] | None:
+    """The EXR file of a world's picture, and the sun that is not in it, as of `skies.photographed`; None where that fails."""
+    key = _digest(world.node_tree)
+    if key not in _known:
+        made = _made(world)
+        if made is None:
+            return None
+        _known[key] = made
+        while len(_known) > KEPT:
+            del _known[next(iter(_known))]
+    return _known[key]
+
+
+def _made(world: Any) -> tuple[bytes, Any] | None:
+    with tempfile.TemporaryDirectory(prefix="rayfarm-world-") as name:
+        folder = Path(name)
+        bpy.data.libraries.write(str(folder / "world.blend"), {world.original}, path_remap="ABSOLUTE", fake_user=True)
+        images = [
+            node.image.size[0] for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT" and node.image is not None
+        ]
+        width = str(max(min(max(images, default=WIDTH), MOST_WIDTH), 64))
+        command = [*_blender(), str(Path(skies.__file__))]
+        command += ["--"] if bpy.app.binary_path else []
+        try:
+            arguments = [str(folder / "world.blend"), name, width]
+            subprocess.run([*command, *arguments], capture_output=True, timeout=PATIENCE_S, check=True)
+            return (folder / skies.PICTURE).read_bytes(), json.loads((folder / skies.TOLD).read_text())
+        except (OSError, subprocess.SubprocessError, ValueError):
+            return None
+
+
+def _blender() -> list[str]:
+    if not bpy.app.binary_path:
+        return [sys.executable, "-I"]
+    return [bpy.app.binary_path, "--background", "--factory-startup", "--disable-autoexec", "--python"]
+
+
+def _digest(tree: Any) -> str:
+    """What tells nodes apart that look alike, and stays where nothing changed."""
+    said: list[Any] = []
+    for node in tree.nodes:
+        said.append((node.bl_idname, node.name, node.mute))
+        said += [(each.name, _told(getattr(each, "default_value", None))) for each in node.inputs]
+        said += [(p.identifier, _told(getattr(node, p.identifier))) for p in node.bl_rna.properties if not p.is_readonly]
+        if node.type == "VALTORGB":
+            said += [(each.position, tuple(each.color)) for each in node.color_ramp.elements]
+        if node.type == "GROUP" and node.node_tree is not None:
+            said.append(_digest(node.node_tree))
+    said += [
+        (link.from_node.name, link.from_socket.identifier, link.to_node.name, link.to_socket.identifier) for link in tree.links
+    ]
+    return hashlib.sha256(repr(said).encode()).hexdigest()
+
+
+def _told(value: Any) -> Any:
+    if isinstance(value, int | float | str) or value is None:
+        return value
+    if isinstance(value, bpy.types.Image):
+        return value.name_full, value.filepath, tuple(value.size), value.is_dirty
+    if isinstance(value, bpy.types.ID):
+        return value.name_full
+    try:
+        return tuple(value)
+    except TypeError:
+        return ""

@@ -1,0 +1,99 @@
+"""Which nodes Blender's glTF exporter finds its way through, between a socket and pictures that lie by UVs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["is_followed", "is_of_each", "lies_by_uv", "sees_from"]
+
+ENDS = {"ATTRIBUTE", "VERTEX_COLOR", "VALUE", "RGB"}
+PASSED = {"REROUTE", "SEPARATE_COLOR", "SEPRGB"}
+NEAR = 1e-6
+# What a picture cannot stand for, as it is another from elsewhere.
+FROM_ELSEWHERE = {"FRESNEL", "LAYER_WEIGHT", "LIGHT_PATH"}
+OUTPUTS_FROM_ELSEWHERE = {"Reflection", "Incoming"}
+OUTPUTS_OF_EACH = {"Position", "Camera", "Window", *OUTPUTS_FROM_ELSEWHERE}
+
+
+def is_followed(node: Any) -> bool:
+    """Whether it and all that feeds it is known to the exporter."""
+    seen, left = set(), [node]
+    while left:
+        each = left.pop()
+        if each.name in seen:
+            continue
+        seen.add(each.name)
+        if each.type == "TEX_IMAGE":
+            if each.image is None or each.projection != "FLAT" or not lies_by_uv(each):
+                return False
+            continue
+        if each.type == "NORMAL_MAP":
+            if each.space != "TANGENT" or each.inputs["Strength"].is_linked:
+                return False
+        elif each.type not in ENDS | PASSED and not _is_factor(each):
+            return False
+        left += [link.from_node for entry in each.inputs for link in entry.links]
+    return True
+
+
+def _is_factor(node: Any) -> bool:
+    """Whether it multiplies, and does nothing else."""
+    if node.type == "MATH":
+        return node.operation == "MULTIPLY" and not node.use_clamp
+    if node.type not in ("MIX", "MIX_RGB") or node.blend_type != "MULTIPLY" or getattr(node, "data_type", "RGBA") != "RGBA":
+        return False
+    share = node.inputs[0]
+    return not share.is_linked and abs(share.default_value - 1) < NEAR
+
+
+def lies_by_uv(node: Any) -> bool:
+    """Whether a set of UVs tells where a picture's node lies, by no more than one turn, stretch and shift in its plane."""
+    entry, is_mapped = node.inputs["Vector"], False
+    while entry.is_linked:
+        link = entry.links[0]
+        each = link.from_node
+        if each.type == "REROUTE":
+            entry = each.inputs[0]
+        elif each.type == "MAPPING" and not is_mapped and _is_flat(each):
+            entry, is_mapped = each.inputs["Vector"], True
+        else:
+            return each.type in ("UVMAP", "ATTRIBUTE") or (each.type == "TEX_COORD" and link.from_socket.name == "UV")
+    return not is_mapped
+
+
+def _is_flat(mapping: Any) -> bool:
+    if mapping.vector_type not in ("POINT", "VECTOR"):
+        return False
+    if any(entry.is_linked for entry in mapping.inputs if entry.name != "Vector"):
+        return False
+    turn = mapping.inputs["Rotation"].default_value
+    return abs(turn[0]) < NEAR and abs(turn[1]) < NEAR
+
+
+def sees_from(node: Any, output: str) -> str:
+    """What in an output and before it is another from elsewhere, by its label; nothing where nothing is."""
+    return next(
+        (
+            str(each.bl_label)
+            for each, name in _behind(node, output)
+            if each.type in FROM_ELSEWHERE or name in OUTPUTS_FROM_ELSEWHERE
+        ),
+        "",
+    )
+
+
+def is_of_each(node: Any, output: str) -> bool:
+    """Whether an output is another on each of the objects that share a mesh."""
+    return any(each.type == "OBJECT_INFO" or name in OUTPUTS_OF_EACH for each, name in _behind(node, output))
+
+
+def _behind(node: Any, output: str) -> list[tuple[Any, str]]:
+    """It and all that feeds it, each with the output that is asked for."""
+    found: list[tuple[Any, str]] = []
+    left = [(node, output)]
+    while left:
+        each = left.pop()
+        if each not in found:
+            found.append(each)
+            left += [(link.from_node, link.from_socket.name) for entry in each[0].inputs for link in entry.links]
+    return found

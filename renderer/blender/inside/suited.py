@@ -1,0 +1,47 @@
+"""Whether the pictures behind a socket are told as glTF has them there: colours in sRGB, numbers as grey data."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["is_suited"]
+
+LEAST = 2 / 255  # by which the channels of a texel differ that is not grey
+CHANNELS = ("SEPARATE_COLOR", "SEPRGB")
+
+
+def is_suited(entry: Any, node: Any, output: Any) -> bool:
+    """entry: the input that an output of a node feeds."""
+    is_color = entry.type == "RGBA"
+    for each, name, is_channel in _pictures(node, output):
+        image = each.image
+        if image is None or image.source == "TILED" or name == "Alpha":
+            continue
+        is_encoded = image.colorspace_settings.name == "sRGB" and not image.is_float
+        if is_color != is_encoded or not (is_color or is_channel or _is_grey(image)):
+            return False
+    return True
+
+
+def _pictures(node: Any, output: Any) -> list[tuple[Any, str, bool]]:
+    """The nodes of pictures behind one, which of their outputs is asked for, and whether for a channel of it."""
+    found, left = [], [(node, output.name, False)]
+    while left:
+        each, name, is_channel = left.pop()
+        if each.type == "TEX_IMAGE":
+            found.append((each, name, is_channel))
+            continue
+        is_channel = is_channel or each.type in CHANNELS
+        left += [(link.from_node, link.from_socket.name, is_channel) for entry in each.inputs for link in entry.links]
+    return found
+
+
+def _is_grey(image: Any) -> bool:
+    import numpy as np
+
+    if image.channels < 3:
+        return True
+    texels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(texels)
+    colors = texels.reshape(-1, image.channels)[:, :3]
+    return not len(colors) or float(np.ptp(colors, axis=1).max()) < LEAST

@@ -1,0 +1,14 @@
+"""How bright a colour is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+__all__ = ["REC_709", "luminance"]
+
+REC_709 = np.array([0.2126, 0.7152, 0.0722])  # of linear red, green and blue; the same in kernel/vec.py and in the page
+
+
+def luminance(rgb: np.ndarray) -> np.ndarray:
+    """Rec.709 luminance of (..., 3) linear: (...) float64."""
+    return rgb @ REC_709

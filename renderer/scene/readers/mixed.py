@@ -1,0 +1,97 @@
+"""Two materials mixed by a share, as one, where ours has parameters for it."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.scene.description import Material, Vec3
+from renderer.scene.readers.coats import dielectric_albedo
+from renderer.scene.readers.metals import head_on
+
+__all__ = ["mixed"]
+
+_PAINT = ("name", "kind", "base_color", "base_color_texture", "double_sided")
+_GLOSS = ("roughness", "metallic", "metallic_roughness_texture", "ior", "anisotropy", "anisotropy_rotation", "eta", "k")
+_PLAIN = Material()
+_HEAD_ON = 0.04  # of an index of 1.5
+
+
+class _Looks(NamedTuple):
+    """A matt colour, and what gloss over it reflects, head on and of light from everywhere. None: it is matt alone."""
+
+    matt: np.ndarray
+    texture: int | None
+    head_on: np.ndarray | None = None
+    all_round: float = 0.0
+
+
+def mixed(first: Material, second: Material, share: float) -> Material | None:
+    """The mixture, of which `share` is the second; None where ours has none that looks so.
+
+    Paint, plastic and metal: the gloss of one of them over what is matt, or the same gloss of both.
+    """
+    if share <= 0 or share >= 1:
+        return second if share >= 1 else first
+    for one, other, part in ((first, second, share), (second, first, 1 - share)):
+        if one.opacity == 0:
+            return replace(other, opacity=other.opacity * part, alpha_mode="blend")
+    looks = [_looks(each) for each in (first, second)]
+    if looks[0] is None or looks[1] is None:
+        return None
+    parts = [(each, part, made) for each, part, made in zip(looks, (1 - share, share), (first, second), strict=True) if each]
+    glossy = [entry for entry in parts if entry[0].head_on is not None]
+    colored = [entry for entry in parts if entry[0].matt.any()]
+    if len({each.texture for each, _, _ in colored}) > 1:
+        return None
+    matt = sum((each.matt * (1 - each.all_round) * part for each, part, _ in parts), start=np.zeros(3))
+    texture = colored[0][0].texture if colored else None
+    if not glossy:
+        return Material(base_color=_vec(matt), base_color_texture=texture)
+    if len(glossy) == 2 and not _alike(first, second):
+        return None
+    gloss, _, made = glossy[0]
+    weight = sum(part for _, part, _ in glossy)
+    assert gloss.head_on is not None
+    kept = {name: getattr(made, name) for name in ("anisotropy", "anisotropy_rotation", "metallic_roughness_texture")}
+    return Material(
+        kind="metallic_roughness",
+        base_color=_vec(np.minimum(matt / (1 - weight * gloss.all_round), 1)),
+        base_color_texture=texture,
+        specular=weight,
+        specular_color=_vec(gloss.head_on / _HEAD_ON),
+        roughness=made.roughness or 0.0,
+        **kept,
+    )
+
+
+def _looks(made: Material) -> _Looks | None:
+    color, texture = np.array(made.base_color), made.base_color_texture
+    own = {each.name for each in fields(made) if getattr(made, each.name) != getattr(_PLAIN, each.name)}
+    if made.kind == "diffuse" and own <= set(_PAINT):
+        return _Looks(color, texture)
+    if not own <= {*_PAINT, *_GLOSS}:
+        return None
+    bare = np.zeros(3)
+    if made.kind == "conductor":
+        reflected = head_on(made.eta, made.k)
+    elif (made.kind == "mirror" or (made.kind == "metallic_roughness" and made.metallic == 1)) and texture is None:
+        reflected = color
+    elif made.kind == "metallic_roughness" and made.metallic == 0:
+        return _Looks(color, texture, np.full(3, ((made.ior - 1) / (made.ior + 1)) ** 2), dielectric_albedo(made.ior))
+    else:
+        return None
+    return _Looks(bare, None, np.asarray(reflected), float(reflected.max() + (1 - reflected.max()) / 21))  # Schlick's mean
+
+
+def _alike(first: Material, second: Material) -> bool:
+    return all(getattr(first, name) == getattr(second, name) for name in ("kind", *_GLOSS)) and (
+        first.metallic == 0 or first.base_color == second.base_color
+    )
+
+
+def _vec(values: np.ndarray) -> Vec3:
+    r, g, b = (float(v) for v in values)
+    return r, g, b

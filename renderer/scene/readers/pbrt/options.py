@@ -1,0 +1,23 @@
+"""Options of pbrt's: most are of its running, and not of the scene."""
+
+from __future__ import annotations
+
+from renderer.scene.readers.pbrt.notes import Notes
+from renderer.scene.readers.pbrt.statements import Statement
+
+__all__ = ["note_option"]
+
+_OF_THE_PICTURE = {
+    "forcediffuse": "surfaces are as their materials say",
+    "disablepixeljitter": "a pixel's samples lie all over it",
+    "disabletexturefiltering": "textures are interpolated",
+}
+
+
+def note_option(name: str, statement: Statement, notes: Notes) -> None:
+    """Notes an option that is on, and by which a picture would be another."""
+    key = name.split()[-1].replace("_", "").replace("-", "").lower()
+    said = statement.arguments[1] if len(statement.arguments) > 1 else ""
+    is_on = said == "true" or (isinstance(said, tuple) and said[:1] in ((True,), ("true",)))
+    if is_on and key in _OF_THE_PICTURE:
+        notes.add(statement.place, f"The option {key} is not taken over: {_OF_THE_PICTURE[key]}")

@@ -1,0 +1,149 @@
+"""USD's subdivision surfaces refined by some levels, their primvars with them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import F32
+from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces
+from renderer.scene.readers.usd.subdivision import Cage, limit, refined
+
+__all__ = ["of_boundary", "refine"]
+
+MAX_LEVEL = 2
+MAX_REFINED = 4_000_000  # triangles of a mesh that it is refined to
+_SHARP = 10.0
+
+
+def refine(
+    mesh: Any, points: F32, faces: Faces, attributes: dict[str, AtCorners], time: Any
+) -> tuple[F32, Faces, dict[str, AtCorners], Codes]:
+    """The mesh some levels finer, and which of its faces each of the new ones is a part of. Holes are refined, too."""
+    old = np.arange(len(faces.counts))
+    whole = faces.counts >= 3
+    faces, corners = faces.kept(whole)
+    attributes, old = {name: values.at(corners) for name, values in attributes.items()}, old[whole]
+    smooth = {name: values for name, values in attributes.items() if values.by_point and len(values.values) > 1}
+    columns = [points.astype(np.float64)]
+    for values in smooth.values():
+        at_points = np.zeros((len(points), values.values.shape[1]))
+        at_points[faces.corners] = values.each()
+        columns.append(at_points)
+    lengths = np.asarray(mesh.GetCreaseLengthsAttr().Get(time) or (), np.int64)
+    edges, sharpness = _creases(
+        np.asarray(mesh.GetCreaseIndicesAttr().Get(time) or (), np.int64),
+        lengths,
+        np.asarray(mesh.GetCreaseSharpnessesAttr().Get(time) or (), np.float64),
+        len(points),
+    )
+    still = np.asarray(mesh.GetCornerIndicesAttr().Get(time) or (), np.int64)
+    strength = np.asarray(mesh.GetCornerSharpnessesAttr().Get(time) or (), np.float64)
+    known = (still >= 0) & (still < len(points)) if len(still) == len(strength) else np.zeros(len(still), bool)
+    strength = strength[known] if len(still) == len(strength) else np.zeros(0)
+    is_cornered = mesh.GetInterpolateBoundaryAttr().Get(time) != "edgeOnly"
+    cage = Cage(np.concatenate(columns, axis=1), faces, edges, sharpness, still[known], strength, is_cornered)
+    along = {name: values for name, values in attributes.items() if name not in smooth}
+    # Of values with indices of their own, those that neighbours share are smoothed as points are.
+    how = str(mesh.GetFaceVaryingLinearInterpolationAttr().Get(time))
+    own = {name: _unfolded(cage, values, how) for name, values in along.items() if values.is_indexed and how != "all"}
+    along = {name: values for name, values in along.items() if name not in own}
+    level = 0
+    while level < MAX_LEVEL and 2 * 4 * len(cage.faces.corners) <= 4 * MAX_REFINED:
+        cage, finer, parent = refined(cage, list(along.values()))
+        along = dict(zip(along, finer, strict=True))
+        own = {name: refined(one, [])[0] for name, one in own.items()}
+        old = old[parent]
+        level += 1
+    if level:
+        cage = replace(cage, points=limit(cage))
+    for name, one in own.items():
+        ends = limit(one) if level else one.points
+        along[name] = AtCorners(ends.astype(np.float32), one.faces.corners)
+    at = 3
+    for name, given in smooth.items():
+        width = given.values.shape[1]
+        along[name] = AtCorners(cage.points[:, at : at + width].astype(np.float32), cage.faces.corners, True)
+        at += width
+    return np.ascontiguousarray(cage.points[:, :3], np.float32), cage.faces, along, old
+
+
+def _creases(
+    indices: Codes, lengths: Codes, sharpness: npt.NDArray[np.float64], points: int
+) -> tuple[Codes, npt.NDArray[np.float64]]:
+    """(E, 2) edges and their sharpness, of chains of points, each of a sharpness or with one for every edge."""
+    none = np.zeros((0, 2), np.int64), np.zeros(0)
+    if len(lengths) == 0 or lengths.min() < 2 or lengths.sum() != len(indices):
+        return none
+    if indices.min() < 0 or indices.max() >= points:
+        return none
+    is_last = np.zeros(len(indices), bool)
+    is_last[np.cumsum(lengths) - 1] = True
+    begin = np.flatnonzero(~is_last)
+    if len(sharpness) == len(lengths):
+        sharpness = np.repeat(sharpness, lengths - 1)
+    if len(sharpness) != len(begin):
+        return none
+    return np.stack([indices[begin], indices[begin + 1]], axis=1), np.maximum(sharpness, 0)
+
+
+def _unfolded(cage: Cage, values: AtCorners, how: str) -> Cage:
+    """A cage of a primvar's values in place of the points: neighbours that do not share a value have a border between them.
+
+    how: UsdGeomMesh's faceVaryingLinearInterpolation, but for `all`.
+    """
+    old, code = cage.faces.corners, values.code
+    keys, first, corner = np.unique(old * (int(code.max(initial=0)) + 1) + code, return_index=True, return_inverse=True)
+    point = old[first]  # of each value
+    begin, end = np.searchsorted(point, np.arange(len(cage.points))), np.searchsorted(point, np.arange(len(cage.points)), "right")
+    still = np.zeros(len(keys), bool)
+    pieces, sides = end - begin, np.bincount(corner, minlength=len(keys))
+    if how in ("cornersPlus1", "cornersPlus2"):
+        still = pieces[point] > 2
+    if how == "cornersPlus2":  # of two pieces both are sharp where one of them has a corner
+        still |= (pieces == 2)[point] & (np.bincount(point, sides == 1, len(cage.points)) > 0)[point]
+    if how == "none" and cage.sharp_boundary_corners:  # where the mesh itself has a corner
+        still = np.bincount(old, minlength=len(cage.points))[point] == 1
+    faces = Faces(cage.faces.counts, corner)
+    if how == "boundaries":
+        still = still | _on_boundary(faces, len(keys))
+    ahead = np.arange(len(old)) + 1
+    ahead[faces.first + faces.counts - 1] = faces.first
+    edges, sharpness = np.zeros((0, 2), np.int64), np.zeros(0)
+    if len(cage.edges):
+        count = len(cage.points)
+        lines = np.minimum(old, old[ahead]) * count + np.maximum(old, old[ahead])
+        creased = cage.edges.min(axis=1) * count + cage.edges.max(axis=1)
+        order = np.argsort(creased, kind="stable")
+        at = np.minimum(np.searchsorted(creased[order], lines), len(creased) - 1)
+        which = np.flatnonzero(creased[order][at] == lines)
+        edges, sharpness = np.stack([corner[which], corner[ahead[which]]], axis=1), cage.edge_sharpness[order][at[which]]
+    corners, strength = np.flatnonzero(still), np.full(int(still.sum()), _SHARP)
+    if len(cage.corners):
+        of = dict(zip(cage.corners.tolist(), cage.corner_sharpness.tolist(), strict=True))
+        own = np.flatnonzero(np.isin(point, cage.corners))
+        corners, strength = np.append(corners, own), np.append(strength, [of[int(p)] for p in point[own]])
+    return Cage(values.values[code[first]].astype(np.float64), faces, edges, sharpness, corners, strength, how != "none")
+
+
+def of_boundary(faces: Faces) -> npt.NDArray[np.bool_]:
+    """(F,) the faces with a point on the mesh's border."""
+    outer = _on_boundary(faces, int(faces.corners.max(initial=-1)) + 1)
+    found: npt.NDArray[np.bool_] = np.bincount(faces.face, outer[faces.corners], len(faces.counts)) > 0
+    return found
+
+
+def _on_boundary(faces: Faces, points: int) -> npt.NDArray[np.bool_]:
+    """(P,) the points in which an edge of one face alone ends."""
+    ahead = np.arange(len(faces.corners)) + 1
+    some = faces.counts > 0
+    ahead[(faces.first + faces.counts - 1)[some]] = faces.first[some]
+    a, b = faces.corners, faces.corners[ahead]
+    keys, times = np.unique(np.minimum(a, b) * points + np.maximum(a, b), return_counts=True)
+    outer = np.zeros(points, bool)
+    single = keys[times == 1]
+    outer[single // points], outer[single % points] = True, True
+    return outer

@@ -1,0 +1,53 @@
+"""The inputs of a MaterialX surface, and which of them were not taken over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from renderer.scene.description import Vec3
+from renderer.scene.readers.usd.inputs import Input
+from renderer.scene.readers.usd.preview_surface import Read
+
+__all__ = ["Said"]
+
+_WHITE: Vec3 = (1.0, 1.0, 1.0)
+
+
+class Said:
+    """Looks up the inputs of a shader, and names what is lost of them."""
+
+    def __init__(self, shader: Any, read: Read) -> None:
+        self._shader, self._read = shader, read
+
+    def __call__(self, name: str, srgb: bool = False) -> Input:
+        """What it is."""
+        return self._read.network.input(self._shader, name, srgb)
+
+    def number(self, name: str, default: float) -> float:
+        """One that has to be a number all over; a texture is named and left out."""
+        return self._even(name, self(name)).number(default)
+
+    def color(self, name: str, default: Vec3 = _WHITE) -> Vec3:
+        """The same of a colour."""
+        return self._even(name, self(name, True)).color(default)
+
+    def _even(self, name: str, given: Input) -> Input:
+        if given.taken is not None or given.primvar is not None:
+            self._note(f"Textures of the {_words(name)} of MaterialX surfaces are left out")
+        return given
+
+    def leave_out(self, neutral: Mapping[str, float | Vec3]) -> None:
+        """Names those of some inputs that are not what changes nothing."""
+        for name, value in neutral.items():
+            given = self(name)
+            plain = (value,) * 3 if isinstance(value, (int, float)) else value
+            if given.taken is not None or max(abs(a - b) for a, b in zip(given.color(plain), plain, strict=True)) > 1e-6:
+                self._note(f"The {_words(name)} of MaterialX surfaces is left out")
+
+    def _note(self, what: str) -> None:
+        self._read.network.notes.add(what, self._read.network.user)
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")

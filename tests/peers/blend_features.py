@@ -1,0 +1,184 @@
+"""Small scenes, each of one thing that was otherwise here than in Cycles, as .blend files with Cycles' pictures beside them.
+
+python blend_features.py FOLDER         run by a Python that has bpy
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "blender"))
+from blender_scenes import add, background, empty, lamp, look, painted, principled, world_node
+
+SIZE, SAMPLES, BOUNCES = 64, 128, 12
+RED = (0.7, 0.2, 0.1, 1)
+SHADER = "Principled BSDF"
+
+
+def stage(scene: Any, power: float = 300.0, **values: Any) -> tuple[Any, Any]:
+    """A ball on a floor; the ball, and the nodes of its material."""
+    add("plane", principled("floor", Base_Color=(0.5, 0.45, 0.4, 1), Roughness=0.9, Specular_IOR_Level=0.0), size=14)
+    if power:
+        lamp("AREA", power, (2.5, -3.0, 4), size=3.0)
+    background(scene).inputs["Strength"].default_value = 0.6
+    scene.camera.location, scene.camera.data.lens = (0, -5, 2.2), 50
+    look(scene.camera, (0, 0, 0.7))
+    material = principled("ball", **{"Base_Color": RED, **values})
+    ball = add("uv_sphere", material, location=(0, 0, 0.9), radius=0.9, segments=64, ring_count=32)
+    return ball, material.node_tree
+
+
+def stripes(tree: Any, space: str) -> Any:
+    """The colours of a picture of stripes."""
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.interpolation = "Closest"
+    node.image = painted(
+        "stripes", 32, 32, lambda x, y: (0.2 + 0.7 * (int(x * 8) % 2), 0.1 + 0.8 * (int(y * 6) % 2), x), space=space
+    )
+    return node
+
+
+def grey(tree: Any) -> Any:
+    """A picture of numbers, told as colours by mistake, as Blender has new images."""
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.interpolation = "Closest"
+    node.image = painted("numbers", 16, 16, lambda x, y: (0.2 + 0.5 * (int(x * 8) % 2),) * 3)
+    return node
+
+
+def ior(scene: Any) -> None:
+    stage(scene, Roughness=0.3, IOR=2.2)
+
+
+def tinted_glass(scene: Any) -> None:
+    stage(scene, Base_Color=(0.9, 0.7, 0.5, 1), Roughness=0.0, Transmission_Weight=1.0, IOR=1.4)
+
+
+def shining_mask(scene: Any) -> None:
+    _, tree = stage(scene, Emission_Color=(1, 0.6, 0.3, 1))
+    times = tree.nodes.new("ShaderNodeMath")
+    times.operation, times.inputs[1].default_value = "MULTIPLY", 3.0
+    tree.links.new(stripes(tree, "Non-Color").outputs[0], times.inputs[0])
+    tree.links.new(times.outputs[0], tree.nodes[SHADER].inputs["Emission Strength"])
+
+
+def spaces(scene: Any) -> None:
+    _, tree = stage(scene, Metallic=0.5)
+    tree.links.new(stripes(tree, "Non-Color").outputs[0], tree.nodes[SHADER].inputs["Base Color"])
+    tree.links.new(grey(tree).outputs[0], tree.nodes[SHADER].inputs["Roughness"])
+
+
+def mask(scene: Any) -> None:
+    """Colours for opacity."""
+    _, tree = stage(scene)
+    tree.links.new(stripes(tree, "Non-Color").outputs[0], tree.nodes[SHADER].inputs["Alpha"])
+
+
+def mapped(scene: Any) -> None:
+    _, tree = stage(scene, Roughness=0.8)
+    node, mapping, at = stripes(tree, "sRGB"), tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
+    mapping.vector_type = "TEXTURE"
+    mapping.inputs["Rotation"].default_value[2], mapping.inputs["Scale"].default_value = 0.5, (2, 1.5, 1)
+    tree.links.new(at.outputs["UV"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs[0], node.inputs["Vector"])
+    tree.links.new(node.outputs[0], tree.nodes[SHADER].inputs["Base Color"])
+
+
+def multiplied(scene: Any) -> None:
+    _, tree = stage(scene, Roughness=0.8)
+    mix = tree.nodes.new("ShaderNodeMix")
+    mix.data_type, mix.blend_type, mix.inputs[0].default_value = "RGBA", "MULTIPLY", 0.5
+    mix.inputs[7].default_value = (0.2, 0.9, 0.2, 1)
+    tree.links.new(stripes(tree, "sRGB").outputs[0], mix.inputs[6])
+    tree.links.new(mix.outputs[2], tree.nodes[SHADER].inputs["Base Color"])
+
+
+def brushed_glossy(scene: Any) -> None:
+    _, tree = stage(scene)
+    node = tree.nodes.new("ShaderNodeBsdfAnisotropic")
+    node.inputs["Color"].default_value, node.inputs["Roughness"].default_value = RED, 0.4
+    node.inputs["Anisotropy"].default_value = 0.6
+    tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+
+
+def plain(scene: Any) -> None:
+    """What has no material."""
+    ball, _ = stage(scene)
+    ball.data.materials.clear()
+
+
+def of_each(scene: Any) -> None:
+    """The colours of objects that share a mesh."""
+    ball, tree = stage(scene, Roughness=0.8)
+    node = tree.nodes.new("ShaderNodeObjectInfo")
+    tree.links.new(node.outputs["Color"], tree.nodes[SHADER].inputs["Base Color"])
+    ball.color = (0.7, 0.6, 0.1, 1)
+    for i, color in enumerate(((0.8, 0.1, 0.1, 1), (0.1, 0.7, 0.1, 1), (0.1, 0.1, 0.8, 1))):
+        other = ball.copy()
+        other.color, other.location, other.scale = color, (i - 1, -1.4, 0.3), (0.35,) * 3
+        scene.collection.objects.link(other)
+
+
+def lamps(scene: Any) -> None:
+    """One that is not rendered, two by a collection, a portal; one of a square metre, one by its nodes."""
+    stage(scene, power=0.0)
+    lamp("POINT", 500.0, (0, -2, 3)).hide_render = True
+    lamp("AREA", 500.0, (0, -2, 3)).data.cycles.is_portal = True
+    shown = bpy.data.collections.new("lamps")
+    inner = lamp("POINT", 60.0, (0, 0, 0), shadow_soft_size=0.2)
+    scene.collection.objects.unlink(inner)
+    shown.objects.link(inner)
+    for x in (-1.5, 1.5):
+        each = bpy.data.objects.new("lamps", None)
+        each.instance_type, each.instance_collection, each.location = "COLLECTION", shown, (x, -1.5, 2)
+        scene.collection.objects.link(each)
+    lamp("POINT", 50.0, (2, -2, 3), normalize=False, shadow_soft_size=0.4)
+    warm = lamp("POINT", 100.0, (-2, -2, 3), shadow_soft_size=0.3).data
+    warm.use_nodes = True
+    tree = warm.node_tree
+    body = tree.nodes.new("ShaderNodeBlackbody")
+    body.inputs[0].default_value = 3000
+    tree.links.new(body.outputs[0], tree.nodes["Emission"].inputs["Color"])
+
+
+def sky(scene: Any) -> None:
+    """With a sun of half a degree."""
+    stage(scene, power=0.0, Roughness=0.7)
+    node = world_node(scene, "ShaderNodeTexSky")
+    node.sky_type, node.sun_elevation, node.sun_rotation = "NISHITA", 0.6, 0.8
+    background(scene).inputs["Strength"].default_value = 0.05
+
+
+SCENES: dict[str, Callable[[Any], None]] = {
+    each.__name__: each
+    for each in (
+        *(ior, tinted_glass, shining_mask, spaces, mask, mapped, multiplied, brushed_glossy),
+        *(plain, of_each, lamps, sky),
+    )
+}
+
+
+def main(folder: Path) -> None:
+    """The command."""
+    for name, build in SCENES.items():
+        scene = empty()
+        build(scene)
+        render, cycles = scene.render, scene.cycles
+        render.engine, render.resolution_x, render.resolution_y = "CYCLES", SIZE, SIZE
+        cycles.device, cycles.samples, cycles.use_adaptive_sampling, cycles.use_denoising = "CPU", SAMPLES, False, False
+        cycles.pixel_filter_type, cycles.filter_width = "BOX", 1.0
+        cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = BOUNCES
+        cycles.transparent_max_bounces = 64
+        cycles.blur_glossy = cycles.sample_clamp_indirect = cycles.sample_clamp_direct = cycles.light_sampling_threshold = 0.0
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{name}.blend"), copy=True, compress=False)
+        render.filepath = str(folder / f"{name}.exr")
+        bpy.ops.render.render(write_still=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]).resolve())

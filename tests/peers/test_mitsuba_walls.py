@@ -1,0 +1,83 @@
+"""Walls of one material in Mitsuba's format, by closed forms and against Mitsuba's own picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer.film import mean
+from renderer.render import render_frame
+from renderer.scene.compile import compile_scene
+from renderer.scene.load import read
+from renderer.settings import RenderSettings, chosen
+from tests.grids import grid
+
+SCENE = """<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="{depth}"/></integrator>
+<sensor type="orthographic"><transform name="to_world"><scale x="{size}" y="{size}"/><lookat origin="{x}, 0, {z}" target="0, 0, 0"
+up="0, 1, 0"/></transform><film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="16"/>
+<rfilter type="box"/></film></sensor>{inside}</scene>"""
+WHITE = '<emitter type="constant"><rgb name="radiance" value="1"/></emitter>'
+METAL = """<bsdf type="roughconductor"><string name="distribution" value="ggx"/><float name="alpha" value="{}"/>
+<rgb name="eta" value="0.2 0.9 1.1"/><rgb name="k" value="3.9 2.4 2.2"/></bsdf>"""
+MIRROR = """<bsdf type="roughconductor"><string name="distribution" value="ggx"/><float name="alpha" value="{}"/>
+<string name="material" value="none"/></bsdf>"""
+BLUE = '<bsdf type="diffuse"><rgb name="reflectance" value="0.1 0.2 0.7"/></bsdf>'
+
+
+def both(folder: Path, inside: str, degrees: float = 0.0, depth: int = 2, size: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) means of ours and of Mitsuba's picture."""
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    x, z = 5 * np.sin(np.radians(degrees)), 5 * np.cos(np.radians(degrees))
+    (folder / "scene.xml").write_text(SCENE.format(inside=inside, depth=depth, size=size, x=x, z=z))
+    described = read(folder, "scene.xml")
+    settings = RenderSettings(16, 16, described.cameras[0].view, **chosen({}, described.defaults))
+    sums = render_frame(compile_scene(described), settings, 1024)
+    theirs = np.array(mi.render(mi.load_file(str(folder / "scene.xml")), spp=1024), float)[..., :3]
+    return mean(sums, settings.film_exponent)[..., :3].mean(axis=(0, 1)), theirs.mean(axis=(0, 1))
+
+
+def scattered_once(degrees: float, alpha: float) -> float:
+    """What a white metal reflects of light from everywhere, if light that meets a second facet is lost; Smith's terms apart."""
+    random = np.random.default_rng(2)
+    view = np.array([np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))])
+    stretched = view * (alpha, alpha, 1)
+    stretched /= np.linalg.norm(stretched)
+    u, v = random.random((2, 400_000))
+    z = (1 - u) * (1 + stretched[2]) - stretched[2]
+    ring = np.sqrt(np.clip(1 - z * z, 0, 1))
+    facet = (np.stack([ring * np.cos(2 * np.pi * v), ring * np.sin(2 * np.pi * v), z], axis=-1) + stretched) * (alpha, alpha, 1)
+    facet /= np.linalg.norm(facet, axis=-1, keepdims=True)
+    up = 2 * (facet @ view) * facet[:, 2] - view[2]
+    shadow = 2 / (1 + np.sqrt(1 + alpha**2 * (1 / np.maximum(up, 1e-9) ** 2 - 1)))
+    return float(np.where(up > 0, shadow, 0).mean())
+
+
+@grid("alpha, degrees", [(0.1, 0), (0.2, 60), (0.2, 0), (0.5, 60)], ordinary=[0.5])
+def test_white_metal_is_white_here_and_has_in_mitsuba_what_one_bounce_leaves(
+    degrees: float, alpha: float, tmp_path: Path
+) -> None:
+    wall = f'<shape type="rectangle">{MIRROR.format(alpha)}</shape>'
+    ours, theirs = both(tmp_path, WHITE + wall, degrees)
+    np.testing.assert_allclose(ours, 1, atol=3e-3)
+    np.testing.assert_allclose(theirs, scattered_once(degrees, alpha), rtol=5e-3)
+
+
+@grid("weight", [0.3, 0.7], ordinary=[0.3])
+def test_a_blend_of_paint_and_metal(weight: float, tmp_path: Path) -> None:
+    """Lit from everywhere, and by a lamp above."""
+    blend = f'<bsdf type="blendbsdf"><float name="weight" value="{weight}"/>{BLUE}{METAL.format(0.05)}</bsdf>'
+    lamp = """<shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate y="2" z="1"/></transform>
+    <emitter type="area"><rgb name="radiance" value="4"/></emitter></shape>"""
+    ours, theirs = both(tmp_path, f'{WHITE}{lamp}<shape type="sphere">{blend}</shape>', depth=4, size=1.0)
+    np.testing.assert_allclose(ours, theirs, rtol=0.015)
+
+
+def test_what_shines_is_black_where_it_names_no_material(tmp_path: Path) -> None:
+    """Of light from everywhere it reflects nothing: its radiance alone is seen."""
+    wall = '<shape type="rectangle"><emitter type="area"><rgb name="radiance" value="0.5 0.25 0.125"/></emitter></shape>'
+    ours, theirs = both(tmp_path, WHITE + wall)
+    np.testing.assert_allclose(ours, (0.5, 0.25, 0.125), rtol=1e-4)
+    np.testing.assert_allclose(theirs, (0.5, 0.25, 0.125), rtol=1e-4)

@@ -1,0 +1,106 @@
+"""Paint under a coat, against a random walk between the two as pbrt-v4's LayeredBxDF takes it, photon by photon."""
+
+import math
+
+import numpy as np
+import pytest
+
+from renderer.scene.readers.coats import coat_over, dielectric_albedo, under_a_coat
+from renderer.scene.readers.metals import head_on
+from renderer.scene.readers.pbrt.coats import coat_of, metal_beneath, paint_beneath
+from tests.renderer.scene.pbrt_files import BALL, HEAD, world
+
+COUNT = 60_000
+THICKNESS = 0.01
+
+
+def test_a_smooth_coat_that_takes_nothing_has_a_closed_form():
+    coat = coat_of(1.5, 0.0, 0.0, 1000)
+    inner = coat_over(1.5)
+    assert coat.reflected == pytest.approx(dielectric_albedo(1.5), rel=0.02)
+    assert coat.back == pytest.approx(inner, rel=0.01)
+    for value in (0.2, 0.5, 0.9):
+        assert paint_beneath((value,) * 3, coat)[0] == pytest.approx(under_a_coat((value,) * 3, inner)[0], rel=0.01)
+
+
+def test_a_thick_coat_takes_light_by_its_thickness():
+    """Paint of which nothing comes back a second time: what is left is exp(-t / cosine) of the way in, and of the way out."""
+    clear, dark = (coat_of(1.0001, 0.0, thickness, 2) for thickness in (0.0, 0.5))
+    cosine = np.sqrt((np.arange(4096) + 0.5) / 4096)
+    once = np.exp(-0.5 / cosine).mean()
+    assert paint_beneath((0.5,) * 3, dark)[0] / paint_beneath((0.5,) * 3, clear)[0] == pytest.approx(once**2, rel=0.01)
+
+
+def boundary(view, ior, alpha, reflects, random):
+    """New directions of photons that meet a boundary from above, and what is left of them. Source: Heitz 2018; Walter 2007."""
+    stretched = view * ((alpha,), (alpha,), (1,))
+    stretched /= np.linalg.norm(stretched, axis=0)
+    u, v = random.random((2, view.shape[1]))
+    z = (1 - u) * (1 + stretched[2]) - stretched[2]
+    ring = np.sqrt(np.clip(1 - z * z, 0, 1))
+    facet = np.stack([ring * np.cos(2 * np.pi * v), ring * np.sin(2 * np.pi * v), z]) + stretched
+    facet *= ((alpha,), (alpha,), (1,))
+    facet /= np.linalg.norm(facet, axis=0)
+    cosine = (facet * view).sum(axis=0)
+    square = (1 - cosine**2) / ior**2
+    behind = np.sqrt(np.clip(1 - square, 0, 1))
+    fresnel = ((ior * cosine - behind) / (ior * cosine + behind)) ** 2 + ((cosine - ior * behind) / (cosine + ior * behind)) ** 2
+    fresnel = np.where(square >= 1, 1.0, fresnel / 2)
+    if reflects:
+        way, share = 2 * cosine * facet - view, fresnel
+    else:
+        way, share = (cosine / ior - behind) * facet - view / ior, 1 - fresnel
+    up = way[2] if reflects else -way[2]
+
+    def smith(z):
+        return (np.sqrt(1 + alpha**2 * (1 / np.maximum(z, 1e-9) ** 2 - 1)) - 1) / 2
+
+    return way, np.where(up > 0, share * (1 + smith(view[2])) / (1 + smith(view[2]) + smith(up)), 0.0)
+
+
+def matt(random):
+    u, v = random.random((2, COUNT))
+    return np.stack([np.sqrt(u) * np.cos(2 * np.pi * v), np.sqrt(u) * np.sin(2 * np.pi * v), np.sqrt(1 - u)])
+
+
+def walked(reflectance, ior, alpha):
+    """What comes from beneath of light from everywhere: 10 steps, each through the coat."""
+    random = np.random.default_rng(3)
+    way, left = boundary(matt(random), ior, alpha, False, random)
+    found = 0.0
+    for _ in range(5):
+        left = left * np.exp(-THICKNESS / np.maximum(np.abs(way[2]), 1e-9)) * reflectance
+        up = matt(random)
+        left = left * np.exp(-THICKNESS / up[2])
+        found += (left * boundary(up, 1 / ior, alpha, False, random)[1]).mean()
+        way, again = boundary(up, 1 / ior, alpha, True, random)
+        left = left * again
+    return found
+
+
+@pytest.mark.parametrize(("ior", "alpha"), [(1.5, math.sqrt(0.1)), (1.5, math.sqrt(0.3)), (1.33, 0.1), (2.0, 0.55)])
+def test_paint_under_rough_varnish_is_as_dark_as_the_walk_makes_it(ior, alpha):
+    coat = coat_of(ior, round(alpha, 4), THICKNESS, 10)
+    for value in (0.2, 0.9):
+        ours = paint_beneath((value,) * 3, coat)[0] * (1 - coat.reflected)
+        assert ours == pytest.approx(walked(value, ior, alpha), rel=0.015)
+
+
+def test_files_of_coats(scene):
+    def made(words):
+        return scene("scene.pbrt", world(f"Material {words} {BALL}", HEAD)).materials[0]
+
+    white = '"coateddiffuse" "rgb reflectance" [.9 .9 .9]'
+    assert made(white).base_color[0] == pytest.approx(paint_beneath((0.9,) * 3, coat_of(1.5, 0.0, 0.01, 10))[0])
+    rough = made(f'{white} "float roughness" 0.3 "float thickness" 0 "integer maxdepth" 100')
+    assert rough.base_color[0] == pytest.approx(paint_beneath((0.9,) * 3, coat_of(1.5, round(math.sqrt(0.3), 4), 0.0, 100))[0])
+    assert rough.base_color[0] < 0.6 * made(white).base_color[0] + 0.1  # it was as bright as under a smooth coat
+    brushed = made(f'{white} "float uroughness" 0.01 "float vroughness" 0.25')
+    assert brushed.base_color[0] == pytest.approx(paint_beneath((0.9,) * 3, coat_of(1.5, 0.2236, 0.01, 10))[0], rel=1e-3)
+    # The metal meets the coat and not air: eta and k are both divided by its index.
+    metal = made('"coatedconductor" "rgb reflectance" [.8 .8 .8] "float thickness" 0')
+    k = 2 * math.sqrt(0.8 / 0.2)
+    bare = head_on(1 / 1.5, k / 1.5)
+    assert bare == pytest.approx(0.7303, abs=1e-4)
+    assert metal.base_color[0] == pytest.approx(0.96 * bare / (1 - 0.04 * bare), rel=1e-4)
+    assert metal_beneath(np.array([0.0, 1.0]), 1.5, 0.0) == pytest.approx([0, 1])

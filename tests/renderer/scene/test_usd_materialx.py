@@ -1,0 +1,216 @@
+"""USD: MaterialX surfaces and the nodes before them come to the values that MaterialX defines."""
+
+import numpy as np
+import pytest
+from pxr import UsdShade
+
+from tests.renderer.scene.test_usd_materials import linear, seen, shaded  # noqa: F401
+from tests.renderer.scene.usd_files import TYPES, material
+
+F, C, V2, V3, ASSET = TYPES.Float, TYPES.Color3f, TYPES.Float2, TYPES.Float3, TYPES.Asset
+STANDARD, OPEN_PBR, GLTF = (f"ND_{name}_surfaceshader" for name in ("standard_surface", "open_pbr_surface", "gltf_pbr"))
+PICTURE = (200, 100, 50)
+
+
+def node(made, name, kind, output=C, **inputs):
+    """The output of a node whose inputs are (type, value), or such outputs."""
+    shader = UsdShade.Shader.Define(made, f"/look/{name}")
+    shader.CreateIdAttr(f"ND_{kind}")
+    for key, (type_name, value) in inputs.items():
+        given = shader.CreateInput(key, type_name)
+        if isinstance(value, UsdShade.Output):
+            given.ConnectToSource(value)
+        else:
+            given.Set(value)
+    return shader.CreateOutput("out", output)
+
+
+def picture(made, **inputs):
+    return node(made, "picture", "image_color3", file=(ASSET, "t.png"), **inputs)
+
+
+@pytest.fixture
+def looks(shaded):  # noqa: F811
+    """`looks(kind, name=(type, value or a maker of an output), ...)`: the description, and its material."""
+
+    def make(kind=STANDARD, **inputs):
+        def build(made):
+            given = {name: (kind, value(made) if callable(value) else value) for name, (kind, value) in inputs.items()}
+            return material(made, "/look", kind, "mtlx", **given)[0]
+
+        return shaded(build)
+
+    return make
+
+
+ARITHMETIC = {  # of a picture and of numbers, and what comes out for red, green and blue
+    "multiply": ({"in2": (C, (0.5, 0.25, 1))}, lambda x: x * (0.5, 0.25, 1)),
+    "add": ({"in2": (C, (0.1, 0.2, 0.3))}, lambda x: np.add(x, (0.1, 0.2, 0.3))),
+    "subtract": ({"in2": (C, (0.1, 0, 0))}, lambda x: x - (0.1, 0, 0)),
+    "divide": ({"in2": (C, (2, 4, 1))}, lambda x: x / (2, 4, 1)),
+    "mix": ({"bg": (C, (0.5, 0.25, 1)), "mix": (F, 0.25)}, lambda x: 0.25 * x + 0.75 * np.array((0.5, 0.25, 1))),
+    "invert": ({}, lambda x: 1 - x),
+    "remap": ({"outlow": (C, (0.5,) * 3), "outhigh": (C, (1,) * 3)}, lambda x: 0.5 + 0.5 * x),
+}
+
+
+@pytest.mark.parametrize("name", ARITHMETIC)
+def test_what_is_calculated_of_a_picture_and_numbers_is_what_materialx_says(looks, name):
+    inputs, expected = ARITHMETIC[name]
+    first = {"mix": "fg", "invert": "in", "remap": "in"}.get(name, "in1")
+    found, look = looks(
+        base_color=(C, lambda made: node(made, "sum", f"{name}_color3", **{first: (C, picture(made))}, **inputs)),
+    )
+    got = [seen(found, look.base_color_texture, k) * look.base_color[k] for k in range(3)]
+    np.testing.assert_allclose(got, expected(np.array([linear(c) for c in PICTURE])), atol=0.004)
+    assert not any("MaterialX" in w for w in found.warnings)
+
+
+def test_numbers_alone_are_calculated_too(looks):
+    _, look = looks(
+        base_color=(C, lambda made: node(made, "m", "mix_color3", fg=(C, (1, 0, 0)), bg=(C, (0, 0, 1)), mix=(F, 0.25))),
+        specular_roughness=(F, lambda made: node(made, "p", "power_float", F, in1=(F, 0.5), in2=(F, 2.0))),
+    )
+    np.testing.assert_allclose((*look.base_color, look.roughness), (0.25, 0, 0.75, 0.25), atol=1e-6)
+
+
+def test_a_picture_is_shown_without_the_nodes_that_are_not_known_and_they_are_named(looks):
+    found, look = looks(base_color=(C, lambda made: node(made, "c", "colorcorrect_color3", **{"in": (C, picture(made))})))
+    assert seen(found, look.base_color_texture) == linear(200)
+    assert any("passed over" in w and "ND_colorcorrect_color3" in w for w in found.warnings)
+
+
+def test_a_normal_map_has_the_scale_of_its_node(looks):
+    def bumps(made):
+        return node(made, "n", "normalmap", V3, **{"in": (V3, picture(made))}, scale=(F, 0.3))
+
+    _, look = looks(normal=(V3, bumps))
+    assert look.normal_scale == pytest.approx(0.3)
+
+
+def rotated(x, y, degrees):
+    """MaterialX's rotate2d, which turns clockwise."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([c * x + s * y, -s * x + c * y])
+
+
+PIVOT, SCALE, OFFSET = np.array([0.5, 0.2]), np.array([2.0, 4.0]), np.array([0.1, 0.3])
+PLACES = {
+    "place2d_vector2": (
+        {"pivot": (V2, (0.5, 0.2)), "scale": (V2, (2, 4)), "rotate": (F, 30.0), "offset": (V2, (0.1, 0.3))},
+        lambda st: rotated(*((st - PIVOT) / SCALE), 30) - OFFSET + PIVOT,
+    ),
+    "place2d_vector2 moved first": (
+        {
+            "pivot": (V2, (0.5, 0.2)),
+            "scale": (V2, (2, 4)),
+            "rotate": (F, 30.0),
+            "offset": (V2, (0.1, 0.3)),
+            "operationorder": (TYPES.Int, 1),
+        },
+        lambda st: rotated(*(st - PIVOT - OFFSET), 30) / SCALE + PIVOT,
+    ),
+    "multiply_vector2": ({"in2": (V2, (4, 5))}, lambda st: st * (4, 5)),
+    "subtract_vector2": ({"in2": (V2, (0.5, 0.25))}, lambda st: st - (0.5, 0.25)),
+    "rotate2d_vector2": ({"amount": (F, 40.0)}, lambda st: rotated(*st, 40)),
+}
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_nodes_move_texture_coordinates_as_materialx_defines_them(looks, name):
+    inputs, expected = PLACES[name]
+    kind = name.split()[0]
+    coordinates = {"place2d": "texcoord", "rotate2d": "in"}.get(kind.split("_")[0], "in1")
+
+    def moved(made):
+        uv = node(made, "uv", "texcoord_vector2", V2)
+        return picture(made, texcoord=(V2, node(made, "moved", kind, V2, **{coordinates: (V2, uv)}, **inputs)))
+
+    found, look = looks(base_color=(C, moved))
+    rows = np.array(found.textures[look.base_color_texture].transform).reshape(2, 3)
+    st = np.array([0.3, 0.9])
+    u, v = rows @ (st[0], 1 - st[1], 1)
+    np.testing.assert_allclose((u, 1 - v), expected(st), atol=1e-6)
+
+
+def test_tiles_are_moved_by_their_offset(looks):
+    def tiled(made):
+        return node(made, "t", "tiledimage_color3", file=(ASSET, "t.png"), uvtiling=(V2, (2, 3)), uvoffset=(V2, (0.25, 0.5)))
+
+    found, look = looks(base_color=(C, tiled))
+    rows = np.array(found.textures[look.base_color_texture].transform).reshape(2, 3)
+    u, v = rows @ (0.3, 1 - 0.9, 1)
+    np.testing.assert_allclose((u, 1 - v), (2 * 0.3 - 0.25, 3 * 0.9 - 0.5), atol=1e-6)
+
+
+def test_opacity_is_a_colour(looks):
+    _, look = looks(opacity=(C, (0.25,) * 3))
+    assert (look.opacity, look.alpha_mode) == (0.25, "blend")
+
+
+def test_a_coats_colour_tints_all_beneath_it_and_what_else_it_has_is_named(looks):
+    found, look = looks(
+        base_color=(C, (0.5, 0.5, 0.5)), coat=(F, 0.5), coat_color=(C, (1, 0.2, 0)), coat_IOR=(F, 2.0), diffuse_roughness=(F, 0.3)
+    )
+    np.testing.assert_allclose(look.base_color, (0.5, 0.3, 0.25), atol=1e-6)
+    for what in ("coat IOR", "diffuse roughness"):
+        assert any(f"The {what} of MaterialX surfaces is left out (1): look" in w for w in found.warnings)
+
+
+def test_textures_of_highlights_and_sheen_are_read_and_others_named(looks):
+    found, look = looks(
+        specular_color=(C, picture), sheen=(F, 0.5), sheen_color=(C, picture), specular_anisotropy=(F, picture), base=(F, picture)
+    )
+    assert seen(found, look.specular_color_texture) == seen(found, look.sheen_color_texture) == linear(200)
+    assert look.sheen_color == (0.5, 0.5, 0.5)
+    for what in ("specular anisotropy", "base"):
+        assert any(f"Textures of the {what} of MaterialX surfaces are left out" in w for w in found.warnings)
+
+
+def test_light_beneath_a_surface_gives_it_its_colour(looks):
+    _, look = looks(subsurface=(F, 1.0), subsurface_color=(C, (0.6, 0.3, 0.2)))
+    np.testing.assert_allclose(look.base_color, (0.6, 0.3, 0.2), atol=1e-6)
+
+
+def test_gltf_pbr_in_materialx(looks):
+    _, look = looks(
+        GLTF,
+        base_color=(C, (0.1, 0.2, 0.3)),
+        metallic=(F, 0.1),
+        emissive=(C, (1, 2, 3)),
+        emissive_strength=(F, 2.0),
+        alpha=(F, 0.4),
+        alpha_mode=(TYPES.Int, 2),
+        ior=(F, 1.4),
+        clearcoat=(F, 0.7),
+    )
+    np.testing.assert_allclose(
+        (*look.base_color, look.metallic, look.roughness, *look.emission, look.opacity, look.ior, look.clearcoat),
+        (0.1, 0.2, 0.3, 0.1, 1, 2, 4, 6, 0.4, 1.4, 0.7),
+        atol=1e-6,
+    )
+
+
+def test_open_pbrs_film_has_its_weight(looks):
+    _, look = looks(OPEN_PBR, thin_film_weight=(F, 0.3), thin_film_thickness=(F, 0.4))
+    assert (look.iridescence, look.iridescence_thickness) == (pytest.approx(0.3), pytest.approx((400, 400)))
+
+
+@pytest.mark.parametrize("kind", ["mix_color3", "multiply_color3", "clamp_color3", "remap_color3", "combine3_color3"])
+def test_nodes_whose_inputs_are_words_are_left_out_and_named(looks, kind):
+    words = dict.fromkeys(("in", "in1", "in2", "fg", "bg", "mix", "low", "inlow"), (TYPES.String, "word"))
+    found, look = looks(base_color=(C, lambda made: node(made, "odd", kind, **words)))
+    assert np.isfinite(look.base_color).all()
+    if kind != "combine3_color3":
+        assert any("types that they do not have" in w or "left out" in w for w in found.warnings)
+
+
+@pytest.mark.parametrize("kind", ["place2d_vector2", "multiply_vector2", "rotate2d_vector2"])
+def test_coordinates_that_are_words_lie_as_the_mesh_has_them(looks, kind):
+    def moved(made):
+        words = dict.fromkeys(("pivot", "scale", "rotate", "in2", "amount"), (TYPES.String, "word"))
+        return picture(made, texcoord=(V2, node(made, "odd", kind, V2, **words)))
+
+    found, look = looks(base_color=(C, moved))
+    assert found.textures[look.base_color_texture].transform == (1, 0, 0, 0, 1, 0)
+    assert any("types that they do not have" in w for w in found.warnings)
