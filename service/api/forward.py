@@ -19,7 +19,7 @@ from starlette.types import Receive, Scope, Send
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 
-from service.api.hosts import LOOPBACK_NAMES
+from service.api.hosts import is_here
 from service.api.problem import Problem
 from service.api.security import refuse
 from service.errors import Unavailable
@@ -139,7 +139,7 @@ def _passed_on(scope: Scope, left_out: set[str]) -> list[tuple[bytes, bytes]]:
     headers = [(name, value) for name, value in scope["headers"] if _text(name).lower() not in left_out]
     names = {name.lower() for name, _ in headers}
     client = (scope.get("client") or ("", 0))[0]
-    if client and client not in LOOPBACK_NAMES:
+    if not is_here(client):
         # Behind what was said of others: the owner believes the last of them that is no proxy's, and so nobody's own word.
         headers.append((b"x-forwarded-for", client.encode()))
     if b"x-forwarded-proto" not in names and scope["scheme"] in ("https", "wss"):

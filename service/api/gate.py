@@ -7,7 +7,6 @@ or changing a role ends them.
 
 from __future__ import annotations
 
-import ipaddress
 import math
 import time
 
@@ -19,7 +18,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.access.access import Access
 from service.access.projects import EVERYTHING, Kind, Sight, only_looks
 from service.access.roles import OPEN, Caller, Role
-from service.api.hosts import LOOPBACK_NAMES, name_of
+from service.api.hosts import LOOPBACK_NAMES, is_here, name_of
 from service.api.lookup import no_thing
 from service.api.needs import Need, need_of, thing_of
 from service.api.problem import Problem
@@ -132,16 +131,7 @@ def _needs_login(access: Access, connection: HTTPConnection) -> bool:
         return access.needs_login
     headers = connection.headers
     is_passed_on = any(name in headers for name in FORWARDED)
-    return is_passed_on or not _is_here(address_of(connection)) or name_of(headers.get("host", "")) not in LOOPBACK_NAMES
-
-
-def _is_here(address: str) -> bool:
-    """Whether it is this machine's, as far as an address says anything: a socket that is a file has none."""
-    try:
-        parsed = ipaddress.ip_address(address)
-    except ValueError:
-        return True
-    return (getattr(parsed, "ipv4_mapped", None) or parsed).is_loopback
+    return is_passed_on or not is_here(address_of(connection)) or name_of(headers.get("host", "")) not in LOOPBACK_NAMES
 
 
 async def _known(access: Access, shown: str) -> Caller | None:

@@ -14,7 +14,7 @@ import threading
 
 from service.settings import Settings
 
-__all__ = ["Hosts", "name_of"]
+__all__ = ["LOOPBACK_NAMES", "Hosts", "is_here", "name_of"]
 
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 HOST = re.compile(r"(?:\[(?P<address>[0-9A-Fa-f:.]{2,45})\]|(?P<name>[A-Za-z0-9._~-]{1,253}))(?::[0-9]{0,5})?")
@@ -28,6 +28,15 @@ def name_of(host: str) -> str | None:
     if found["name"]:
         return found["name"].lower().removesuffix(".")
     return found["address"].lower() if _is_address(found["address"]) else None
+
+
+def is_here(address: str) -> bool:
+    """Whether a client's address is this machine's, as far as an address says anything: a socket that is a file has none."""
+    try:
+        parsed = ipaddress.ip_address(address)
+    except ValueError:
+        return True
+    return (getattr(parsed, "ipv4_mapped", None) or parsed).is_loopback
 
 
 class Hosts:

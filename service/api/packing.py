@@ -1,4 +1,7 @@
-"""Answers in JSON, compressed for whoever understands that: lists of jobs take a slow line a tenth of the time."""
+"""Answers in JSON, compressed for whoever understands that: lists of jobs take a slow line a tenth of the time.
+
+So are those on loopback: what comes through a tunnel (`ssh -L`) cannot be told from what is asked on this machine.
+"""
 
 from __future__ import annotations
 

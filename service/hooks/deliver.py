@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import os
+import signal
 import subprocess
 import tempfile
 import time
-from typing import Any
+from typing import IO, Any
 from urllib.parse import urlsplit
 
 import httpx
@@ -68,20 +70,28 @@ def run(program: str, id: str, message: dict[str, Any]) -> None:
     inherited = {key: value for key, value in os.environ.items() if not key.startswith("RAYFARM_")}
     try:
         with tempfile.TemporaryFile() as stderr:  # a pipe would stay open with what the program leaves running
-            done = subprocess.run(
-                [program],
-                input=json.dumps(message).encode(),
-                env=inherited | {key: value.replace("\0", "") for key, value in told.items()},
-                stdout=subprocess.DEVNULL,
-                stderr=stderr,
-                timeout=RUN_WITHIN_S,
-                check=False,
-            )
+            env = inherited | {key: value.replace("\0", "") for key, value in told.items()}
+            returned = _ended([program], json.dumps(message).encode(), env, stderr)
             stderr.seek(max(0, stderr.seek(0, os.SEEK_END) - 4 * SAID))
             said = stderr.read(4 * SAID).decode(errors="replace").strip()[-SAID:]
     except subprocess.TimeoutExpired:
         raise UndeliveredError(f"The program took longer than {RUN_WITHIN_S:.0f} s and was ended.") from None
     except OSError as error:
         raise UndeliveredError(f"The program could not be started ({error.strerror}).") from None
-    if done.returncode:
-        raise UndeliveredError(f"The program ended with {done.returncode}." + (f" It said: {said}" if said else ""))
+    if returned:
+        raise UndeliveredError(f"The program ended with {returned}." + (f" It said: {said}" if said else ""))
+
+
+def _ended(command: list[str], text: bytes, env: dict[str, str], stderr: IO[bytes]) -> int:
+    """What a program returns. Raises subprocess.TimeoutExpired; then what it has started is ended too, or each message to come
+    would leave some of that behind."""
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=stderr, env=env, start_new_session=True
+    ) as process:
+        try:
+            process.communicate(text, timeout=RUN_WITHIN_S)
+        except BaseException:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            raise
+        return process.returncode

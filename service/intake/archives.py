@@ -125,6 +125,7 @@ def _extract(
                 raise TooLarge(
                     f"The entry {entry.filename} of {name} unpacks to over {max_ratio:g} times its size, as zip bombs do."
                 )
+        writer.end()
     except BaseException:
         writer.discard()
         raise

@@ -44,6 +44,7 @@ def form_of(example: Example, path: Path, blobs: BlobStore) -> Form:
             writer = blobs.writer()
             form.files.append((part, writer))
             writer.write(file.read_bytes())
+            writer.end()
     except BaseException:
         form.discard()
         raise

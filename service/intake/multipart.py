@@ -134,7 +134,9 @@ class _Reader:
             self._text += data[start:end]
 
     def on_part_end(self) -> None:
-        if self._writer is None:
+        if self._writer is not None:
+            self._writer.end()
+        else:
             try:
                 self.form.fields[self._field] = self._text.decode()
             except UnicodeDecodeError:

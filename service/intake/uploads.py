@@ -26,7 +26,7 @@ from service.store.blobs import BlobStore
 from service.store.garbage import Garbage
 from service.store.models import Scene
 from service.store.room import disk_checker, full_disk
-from service.store.staging import BlobWriter
+from service.store.staging import BlobWriter, commit_all
 from worker.protocol.contract import BlobRef
 
 __all__ = ["Upload", "changed", "gathered", "keep", "light_text", "receive", "sky_text"]
@@ -127,7 +127,7 @@ def keep(
             environment = chosen.strip(environment)
         name = title[:200] or PurePosixPath(chosen.main).stem
         with full_disk(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
-            refs = [BlobRef(path, writer.commit(), writer.size) for path, writer in sorted(chosen.files.items())]
+            refs = _committed(chosen.files)
             return record(Upload(_id(refs, chosen.main, environment), name, chosen.main, environment, refs, notes))
     finally:
         form.discard()
@@ -158,8 +158,7 @@ def _added(
     hashes = [writer.sha256 for writer in files.values()]
     with full_disk(), garbage.pinned([*hashes, *(ref.sha256 for ref in kept)]):
         find()  # where it is deleted by now, its files may be
-        sent = [BlobRef(path, writer.commit(), writer.size) for path, writer in files.items()]
-        refs = sorted((*kept, *sent), key=lambda ref: ref.path)
+        refs = sorted((*kept, *_committed(files)), key=_path)
         main, notes, variant, name = scene.main, scene.notes, scene.variant, scene.name
         if asked:
             main, notes = _chosen([ref.path for ref in refs], asked)
@@ -167,6 +166,16 @@ def _added(
             name = PurePosixPath(main).stem if name == PurePosixPath(scene.main).stem else name
         id = _id(refs, main, scene.environment, variant)
         return record(Upload(id, name, main, scene.environment, refs, notes, variant))
+
+
+def _committed(files: dict[str, BlobWriter]) -> list[BlobRef]:
+    """The files, stored, in the order of their paths."""
+    hashes = commit_all(files.values())
+    return sorted((BlobRef(path, sha256, files[path].size) for path, sha256 in zip(files, hashes, strict=True)), key=_path)
+
+
+def _path(ref: BlobRef) -> str:
+    return ref.path
 
 
 def _chosen(names: list[str], asked: str) -> tuple[str, list[str]]:
@@ -266,6 +275,7 @@ def _expanded(
                 found.append(entry)
                 left_files -= 1
                 left_bytes -= entry[1].size
+            writer.discard()  # all that was in it is there twice
     except BaseException:
         for _, writer in found:
             writer.discard()

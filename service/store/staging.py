@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import BinaryIO
 
-__all__ = ["BlobWriter", "Staging"]
+__all__ = ["BlobWriter", "Staging", "commit_all"]
 
 PREFIX = "blob-"
+AT_A_TIME = 8  # blobs that are put into the store
 
 
 class BlobWriter:
@@ -20,7 +23,7 @@ class BlobWriter:
     def __init__(self, folder: Path, put: Callable[[BlobWriter], None]) -> None:
         handle, name = tempfile.mkstemp(dir=folder, prefix=PREFIX)
         self._put = put
-        self._file = os.fdopen(handle, "w+b")
+        self._file: BinaryIO = os.fdopen(handle, "wb")
         self._hash = hashlib.sha256()
         self.path = Path(name)
         self.size = 0
@@ -31,6 +34,10 @@ class BlobWriter:
         self._hash.update(data)
         self.size += len(data)
 
+    def end(self) -> None:
+        """All of it is written. An upload has thousands of files, and they are not held open until the last one has come."""
+        self._file.close()
+
     @property
     def sha256(self) -> str:
         """The hash of what was written so far."""
@@ -38,8 +45,8 @@ class BlobWriter:
 
     def rewind(self) -> BinaryIO:
         """What was written, to be read from its beginning."""
-        self._file.flush()
-        self._file.seek(0)
+        self._file.close()
+        self._file = self.path.open("rb")
         return self._file
 
     def commit(self) -> str:
@@ -51,8 +58,18 @@ class BlobWriter:
 
     def discard(self) -> None:
         """Forget what was written."""
-        self._file.close()
+        with contextlib.suppress(OSError):  # a full disk has no room for the last of it
+            self._file.close()
         self.path.unlink(missing_ok=True)
+
+
+def commit_all(writers: Iterable[BlobWriter]) -> list[str]:
+    """Put them into the store, several at a time: most of the time goes into waiting for the disk, once for all that wait.
+
+    Returns their hashes in the same order. Raises what `commit` raises.
+    """
+    with ThreadPoolExecutor(AT_A_TIME, "blobs") as threads:
+        return list(threads.map(BlobWriter.commit, writers))
 
 
 class Staging:

@@ -180,9 +180,13 @@ class Workers:
         before, self._ahead = self._ahead, seconds + micros / 1e6 - time.monotonic()
         if self._ahead > before - PUT_BACK_S:
             return
-        for key in keys:
-            if self._redis.pttl(key) > 1000 * HEARTBEAT_TTL_S:
-                self._redis.expire(key, HEARTBEAT_TTL_S)
+        with self._redis.pipeline(transaction=False) as all_at_once:
+            for key in keys:
+                all_at_once.pttl(key)
+            for key, left_ms in zip(keys, all_at_once.execute(), strict=True):
+                if left_ms > 1000 * HEARTBEAT_TTL_S:
+                    all_at_once.expire(key, HEARTBEAT_TTL_S)
+            all_at_once.execute()
 
     def _sites(self, offers: Mapping[str, Offer]) -> dict[str, SiteReport]:
         """The reducers of the workers' sites. Raises redis.RedisError."""

@@ -104,5 +104,6 @@ def test_whoever_asks_says_nothing_of_where_they_are() -> None:
     scope = {"type": "http", "scheme": "http", "headers": told, "client": ("192.168.1.7", 1234)}
     passed = [value for name, value in _passed_on(scope, set()) if name == b"x-forwarded-for"]
     assert passed == [b"127.0.0.1", b"10.0.0.1", b"192.168.1.7"]
-    here = {**scope, "client": ("127.0.0.1", 1234)}
-    assert [value for name, value in _passed_on(here, set()) if name == b"x-forwarded-for"] == [b"127.0.0.1", b"10.0.0.1"]
+    for address in ("127.0.0.1", "127.0.0.2", "::ffff:127.0.0.1", "::1"):  # as the owner's gate sees it
+        here = {**scope, "client": (address, 1234)}
+        assert [value for name, value in _passed_on(here, set()) if name == b"x-forwarded-for"] == [b"127.0.0.1", b"10.0.0.1"]

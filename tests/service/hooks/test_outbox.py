@@ -16,6 +16,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 from sqlalchemy import select
 
@@ -231,6 +232,18 @@ def test_a_program_may_leave_another_running(tmp_path: Path, monkeypatch: pytest
         deliver.run(str(program), "msg_1", {"type": "test", "data": {}})
     finally:
         os.kill(int((tmp_path / "left").read_text()), signal.SIGKILL)
+
+
+def test_a_program_that_hangs_is_ended_with_what_it_has_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A script waits for another program, which nobody would end: eight of them for each job, as it is tried again."""
+    monkeypatch.setattr(deliver, "RUN_WITHIN_S", 1.0)
+    program = tmp_path / "hook"
+    program.write_text(f"#!/bin/sh\nsleep 300 &\necho $! > {tmp_path}/waited-for\nwait\n")
+    program.chmod(0o700)
+    with pytest.raises(deliver.UndeliveredError, match="longer than 1 s"):
+        deliver.run(str(program), "msg_1", {"type": "test", "data": {}})
+    pid = int((tmp_path / "waited-for").read_text())
+    until(lambda: not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE, "it is ended")
 
 
 def test_a_hook_that_hears_nothing_holds_up_no_other(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:

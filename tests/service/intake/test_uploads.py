@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import psutil
 import pytest
 
 from service.intake import uploads
@@ -20,6 +21,7 @@ from service.intake.multipart import Form
 from service.intake.uploads import receive
 from service.settings import Settings
 from service.store.blobs import BlobFolder
+from service.store.staging import BlobWriter
 from tests.helpers import running_redis
 from tests.service.conftest import OBJ, Service, until
 
@@ -163,6 +165,31 @@ def test_too_many_files(service: Service) -> None:
     many = {f"{i}.obj": OBJ for i in range(21)}
     assert "20 files" in refused(service, 413, list(many.items()))
     assert "20 are taken" in refused(service, 413, [("pack.zip", zipped(many))])
+
+
+def test_the_files_of_an_upload_are_not_all_open_at_once(tmp_path: Path, service: Service) -> None:
+    """Thousands of textures would take all that the service may open: other uploads, films and the database fail then."""
+    are_open: list[int] = []
+
+    class Folder(BlobFolder):
+        def put(self, writer: BlobWriter) -> None:
+            are_open.append(psutil.Process().num_fds())
+            super().put(writer)
+
+    settings = Settings(data=tmp_path, min_free_bytes=0)
+    many = [(f"{i}.png", b"texture %d" % i) for i in range(100)]
+    parts = [*many, ("scene.obj", OBJ), ("more.zip", zipped({f"more/{name}": data for name, data in many}))]
+    head = b'--x\r\nContent-Disposition: form-data; name="files"; filename="%s"\r\n\r\n%s\r\n'
+    body = b"".join(head % (name.encode(), data) for name, data in parts) + b"--x--\r\n"
+
+    async def chunks() -> AsyncIterator[bytes]:
+        yield body
+
+    before, store = psutil.Process().num_fds(), Folder(tmp_path / "blobs", tmp_path)
+    form = "multipart/form-data; boundary=x"
+    upload = asyncio.run(receive(form, chunks(), store, service.farm.garbage, settings, lambda kept: kept))
+    assert len(upload.files) == len(are_open) == 201
+    assert max(are_open) - before < 50
 
 
 def test_too_many_bytes_by_the_header_and_by_what_comes(service: Service) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from service.errors import NotFound, Unavailable
 from service.settings import Settings
 from service.store.blobs import CHUNK, BlobFolder, BlobStore
 from service.store.s3 import S3Blobs
+from service.store.staging import BlobWriter, Staging, commit_all
 from tests.helpers import running_redis
 from tests.service.conftest import OBJ, TOKEN, Service, until
 
@@ -168,3 +170,28 @@ def test_what_the_service_keeps_is_its_users_alone(tmp_path: Path, redis_server:
         assert (tmp_path / "data").stat().st_mode & 0o777 == 0o700
     finally:
         service.stop()
+
+
+def test_many_are_put_at_once(tmp_path: Path) -> None:
+    """Each waits for the disk: 4,000 files of an upload took 48 seconds one after the other."""
+    staging, together = Staging(tmp_path), threading.Barrier(4)
+
+    def put(writer: BlobWriter) -> None:
+        together.wait(20)
+
+    writers = [staging.writer(put) for _ in range(8)]
+    for number, writer in enumerate(writers):
+        writer.write(b"%d" % number)
+    assert commit_all(writers) == [hashlib.sha256(b"%d" % number).hexdigest() for number in range(8)]
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no file that is always full")
+def test_a_full_disk_leaves_nothing_of_what_is_forgotten(tmp_path: Path) -> None:
+    """The last bytes of a small file reach the disk when it is closed."""
+    writer = BlobFolder(tmp_path / "blobs", tmp_path).writer()
+    writer._file.close()
+    writer._file = Path("/dev/full").open("wb")  # noqa: SIM115 - the writer closes it
+    writer.write(b"small")
+    writer.discard()
+    assert not list(tmp_path.glob("blob-*"))
