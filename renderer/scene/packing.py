@@ -28,6 +28,7 @@ _KINDS = {
 _TEXTURED = tuple(parameter for parameter in PARAMETERS if parameter.slot is not None)
 _SPECIAL = ("glass", "blinn_phong", "conductor")
 _SMOOTH = ("glass", "conductor")  # where no roughness is given
+_LEAST_BRUSHED = 0.031  # more than `SMOOTH_GLASS`; its square is less than `MIN_ALPHA`
 _LEAST_COLOR = 1e-6  # what volumes leave of light at least, so that absorption stays finite
 
 
@@ -93,6 +94,15 @@ def _roughness(m: Material) -> float:
     return m.roughness
 
 
+def _own_roughness(m: Material) -> float:
+    """As kernels read it: brushed metal is rough along its scratches, so no mirror, however smooth across.
+
+    Its lobe is the same: below this both are as smooth as a lobe can be (`MIN_ALPHA`).
+    """
+    brushed = m.kind == "conductor" and m.anisotropy != 0
+    return max(_roughness(m), _LEAST_BRUSHED) if brushed else _roughness(m)
+
+
 def _kind(m: Material) -> int:
     if m.kind == "glass":
         return rows.GLASS if _roughness(m) <= SMOOTH_GLASS and not m.thin else rows.LAYERED
@@ -142,7 +152,7 @@ def _columns(materials: list[Material], emission: np.ndarray, absorption: np.nda
         if parameter.column is not None:
             put(parameter.column, [getattr(m, parameter.name) for m in materials])
     put(rows.EMISSION, emission)
-    put(rows.ROUGHNESS, [_roughness(m) for m in materials])
+    put(rows.ROUGHNESS, [_own_roughness(m) for m in materials])
     put(rows.ABSORPTION, absorption)
     turned = [m.anisotropy_rotation for m in materials]
     put(rows.ROTATION, [(np.cos(angle), np.sin(angle)) if angle else (1.0, 0.0) for angle in turned])

@@ -22,6 +22,7 @@ from renderer.arrays.edition import only
 from renderer.arrays.scene import example
 from renderer.beside import Helpers
 from renderer.kernel import accumulate
+from renderer.kernel.pool.meet import see_lights
 from renderer.kernel.pool.scatter import scatter
 from renderer.reference import Reference
 from renderer.render import _PICTURE, FULL, PLAIN, _render, warm_up
@@ -83,6 +84,8 @@ def test_what_is_shared_out_are_parts_of_the_kernel(monkeypatch: pytest.MonkeyPa
     for part, types_of_it in parts:
         if part.__name__ == "arrive":
             called |= calls_of(scatter, (*types_of_it, types.boolean))  # which is called with the same, and one more
+        if part.__name__ == "see_lights":
+            called |= calls_of(see_lights, types_of_it)
     assert {(part.__name__, str(types_of_it)) for part, types_of_it in parts} <= called
     assert len(parts) > 8
 

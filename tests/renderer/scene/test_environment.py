@@ -36,9 +36,9 @@ def test_where_shadow_rays_pass_what_others_meet_both_are_needed():
 
 
 def test_nothing_is_left_of_the_noise_where_nothing_stands_before_an_even_sky():
-    """A ball sees it alone: every sample is the same, and costs two rays."""
+    """A ball sees it alone: every sample is the same, and costs three rays, of which two look for the sky."""
     made = scene([GRAY], spheres=(Sphere((0, 0, 0), 1.0, 0),), environment=0.5)
     stats = RenderStats()
     picture = mean(render_frame(made, RenderSettings(8, 8, View((0, 0, 4), (0, 0, 0), fov=10.0)), 16, stats=stats), 24)
     np.testing.assert_allclose(picture, 0.25, rtol=1e-5)
-    assert stats.rays == 2 * stats.samples
+    assert stats.rays == 3 * stats.samples

@@ -110,6 +110,17 @@ def test_strategies_that_weigh_nothing_look_once(sampling: str) -> None:
     assert kernel_options(settings(*VIEW), compiled).sky_samples == 2
 
 
+def test_metal_that_is_brushed_and_not_rough_reflects_the_sky_whoever_looks_for_it() -> None:
+    """Its lobe is wide along the scratches alone: light sampling must look for what a weighed direction leaves to it."""
+    metal = Material(kind="conductor", eta=(0.2, 0.4, 1.4), k=(4.0, 2.4, 1.6), roughness=0.0, anisotropy=0.8)
+    sky = Environment(sky=Sky(sun_elevation=30.0, sun=False))
+    compiled = scene([metal], spheres=(Sphere((0, 0.8, 0), 0.8, 0),), environment=sky)
+    asked = settings(*VIEW, max_depth=2, size=24, sampler="independent")
+    pictures = [mean_and_error(render_frame(compiled, replace(asked, sampling=how), 512)) for how in ("mis", "bsdf")]
+    (weighed, its_error), (surfaces, own_error) = pictures
+    assert abs(weighed - surfaces) < limit(1) * math.hypot(its_error, own_error)
+
+
 def test_several_light_samples_and_the_balance_heuristic_agree_with_it() -> None:
     """The kernel for one path at a time has it too."""
     compiled, asked = made("a sky's picture")
