@@ -72,13 +72,15 @@ class PathVertexOut(BaseModel):
         description="of multiple importance sampling in it; null: it adds none, or it is not told"
     )
     direct: Numbers = Field(description="the radiance that the light which was chosen adds to the sample")
-    sky: Numbers = Field([0.0, 0.0, 0.0], description="the radiance that the sky adds from another direction than the path's")
+    beside: Numbers = Field(
+        [0.0, 0.0, 0.0], description="the radiance that the path's second branch adds, which begins at this vertex"
+    )
     light: LightOut | None = Field(description="null: none was to be had, or it is not told")
     spot: Spot
 
 
 class PathOut(BaseModel):
-    """A sample, followed once more. What its vertices' light (emitted, direct, sky) adds up to is its value."""
+    """A sample, followed once more. What its vertices' light (emitted, direct, beside) adds up to is its value."""
 
     chosen: list[Choice]
     sample: int

@@ -44,7 +44,7 @@ def test_a_replay_is_the_films_sample_to_the_bit(made, integrator):
         for x, y in ((3, 4), (20, 20), (28, 22), (16, 30), (22, 17)):
             found = replay(made, asked, x, y, sample)
             assert [int(v * 2**24) for v in found.value] == film[COLOR, y, x].tolist()
-            total = np.sum([np.sum([v.emitted, v.direct, v.sky], axis=0) for v in found.vertices], axis=0)
+            total = np.sum([np.sum([v.emitted, v.direct, v.beside], axis=0) for v in found.vertices], axis=0)
             np.testing.assert_allclose(total, found.value, rtol=1e-5, atol=1e-6)
             if sample == 0 and found.vertices[0].kind == "surface":
                 assert found.vertices[0].object == film[OBJECT, y, x] - 1

@@ -228,8 +228,8 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, ti
 
 @template
 def _bounce(scene, vertex, path, number, options, numbers, branches):
-    """The path after its vertex has scattered it, as one of so many branches, in a direction by its BSDF or by the strategy asked for;
-    and whether it goes on.
+    """The path after its vertex has scattered it, as one of so many branches, in a direction by its BSDF or by the strategy
+    asked for; and whether it goes on.
     """
     material, wo = vertex.material, vertex.wo
     u = (numbers[0], numbers[1])

@@ -43,8 +43,8 @@ _SAMPLE, _PIXEL = SAMPLE + np.uintp(1), SAMPLE + np.uintp(2)
 
 @subroutine
 def keep(pool, lists, film, scale, width, batch, bad, bad_count):
-    """Adds the samples whose branches are all done to their pixels' sums, and leaves the rows that are free on the list DONE; those
-    that are no numbers are listed. Their count.
+    """Adds the samples whose branches are all done to their pixels' sums, and leaves the rows that are free on the list DONE.
+    Those that are no numbers are listed: their count.
     """
     out_of_line()
     one = _ONE / scale  # which becomes 1 in the fixed point

@@ -130,7 +130,7 @@ def _matter(scene, pool, rows, surface):
 
 @device
 def _splits(number, which):
-    """Whether a path splits, with so many vertices behind it, where the stage that scatters it has listed it. Of one, or of eight."""
+    """Whether a path with so many vertices before splits at the one that is on this list. Of one, or of eight."""
     return (number == _ZERO) & (which != _RARE_SPECULAR)
 
 

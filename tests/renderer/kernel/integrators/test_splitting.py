@@ -36,7 +36,7 @@ VIEW = ((0, 2, 6), (0, 0.8, 0), 30)
 def _both(compiled, asked: RenderSettings, spp: int) -> list[tuple[float, float]]:
     """(mean, standard error) with one direction and with two."""
     asked = replace(asked, sampler="independent")
-    return [mean_and_error(render_frame(compiled, replace(asked, sky_samples=n, seed=n), spp)) for n in (1, 2)]
+    return [mean_and_error(render_frame(compiled, replace(asked, splitting=n, seed=n), spp)) for n in (1, 2)]
 
 
 def _agree(compiled, asked: RenderSettings, spp: int = 512) -> None:
@@ -73,7 +73,7 @@ def test_a_convex_thing_in_an_even_sky_is_as_bright_as_it_reflects() -> None:
     asked = RenderSettings(4, 4, View((0, 0, 4), (0, 0, 0), fov=10.0), max_depth=8)
     for count in (1, 2):
         np.testing.assert_allclose(
-            mean(render_frame(ball, replace(asked, sky_samples=count), 4), asked.film_exponent), 0.6, rtol=1e-5
+            mean(render_frame(ball, replace(asked, splitting=count), 4), asked.film_exponent), 0.6, rtol=1e-5
         )
 
 
@@ -83,7 +83,7 @@ def test_there_is_less_noise_for_fewer_rays_than_twice_the_samples() -> None:
     for count in (1, 2):
         stats = RenderStats()
         pictures = [
-            mean(render_frame(compiled, replace(asked, sky_samples=count, seed=s), 16, stats=stats), asked.film_exponent)
+            mean(render_frame(compiled, replace(asked, splitting=count, seed=s), 16, stats=stats), asked.film_exponent)
             for s in range(8)
         ]
         noise.append(np.var(pictures, axis=0).mean())
@@ -96,9 +96,9 @@ def test_without_a_sky_it_costs_nothing_and_changes_no_bit() -> None:
     compiled = scene([Material(base_color=gray(0.5))], (FLOOR,), lights=(Light("point", gray(9.0), position=(0.0, 2.0, 0.0)),))
     films, stats = [], [RenderStats(), RenderStats()]
     for count in (1, 2):
-        asked = settings(*VIEW, max_depth=3, size=8, sky_samples=count)
+        asked = settings(*VIEW, max_depth=3, size=8, splitting=count)
         films.append(render_frame(compiled, asked, 4, stats=stats[count - 1]))
-        assert kernel_options(asked, compiled).sky_samples == 1
+        assert kernel_options(asked, compiled).splitting == 1
     np.testing.assert_array_equal(*films)
     assert stats[0].rays == stats[1].rays
 
@@ -106,8 +106,8 @@ def test_without_a_sky_it_costs_nothing_and_changes_no_bit() -> None:
 @pytest.mark.parametrize("sampling", [name for name in SAMPLINGS if name != "mis"])
 def test_strategies_that_weigh_nothing_look_once(sampling: str) -> None:
     compiled = _sunny()
-    assert kernel_options(settings(*VIEW, sampling=sampling), compiled).sky_samples == 1
-    assert kernel_options(settings(*VIEW), compiled).sky_samples == 2
+    assert kernel_options(settings(*VIEW, sampling=sampling), compiled).splitting == 1
+    assert kernel_options(settings(*VIEW), compiled).splitting == 2
 
 
 def test_metal_that_is_brushed_and_not_rough_reflects_the_sky_whoever_looks_for_it() -> None:
@@ -125,7 +125,7 @@ def test_several_light_samples_and_the_balance_heuristic_agree_with_it() -> None
     """The kernel for one path at a time has it too."""
     compiled, asked = made("a sky's picture")
     asked = replace(asked, sampler="independent")
-    (expected, its_error) = mean_and_error(render_frame(compiled, replace(asked, sky_samples=1), 256))
+    (expected, its_error) = mean_and_error(render_frame(compiled, replace(asked, splitting=1), 256))
     for more in ({"light_samples": 3}, {"heuristic": "balance"}):
         found, error = mean_and_error(render_frame(compiled, replace(asked, **more, seed=5), 256))
         assert abs(found - expected) < limit(2) * math.hypot(error, its_error)
