@@ -60,7 +60,9 @@ class PathVertexOut(BaseModel):
     material_name: str | None = None
     model: str | None = Field(description="by which the material scatters: diffuse, mirror, glass, metallic-roughness, ...")
     bounce: Literal["reflected", "transmitted"] | None = Field(description="to which side of the surface the path went on")
-    pdf: float | None = Field(description="per steradian, of the direction in which it went on; null: a single direction")
+    pdf: float | None = Field(
+        description="per steradian, of the directions in which it went on, two where it splits; null: a single one"
+    )
     survival: float | None = Field(description="the chance with which Russian roulette let it go on; null: not asked")
     distance: float | None = Field(description="from the last vertex; null: infinite")
     point: Numbers | None

@@ -81,14 +81,14 @@ def test_the_vertices_are_a_chain(made):
 
 
 def test_the_strategys_density_is_told(made):
-    """A diffuse bounce's is cos / pi of its direction; none after a mirror."""
+    """A diffuse bounce's is cos / pi of its direction, twice that where a path splits; none after a mirror."""
     asked = settings(*VIEW, size=40, max_depth=6)
     seen = 0
     for x in range(40):
         vertices = replay(made, asked, x, 34, 1).vertices
         if len(vertices) > 1 and vertices[0].material == 0 and vertices[0].kind == "surface":
             cosine = np.dot(vertices[0].normal, vertices[1].direction)
-            assert vertices[1].pdf == pytest.approx(cosine / math.pi, rel=1e-3)
+            assert vertices[1].pdf == pytest.approx(2 * cosine / math.pi, rel=1e-3)
             seen += 1
     assert seen > 20
 
