@@ -43,9 +43,9 @@ class Vertex(NamedTuple):
     object: int | None  # numbers, as in the film less one; None where nothing was met
     material: int | None
     distance: float  # from the last vertex
-    pdf: (
-        float | None
-    )  # per steradian, with which the BSDF gave the direction, or one of both where the path had split; None: the camera's, a single one, or not weighed
+    # Per steradian, with which the BSDF gave the direction, or one of two where the path had split; None: the camera's, a single
+    # one, or not weighed.
+    pdf: float | None
     point: Vec3 | None  # None where nothing was met
     normal: Vec3 | None  # unit, on the viewer's side, before any normal map
     direction: Vec3  # unit, in which the ray came
