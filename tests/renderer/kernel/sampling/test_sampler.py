@@ -183,7 +183,7 @@ def test_blocks_of_a_pixel_are_not_correlated():
 
 @pytest.mark.parametrize(("first", "then"), [(2, 4), (6, 8)])
 def test_where_a_path_goes_from_two_vertices_fills_four_dimensions(first, then):
-    """Of the ways to divide the four into as many equal boxes as there are samples, most have one in each; else hardly any have."""
+    """Of the ways to divide the four into as many equal boxes as there are samples, most leave one in each."""
     for log_n in (4, 5, 6):
         n = 1 << log_n
         pixel, sample = np.arange(8 * n) // n, np.arange(8 * n) % n
