@@ -111,14 +111,14 @@ def faults() -> Iterator[None]:
     try:
         yield
     except PoolTimeoutError as error:
-        raise Unavailable("Too much is asked of the database at once. Try again in a moment.") from error
+        raise Unavailable("Too much is asked of the database at once.", advice="Try again in a moment.") from error
     except DBAPIError as error:
         if getattr(error.orig, "sqlite_errorcode", 0) in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE):
             raise no_room() from error
         if isinstance(error, DataError):  # of PostgreSQL, which takes no character 0
             raise Invalid("What is asked for has a character or a number that the database cannot have. Leave it out.") from error
         if isinstance(error, OperationalError):
-            raise Unavailable(f"The database does not answer ({error.orig}). Try again.") from error
+            raise Unavailable(f"The database does not answer ({error.orig}).", advice="Try again.") from error
         raise
 
 
