@@ -22,7 +22,7 @@ from service.store.room import no_room
 from service.store.upgrade import upgrade
 from service.store.whole import PRIVATE
 
-__all__ = ["Fence", "Sessions", "connect", "faults", "open_database"]
+__all__ = ["Fence", "Sessions", "close_database", "connect", "faults", "open_database"]
 
 LOCK_PATIENCE_S = 5.0
 POOL, OVERFLOW = 10, 60  # connections: of 40 threads that answer requests, each may need two, and the engine always needs one
@@ -91,6 +91,21 @@ def open_database(url: str) -> Engine:
         event.listen(engine, "connect", _tune_sqlite)
         event.listen(engine, "begin", _begin_sqlite)
     return engine
+
+
+def close_database(engine: Engine) -> None:
+    """Close all connections for good: those in use as soon as they are given back, as a request or a thread that outlives its
+    farm still may."""
+
+    def close(_: Any, record: Any) -> None:
+        record.invalidate()
+
+    def refuse(*_: Any) -> None:
+        raise Unavailable("The service is going down.", advice="Try again when it is back.")
+
+    event.listen(engine.pool, "checkin", close)
+    event.listen(engine, "do_connect", refuse)
+    engine.dispose()
 
 
 def _json_or_nothing(text: str | bytes) -> Any:
