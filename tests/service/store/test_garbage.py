@@ -195,7 +195,9 @@ def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_p
     assert blobs.exists(sha256)
 
 
-def test_many_blobs_that_go_keep_nobody_else_waiting(garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_blobs_that_go_keep_nobody_else_waiting(
+    garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A disk may take seconds for thousands of files. One of them is uploaded again meanwhile, and one is just being deleted."""
     collector, blobs = garbage
     contents = [b"file %d" % i for i in range(AT_A_TIME + 40)]

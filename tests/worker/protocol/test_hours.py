@@ -79,7 +79,9 @@ def test_a_machine_whose_zone_is_set_anew_goes_by_that_one() -> None:
     assert done.stdout.strip() == "14"
 
 
-@pytest.mark.parametrize(("evening", "hours"), [("2026-03-28T20:00+01:00", 6), ("2026-10-24T20:00+02:00", 8), ("2026-05-02T20:00+02:00", 7)])
+@pytest.mark.parametrize(
+    ("evening", "hours"), [("2026-03-28T20:00+01:00", 6), ("2026-10-24T20:00+02:00", 8), ("2026-05-02T20:00+02:00", 7)]
+)
 def test_a_night_in_which_the_clocks_are_changed_is_worked_from_its_begin_to_its_end(
     evening: str, hours: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
