@@ -140,7 +140,9 @@ def test_what_nobody_has_is_lost_unless_somebody_is_late_to_say_so(world: World,
 
 def test_what_is_rendered_and_waits_for_the_others_of_its_run_takes_no_slot(world: World) -> None:
     """Else a machine's slots would have nothing to do while what they have done is on its way."""
-    first, second = (Lease("job", "kind", Range(0, n, 1), PATIENCE_S, issued=world.now, queue="q", is_joint=True) for n in range(2))
+    first, second = (
+        Lease("job", "kind", Range(0, n, 1), PATIENCE_S, 10.0, issued=world.now, queue="q", is_joint=True) for n in range(2)
+    )
     second.message = first.message
     for lease in (first, second):
         world.leases.add(lease)
