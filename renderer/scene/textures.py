@@ -102,6 +102,13 @@ class TextureShelf:
         made = self._images[key]
         return None if made is None else self._shelve(replace(source, image=made))
 
+    def calculated(self, what: str, make: Callable[[], Image]) -> int | None:
+        """An image that is made of others; `what` tells it from the rest."""
+        key = (f"\0{what}", False)
+        if key not in self._images:
+            self._images[key] = self.add(make())
+        return self._images[key]
+
     def stacked(self, texture: int | None, layers: tuple[TextureLayer, ...]) -> int | None:
         """A texture with these layers on it."""
         if texture is None or not layers:

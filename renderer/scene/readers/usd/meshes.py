@@ -127,7 +127,10 @@ def _is_whole(points: F32, counts: Codes, corners: Codes) -> bool:
 
 
 def _scheme(mesh: Any, counts: Codes) -> str:
-    """How a mesh is refined, after Loop if all its faces are triangles. Normals are not for those that are; who gives some and does not say, means polygons."""
+    """How a mesh is refined: after Loop where all faces are triangles.
+
+    Normals are not for those that are; who gives some and does not say, means polygons.
+    """
     attribute = mesh.GetSubdivisionSchemeAttr()
     if not attribute.HasAuthoredValue() and (
         mesh.GetNormalsAttr().HasAuthoredValue() or primvars.found(mesh.GetPrim(), "normals") is not None

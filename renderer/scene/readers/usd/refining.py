@@ -47,7 +47,9 @@ def refine(
     is_cornered = mesh.GetInterpolateBoundaryAttr().Get(time) != "edgeOnly"
     smooth_triangles = mesh.GetTriangleSubdivisionRuleAttr().Get(time) == "smooth"
     is_loop = mesh.GetSubdivisionSchemeAttr().Get() == "loop"
-    cage = Cage(np.concatenate(columns, axis=1), faces, edges, sharpness, still[known], strength, is_cornered, is_loop, smooth_triangles)
+    cage = Cage(
+        np.concatenate(columns, axis=1), faces, edges, sharpness, still[known], strength, is_cornered, is_loop, smooth_triangles
+    )
     along = {name: values for name, values in attributes.items() if name not in smooth}
     # Of values with indices of their own, those that neighbours share are smoothed as points are.
     how = str(mesh.GetFaceVaryingLinearInterpolationAttr().Get(time))
@@ -128,7 +130,17 @@ def _unfolded(cage: Cage, values: AtCorners, how: str) -> Cage:
         of = dict(zip(cage.corners.tolist(), cage.corner_sharpness.tolist(), strict=True))
         own = np.flatnonzero(np.isin(point, cage.corners))
         corners, strength = np.append(corners, own), np.append(strength, [of[int(p)] for p in point[own]])
-    return Cage(values.values[code[first]].astype(np.float64), faces, edges, sharpness, corners, strength, how != "none", cage.is_loop, cage.has_smooth_triangles)
+    return Cage(
+        values.values[code[first]].astype(np.float64),
+        faces,
+        edges,
+        sharpness,
+        corners,
+        strength,
+        how != "none",
+        cage.is_loop,
+        cage.has_smooth_triangles,
+    )
 
 
 def of_boundary(faces: Faces) -> npt.NDArray[np.bool_]:
