@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from renderer.scene.description import Environment, Light, SceneDescription, Sky, Vec3
+from renderer.scene.description import Environment, Light, SceneDescription, Vec3
 from renderer.scene.readers.mitsuba.document import Document, Element
+from renderer.scene.readers.mitsuba.skies import SKIES, sky_of
 from renderer.scene.readers.mitsuba.textures import radiance_of
 from renderer.scene.readers.turned_sky import FROM_PLUS_Z, seen_upright
 from renderer.scene.textures import TextureShelf
@@ -43,8 +44,12 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
         direction = source.get("direction")
         towards = _unit(world[:3, 2] if direction is None else np.asarray(direction, float))
         description.lights.append(Light("directional", radiance_of(source, "irradiance"), direction=_vec(towards), name=name))
-    elif source.type in ("sunsky", "sky", "sun"):
-        _sky(source, document, description)
+    elif source.type in SKIES:
+        environment, sun = sky_of(source, document, shelf)
+        if environment is not None:
+            _surround(environment, source, document, description)
+        if sun is not None:
+            description.lights.append(sun)
     else:
         document.ignore(f"{source.what} is no light that is read: it is left out")
 
@@ -76,18 +81,6 @@ def _image(source: Element, document: Document, shelf: TextureShelf, description
     angle = math.degrees(math.atan2(z[0] - x[2], z[2] + x[0]))
     # The middle of Mitsuba's image looks along +Z, that of ours along -Z.
     _surround(Environment(image=image, strength=strength, rotation=(angle - 180.0) % 360), source, document, description)
-
-
-def _sky(source: Element, document: Document, description: SceneDescription) -> None:
-    towards = source.get("sun_direction")
-    if towards is None:
-        document.ignore(f"{source.what}: where its sun stands is not told as sun_direction; it stands at 45 degrees")
-        towards = (0.0, 1.0, -1.0)
-    x, y, z = _unit(np.asarray(towards, float))
-    document.ignore(f"{source.what}: rendered with the sky of Rayfarm, which is another model")
-    elevation, azimuth = math.degrees(math.asin(min(max(y, -1.0), 1.0))), math.degrees(math.atan2(x, -z)) % 360
-    sky = Sky(sun_elevation=elevation, sun_azimuth=azimuth, sun=source.type != "sky")
-    _surround(Environment(sky=sky, strength=source.number("sky_scale", 1.0)), source, document, description)
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:
