@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from PIL import Image
-from pxr import UsdShade
+from pxr import UsdGeom, UsdShade
 
 from tests.renderer.scene.test_usd_materials import linear, seen, shaded  # noqa: F401
 from tests.renderer.scene.usd_files import TYPES, material
@@ -191,6 +191,24 @@ def test_what_bends_a_picture_is_worked_out_texel_by_texel(looks, pictures, name
     t = np.clip((one - 0.1) / 0.5, 0, 1)
     want = t * t * (3 - 2 * t) if expected is None else expected(one)
     np.testing.assert_allclose(values_of(found, look.base_color_texture), want, atol=0.006)
+
+
+@pytest.mark.parametrize("first", ["in1", "in2"])
+def test_a_picture_is_multiplied_by_the_colours_of_vertices(shaded, first):  # noqa: F811
+    def build(made):
+        colors = UsdGeom.PrimvarsAPI(made.GetPrimAtPath("/m")).CreatePrimvar("displayColor", TYPES.Color3fArray, "vertex")
+        colors.Set([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)])
+        second = {"in1": "in2", "in2": "in1"}[first]
+        given = {first: (C, picture(made)), second: (C, node(made, "painted", "geomcolor_color3"))}
+        product = node(made, "product", "multiply_color3", **given)
+        return material(made, "/look", STANDARD, "mtlx", base_color=(C, product))[0]
+
+    found, look = shaded(build)
+    assert seen(found, look.base_color_texture) == linear(200)
+    np.testing.assert_allclose(
+        np.sort(found.meshes[0].colors[:, :3], axis=0), np.sort([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)], axis=0)
+    )
+    assert not any("Primvars" in w for w in found.warnings)
 
 
 def test_channels_of_two_pictures_are_put_together(looks, pictures):

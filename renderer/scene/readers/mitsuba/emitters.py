@@ -7,9 +7,10 @@ import math
 import numpy as np
 
 from renderer.scene.description import Environment, Light, SceneDescription, Vec3
+from renderer.scene.readers.linear import linear
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.skies import SKIES, sky_of
-from renderer.scene.readers.mitsuba.textures import radiance_of
+from renderer.scene.readers.mitsuba.textures import Textures, radiance_of
 from renderer.scene.readers.turned_sky import FROM_PLUS_Z, seen_upright
 from renderer.scene.textures import TextureShelf
 
@@ -31,9 +32,9 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
     elif source.type == "spot":
         outer = min(max(source.number("cutoff_angle", 20.0), 0.01), 90.0)
         inner = min(max(source.number("beam_width", 0.75 * outer), 0.0), outer)
-        if source.child("texture") is not None:
-            document.ignore(f"{source.what}: its texture is not read")
-        intensity = radiance_of(source, "intensity")
+        tint = _mean_in_cone(source, document, shelf, inner, outer)
+        r, g, b = (a * float(t) for a, t in zip(radiance_of(source, "intensity"), tint, strict=True))
+        intensity: Vec3 = (r, g, b)
         direction = _vec(_unit(world[:3, 2]))
         description.lights.append(
             Light(
@@ -52,6 +53,22 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
             description.lights.append(sun)
     else:
         document.ignore(f"{source.what} is no light that is read: it is left out")
+
+
+def _mean_in_cone(source: Element, document: Document, shelf: TextureShelf, inner: float, outer: float) -> Vec3:
+    """The mean colour of the picture that a spot throws, by how bright it is where."""
+    color, number = Textures(document, shelf).color(source, "texture", 1.0)
+    if number is None:
+        return color
+    document.ignore(f"{source.what}: its texture is not thrown as a picture: it shines in the mean of its colours")
+    pixels = linear(shelf.image_of(number))
+    height, width = pixels.shape[:2]
+    x, y = (2 * np.arange(width) + 1) / width - 1, (2 * np.arange(height) + 1) / height - 1
+    slope = np.hypot(*np.meshgrid(x, y)) * math.tan(math.radians(min(outer, 89.0)))
+    angle = np.degrees(np.arctan(slope))
+    weight = np.clip((outer - angle) / max(outer - inner, 1e-6), 0, 1) * (1 + slope**2) ** -1.5
+    red, green, blue = (pixels * weight[..., None]).sum(axis=(0, 1)) / max(float(weight.sum()), 1e-12)
+    return float(red) * color[0], float(green) * color[1], float(blue) * color[2]
 
 
 def _surround(environment: Environment, source: Element, document: Document, description: SceneDescription) -> None:

@@ -38,6 +38,10 @@ def calculated(kind: str, shelf: TextureShelf, said: Callable[[str], Input]) -> 
         return None
     formula = FORMULAS[_node(kind)]
     given = [_or(said(name), default) for name, default in formula.inputs.items()]
+    if _node(kind) == "multiply":
+        picture, vertices = sorted(given, key=lambda each: each.taken is None)
+        if picture.taken is not None and vertices.primvar is not None:
+            return Input(None, picture.taken, vertices.primvar)
     textures = [at for at, each in enumerate(given) if each.taken is not None]
     values = [np.zeros(4) if each.taken is not None else _four(each.value) for each in given]
 
