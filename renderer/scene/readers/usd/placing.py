@@ -77,6 +77,8 @@ class Placing:
                 self._light(each)
             elif prim.IsA(UsdGeom.Gprim):
                 self._gprim(each)
+            elif prim.IsA(UsdLux.PluginLight):
+                self._notes.add(f"Lights of the kind {prim.GetTypeName()} are left out", str(prim.GetPath()))
 
     def _gprim(self, each: Placed) -> None:
         prim = each.prim
