@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from renderer.scene.textures import UNMOVED, TextureShelf
 __all__ = ["baked", "span_of"]
 
 MAX_SIDE = 4096
-_MOST = 1e9
+_MOST, _NEAR = 1e9, 1e-6
 _ROWS = 1 << 18  # texels that are worked out at a time
 F64 = npt.NDArray[np.float64]
 Formula = Callable[[list[F64]], F64]
@@ -42,18 +42,28 @@ def baked(shelf: TextureShelf, taken: Sequence[Taken], what: str, formula: Formu
         images = [shelf.image_of(one.texture) for one in taken]
         width, height = size = _size(images, textures)
         each = [_values(*given, size) for given in zip(images, textures, taken, strict=True)]
-        values = np.empty((height, width, 4), np.float32)
         rows = max(_ROWS // width, 1)
-        for first in range(0, height, rows):
-            at = slice(first, min(first + rows, height))
-            values[at] = np.nan_to_num(formula([of(at) for of in each]), nan=0.0, posinf=_MOST, neginf=-_MOST)
-        if not has_alpha:
-            values[..., 3] = 1
         name = f"{images[0].name} with others"
-        if float(values.min()) < -1e-6 or float(values.max()) > 1 + 1e-6:
-            return Image(name, values[..., :3], True)
-        codes = np.concatenate([encode_srgb(np.clip(values[..., :3], 0, 1)), values[..., 3:]], axis=2)
-        return Image(name, np.rint(codes * 255).astype(np.uint8), True)
+
+        def bands() -> Iterator[tuple[slice, npt.NDArray[np.float32]]]:
+            for first in range(0, height, rows):
+                at = slice(first, min(first + rows, height))
+                found = np.broadcast_to(formula([of(at) for of in each]), (at.stop - first, width, 4))
+                yield at, np.nan_to_num(found, nan=0.0, posinf=_MOST, neginf=-_MOST).astype(np.float32)
+
+        codes = np.full((height, width, 4), 255, np.uint8)
+        for at, values in bands():
+            if float(values[..., :3].min()) < -_NEAR or float(values[..., :3].max()) > 1 + _NEAR:
+                break
+            codes[at, :, :3] = np.rint(encode_srgb(np.clip(values[..., :3], 0, 1)) * 255)
+            if has_alpha:
+                codes[at, :, 3] = np.rint(np.clip(values[..., 3], 0, 1) * 255)
+        else:
+            return Image(name, codes, True)
+        lights = np.empty((height, width, 3), np.float32)  # more, or less, than colours may be
+        for at, values in bands():
+            lights[at] = values[..., :3]
+        return Image(name, lights, True)
 
     found = shelf.calculated(f"{what} of {[*zip(taken, textures, strict=True)]}", make)
     texture = shelf.texture(found, frame.wrap_s, frame.wrap_t, frame.uv_set, frame.transform, filter=frame.filter)
