@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
-from pxr import Sdf, UsdGeom, UsdShade
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 
+from renderer.scene.animation import Moment
+from renderer.scene.load import Shot
 from tests.renderer.scene.test_usd_materials import linear, seen
 from tests.renderer.scene.usd_files import MTLX, TYPES, bind, mesh, read, stage
 
@@ -73,3 +75,20 @@ def test_a_node_of_itself_ends(shown):
     found, look = shown(MTLX.replace('nodename="picture"', 'nodename="product"') % "")
     assert len(found.meshes) == 1
     assert look.base_color_texture is None
+
+
+def test_what_is_worked_out_of_pictures_is_so_once_for_all_frames(shown, tmp_path):
+    shown(MTLX.replace("<multiply", "<power").replace("</multiply", "</power") % "")
+    made = Usd.Stage.Open(str(tmp_path / "a.usda"))
+    lift = UsdGeom.Xformable(made.GetPrimAtPath("/m")).AddTranslateOp()
+    for time in (0, 10):
+        lift.Set(Gf.Vec3d(time, 0, 0), time)
+    made.GetRootLayer().Save()
+    shot = Shot(tmp_path, "a.usda")
+    pictures = []
+    for frame in (0, 1):
+        found = shot.at(Moment(frame))
+        texture = found.materials[found.meshes[0].material].base_color_texture
+        pictures.append(found.images[found.textures[texture].image])
+    assert pictures[0].name.endswith("with others")
+    assert pictures[0].pixels is pictures[1].pixels

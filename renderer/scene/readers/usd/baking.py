@@ -38,8 +38,9 @@ def baked(shelf: TextureShelf, taken: Sequence[Taken], what: str, formula: Formu
     else:
         return None
 
+    images = [shelf.image_of(one.texture) for one in taken]
+
     def make() -> Image:
-        images = [shelf.image_of(one.texture) for one in taken]
         width, height = size = _size(images, textures)
         each = [_values(*given, size) for given in zip(images, textures, taken, strict=True)]
         rows = max(_ROWS // width, 1)
@@ -65,7 +66,7 @@ def baked(shelf: TextureShelf, taken: Sequence[Taken], what: str, formula: Formu
             lights[at] = values[..., :3]
         return Image(name, lights, True)
 
-    found = shelf.calculated(f"{what} of {[*zip(taken, textures, strict=True)]}", make)
+    found = shelf.calculated(f"{what} of {[*zip(taken, textures, strict=True)]}", images, make)
     texture = shelf.texture(found, frame.wrap_s, frame.wrap_t, frame.uv_set, frame.transform, filter=frame.filter)
     return None if texture is None else Taken(texture)
 
