@@ -66,7 +66,7 @@ passwords._hasher = _quick_hasher
 
 
 class _Compiled(dict[Any, Any]):
-    """Statements as SQL, for all databases of a kind. SQLAlchemy keeps them by the engine's dialect, and each test has a new one."""
+    """Statements as SQL, for all databases of a kind: SQLAlchemy keeps them by dialect, of which each test has a new one."""
 
     def get(self, key: Any, default: Any = None) -> Any:
         return super().get((key[0].name, *key[1:]), default)
