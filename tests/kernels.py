@@ -6,6 +6,7 @@ same at the same time.
 
 from __future__ import annotations
 
+import gc
 import os
 import subprocess
 import sys
@@ -91,6 +92,7 @@ def main() -> None:
     from renderer.render import FULL, MOVING, PLAIN, warm_up
     from renderer.settings import RenderSettings, View
 
+    gc.disable()  # a twelfth of the time, and what compiles has next to none
     settings = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
     warm_up(settings, PLAIN)
     parent = os.getpid()

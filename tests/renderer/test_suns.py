@@ -53,7 +53,7 @@ def test_the_camera_sees_it_where_it_may(kernel: dict[str, object]) -> None:
 
 
 @grid("kernel", [{}, PATH, {"sampling": "bsdf"}, {"sampling": "light"}], ordinary=({},))
-@pytest.mark.parametrize("others", [0, 4])
+@grid("others", [0, 4], ordinary=(4,))
 def test_what_is_seen_is_counted_once(kernel: dict[str, object], others: int) -> None:
     """Rough metal under a sun is as bright however its light is found, with a tree of lights or without."""
     lights = [Light("point", gray(0.5), (k - 1.5, 3.0, 1.0)) for k in range(others)]

@@ -17,7 +17,7 @@ import pytest
 import redis
 import uvicorn
 from fastapi import FastAPI
-from sqlalchemy import create_engine, text
+from sqlalchemy import Connection, Engine, create_engine, event, text
 from starlette.routing import BaseRoute
 
 from rayfarm.local.farm import free_port
@@ -64,6 +64,24 @@ def _quick_hasher() -> PasswordHasher:
 
 
 passwords._hasher = _quick_hasher
+
+
+class _Compiled(dict[Any, Any]):
+    """Statements as SQL, for all databases of a kind: SQLAlchemy keeps them by dialect, of which each test has a new one."""
+
+    def get(self, key: Any, default: Any = None) -> Any:
+        return super().get((key[0].name, *key[1:]), default)
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        super().__setitem__((key[0].name, *key[1:]), value)
+
+
+_compiled = _Compiled()
+
+
+@event.listens_for(Engine, "engine_connect")
+def _keep_what_is_compiled(connection: Connection) -> None:
+    connection.execution_options(compiled_cache=_compiled)
 
 
 class Service:

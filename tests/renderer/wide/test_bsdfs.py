@@ -134,7 +134,9 @@ def test_a_lane_that_holds_no_number_reads_inside_the_table():
     given = np.full((8, 10), np.nan, np.float32)
     given[::2, :3] = np.inf
     given[::2, 5:8] = -np.inf
-    both(_facets, given, 12)
+    for found in both(_facets, given, 12):
+        albedos = found[3:7]
+        assert ((albedos >= 0) & (albedos <= 1)).all()
 
 
 @device

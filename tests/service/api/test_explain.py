@@ -108,6 +108,7 @@ def test_what_cannot_be_is_said_in_a_sentence(
     said(503, "none is connected")
 
 
+@pytest.mark.long
 def test_workers_of_an_older_release_are_not_asked(service: Service) -> None:
     with service.worker(explains=False):
         job = service.submit(service.ready_scene())

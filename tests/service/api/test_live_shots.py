@@ -8,6 +8,7 @@ import time
 from typing import Any
 
 import numpy as np
+import pytest
 from websockets.sync.client import connect
 
 from renderer import film as film_math
@@ -54,6 +55,7 @@ def test_a_watcher_is_told_of_every_frame_and_turns_to_another(service: Service,
             np.testing.assert_array_equal(shown, rgbe9995.pack(film_math.mean(sums, 24)))
 
 
+@pytest.mark.long
 def test_of_a_still_nothing_is_said_of_frames(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene())
     service.wait_for(job, "finished")

@@ -7,6 +7,7 @@ import re
 import time
 from pathlib import Path
 
+import pytest
 import yaml
 
 from tests.service.conftest import Service, until
@@ -42,6 +43,7 @@ def test_what_waits_for_the_first_worker_wants_a_slot_and_what_is_done_none(serv
         assert (told['rayfarm_slots{state="busy"}'], told['rayfarm_slots{state="idle"}']) == (0, 2)
 
 
+@pytest.mark.long
 def test_a_long_job_wants_as_many_slots_as_have_half_a_minute_each(service: Service) -> None:
     with service.worker() as worker:
         worker.on_batch = lambda batch: time.sleep(0.05)

@@ -58,6 +58,7 @@ def test_every_frame_has_its_own_bits_in_whatever_order(service: Service, worker
     assert {batch.frame: batch.settings.view.eye[0] for batch in worker.batches} == {0: 0, 2: 1, 4: 2, 6: 3, 15: 7.5}
 
 
+@pytest.mark.long
 def test_a_shot_in_two_jobs_has_the_digests_of_one(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     jobs = [shoot(service, scene, frames) for frames in ("0-4", "0-1", "2-4", "3")]
@@ -326,6 +327,7 @@ def test_a_time_is_for_the_whole_shot(service: Service, worker: PeerWorker) -> N
     assert {frame["state"] for frame in frames} == {"finished"}
 
 
+@pytest.mark.long
 def test_a_noise_ends_each_frame_by_itself(service: Service, worker: PeerWorker) -> None:
     job = shoot(service, service.ready_scene(), "0-2", spp=None, noise=0.5)
     service.wait_for(job, "finished")

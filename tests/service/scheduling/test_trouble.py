@@ -285,6 +285,7 @@ def test_the_only_worker_hands_back_what_it_gets(service: Service, worker: PeerW
     assert service.digest(job) == expected_digest()
 
 
+@pytest.mark.long
 def test_a_batch_that_fails_once_is_forgiven(service: Service, worker: PeerWorker) -> None:
     failed: list[RenderBatch] = []
 

@@ -13,6 +13,7 @@ from renderer.kernel.options import kernel_options
 from renderer.render import RenderStats, render_frame
 from renderer.scene.description import Environment, Material, Sky, Sphere
 from renderer.settings import SAMPLINGS, RenderSettings, View
+from tests.grids import grid
 from tests.renderer.builders import emitter, gray, scene, settings, square
 from tests.renderer.judge import limit, mean_and_error
 from tests.renderer.kernel.pool.features import made
@@ -118,7 +119,7 @@ def test_where_light_is_sent_on_in_single_directions_it_costs_nothing_and_change
     assert stats[0].rays == stats[1].rays
 
 
-@pytest.mark.parametrize("sampling", [name for name in SAMPLINGS if name != "mis"])
+@grid("sampling", [name for name in SAMPLINGS if name != "mis"], ordinary=("light",))
 def test_strategies_that_are_compared_do_not_split(sampling: str) -> None:
     compiled = _sunny()
     assert kernel_options(settings(*VIEW, sampling=sampling), compiled).splitting == 1

@@ -32,7 +32,7 @@ def room(environment):
     return scene(materials, meshes, spheres, environment=environment)
 
 
-@pytest.fixture(scope="module", params=["dark", "even", "image"])
+@pytest.fixture(scope="module", params=[*(pytest.param(sky, marks=pytest.mark.long) for sky in ("dark", "even")), "image"])
 def lit_room(request):
     image = np.random.default_rng(3).gamma(0.5, 1.0, (4, 8, 1)).repeat(3, 2)
     image[1, 2:4] = 0  # where the light of neighbours spills in between texels

@@ -180,7 +180,7 @@ def slab():
 
 
 @grid("scale", [1e-3, 1.0, 1e3], ordinary=(1.0,))
-@pytest.mark.parametrize("away", [0.0, 300.0])
+@grid("away", [0.0, 300.0], ordinary=(300.0,))
 def test_no_path_leaves_a_closed_room(sharing, scale, away):
     """Even where walls of 2 stand 300 units from the origin, and coordinates are good to 1.5e-5 there."""
     rng = np.random.default_rng(3)

@@ -131,6 +131,7 @@ def problem(answer: httpx.Response, status: int) -> str:
     return str(answer.json()["detail"])
 
 
+@pytest.mark.long
 def test_nobody_who_can_is_a_sentence(service: Service) -> None:
     with service.worker():
         job = finished(service)

@@ -67,6 +67,7 @@ def test_what_cannot_be_is_a_sentence(service: Service, worker: PeerWorker) -> N
     assert "motion vectors could not be made: the file is gone." in problem(service.http.get(f"{url}.exr?aov=motion"), 502)
 
 
+@pytest.mark.long
 def test_workers_that_know_of_none_are_asked_for_none(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     with service.worker(knows_vectors=False):
         job = finished(service)
