@@ -28,6 +28,7 @@ __all__ = ["Part", "Pool", "pool_for", "render_with_pool", "stages"]
 Part = tuple[Any, tuple[types.Type, ...]]  # a subroutine, and the types that it is called with
 
 _ZERO = np.float32(0.0)
+_LOOKS, _GOES_ON = np.bool_(True), np.bool_(False)  # Numba would compile a function once more for each literal
 
 
 class Pool(NamedTuple):
@@ -82,13 +83,13 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         if row < len(log):
             record_arrival(paths, lists, log, row, passed, before)
         if options.sky_samples > 1:
-            scatter(scene, paths, lists, options, lit, True)
+            scatter(scene, paths, lists, options, lit, _LOOKS)
             rays += see_sky(scene, pool.alone, pool.stack, paths, lists, options)
             if row < len(log):
                 record_light(log, row, np.int64(SKY), three(paths, CARRIED))
         if lit:
             choose_lamps(scene, paths, lists, options)
-        scatter(scene, paths, lists, options, lit, False)
+        scatter(scene, paths, lists, options, lit, _GOES_ON)
         rays += see_lights(scene, pool.alone, pool.stack, paths, lists, options)
         if row < len(log):
             record_light(log, row, np.int64(DIRECT), three(paths, CARRIED))
