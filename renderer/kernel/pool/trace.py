@@ -28,7 +28,7 @@ __all__ = ["Part", "Pool", "pool_for", "render_with_pool", "stages"]
 Part = tuple[Any, tuple[types.Type, ...]]  # a subroutine, and the types that it is called with
 
 _ZERO = np.float32(0.0)
-_LOOKS, _GOES_ON = np.bool_(True), np.bool_(False)  # Numba would compile a function once more for each literal
+_LOOKS, _SCATTERS = np.bool_(True), np.bool_(False)  # of a literal, Numba would compile all of a stage once more
 
 
 class Pool(NamedTuple):
@@ -89,7 +89,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
                 record_light(log, row, np.int64(SKY), three(paths, CARRIED))
         if lit:
             choose_lamps(scene, paths, lists, options)
-        scatter(scene, paths, lists, options, lit, _GOES_ON)
+        scatter(scene, paths, lists, options, lit, _SCATTERS)
         rays += see_lights(scene, pool.alone, pool.stack, paths, lists, options)
         if row < len(log):
             record_light(log, row, np.int64(DIRECT), three(paths, CARRIED))
