@@ -139,7 +139,7 @@ from numba.core.caching import UserProvidedCacheLocator  # noqa: E402
 from numba.extending import intrinsic  # noqa: E402
 from numba.np.arrayobj import populate_array  # noqa: E402
 
-import renderer.quicker  # noqa: E402, F401
+import renderer.quicker  # noqa: E402
 import renderer.unasked  # noqa: E402, F401
 from renderer.absent import Compiler  # noqa: E402
 from renderer.linking import stay_apart  # noqa: E402

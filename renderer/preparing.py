@@ -8,8 +8,8 @@ import numpy as np
 
 from renderer.bvh.top import LEAST_PART
 from renderer.scene.compile import compile_scene
-from renderer.scene.geometry import CROWD
 from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription
+from renderer.scene.geometry import CROWD
 from renderer.scene.readers.gltf.deform import Bones, skinned
 
 __all__ = ["is_prepared", "prepare", "prepare_first"]

@@ -85,4 +85,4 @@ setattr(ConstraintNetwork, "propagate", _propagate)  # noqa: B010
 _known = errors.new_error_context
 for _module in [module for name, module in sys.modules.items() if name.startswith("numba.")]:
     if getattr(_module, "new_error_context", None) is _known:
-        setattr(_module, "new_error_context", _Context)
+        _module.new_error_context = _Context

@@ -146,7 +146,7 @@ def test_a_helper_that_is_killed_is_not_waited_for(parts: list[tuple[Any, tuple[
 def test_helpers_end_where_nothing_is_shared_and_where_compiling_fails(
     parts: list[tuple[Any, tuple[int]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(beside, "prepare", lambda: (tmp_path / "prepared").touch())
+    monkeypatch.setattr(beside, "prepare_first", lambda: (tmp_path / "prepared").touch())
     monkeypatch.setattr(beside, "is_prepared", lambda: False)
     with Helpers(PLAIN) as helpers:
         (child,) = helpers._forked

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -46,8 +47,12 @@ def test_the_rest_is_loaded_where_this_machine_has_it(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize(("edition", "prepares", "wanted"), [(PLAIN, True, ["first"]), (FULL, True, ["all"]), (PLAIN, False, [])])
-def test_what_comes_with_a_kernel(monkeypatch: pytest.MonkeyPatch, edition: str, prepares: bool, wanted: list[str]) -> None:
+def test_what_comes_with_a_kernel(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, edition: str, prepares: bool, wanted: list[str]
+) -> None:
     done: list[str] = []
+    monkeypatch.setattr(jit, "cache_folder", lambda: tmp_path)  # where that kernel would be listed
+    monkeypatch.setattr(jit, "_ready", set())
     monkeypatch.setattr(render, "_render", lambda *_: None)
     monkeypatch.setattr(render, "load_preparing", lambda: None)
     monkeypatch.setattr(render, "prepare_first", lambda: done.append("first"))
