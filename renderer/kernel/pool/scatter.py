@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -130,107 +130,58 @@ def _first_vertices(pool, lists, which):
     return NODES
 
 
-class _Vertex(NamedTuple):
-    """Eight vertices, and what is known before their material answers."""
-
-    carried: Any  # of rows.py, as all groups of columns
-    ray: Any
-    lamp: Any
-    surface: Any
-    matter: Any
-    wo: Any  # in the matter's frame, as wi
-    wi: Any  # towards the light; where there is none, any direction
-    place: Any  # two numbers to choose a direction by
-    choose: Any  # one, to choose among lobes
-    survive: Any  # one
-
-
-@device
-def _vertex(scene, pool, rows, options, lit, looks):
-    ray, lamp, carried = read(pool, rows, RAY), read(pool, rows, LAMP), read(pool, rows, CARRIED)
-    surface = _surface(read(pool, rows, PLACE), read(pool, rows, FRAME))
-    m = _matter(scene, pool, rows, surface)
-    s, t, n = m.frame
-    wo = vec.to_local(s, t, n, (-ray[3], -ray[4], -ray[5]))
-    wi = vec.to_local(s, t, n, (lamp[0], lamp[1], lamp[2]))
-    if looks or not lit:
-        wi = wo
-    u = draw4(stream_of(pool, rows, options), to_int(carried[7]) * _BLOCK + _BLOCK)
-    x, y, choose = u[0], u[1], u[2]
-    if looks:
-        x, y, choose = opposite(u)
-    return _Vertex(carried, ray, lamp, surface, m, wo, wi, (x, y), choose, u[3])
-
-
-@device
-def _onwards(v, on):
-    """Where the direction that was chosen leads: (its start, itself, whether it is reflected)."""
-    s, t, n = v.matter.frame
-    d = vec.to_world(s, t, n, on)
-    reflected = on[2] > _ZERO
-    return departure(v.surface, reflected, d), d, reflected
-
-
-@device
-def _look(pool, rows, v, on, weight, pdf):
-    """Sets out the rays that look for the sky."""
-    o, d, _ = _onwards(v, on)
-    none = nil(pdf)
-    waits = where((pdf > _ZERO) & (vec.maximum(weight) > _ZERO), none + _ONE, none)
-    write(pool, rows, LAMP, (*d, pdf, *weight, none))
-    write(pool, rows, SHADOW, (*o, none, none, none, waits, none))
-
-
-@device
-def _connect(pool, rows, v, f, scatter_pdf):
-    """What the light brings, if it is seen: (the shadow ray's start and end, whether there is one)."""
-    lamp, none = v.lamp, nil(scatter_pdf)
-    towards, light_pdf, light = (lamp[0], lamp[1], lamp[2]), lamp[3], (lamp[4], lamp[5], lamp[6])
-    balance = where(lamp[7] == _ZERO, _ONE, power_heuristic(light_pdf, lamp[7] * scatter_pdf))
-    throughput = v.carried[4], v.carried[5], v.carried[6]
-    brought = vec.mul(throughput, vec.scale(vec.mul(f, light), balance / light_pdf))
-    start, end = departure(v.surface, v.wi[2] > _ZERO, towards), few(pool, rows, _END, 3)
-    seen = (light_pdf > _ZERO) & (vec.maximum(light) > _ZERO) & (vec.maximum(f) > _ZERO)
-    write(pool, rows, LAMP, (*brought, v.carried[3] + _TWO, balance, light_pdf, none, none))
-    return start, end, where(seen, _ONE, none)
-
-
-@device
-def _go_on(pool, rows, v, options, on, weight, pdf, eta2, shadow):
-    """The paths' next rays, if they live on. shadow: of `_connect`."""
-    rx, ry, rz, depth, tx, ty, tz, number = v.carried
-    o, d, reflected = _onwards(v, on)
-    start, end, waits = shadow
-    depth = where(leaves(v.surface, reflected, d), depth + _ONE, depth)
-    throughput = vec.mul((tx, ty, tz), weight)
-    worth = worth_after(v.ray[7], number, weight, eta2)
-    chance = survival(throughput, worth, depth, options)
-    # A throughput that is no number lives on, so that the film is told of it.
-    goes_on = where(v.survive >= chance, -chance, chance)
-    goes_on = where(number + _ONE - depth > _MOST_AGAIN, _AGAIN, goes_on)
-    goes_on = where(vec.maximum(throughput) <= _ZERO, nil(depth), goes_on)
-    throughput = vec.scale(throughput, _ONE / chance)
-    write(pool, rows, RAY, (*o, *d, pdf, worth))
-    write(pool, rows, CARRIED, (rx, ry, rz, depth, *throughput, number + _ONE))
-    write(pool, rows, SHADOW, (*start, *end, waits, goes_on))
-
-
 @template
 def _scatter(scene, pool, lists, which, answer, is_lit, options, lit, looks):
     """answer: of models.py; is_lit: None where light sampling finds nothing; lit, looks: as in `scatter`."""
     taken = _first_vertices(pool, lists, which) if looks else which
     for k in range(0, pad(lists, taken), 8):
         rows = eight(lists, taken, k)
-        v = _vertex(scene, pool, rows, options, lit, looks)
-        f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, v.matter, v.wo, v.wi, v.choose, v.place)
+        ray, lamp = read(pool, rows, RAY), read(pool, rows, LAMP)
+        rx, ry, rz, depth, tx, ty, tz, number = read(pool, rows, CARRIED)
+        surface = _surface(read(pool, rows, PLACE), read(pool, rows, FRAME))
+        m = _matter(scene, pool, rows, surface)
+        s, t, n = m.frame
+        throughput, none = (tx, ty, tz), nil(depth)
+        wo = vec.to_local(s, t, n, (-ray[3], -ray[4], -ray[5]))
+        towards, light_pdf, light = (lamp[0], lamp[1], lamp[2]), lamp[3], (lamp[4], lamp[5], lamp[6])
+        wi = vec.to_local(s, t, n, towards)
+        if looks or not lit:
+            wi = wo  # there is no light: any direction
+        u = draw4(stream_of(pool, rows, options), to_int(number) * _BLOCK + _BLOCK)
+        x, y, choose = u[0], u[1], u[2]
         if looks:
-            _look(pool, rows, v, on, weight, pdf)
+            x, y, choose = opposite(u)
+        f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, choose, (x, y))
+        d = vec.to_world(s, t, n, on)
+        reflected = on[2] > _ZERO
+        o = departure(surface, reflected, d)
+        if looks:
+            waits = where((pdf > _ZERO) & (vec.maximum(weight) > _ZERO), nil(depth) + _ONE, none)
+            write(pool, rows, LAMP, (*d, pdf, *weight, none))
+            write(pool, rows, SHADOW, (*o, none, none, none, waits, none))
             continue
-        none = nil(pdf)
-        shadow = (none, none, none), (none, none, none), none
+
+        start, end, waits = (none, none, none), (none, none, none), none
         if is_lit is not None and lit:
-            shadow = _connect(pool, rows, v, f, scatter_pdf)
-        _go_on(pool, rows, v, options, on, weight, pdf, eta2, shadow)
+            balance = where(lamp[7] == _ZERO, _ONE, power_heuristic(light_pdf, lamp[7] * scatter_pdf))
+            brought = vec.mul(throughput, vec.scale(vec.mul(f, light), balance / light_pdf))
+            start, end = departure(surface, wi[2] > _ZERO, towards), few(pool, rows, _END, 3)
+            seen = (light_pdf > _ZERO) & (vec.maximum(light) > _ZERO) & (vec.maximum(f) > _ZERO)
+            waits = where(seen, _ONE, none)
+            write(pool, rows, LAMP, (*brought, depth + _TWO, balance, light_pdf, none, none))
+
+        depth = where(leaves(surface, reflected, d), depth + _ONE, depth)
+        throughput = vec.mul(throughput, weight)
+        worth = worth_after(ray[7], number, weight, eta2)
+        chance = survival(throughput, worth, depth, options)
+        # A throughput that is no number lives on, so that the film is told of it.
+        goes_on = where(u[3] >= chance, -chance, chance)
+        goes_on = where(number + _ONE - depth > _MOST_AGAIN, _AGAIN, goes_on)
+        goes_on = where(vec.maximum(throughput) <= _ZERO, none, goes_on)
+        throughput = vec.scale(throughput, _ONE / chance)
+        write(pool, rows, RAY, (*o, *d, pdf, worth))
+        write(pool, rows, CARRIED, (rx, ry, rz, depth, *throughput, number + _ONE))
+        write(pool, rows, SHADOW, (*start, *end, waits, goes_on))
 
 
 @subroutine
