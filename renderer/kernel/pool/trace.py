@@ -113,11 +113,11 @@ def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, b
         (arrive, (scene, paths, lists, asked, lit)),
         (meet, (scene, alone, stack, paths, lists)),
         *scattering,
+        (choose_lamps, (scene, paths, lists, asked)),
         (miss, (scene, paths, lists, asked, lit)),
         (bring_light, (scene, alone, stack, paths, lists, asked)),
         (see_lights, (scene, alone, stack, paths, lists, asked)),
         (see_sky, (scene, alone, stack, paths, lists, asked)),
-        (choose_lamps, (scene, paths, lists, asked)),
         (begin, (paths, lists, following, number, number, view, asked, wanted, typeof(has.motion))),
         (keep, (paths, lists, film, scale, number, wanted, bad, number)),
     ]
