@@ -10,7 +10,8 @@ import sys
 import warnings
 from typing import Any, Self
 
-from numba.core import errors, transforms
+from numba.core import errors as numba_errors
+from numba.core import transforms
 from numba.core.errors import ForceLiteralArg, NumbaError, TypingError
 from numba.core.postproc import PostProcessor, VariableLifetime
 from numba.core.typeinfer import ConstraintNetwork
@@ -18,6 +19,7 @@ from numba.core.utils import chain_exception
 
 __all__: list[str] = []
 
+errors: Any = numba_errors  # of which much is not declared
 _NUMBA = errors._numba_path
 _process = PostProcessor.run
 
