@@ -85,6 +85,7 @@ def _file(fixer: Any, caught: list[warnings.WarningMessage], place: Any) -> None
 setattr(PostProcessor, "run", _tidy)  # noqa: B010
 setattr(ConstraintNetwork, "propagate", _propagate)  # noqa: B010
 _known = errors.new_error_context
-for _module in [module for name, module in sys.modules.items() if name.startswith("numba.")]:
+_modules: list[Any] = [module for name, module in sys.modules.items() if name.startswith("numba.")]
+for _module in _modules:
     if getattr(_module, "new_error_context", None) is _known:
         _module.new_error_context = _Context
