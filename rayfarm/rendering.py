@@ -78,7 +78,7 @@ def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock
 
     with bar() as progress:
         progress.add_task("loading the kernel (the first time compiles it: a minute or two)", total=None)
-        warm_up(settings, edition_for(settings, compiled))
+        warm_up(settings, edition_for(settings, compiled), prepares=False)
     clock.mark("compile_s")
 
 

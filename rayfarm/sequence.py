@@ -158,7 +158,7 @@ def _render(
             told.add(warning)
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
-    warm_up(settings, edition_for(settings, compiled))
+    warm_up(settings, edition_for(settings, compiled), prepares=False)
     clock.mark("compile_s")
     hold = partial(steadying.take, frame) if is_held else None
     written = frame in steadying.missing

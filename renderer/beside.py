@@ -22,7 +22,7 @@ from renderer.arrays.edition import only
 from renderer.arrays.scene import example
 from renderer.jit import COMPILE_PATIENCE_S, rare_collections
 from renderer.kernel.accumulate import parts_of_pictures
-from renderer.preparing import is_prepared, prepare, prepare_trees
+from renderer.preparing import is_prepared, prepare_first
 from renderer.settings import RenderSettings, View
 from renderer.sources import ROOT
 from renderer.threads import cores
@@ -30,6 +30,7 @@ from renderer.threads import cores
 __all__ = ["Helpers", "main"]
 
 MOST = 3  # helpers: more than these wait for what the others compile
+_NO_PART = b"\xff"
 NEEDS = 400 << 20  # bytes that one of them takes while it compiles, with room to spare
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 
@@ -63,11 +64,11 @@ class Helpers:
         if not self._forked:
             self._started = [self._start(number) for number in range(self._count)]
         _close(self._working)
-        os.write(self._giving, bytes(range(len(parts))))
+        os.write(self._giving, bytes(range(len(parts))) if len(parts) else _NO_PART)
         _close(self._giving)
         self._working = self._giving = -1
-        if len(parts) == 1:
-            return  # it is for a helper, while this process compiles another kernel
+        if len(parts) == 0:
+            return  # what prepares scenes is for a helper, while this process compiles another kernel
         parts.compile(self._taking)
         until = time.monotonic() + COMPILE_PATIENCE_S
         while select.select([self._over], [], [], max(until - time.monotonic(), 0.0))[0]:
@@ -127,34 +128,32 @@ class Helpers:
 
 
 class _Parts:
-    """What is shared out, by numbers: first half of what prepares scenes, which has nothing in common with the rest."""
+    """What is shared out, by numbers."""
 
     def __init__(self, edition: str) -> None:
         self._stages = parts_of_pictures(only(example(), edition), _PICTURE) if edition else []
 
     def __len__(self) -> int:
-        return len(self._stages) + 1
+        return len(self._stages)
 
     def compile(self, taking: int, parent: int = 0) -> bool:
         """Those that nobody has taken, one after the other; whether there was any. parent: without which it is of no use."""
         any_taken = False
         while (number := os.read(taking, 1)) and (parent == 0 or os.getppid() == parent):
             any_taken = True
-            if number[0] > 0:
-                part, arguments = self._stages[number[0] - 1]
+            if number != _NO_PART:
+                part, arguments = self._stages[number[0]]
                 part.compile(arguments)
-            elif not is_prepared():
-                prepare_trees()
         return any_taken
 
 
 def _help(edition: str, taking: int, working: int, parent: int, is_first: bool) -> None:
-    """A helper's whole work. is_first: what remains of preparing, while the parent puts the kernel together, is for this one."""
+    """A helper's whole work. is_first: what prepares scenes is for this one, while the parent puts the kernel together."""
     with rare_collections():
         has_worked = _Parts(edition).compile(taking, parent)
         _close(working)
         if has_worked and is_first and os.getppid() == parent and not is_prepared():
-            prepare()
+            prepare_first()
 
 
 def _helpers() -> int:

@@ -139,7 +139,8 @@ from numba.core.caching import UserProvidedCacheLocator  # noqa: E402
 from numba.extending import intrinsic  # noqa: E402
 from numba.np.arrayobj import populate_array  # noqa: E402
 
-import renderer.quicker  # noqa: E402, F401
+import renderer.quicker  # noqa: E402
+import renderer.unasked  # noqa: E402, F401
 from renderer.absent import Compiler  # noqa: E402
 from renderer.linking import stay_apart  # noqa: E402
 from renderer.machine_code import Kept, noted  # noqa: E402
@@ -158,7 +159,7 @@ class KeptByMeaning(UserProvidedCacheLocator):
     Functions that are not ours, those of tests, are left to the next locator.
     """
 
-    _writable: ClassVar[set[str]] = set()
+    _of_modules: ClassVar[dict[tuple[str, str | None], KeptByMeaning | None]] = {}
 
     def __init__(self, py_func: Any, py_file: str) -> None:
         self._name = Path(py_file).relative_to(sources.ROOT).with_suffix("").as_posix().replace("/", ".")
@@ -175,13 +176,13 @@ class KeptByMeaning(UserProvidedCacheLocator):
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> KeptByMeaning | None:
         """The locator, or None for a function that is not ours."""
-        if not Path(py_file).is_relative_to(sources.ROOT):
-            return None
-        locator = cls(py_func, py_file)
-        if locator.get_cache_path() not in cls._writable:  # looked at once for all functions of a module
-            locator.ensure_cache_path()
-            cls._writable.add(locator.get_cache_path())
-        return locator
+        key = py_file, os.environ.get("RAYFARM_CACHE")
+        if key not in cls._of_modules:  # looked for once for all functions of a module
+            found = cls(py_func, py_file) if Path(py_file).is_relative_to(sources.ROOT) else None
+            if found is not None:
+                found.ensure_cache_path()
+            cls._of_modules[key] = found
+        return cls._of_modules[key]
 
 
 @intrinsic

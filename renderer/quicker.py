@@ -38,26 +38,32 @@ def _where_new(refresh: Callable[[Any], None]) -> Callable[[Any], None]:
     """What Numba's own modules and the intrinsics declare: looked for where there is any more of it since the last time. Numba
     goes through fifty modules and as many lists several times a function.
     """
-    seen: dict[int, tuple[int, int]] = {}
+    seen: dict[int, tuple[tuple[int, int], list[list[Any]]]] = {}
 
     def look(context: Any) -> None:
-        if seen.get(id(context)) != _declared(context):
+        before, lists = seen.get(id(context), (None, []))
+        if before != _count(lists):
             refresh(context)
-            seen[id(context)] = _declared(context)
+            lists = _lists(context)
+            seen[id(context)] = _count(lists), lists
 
     return look
 
 
-def _declared(context: Any) -> tuple[int, int]:
-    """How many modules there are, and how much has been declared to this context; to that for types too, which comes with it."""
+def _count(lists: list[list[Any]]) -> tuple[int, int]:
+    """How many modules there are, and how much has been declared."""
+    return len(sys.modules), sum(map(len, lists))
+
+
+def _lists(context: Any) -> list[list[Any]]:
+    """Of what is declared to this context; to that for types too, which comes with it."""
     contexts = [context, context.typing_context] if isinstance(context, CPUContext) else [context]
-    lists = (
+    return [
         getattr(registry, name)
         for each in contexts
         for registry, known in each._registries.items()
         for name in known.registry_items
-    )
-    return len(sys.modules), sum(map(len, lists))
+    ]
 
 
 def _typed_once(ask: Callable[..., Any]) -> Callable[..., Any]:

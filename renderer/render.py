@@ -24,7 +24,7 @@ from renderer.kernel.integrators import record
 from renderer.kernel.integrators.state import MAX_AGAIN
 from renderer.kernel.integrators.visibility import MAX_PASSED
 from renderer.kernel.options import kernel_options
-from renderer.preparing import is_prepared, prepare
+from renderer.preparing import is_prepared, prepare, prepare_first
 from renderer.replay import Replay, read_log
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.environment import left_to_surfaces, relit, sampled_alone
@@ -39,6 +39,7 @@ __all__ = [
     "helpers_for",
     "is_warm",
     "kernel_name",
+    "load_preparing",
     "pixel_samples",
     "render_batch",
     "render_frame",
@@ -215,9 +216,11 @@ def warm_up(
     edition: str = PLAIN,
     fetch: Callable[[str], None] | None = None,
     helpers: Helpers | None = None,
+    prepares: bool = True,
 ) -> float:
-    """Compiles the kernels that prepare scenes, and that for these settings (None: for pictures) and the scenes of this edition
-    (renderer.arrays.edition), or loads them: the seconds that took.
+    """Compiles the kernel for these settings (None: for pictures) and the scenes of this edition (renderer.arrays.edition), or
+    loads it: the seconds that took. prepares: so too those that prepare scenes: with the plain kernel, for which a worker that
+    starts is waited for, only what every scene wants, until this machine has the others, which come with every other kernel.
 
     fetch: called with the kernel's name before anything is compiled that this machine has not compiled yet, to bring it from
     elsewhere. helpers: from `helpers_for`, where they were made before. A parent that does this before it forks shares the
@@ -235,8 +238,17 @@ def warm_up(
             helping.share()
         _render(nothing, settings, Tile(0, 0, 0, 0), 0, 0)
         helping.finish()
-        prepare()
+        if prepares:
+            prepare_first() if name == kernel_name() else prepare()
+    if prepares:
+        load_preparing()
     return time.perf_counter() - begin
+
+
+def load_preparing() -> None:
+    """Loads all kernels that prepare scenes, where this machine has them."""
+    if jit.is_kept(kernel_name(edition=FULL)):
+        prepare()
 
 
 def helpers_for(settings: RenderSettings | None = None, edition: str = PLAIN) -> Helpers:

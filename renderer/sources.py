@@ -25,6 +25,7 @@ MACHINE_CODE = (
     "left_out.py",
     "quicker.py",
     "typed_before.py",
+    "unasked.py",
     "linking.py",
     "machine_code.py",
     "reference.py",

@@ -80,7 +80,7 @@ def bvh(
     tree, brute = compile_scene(descriptions[0]), compile_scene(descriptions[1], brute=True)
     summary = summarise(descriptions[0], tree)
     settings = Picture({"size": size}).settings(summary["cameras"], summary["defaults"])
-    warm_up(settings, edition_for(settings, tree))
+    warm_up(settings, edition_for(settings, tree), prepares=False)
     expected = _expected_s(brute, settings, spp)
     cores = machine.cores()
     if expected * (1 + 1 / cores) > patience:

@@ -22,6 +22,7 @@ from renderer.scene.tangents import needs_tangents
 from renderer.threads import PART, Team, parts_of
 
 __all__ = [
+    "CROWD",
     "MAX_TRIANGLES",
     "NOWHERE",
     "Geometry",
@@ -41,7 +42,7 @@ __all__ = [
 
 MAX_TRIANGLES = 20_000_000
 NOWHERE = -2
-_CROWD = 8  # small instances that are worth being placed together
+CROWD = 8  # small instances that are worth being placed together
 _FEW_KEYS = 5
 _MOST_POINTS = 2_000_000  # instances times vertices whose places are looked at one by one
 
@@ -194,7 +195,7 @@ def _copies(description: SceneDescription, numbers: Sequence[int], objects: Sequ
     found: list[_Part] = []
     for is_small, run in groupby(numbers, lambda n: _is_small(description, n)):
         some = list(run)
-        part = _crowd(description, some, objects) if is_small and len(some) >= _CROWD else None
+        part = _crowd(description, some, objects) if is_small and len(some) >= CROWD else None
         found += [part] if part is not None else [_copy(description, n, objects[n], team) for n in some]
     return found
 

@@ -83,7 +83,9 @@ def test_what_is_shared_out_are_parts_of_the_kernel(monkeypatch: pytest.MonkeyPa
     called = calls_of(accumulate._with_pool, (Reference(arguments[0]), *arguments[1:]))
     for part, types_of_it in parts:
         if part.__name__ == "arrive":
-            called |= calls_of(scatter, (*types_of_it, types.boolean))  # which is called with the same, and one more
+            wanted = (*types_of_it, types.boolean)  # the same, and one more
+            assert {s for name, s in called if name == "scatter"} == {str(wanted)}, "else it is compiled once more for each"
+            called |= calls_of(scatter, wanted)
         if part.__name__ == "see_lights":
             called |= calls_of(see_lights, types_of_it)
     assert {(part.__name__, str(types_of_it)) for part, types_of_it in parts} <= called
@@ -144,7 +146,7 @@ def test_a_helper_that_is_killed_is_not_waited_for(parts: list[tuple[Any, tuple[
 def test_helpers_end_where_nothing_is_shared_and_where_compiling_fails(
     parts: list[tuple[Any, tuple[int]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(beside, "prepare", lambda: (tmp_path / "prepared").touch())
+    monkeypatch.setattr(beside, "prepare_first", lambda: (tmp_path / "prepared").touch())
     monkeypatch.setattr(beside, "is_prepared", lambda: False)
     with Helpers(PLAIN) as helpers:
         (child,) = helpers._forked

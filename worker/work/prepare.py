@@ -15,7 +15,7 @@ from renderer.blender.program import find
 from renderer.errors import SceneError
 from renderer.film import mean
 from renderer.image import encode
-from renderer.render import edition_for, render_frame, warm_up
+from renderer.render import edition_for, load_preparing, render_frame, warm_up
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.compiled import CompiledScene
@@ -51,6 +51,7 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
     cannot be used.
     """
     begun = time.monotonic()
+    load_preparing()  # here, not in each child: a worker that began with nothing compiled has had them compiled meanwhile
     try:
         if (info := relight(worker, manifest)) is not None:
             return replace(info, seconds=time.monotonic() - begun)
@@ -164,6 +165,6 @@ def _thumbnail(compiled: CompiledScene, summary: dict[str, Any], path: Path) -> 
     small_height = min(max(THUMBNAIL_WIDTH * height // width, 64), 2 * THUMBNAIL_WIDTH)
     view = View.from_json(summary["cameras"][0]["view"])
     settings = RenderSettings(THUMBNAIL_WIDTH, small_height, view, max_depth=6)
-    warm_up(settings, edition_for(settings, compiled))  # where slots want the same kernel now, one compiles it
+    warm_up(settings, edition_for(settings, compiled), prepares=False)  # where slots want the same kernel now, one compiles it
     sums = render_frame(compiled, settings, THUMBNAIL_SPP, threads=1, time_limit=THUMBNAIL_SECONDS)
     encode.write(path, mean(sums, settings.film_exponent))

@@ -27,6 +27,7 @@ __all__ = ["Part", "Pool", "pool_for", "render_with_pool", "stages"]
 Part = tuple[Any, tuple[types.Type, ...]]  # a subroutine, and the types that it is called with
 
 _ZERO = np.float32(0.0)
+_BRANCHES, _SCATTERS = np.bool_(True), np.bool_(False)  # of a literal, Numba would compile all of a stage once more
 
 
 class Pool(NamedTuple):
@@ -84,8 +85,8 @@ def render_with_pool(scene, pool, camera, options, batch, output):
             choose_lamps(scene, paths, lists, options)
         clear(lists, ACTIVE)
         if options.splitting > 1:
-            scatter(scene, paths, lists, options, lit, True)
-        scatter(scene, paths, lists, options, lit, False)
+            scatter(scene, paths, lists, options, lit, _BRANCHES)
+        scatter(scene, paths, lists, options, lit, _SCATTERS)
         rays += see_lights(scene, pool.alone, pool.stack, paths, lists, options)
         if row < len(log):
             record_light(log, row, np.int64(DIRECT), three(paths, CARRIED))
@@ -110,10 +111,10 @@ def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, b
         (arrive, (scene, paths, lists, asked, lit)),
         (meet, (scene, alone, stack, paths, lists)),
         *scattering,
+        (choose_lamps, (scene, paths, lists, asked)),
         (miss, (scene, paths, lists, asked, lit)),
         (bring_light, (scene, alone, stack, paths, lists, asked)),
         (see_lights, (scene, alone, stack, paths, lists, asked)),
-        (choose_lamps, (scene, paths, lists, asked)),
         (begin, (paths, lists, following, number, number, view, asked, wanted, typeof(has.motion))),
         (keep, (paths, lists, film, scale, number, wanted, bad, number)),
     ]

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from renderer.arrays.scene import flat
 from renderer.formats import FORMATS
+from renderer.preparing import prepare
 from renderer.render import warm_up
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
@@ -28,6 +29,7 @@ def _used() -> tuple[float, float, int]:
 def main() -> None:
     path = Path(sys.argv[1])
     warm_up()
+    prepare()
     import_module(f"renderer.scene.readers.{next(f.reader for f in FORMATS if f.suffix == path.suffix)}")
     begun, used = time.perf_counter(), _used()
     description = read(path.parent, path.name)

@@ -123,14 +123,14 @@ def test_a_full_disk_is_the_machines_own_trouble(worker: Any, monkeypatch: pytes
 
 
 def test_a_thumbnails_kernel_is_got_ready_before_as_slots_do_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    done: list[str] = []
+    done: list[Any] = []
     monkeypatch.setattr(prepare, "edition_for", lambda settings, scene: "full")
-    monkeypatch.setattr(prepare, "warm_up", lambda settings, edition: done.append(edition))
+    monkeypatch.setattr(prepare, "warm_up", lambda settings, edition, prepares: done.append((edition, prepares)))
     film = np.ones((CHANNELS, 90, 160), np.int64)
     monkeypatch.setattr(prepare, "render_frame", lambda *_, **__: (done.append("rendered"), film)[1])
     summary = {"defaults": {}, "cameras": [{"view": {"eye": [0, 0, 1], "target": [0, 0, 0]}}]}
     prepare._thumbnail(SimpleNamespace(), summary, tmp_path / "thumbnail.png")  # type: ignore[arg-type]
-    assert done == ["full", "rendered"]
+    assert done == [("full", False), "rendered"]
     assert (tmp_path / "thumbnail.png").is_file()
 
 
