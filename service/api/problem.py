@@ -141,7 +141,7 @@ def install(app: FastAPI) -> None:
         elif status == 405:
             status, detail = 404, http.HTTPStatus.NOT_FOUND.phrase
         if status in SENTENCES and detail in (http.HTTPStatus(status).phrase, FASTAPI_BAD_BODY):
-            detail = SENTENCES[status].format(path=request.url.path, method=request.method)
+            detail = SENTENCES[status].format(path=_short(request.url.path), method=request.method)
         return response(status, detail, headers)
 
     @app.exception_handler(RequestValidationError)

@@ -18,6 +18,7 @@ from renderer.aovs import AOVS
 from renderer.image import rgbe9995
 from renderer.settings import OPTIONAL, Tile, View
 from service.api.schemas import JobIn, ViewModel
+from service.store.models import Scene as SceneRow
 from tests.helpers import running_redis
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import expected_sums
@@ -53,6 +54,26 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
     assert body["title"]
     assert body["detail"].endswith(".")
     return body
+
+
+def test_a_scenes_thumbnail_is_sent_once(service: Service, scene: str) -> None:
+    """The front page asks for all of them each time it is opened."""
+    writer = service.farm.blobs.writer()
+    writer.write(b"a picture")
+    sha256 = writer.commit()
+    with service.farm.sessions.begin() as session:
+        row = session.get_one(SceneRow, scene)
+        row.info = {**(row.info or {}), "thumbnail": {"sha256": sha256, "size": writer.size}}
+    url = f"/api/scenes/{scene}/thumbnail.png"
+    first = service.http.get(url)
+    assert (first.status_code, first.content, first.headers["cache-control"]) == (200, b"a picture", "no-cache")
+    again = service.http.get(url, headers={"If-None-Match": first.headers["etag"]})
+    assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", first.headers["etag"])
+    assert service.http.get(url, headers={"If-None-Match": '"another"'}).content == b"a picture"
+
+
+def test_a_long_address_is_not_sent_back(service: Service) -> None:
+    assert len(problem(service.http.get(f"/{'a' * 5000}/end"), 404)["detail"]) < 500
 
 
 @pytest.mark.parametrize(
