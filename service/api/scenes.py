@@ -29,7 +29,7 @@ __all__ = ["router"]
 
 router = APIRouter(prefix="/api/scenes", tags=["scenes"])
 
-THUMBNAIL = {"content": {"image/png": {}}, "description": "The picture."}
+THUMBNAIL = {"content": {"image/png": {}}, "description": "the picture"}
 UPLOAD_FORM = {
     "requestBody": {
         "required": True,
@@ -137,7 +137,7 @@ def get_scene(id: str, farm: FarmDependency) -> SceneOut:
     return scene_out(find_scene(id, farm), farm.engine)
 
 
-@router.get("/{id}/thumbnail.png", response_class=Response, responses={200: THUMBNAIL, 304: {"description": "Not changed."}})
+@router.get("/{id}/thumbnail.png", response_class=Response, responses={200: THUMBNAIL, 304: {"description": "not changed"}})
 def thumbnail(id: str, request: Request, farm: FarmDependency) -> Response:
     """A small picture of the scene, made when it was prepared."""
     scene = find_scene(id, farm)
