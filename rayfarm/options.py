@@ -67,7 +67,9 @@ Variant = Annotated[
 ]
 Frame = Annotated[
     float | None,
-    typer.Option(metavar="N", help="The frame of an animation: frame N shows the time N / fps; by default 0.", rich_help_panel="Time"),
+    typer.Option(
+        metavar="N", help="The frame of an animation: frame N shows the time N / fps; by default 0.", rich_help_panel="Time"
+    ),
 ]
 Frames = Annotated[
     str | None,
@@ -86,9 +88,7 @@ Turntable = Annotated[
         rich_help_panel="Time",
     ),
 ]
-Overwrite = Annotated[
-    bool, typer.Option("--overwrite", help="Render frames again whose files exist.", rich_help_panel="Time")
-]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Render frames again whose files exist.", rich_help_panel="Time")]
 Fps = Annotated[
     float | None,
     typer.Option(

@@ -136,9 +136,7 @@ class RenderSettings:
     height: Annotated[int, Setting(1, MAX_SIZE), Shown("Height", "Pixels.", "px", "basic", "Size and quality")]
     view: View
     _: KW_ONLY
-    integrator: Annotated[str, Setting(choices=INTEGRATORS), Shown("Integrator", "How light is traced.", group="basic")] = (
-        "path"
-    )
+    integrator: Annotated[str, Setting(choices=INTEGRATORS), Shown("Integrator", "How light is traced.", group="basic")] = "path"
     max_depth: Annotated[
         int,
         Setting(1, MAX_DEPTH),
@@ -168,9 +166,7 @@ class RenderSettings:
     light_choice: Annotated[
         str,
         Setting(choices=LIGHT_CHOICES),
-        Shown(
-            "Choice among lights", "How one light is chosen among many.", group="lab", integrators=_lit, phrase="lights: {}"
-        ),
+        Shown("Choice among lights", "How one light is chosen among many.", group="lab", integrators=_lit, phrase="lights: {}"),
     ] = "tree"
     light_samples: Annotated[
         int,

@@ -107,7 +107,11 @@ class ShotWork:
     order: Annotated[
         str | None,
         Setting(choices=ORDERS, digest=False),
-        Shown("Order", "Which frame comes next; by default in turn, or breadth first if only a time limit ends the shot.", section="Time"),
+        Shown(
+            "Order",
+            "Which frame comes next; by default in turn, or breadth first if only a time limit ends the shot.",
+            section="Time",
+        ),
     ] = None
     every: Annotated[int, Setting(2, 1024, digest=False), Shown("Every", "The n of the order every-nth.", section="Time")] = 8
 

@@ -40,7 +40,9 @@ def compare(
     spp: Annotated[int, typer.Option(min=1, help="Samples per pixel, for both.")] = 256,
     most: Annotated[
         float | None,
-        typer.Option(min=0.0, metavar="FRACTION", help="Exit with 1 if the means differ by more than this, for scripts: 0.03 is 3 %."),
+        typer.Option(
+            min=0.0, metavar="FRACTION", help="Exit with 1 if the means differ by more than this, for scripts: 0.03 is 3 %."
+        ),
     ] = None,
     exposure: Annotated[float, typer.Option(help="Exposure of the picture that is written, in stops.")] = 0.0,
 ) -> None:

@@ -31,7 +31,9 @@ def doctor(
     data: Annotated[
         Path | None, typer.Option(file_okay=False, help="The farm's data folder; `up` names it. [dim]$RAYFARM_DATA[/dim]")
     ] = None,
-    deep: Annotated[bool, typer.Option("--deep", help="Read every upload and film, and check them against their hashes.")] = False,
+    deep: Annotated[
+        bool, typer.Option("--deep", help="Read every upload and film, and check them against their hashes.")
+    ] = False,
     port: Annotated[int, typer.Option(min=1, max=65535, help="The port a farm would use.")] = 8000,
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
 ) -> None:

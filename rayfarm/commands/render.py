@@ -87,7 +87,9 @@ def render(
             metavar="X,Y", help="Trace one path of this pixel again and print its vertices; no picture.", rich_help_panel=PART
         ),
     ] = None,
-    sample: Annotated[int | None, typer.Option(min=0, help="Which of the pixel's samples; by default 0.", rich_help_panel=PART)] = None,
+    sample: Annotated[
+        int | None, typer.Option(min=0, help="Which of the pixel's samples; by default 0.", rich_help_panel=PART)
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the path as JSON, for programs.", rich_help_panel=PART)] = False,
     threads: Annotated[int | None, typer.Option(min=1, help="Threads; by default one per core.", rich_help_panel=HOW)] = None,
     no_bvh: Annotated[

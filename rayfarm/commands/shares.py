@@ -24,11 +24,10 @@ def register(app: typer.Typer) -> None:
 
 def shares(
     share: Annotated[
-        str | None, typer.Argument(help="user:NAME, project:NAME, or everybody (jobs without an owner); by default all are listed.")
+        str | None,
+        typer.Argument(help="user:NAME, project:NAME, or everybody (jobs without an owner); by default all are listed."),
     ] = None,
-    weight: Annotated[
-        float | None, typer.Option(metavar="W", help="Slots are shared in proportion to it; by default 1.")
-    ] = None,
+    weight: Annotated[float | None, typer.Option(metavar="W", help="Slots are shared in proportion to it; by default 1.")] = None,
     max_slots: Annotated[
         int | None, typer.Option(min=0, metavar="N", help="The most slots for all of its jobs together; 0: no limit.")
     ] = None,

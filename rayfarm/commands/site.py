@@ -28,7 +28,9 @@ def site(
         Path | None,
         typer.Option(dir_okay=False, help="A file with the farm's token, or with a worker's own. [dim]$RAYFARM_TOKEN[/dim]"),
     ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="The port on which the site's workers reach it; 0 takes a free one.")] = 8010,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="The port on which the site's workers reach it; 0 takes a free one.")
+    ] = 8010,
     host: Annotated[str, typer.Option(help="The address to listen on; by default all of this machine's.")] = "0.0.0.0",
     address: Annotated[
         str, typer.Option(help="The address workers use for this machine; by default the one it uses towards the farm.")

@@ -76,7 +76,9 @@ def submit(
     need: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NEED", help="What its workers must have: a tag, or memory_gb=32; may be given several times.", rich_help_panel=QUEUE
+            metavar="NEED",
+            help="What its workers must have: a tag, or memory_gb=32; may be given several times.",
+            rich_help_panel=QUEUE,
         ),
     ] = None,
     max_slots: Annotated[

@@ -50,7 +50,9 @@ def up(
     allow_host: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME", help="Another name under which the page may be opened, besides IP addresses and this machine's own names; repeatable."
+            metavar="NAME",
+            help="Another name under which the page may be opened, besides IP addresses and this machine's own names; "
+            "repeatable.",
         ),
     ] = None,
     tls_cert: Annotated[

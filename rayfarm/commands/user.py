@@ -32,7 +32,9 @@ def register(app: typer.Typer) -> None:
 def add(
     name: Name,
     role: Annotated[RoleName, typer.Option(help="view: look; submit: render too; admin: workers and users too.")] = "submit",
-    password: Annotated[bool, typer.Option("--password", help="Read a password from the terminal or from a line of standard input.")] = False,
+    password: Annotated[
+        bool, typer.Option("--password", help="Read a password from the terminal or from a line of standard input.")
+    ] = False,
     server: options.Server = None,
 ) -> None:
     """Add a user. Prints a link that works once, with which they log in and choose a password.

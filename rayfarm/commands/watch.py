@@ -51,10 +51,13 @@ def register(app: typer.Typer) -> None:
 
 
 def watch(
-    job: Annotated[str | None, typer.Argument(help="The job's id, or its beginning; by default the newest unfinished job.")] = None,
+    job: Annotated[
+        str | None, typer.Argument(help="The job's id, or its beginning; by default the newest unfinished job.")
+    ] = None,
     server: options.Server = None,
     frame: Annotated[
-        float | None, typer.Option(metavar="N", help="Stay with this frame of a shot; by default the one being rendered is shown.")
+        float | None,
+        typer.Option(metavar="N", help="Stay with this frame of a shot; by default the one being rendered is shown."),
     ] = None,
     graphics: Annotated[
         str, typer.Option(metavar="NAME", help="auto asks the terminal; or kitty, sixel, blocks, or none (lines only).")

@@ -28,7 +28,8 @@ def register(app: typer.Typer) -> None:
 def worker(
     join: Annotated[str, typer.Option(metavar="URL", help="The farm's address, such as http://host:8000.")],
     token: Annotated[
-        str, typer.Option(help="The farm's token; everybody on this machine can see it, so --token-file or $RAYFARM_TOKEN is better.")
+        str,
+        typer.Option(help="The farm's token; everybody on this machine can see it, so --token-file or $RAYFARM_TOKEN is better."),
     ] = "",
     token_file: Annotated[
         Path | None,
@@ -38,12 +39,16 @@ def worker(
     name: Annotated[str | None, typer.Option(help="The worker's name; by default this machine's host name.")] = None,
     tag: Annotated[
         list[str] | None,
-        typer.Option(metavar="TAG", help="A tag that jobs may need, such as gpu; may be given several times.", rich_help_panel=NIGHT),
+        typer.Option(
+            metavar="TAG", help="A tag that jobs may need, such as gpu; may be given several times.", rich_help_panel=NIGHT
+        ),
     ] = None,
     hours: Annotated[
         str,
         typer.Option(
-            metavar="WEEK", help="When it works, such as 'Mon-Fri 19:00-07:00, Sat-Sun'; by default always.", rich_help_panel=NIGHT
+            metavar="WEEK",
+            help="When it works, such as 'Mon-Fri 19:00-07:00, Sat-Sun'; by default always.",
+            rich_help_panel=NIGHT,
         ),
     ] = "",
     idle: Annotated[
@@ -53,7 +58,10 @@ def worker(
         ),
     ] = 0.0,
     nice: Annotated[
-        int | None, typer.Option(min=0, max=19, help="Its nice level: higher leaves more of the machine to other programs.", rich_help_panel=NIGHT)
+        int | None,
+        typer.Option(
+            min=0, max=19, help="Its nice level: higher leaves more of the machine to other programs.", rich_help_panel=NIGHT
+        ),
     ] = None,
     memory: Annotated[
         float, typer.Option(min=0, metavar="GB", help="Memory that it may use; by default all.", rich_help_panel=NIGHT)

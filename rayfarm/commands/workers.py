@@ -32,7 +32,9 @@ def workers(
         float | None,
         typer.Option(min=0, metavar="MINUTES", help="Work only when nobody has used that machine for this long; 0: always."),
     ] = None,
-    nice: Annotated[int | None, typer.Option(min=0, max=19, help="Its nice level: higher leaves more of the machine to other programs.")] = None,
+    nice: Annotated[
+        int | None, typer.Option(min=0, max=19, help="Its nice level: higher leaves more of the machine to other programs.")
+    ] = None,
     slots: Annotated[int | None, typer.Option(min=1, help="The most slots it uses; never more than it was started with.")] = None,
     memory: Annotated[float | None, typer.Option(min=0, metavar="GB", help="Memory that it may use; 0: no limit.")] = None,
     pause: Annotated[bool, typer.Option("--pause", help="Finish what it has in hand and take no more work.")] = False,

@@ -33,7 +33,7 @@ from service.errors import (
     UnknownFormat,
 )
 
-__all__ = ["Problem", "ProblemBody", "ProblemResponse", "install", "response"]
+__all__ = ["Problem", "ProblemBody", "ProblemResponse", "install", "response", "told"]
 
 log = logging.getLogger(__name__)
 
@@ -165,6 +165,12 @@ def install(app: FastAPI) -> None:
 
 
 JSON_OBJECT = "the body is not a JSON object; send one, with the header Content-Type: application/json"
+
+
+def told(error: Mapping[str, Any]) -> str:
+    """One of a request's errors: the field and what is wrong with it."""
+    field, message = _field(error["loc"]), _message(error)
+    return f"{field}: {message}" if field else message
 
 
 def _field(location: Sequence[Any]) -> str:

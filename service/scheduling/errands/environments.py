@@ -33,7 +33,8 @@ class Environments(Aside[ShowEnvironment]):
                 "The workers are of an older release, which knows no environments. Update them, then upload it again."
             )
         return Unavailable(
-            "Checking an environment needs a worker, and none is ready. Start one, or resume one that is paused, then upload it again."
+            "Checking an environment needs a worker, and none is ready. Start one, or resume one that is paused, then "
+            "upload it again."
         )
 
     def _failed(self, why: str) -> FarmError:
