@@ -18,6 +18,7 @@ from renderer.aovs import AOVS
 from renderer.image import rgbe9995
 from renderer.settings import OPTIONAL, Tile, View
 from service.api.schemas import JobIn, ViewModel
+from service.store.models import Frame as FrameRow
 from service.store.models import Scene as SceneRow
 from tests.helpers import running_redis
 from tests.service.conftest import Service, until
@@ -54,6 +55,17 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
     assert body["title"]
     assert body["detail"].endswith(".")
     return body
+
+
+def test_a_still_says_its_noise(service: Service, scene: str) -> None:
+    """As docs/python.md ends a loop by it. It is that of the history, and it is written down."""
+    job = service.submit(scene, spp=16)
+    service.wait_for(job, "finished")
+    noise = service.job(job)["frames"][0]["noise"]
+    assert noise == service.http.get(f"/api/jobs/{job}/history").json()["points"][-1]["noise"] > 0
+    assert service.http.get(f"/api/jobs/{job}/frames/0").json()["noise"] == noise
+    with service.farm.sessions() as session:
+        assert session.get_one(FrameRow, (job, 0)).noise == noise
 
 
 def test_a_scenes_thumbnail_is_sent_once(service: Service, scene: str) -> None:
