@@ -19,7 +19,7 @@ __all__ = ["show_path"]
 GROUPS = {
     "MET": ("kind", "object", "material"),
     "WHERE": ("point", "normal", "direction"),
-    "LIGHT": ("throughput", "emitted", "direct", "sky"),
+    "LIGHT": ("throughput", "emitted", "direct", "beside"),
     "RAY": ("distance", "pdf"),
 }
 

@@ -64,7 +64,7 @@ FORMATS = (
 MESH_FORMATS = tuple(format for format in FORMATS if format.is_mesh_file)
 SCENE_SUFFIXES = tuple(format.suffix for format in FORMATS)
 ARCHIVE_SUFFIXES = (".zip",)
-NAMING_SUFFIXES = (*(format.suffix for format in FORMATS if format.names_files), ".mtl")
+NAMING_SUFFIXES = (*(format.suffix for format in FORMATS if format.names_files), ".mtl", ".mtlx")
 
 # Blender itself opens its files, where it is: renderer/blender. Else this helps.
 BLENDER = ".blend"

@@ -43,14 +43,16 @@ class Vertex(NamedTuple):
     object: int | None  # numbers, as in the film less one; None where nothing was met
     material: int | None
     distance: float  # from the last vertex
-    pdf: float | None  # per steradian, with which the BSDF gave the direction; None: the camera's, a single one, or not weighed
+    # Per steradian, with which the BSDF gave the direction, or one of two where the path had split; None: the camera's, a single
+    # one, or not weighed.
+    pdf: float | None
     point: Vec3 | None  # None where nothing was met
     normal: Vec3 | None  # unit, on the viewer's side, before any normal map
     direction: Vec3  # unit, in which the ray came
     throughput: Vec3  # what radiance from here counts
     emitted: Vec3  # the radiance that the vertex's own light adds to the sample
     direct: Vec3  # the radiance that the lights it sees add through it
-    sky: Vec3  # the radiance that the sky adds from another direction than the path's
+    beside: Vec3  # the radiance that the path's other branch adds, where this is the vertex that splits it
     # These, of the path tracer for pictures alone (settings' `path` without what only comparisons need), else None:
     share: float | None = None  # the weight of multiple importance sampling that `emitted` has; None also where it has no light
     lamp: Lamp | None = None  # None also where none was to be had
@@ -80,10 +82,9 @@ def _vec(row: npt.NDArray[np.float64], column: int) -> Vec3:
 def _vertex(row: npt.NDArray[np.float64]) -> Vertex:
     kind = int(row[record.KIND])
     met = kind != record.MISSED
-    columns = record.BEFORE, record.EMITTED, record.SKY, record.DIRECT
-    before, emitted, sky, direct = (np.array(_vec(row, c)) for c in columns)
+    before, emitted, direct = (np.array(_vec(row, c)) for c in (record.BEFORE, record.EMITTED, record.DIRECT))
     with np.errstate(invalid="ignore"):  # an infinite radiance less itself
-        own, beside, seen = emitted - before, sky - emitted, direct - sky
+        own, seen = emitted - before, direct - emitted
     end = float(row[record.SURVIVAL])
     is_told = int(row[record.TOLD])
     return Vertex(
@@ -101,7 +102,7 @@ def _vertex(row: npt.NDArray[np.float64]) -> Vertex:
         throughput=_vec(row, record.THROUGHPUT),
         emitted=(float(own[0]), float(own[1]), float(own[2])),
         direct=(float(seen[0]), float(seen[1]), float(seen[2])),
-        sky=(float(beside[0]), float(beside[1]), float(beside[2])),
+        beside=_vec(row, record.BESIDE),
     )
 
 

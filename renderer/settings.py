@@ -26,7 +26,7 @@ __all__ = [
     "MAX_LIGHT_SAMPLES",
     "MAX_SHUTTER",
     "MAX_SIZE",
-    "MAX_SKY_SAMPLES",
+    "MAX_SPLITTING",
     "MAX_SPP",
     "MISTAKES",
     "MOST_KEYS",
@@ -106,7 +106,7 @@ MISTAKES = Choices(
 MAX_SIZE = 16384
 MAX_DEPTH = 1024
 MAX_LIGHT_SAMPLES = 64
-MAX_SKY_SAMPLES = 2
+MAX_SPLITTING = 2
 MAX_SHUTTER = 64.0  # frames
 MOST_KEYS = 65  # of a shutter
 MAX_FLOOR = 0.95  # what a path goes on with at most: renderer/kernel/pool/scatter.py
@@ -178,11 +178,11 @@ class RenderSettings:
             usual=(1, 16),
         ),
     ] = 1
-    sky_samples: Annotated[
+    splitting: Annotated[
         int,
-        Setting(1, MAX_SKY_SAMPLES),
-        Shown("Sky samples", "Directions in which a first vertex looks for the sky.", group="lab", integrators=_estimating),
-    ] = MAX_SKY_SAMPLES
+        Setting(1, MAX_SPLITTING),
+        Shown("Splitting", "Branches that a path has behind its first vertex.", group="lab", integrators=_estimating),
+    ] = MAX_SPLITTING
     roulette: Annotated[
         float,
         Setting(0.05, 1.0, off=0.0),

@@ -22,8 +22,7 @@ def deadline_of(text: str, now: datetime | None = None) -> float:
     try:
         if len(text) <= 5 and ":" in text:
             hour, minute = map(int, text.split(":"))
-            found = now.replace(hour=hour, minute=minute, second=0, microsecond=0)
-            found += timedelta(days=found <= now)
+            found = _next(now.replace(hour=hour, minute=minute, second=0, microsecond=0, fold=0), now)
         else:
             found = datetime.fromisoformat(text)
         seconds = found.timestamp()
@@ -34,3 +33,11 @@ def deadline_of(text: str, now: datetime | None = None) -> float:
     if seconds > now.timestamp() + FURTHEST.total_seconds():
         raise ValueError(f"{text} is more than ten years from now")
     return seconds
+
+
+def _next(today: datetime, now: datetime) -> datetime:
+    """When a clock says that time again. Where it is put back it does so twice in a night."""
+    for found in (today, today.replace(fold=1)):
+        if found.timestamp() > now.timestamp() and (found > now or found.fold):
+            return found
+    return today + timedelta(days=1)

@@ -46,7 +46,12 @@ __all__ = [
 
 
 class FarmError(Exception):
-    """`str(error)` is one sentence that a person can act on."""
+    """`str(error)` is one sentence that a person can act on. `fact` is what of it also holds for work that waits by itself: all
+    but the advice to whoever asked."""
+
+    def __init__(self, sentence: str = "", *, advice: str = "") -> None:
+        super().__init__(f"{sentence} {advice}" if advice else sentence)
+        self.fact = sentence
 
 
 class NotFound(FarmError):  # noqa: N818 - these are named as what they say
@@ -88,8 +93,8 @@ class OverQuota(FarmError):  # noqa: N818
 class Unavailable(FarmError):  # noqa: N818
     """A part of the farm is away or busy; the same may work later. retry_after_s: when, where that is known."""
 
-    def __init__(self, sentence: str, retry_after_s: float | None = None) -> None:
-        super().__init__(sentence)
+    def __init__(self, sentence: str, retry_after_s: float | None = None, *, advice: str = "") -> None:
+        super().__init__(sentence, advice=advice)
         self.retry_after_s = retry_after_s
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import threading
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -95,6 +96,8 @@ class Farm:
         usual = Limits(settings.quota_bytes, settings.quota_jobs, settings.quota_samples_day)
         self.quotas = Quotas(self.sessions, usual, self.films.size)
         self._collector = ThreadPoolExecutor(1, "collector")
+        self._inherited = threading.Timer(settings.prepare_deadline + 1.0, self._let_go, [Counter[str]()])
+        self._inherited.daemon = True
         self.engine = Engine(
             *(settings, self.records, self.films, self.snapshots, self.blobs),
             *(self.broadcast.tell, self.broadcast.tell_tiles, self._let_go),
@@ -123,7 +126,7 @@ class Farm:
         self.broadcast.open(loop)
         self.reserve.fill()
         try:
-            self.blobs.sweep(self.records.blobs())
+            self.garbage.inherit(self.blobs.sweep(self.records.blobs()))
         except FarmError as error:
             log.warning("what nobody needs stays for now: %s", error)
         self.engine.start()
@@ -134,6 +137,7 @@ class Farm:
         self.patrol.start()
         self.doubts.start()
         self.retention.start()
+        self._inherited.start()
 
     def stop(self) -> None:
         """End in order."""
@@ -147,6 +151,7 @@ class Farm:
         self.desk.stop()
         self.explaining.stop()
         self.engine.stop()
+        self._inherited.cancel()
         self._collector.shutdown()
         self.films.close()
         self.owning.stop()

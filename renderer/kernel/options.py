@@ -41,7 +41,7 @@ class Options(NamedTuple):
     mistake: np.int32
     max_depth: int  # segments
     light_samples: int
-    sky_samples: int  # directions in which a path's first vertex looks for the sky
+    splitting: int  # branches that a path's first vertex scatters it into
     scale: np.float32  # 2**film_exponent
     clamp: np.float32  # 0: none
     roulette: np.float32  # 0: by throughput
@@ -63,7 +63,7 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         mistake=np.int32(MISTAKES.index(settings.mistake)),
         max_depth=min(settings.max_depth, 2) if settings.integrator == "direct" else settings.max_depth,
         light_samples=settings.light_samples,
-        sky_samples=_sky_samples(settings, scene),
+        splitting=settings.splitting if settings.sampling == "mis" else 1,  # else to compare strategies, each by itself
         scale=np.float32(2.0**settings.film_exponent),
         clamp=np.float32(settings.clamp_indirect),
         roulette=np.float32(settings.roulette),
@@ -72,12 +72,6 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         ambient=(np.float32(red), np.float32(green), np.float32(blue)),
         transparent=bool((scene.material_flags & TRANSPARENT).any()),
     )
-
-
-def _sky_samples(settings: RenderSettings, scene: CompiledScene) -> int:
-    """More than one where there is a sky, for strategies that let surfaces look for it, weighed against light sampling."""
-    has_sky = scene.environment_frame[2:3].any()  # its mean
-    return settings.sky_samples if has_sky and settings.sampling == "mis" else 1
 
 
 def is_special(settings: RenderSettings) -> bool:

@@ -102,6 +102,15 @@ class TextureShelf:
         made = self._images[key]
         return None if made is None else self._shelve(replace(source, image=made))
 
+    def calculated(self, what: str, sources: list[Image], make: Callable[[], Image]) -> int | None:
+        """An image that is made of others, for one moment and the next; `what` tells it from those made otherwise."""
+        key = (f"\0{what}", False)
+        if key not in self._images:
+            pixels = [source.pixels for source in sources]
+            known = ("calculated", what, *map(id, pixels))  # which are kept beside it, so that no others get their place
+            self._images[key] = self.add(self._files.recall(known, lambda: (make(), pixels))[0])
+        return self._images[key]
+
     def stacked(self, texture: int | None, layers: tuple[TextureLayer, ...]) -> int | None:
         """A texture with these layers on it."""
         if texture is None or not layers:

@@ -60,7 +60,9 @@ class PathVertexOut(BaseModel):
     material_name: str | None = None
     model: str | None = Field(description="by which the material scatters: diffuse, mirror, glass, metallic-roughness, ...")
     bounce: Literal["reflected", "transmitted"] | None = Field(description="to which side of the surface the path went on")
-    pdf: float | None = Field(description="per steradian, of the direction in which it went on; null: a single direction")
+    pdf: float | None = Field(
+        description="per steradian, of the directions in which it went on, two where it splits; null: a single one"
+    )
     survival: float | None = Field(description="the chance with which Russian roulette let it go on; null: not asked")
     distance: float | None = Field(description="from the last vertex; null: infinite")
     point: Numbers | None
@@ -72,13 +74,15 @@ class PathVertexOut(BaseModel):
         description="of multiple importance sampling in it; null: it adds none, or it is not told"
     )
     direct: Numbers = Field(description="the radiance that the light which was chosen adds to the sample")
-    sky: Numbers = Field([0.0, 0.0, 0.0], description="the radiance that the sky adds from another direction than the path's")
+    beside: Numbers = Field(
+        [0.0, 0.0, 0.0], description="the radiance that the path's second branch adds, which begins at this vertex"
+    )
     light: LightOut | None = Field(description="null: none was to be had, or it is not told")
     spot: Spot
 
 
 class PathOut(BaseModel):
-    """A sample, followed once more. What its vertices' light (emitted, direct, sky) adds up to is its value."""
+    """A sample, followed once more. What its vertices' light (emitted, direct, beside) adds up to is its value."""
 
     chosen: list[Choice]
     sample: int

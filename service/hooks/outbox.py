@@ -28,34 +28,36 @@ log = logging.getLogger(__name__)
 LOOK_EVERY_S = 1.0
 OVERLAP_S = 60.0  # rows may be committed in another order than their times
 AT_A_TIME = 100
-TURN_S = 5.0
+ENDS_WITHIN_S = 2.0
 LONGEST_REST_S = 60.0  # of a hook that does not answer
 KEPT_S = 30 * 86400.0
 RETRIES_S = (5.0, 30.0, 120.0, 600.0, 3600.0, 6 * 3600.0, 12 * 3600.0)  # after each attempt that failed
 
 
 class Outbox:
-    """One thread that looks for ends of jobs and sends what is due."""
+    """A thread for each hook looks for ends of jobs and sends what is due: one that does not answer holds up no other."""
 
     def __init__(self, settings: Settings, sessions: Sessions) -> None:
         self._settings = settings
         self._sessions = sessions
-        self.hooks = [*settings.webhooks, *([settings.job_hook] if settings.job_hook else [])]
+        self.hooks = list(dict.fromkeys([*settings.webhooks, *([settings.job_hook] if settings.job_hook else [])]))
         self._since: dict[str, float] = {}
         self._rests: dict[str, float] = {}  # hooks that did not answer, and until when (time.monotonic)
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="hooks", daemon=True)
+        self._threads = [threading.Thread(target=self._run, args=[hook], name="hooks", daemon=True) for hook in self.hooks]
 
     def start(self) -> None:
         """Begin, where there is anybody to tell."""
-        if self.hooks:
-            self._thread.start()
+        for thread in self._threads:
+            thread.start()
 
     def stop(self) -> None:
-        """End after the message in hand; what is due is sent in the next life."""
+        """End after the messages in hand; what is due is sent in the next life."""
         self._stop.set()
-        if self._thread.is_alive():
-            self._thread.join(2)
+        until = time.monotonic() + ENDS_WITHIN_S
+        for thread in self._threads:
+            if thread.is_alive():
+                thread.join(max(until - time.monotonic(), 0.0))
 
     def tell(self, hook: str, id: str, message: dict[str, object]) -> None:
         """Send one message now. Raises UndeliveredError."""
@@ -76,38 +78,38 @@ class Outbox:
             with self._sessions.begin() as session:
                 session.add_all(rows)
 
-    def _run(self) -> None:
+    def _run(self, hook: str) -> None:
         while not self._stop.wait(LOOK_EVERY_S):
             try:
-                self._note_ends()
-                self._send_due()
+                self._note_ends(hook)
+                self._send_due(hook)
             except FarmError as error:
                 log.warning("hooks wait: %s", error)
             except Exception:
                 log.exception("a fault in telling hooks")
 
-    def _note_ends(self) -> None:
-        for hook in self.hooks:
-            since = self._since.get(hook)
-            if since is None:
-                since = self._begun(hook)
-            with self._sessions() as session:
-                first = select(func.min(Delivery.ended)).where(Delivery.hook == hook, Delivery.job == "")
-                begun = session.scalar(first) or 0.0
-                after, now = max(begun, since - OVERLAP_S), time.time()
-                if after > now:  # the clock was put back: what was told before is known all the same
-                    after = now - OVERLAP_S
-                told = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.finished)
-                ended = select(Job).where(Job.finished >= after, Job.state.in_(FINAL), ~told)
-                news = list(session.scalars(ended.order_by(Job.finished).limit(AT_A_TIME)))
-                told = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.late)
-                late = select(Job).where(Job.late >= after, Job.state.in_(ACTIVE), ~told)
-                news += session.scalars(late.order_by(Job.late).limit(AT_A_TIME))
-            if news:
-                with self._sessions.begin() as session:
-                    session.add_all(self._row(hook, job) for job in news)
-                since = max(_at(job) for job in news)
-            self._since[hook] = since
+    def _note_ends(self, hook: str) -> None:
+        since = self._since.get(hook)
+        if since is None:
+            since = self._begun(hook)
+        with self._sessions() as session:
+            first = select(func.min(Delivery.ended)).where(Delivery.hook == hook, Delivery.job == "")
+            begun = session.scalar(first) or 0.0
+            after, now = max(begun, since - OVERLAP_S), time.time()
+            if after > now:  # the clock was put back: what was told before is known all the same
+                after = now - OVERLAP_S
+            told = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.finished)
+            query = select(Job).where(Job.finished >= after, Job.state.in_(FINAL), ~told)
+            ended = list(session.scalars(query.order_by(Job.finished).limit(AT_A_TIME)))
+            told = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.late)
+            query = select(Job).where(Job.late >= after, Job.state.in_(ACTIVE), ~told)
+            late = list(session.scalars(query.order_by(Job.late).limit(AT_A_TIME)))
+        if news := ended + late:
+            with self._sessions.begin() as session:
+                session.add_all(self._row(hook, job) for job in news)
+            left = [_at(some[-1]) for some in (ended, late) if len(some) == AT_A_TIME]  # there may be more after these
+            since = min(left, default=max(map(_at, news)))
+        self._since[hook] = since
 
     def _begun(self, hook: str) -> float:
         """Of what a hook was told last. A new one is told of what ends from now on."""
@@ -125,12 +127,8 @@ class Outbox:
         message = about(job, self._settings.public_url)
         return Delivery(id=f"msg_{uuid.uuid4().hex}", hook=hook, job=job.id, ended=_at(job), message=message, due=time.time())
 
-    def _send_due(self) -> None:
-        for hook in self.hooks:
-            self._send_due_to(hook)
-
-    def _send_due_to(self, hook: str) -> None:
-        """One that does not answer, or slowly, is left for the next time: others wait behind it."""
+    def _send_due(self, hook: str) -> None:
+        """One that does not answer is left alone for a while."""
         if time.monotonic() < self._rests.get(hook, 0.0):
             return
         now = time.time()
@@ -138,9 +136,8 @@ class Outbox:
             is_due = or_(Delivery.due <= now, Delivery.due > now + 2 * RETRIES_S[-1])  # by a clock that was ahead
             due = select(Delivery).where(is_due, Delivery.hook == hook)
             rows = list(session.scalars(due.order_by(Delivery.due).limit(AT_A_TIME)))
-        begun = time.monotonic()
         for row in rows:
-            if self._stop.is_set() or time.monotonic() - begun > TURN_S:
+            if self._stop.is_set():
                 return
             row.attempts += 1
             try:

@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 from service.errors import FarmError, NotOwner, Unavailable
 from service.owning import rows
 from service.owning.folder_lock import FolderLock
-from service.store.database import Sessions
+from service.store.database import Sessions, close_database
 from service.store.models import Owner
 
 __all__ = ["Ownership"]
@@ -83,7 +83,7 @@ class Ownership:
                 rows.give_up(self._bare, self.epoch)
         except FarmError as error:
             log.info("the next service has to wait, as it cannot be told that this one has ended: %s", error)
-        self.engine.dispose()
+        close_database(self.engine)
         self._folder.release()
 
     @property

@@ -20,6 +20,7 @@ from service.scheduling.handing_out.pace import Pace
 from service.scheduling.handing_out.scheduler import Scheduler, named
 from service.scheduling.incoming.merging import Arrived, batch_of, merge
 from service.scheduling.incoming.messages import (
+    SAME_RELEASE,
     BatchDone,
     BatchFailed,
     BatchReturned,
@@ -41,7 +42,7 @@ from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.job_log import JobLogs
 from service.scheduling.jobs.plan import Range
 from service.scheduling.jobs.tile_log import words_of
-from service.scheduling.jobs.trouble import Trouble
+from service.scheduling.jobs.trouble import FAILURES_ALLOWED, Trouble
 from service.scheduling.lifecycle import Lifecycle
 from service.scheduling.snapshot import Tell
 from service.scheduling.trust.trust import Trust
@@ -49,6 +50,7 @@ from worker.telemetry.log_lines import ids
 
 __all__ = ["Answers", "TellTiles"]
 
+REMEDY = "Then let it go on."  # a worker of another release
 UNREAD_EVERY_S = 0.5  # that is looked for, unless there was more than could be read
 
 TellTiles = Callable[[str, int, set[int]], None]  # job, frame, tiles
@@ -296,9 +298,25 @@ class Answers:
         batch = batch_of(message, job) if job else None
         if job is None or batch is None:
             return
+        if message.error.endswith(SAME_RELEASE):
+            self._misunderstood(job, batch, message)
+            return
         self.counts["failed"] += 1
         trouble = self._scheduler.failed(
             job, message.batch, batch, message.worker, message.error, message.reproduce, message.trace
         )
         if trouble is not None:
             self._give_up(job, batch, trouble)
+
+    def _misunderstood(self, job: ActiveJob, batch: Range, message: BatchFailed) -> None:
+        """A worker of another release does not know what it is asked for: no fault of the job, which others may render."""
+        lease = self._scheduler.leases.get(message.batch)
+        if lease is None or lease.owner != job.id:
+            return  # whatever that was, it was not handed out
+        self._scheduler.returned(job, message.batch, batch, message.worker, message.error)
+        if self._scheduler.suspicion.misunderstood(message.worker) >= FAILURES_ALLOWED:
+            self._scheduler.set_aside(message.worker, f"{message.error} {REMEDY}")
+            if not job.samples:  # nothing of it is that release's
+                self._scheduler.withdraw(job)
+                job.kind = None
+        self._tell("job", job.id)

@@ -209,7 +209,7 @@ class Records:
             if job is None or job.state not in ("queued", "running"):
                 return False
             job.state = "running"
-            job.kind = job.kind or kind
+            job.kind = kind
             job.started = job.started or time.time()
             return True
 

@@ -6,7 +6,8 @@ import contextlib
 import os
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
@@ -20,6 +21,7 @@ __all__ = ["CHUNK", "OLD_S", "BlobFolder", "BlobStore", "ServedBlob", "is_sha256
 SHA256 = re.compile(r"[0-9a-f]{64}")
 CHUNK = 1 << 20
 OLD_S = 86400.0
+AT_A_TIME = 8  # blobs that are deleted
 
 
 def is_sha256(text: str) -> bool:
@@ -58,13 +60,13 @@ class BlobStore(Protocol):
     def size(self, sha256: str) -> int | None:
         """How many bytes a blob has; None where it is not there."""
 
-    def delete(self, sha256: str) -> None:
-        """Remove a blob where it is there."""
+    def delete(self, hashes: Collection[str], guard: Callable[[], None] = lambda: None) -> None:
+        """Remove those blobs that are there. guard: asked again and again whether that may be; raises FarmError."""
 
-    def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> int:
-        """Remove unfinished writes, and blobs that are not in `keep`; returns how many blobs went.
+    def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> set[str]:
+        """Remove unfinished writes, and old blobs that are not in `keep`; returns the young ones.
 
-        Young blobs stay: the news of what a worker stored may still be on its way.
+        These stay: the news of what a worker stored may still be on its way.
         """
 
 
@@ -118,21 +120,34 @@ class BlobFolder:
         except FileNotFoundError:
             return None
 
-    def delete(self, sha256: str) -> None:
-        """See BlobStore."""
-        self._path(sha256).unlink(missing_ok=True)
+    def delete(self, hashes: Collection[str], guard: Callable[[], None] = lambda: None) -> None:
+        """See BlobStore. Several at a time: a disk that discards at once is waited for, one time for all that wait."""
 
-    def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> int:
+        def remove(path: Path) -> None:
+            guard()
+            path.unlink(missing_ok=True)
+
+        paths = [self._path(sha256) for sha256 in hashes]
+        if len(paths) <= 1:
+            for path in paths:
+                remove(path)
+            return
+        with ThreadPoolExecutor(AT_A_TIME, "blobs") as threads:
+            list(threads.map(remove, paths))
+
+    def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> set[str]:
         """See BlobStore."""
         self._staging.sweep()
-        gone = 0
+        young = set()
         for path in self._folder.glob("??/*"):
             with contextlib.suppress(OSError):
-                is_old = path.stat().st_mtime < time.time() - older_than_s
-                if is_sha256(path.name) and path.name not in keep and is_old:
+                if not is_sha256(path.name) or path.name in keep:
+                    continue
+                if path.stat().st_mtime < time.time() - older_than_s:
                     path.unlink()
-                    gone += 1
-        return gone
+                else:
+                    young.add(path.name)
+        return young
 
     def _path(self, sha256: str) -> Path:
         if not is_sha256(sha256):

@@ -22,7 +22,7 @@ from service.store.room import no_room
 from service.store.upgrade import upgrade
 from service.store.whole import PRIVATE
 
-__all__ = ["Fence", "Sessions", "connect", "faults", "open_database"]
+__all__ = ["Fence", "Sessions", "close_database", "connect", "faults", "open_database"]
 
 LOCK_PATIENCE_S = 5.0
 POOL, OVERFLOW = 10, 60  # connections: of 40 threads that answer requests, each may need two, and the engine always needs one
@@ -93,6 +93,21 @@ def open_database(url: str) -> Engine:
     return engine
 
 
+def close_database(engine: Engine) -> None:
+    """Close all connections for good: those in use as soon as they are given back, as a request or a thread that outlives its
+    farm still may."""
+
+    def close(_: Any, record: Any) -> None:
+        record.invalidate()
+
+    def refuse(*_: Any) -> None:
+        raise Unavailable("The service is going down.", advice="Try again when it is back.")
+
+    event.listen(engine.pool, "checkin", close)
+    event.listen(engine, "do_connect", refuse)
+    engine.dispose()
+
+
 def _json_or_nothing(text: str | bytes) -> Any:
     """A column's value; None for one that is damaged: it must not keep all other rows from being read."""
     try:
@@ -111,14 +126,14 @@ def faults() -> Iterator[None]:
     try:
         yield
     except PoolTimeoutError as error:
-        raise Unavailable("Too much is asked of the database at once. Try again in a moment.") from error
+        raise Unavailable("Too much is asked of the database at once.", advice="Try again in a moment.") from error
     except DBAPIError as error:
         if getattr(error.orig, "sqlite_errorcode", 0) in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE):
             raise no_room() from error
         if isinstance(error, DataError):  # of PostgreSQL, which takes no character 0
             raise Invalid("What is asked for has a character or a number that the database cannot have. Leave it out.") from error
         if isinstance(error, OperationalError):
-            raise Unavailable(f"The database does not answer ({error.orig}). Try again.") from error
+            raise Unavailable(f"The database does not answer ({error.orig}).", advice="Try again.") from error
         raise
 
 

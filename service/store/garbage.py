@@ -1,8 +1,9 @@
 """Which blobs can be deleted: those that no scene and no frame refers to, and that nobody is about to refer to.
 
-An upload pins its blobs until its scene is recorded; what a worker stores is pinned until its answer must have arrived. Blobs
-are deleted under the lock by which they are pinned, together with the row that referred to them. So code that pins a blob and
-then finds or stores it can rely on it.
+An upload pins its blobs until its scene is recorded; what a worker stores is pinned until its answer must have arrived. What is
+to go is decided under the lock by which blobs are pinned, together with the row that referred to them, and then deleted without
+it, some at a time. Whoever pins a blob takes it off what is to go, or waits until it has gone. So code that pins a blob and then
+finds or stores it can rely on it.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from service.store.models import Environment, Frame, Reference, Scene
 __all__ = ["Garbage"]
 
 FEW = 2
+AT_A_TIME = 256  # blobs that are deleted between two looks at who has pinned one since
 REFERRING: dict[Any, tuple[Any, ...]] = {  # tables, and their columns that refer to blobs
     Scene: (Scene.files, Scene.compiled, Scene.info),
     Environment: (Environment.file, Environment.thumbnail),
@@ -48,9 +50,12 @@ class Garbage:
         self._patience_s = patience_s
         self._guard = guard
         self._lock = threading.Lock()
+        self._deleted = threading.Condition(self._lock)
         self._pins: Counter[str] = Counter()
         self._promised: dict[str, list[float]] = {}  # until when, once for each time that it was stored
         self._left: set[str] = set()  # what would have gone, had it not been pinned
+        self._going: set[str] = set()  # what is to be deleted
+        self._deleting: set[str] = set()  # what is being deleted
 
     @contextmanager
     def pinned(self, hashes: Iterable[str]) -> Iterator[None]:
@@ -58,6 +63,7 @@ class Garbage:
         mine = set(hashes)
         with self._lock:
             self._pins.update(mine)
+            self._save(mine)
         try:
             yield
         except BaseException:
@@ -68,7 +74,7 @@ class Garbage:
             with self._lock:
                 self._pins.subtract(mine)
                 self._pins += Counter()  # forgets those that are 0
-                leftover = bool(self._left)
+                leftover = bool(self._free())
             if leftover:
                 with contextlib.suppress(FarmError):  # the next one to collect takes them along
                     self.collect(lambda session: set())
@@ -77,7 +83,16 @@ class Garbage:
         """A worker stores a blob, and will say for which scene."""
         with self._lock:
             self._forget_promises()
-            self._promised.setdefault(sha256, []).append(time.monotonic() + self._patience_s)
+            self._promise(sha256)
+            self._save({sha256})
+
+    def inherit(self, hashes: set[str]) -> None:
+        """Nobody refers to these blobs of an earlier life. Some of them a worker may have stored, whose answer is still on its
+        way; those that have none in time go with the next to collect."""
+        with self._lock:
+            for sha256 in hashes:
+                self._promise(sha256)
+            self._left |= hashes
 
     def keep_promise(self, sha256: str, times: int = 1) -> None:
         """What was promised is referred to by now, or was never stored."""
@@ -95,20 +110,52 @@ class Garbage:
         """Change the database by a function that returns the blobs that it let go of, and delete those that nobody needs."""
         with self._lock:
             with self._sessions.begin() as session:
-                gone = let_go(session) | self._left
+                gone = let_go(session) | self._free()
                 session.flush()
                 for query in _that_may_refer_to(gone) if gone else ():
                     for row in session.scalars(query):
                         gone -= row.blobs
-            self._forget_promises()
-            self._left = {sha256 for sha256 in gone if sha256 in self._pins or sha256 in self._promised}
-            for sha256 in gone - self._left:
-                try:
-                    self._guard()  # since that was written down, another service may have made a scene of it
-                    self._blobs.delete(sha256)
-                except (FarmError, OSError) as error:  # what was written down stands; the next one to collect takes it along
-                    log.warning("the blob %s stays for now: %s", sha256, error)
-                    self._left.add(sha256)
+            needed = {sha256 for sha256 in gone if self._is_kept(sha256)}
+            self._left = (self._left - self._free()) | needed
+            self._going |= gone - needed
+        while self._delete_some():
+            pass
+
+    def _delete_some(self) -> bool:
+        """Delete some of what is to go; whether there was any."""
+        with self._lock:
+            some = {self._going.pop() for _ in range(min(AT_A_TIME, len(self._going)))}
+            self._deleting |= some
+        failed = True
+        try:
+            if some:
+                self._blobs.delete(some, self._guard)  # another service may have made a scene of them since
+            failed = False
+        except (FarmError, OSError) as error:  # what was written down stands; the next one to collect takes it along
+            log.warning("%d blobs stay for now: %s", len(some), error)
+        finally:
+            with self._deleted:
+                self._deleting -= some
+                self._left |= some if failed else set()
+                self._deleted.notify_all()
+        return bool(some)
+
+    def _save(self, hashes: set[str]) -> None:
+        """What was pinned is not deleted; what is being deleted already will be gone."""
+        self._left |= hashes & self._going
+        self._going -= hashes
+        self._deleted.wait_for(lambda: not hashes & self._deleting)
+
+    def _free(self) -> set[str]:
+        """What was left, and is not kept by anybody now."""
+        self._forget_promises()
+        return {sha256 for sha256 in self._left if not self._is_kept(sha256)}
+
+    def _is_kept(self, sha256: str) -> bool:
+        return sha256 in self._pins or sha256 in self._promised
+
+    def _promise(self, sha256: str) -> None:
+        self._promised.setdefault(sha256, []).append(time.monotonic() + self._patience_s)
 
     def _forget_promises(self) -> None:
         now = time.monotonic()

@@ -17,7 +17,7 @@ CHECK_EVERY = 16 << 20
 
 def no_room() -> NoRoom:
     """What is said where the disk is full."""
-    return NoRoom("The service's disk is full. Delete scenes or jobs that are no longer needed, then send it again.")
+    return NoRoom("The service's disk is full. Delete scenes or jobs that are no longer needed.", advice="Then send it again.")
 
 
 @contextmanager

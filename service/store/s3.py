@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
@@ -92,26 +92,26 @@ class S3Blobs:
         except NotFound:
             return None
 
-    def delete(self, sha256: str) -> None:
-        """See BlobStore."""
-        with self._faults():
-            obstore.delete(self._store, _key(sha256))
+    def delete(self, hashes: Collection[str], guard: Callable[[], None] = lambda: None) -> None:
+        """See BlobStore. All in one request."""
+        if hashes:
+            guard()
+            with self._faults():
+                obstore.delete(self._store, [_key(sha256) for sha256 in hashes])
 
-    def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> int:
+    def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> set[str]:
         """See BlobStore."""
         self._staging.sweep()
         old = time.time() - older_than_s
         with self._faults():
-            gone = [
-                item["path"]
+            strays = {
+                name: item["last_modified"].timestamp() < old
                 for page in obstore.list(self._store)
                 for item in page
                 if is_sha256(name := item["path"].rpartition("/")[2]) and name not in keep
-                if item["last_modified"].timestamp() < old
-            ]
-            if gone:
-                obstore.delete(self._store, gone)
-        return len(gone)
+            }
+        self.delete([name for name, is_old in strays.items() if is_old])
+        return {name for name, is_old in strays.items() if not is_old}
 
     def _chunks(self, found: obstore.GetResult) -> Iterator[bytes]:
         with self._faults():

@@ -87,6 +87,8 @@ def main() -> None:
         print(f"    processors: {'; '.join(f'{name} {share}' for name, share in taken.shares.items())}")
         engine_ms = 1e3 * taken.shares["service"].thread_used * taken.seconds
         each = f"{engine_ms / max(taken.merged, 1):.2f} ms a batch, {engine_ms / max(taken.results, 1):.2f} ms a result"
+        unfed, held_up = (100 * spent / (load.slots * taken.seconds) for spent in (taken.unfed_s, taken.held_up_s))
+        print(f"    of the slots' time: {unfed:.1f} % without work, {held_up:.1f} % waiting for the process that simulates them")
         print(f"    the service's busiest thread: {each}", flush=True)
         rows.append((load, taken))
         if options.json:

@@ -13,6 +13,7 @@ from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.settings import RenderSettings, chosen
 from tests.grids import grid
+from tests.peers.facets import walked
 
 SCENE = """<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="{depth}"/></integrator>
 <sensor type="orthographic"><transform name="to_world"><scale x="{size}" y="{size}"/><lookat origin="{x}, 0, {z}" target="0, 0, 0"
@@ -23,6 +24,8 @@ METAL = """<bsdf type="roughconductor"><string name="distribution" value="ggx"/>
 <rgb name="eta" value="0.2 0.9 1.1"/><rgb name="k" value="3.9 2.4 2.2"/></bsdf>"""
 MIRROR = """<bsdf type="roughconductor"><string name="distribution" value="ggx"/><float name="alpha" value="{}"/>
 <string name="material" value="none"/></bsdf>"""
+GLASS = """<bsdf type="roughdielectric"><string name="distribution" value="ggx"/><float name="alpha" value="{}"/>
+<float name="int_ior" value="1.5"/><float name="ext_ior" value="1"/></bsdf>"""
 BLUE = '<bsdf type="diffuse"><rgb name="reflectance" value="0.1 0.2 0.7"/></bsdf>'
 
 
@@ -63,6 +66,18 @@ def test_white_metal_is_white_here_and_has_in_mitsuba_what_one_bounce_leaves(
     ours, theirs = both(tmp_path, WHITE + wall, degrees)
     np.testing.assert_allclose(ours, 1, atol=3e-3)
     np.testing.assert_allclose(theirs, scattered_once(degrees, alpha), rtol=5e-3)
+
+
+@grid("alpha, degrees", [(0.1, 60), (0.2, 0), (0.3, 60)], ordinary=[0.3])
+def test_rough_glass_is_what_a_random_walk_between_facets_gives_and_in_mitsuba_the_first_of_them(
+    alpha: float, degrees: float, tmp_path: Path
+) -> None:
+    """Light from everywhere, 1 on both sides: what is reflected, and 1/2.25 of what goes through."""
+    reflected, through = walked(alpha, degrees, 1.5)
+    assert reflected.sum() + through.sum() == pytest.approx(1, abs=1e-4)
+    ours, theirs = both(tmp_path, WHITE + f'<shape type="rectangle">{GLASS.format(alpha)}</shape>', degrees)
+    np.testing.assert_allclose(ours, reflected.sum() + through.sum() / 2.25, rtol=4e-3)
+    np.testing.assert_allclose(theirs, reflected[1] + through[1] / 2.25, rtol=4e-3)
 
 
 @grid("weight", [0.3, 0.7], ordinary=[0.3])

@@ -122,7 +122,7 @@ def any_settings(draw: Any) -> RenderSettings:
         clamp_indirect=draw(st.floats(0, 100)),
         roulette=draw(st.just(0.0) | st.floats(0.05, 1)),
         light_samples=draw(st.integers(1, 64)),
-        sky_samples=draw(st.integers(1, 2)),
+        splitting=draw(st.integers(1, 2)),
         ao_distance=draw(st.floats(0, 10)),
         environment=draw(st.none() | st.tuples(*[st.floats(0, 10)] * 3)),
         environment_strength=draw(st.floats(0, 10)),

@@ -44,7 +44,7 @@ def test_a_replay_is_the_films_sample_to_the_bit(made, integrator):
         for x, y in ((3, 4), (20, 20), (28, 22), (16, 30), (22, 17)):
             found = replay(made, asked, x, y, sample)
             assert [int(v * 2**24) for v in found.value] == film[COLOR, y, x].tolist()
-            total = np.sum([np.sum([v.emitted, v.direct, v.sky], axis=0) for v in found.vertices], axis=0)
+            total = np.sum([np.sum([v.emitted, v.direct, v.beside], axis=0) for v in found.vertices], axis=0)
             np.testing.assert_allclose(total, found.value, rtol=1e-5, atol=1e-6)
             if sample == 0 and found.vertices[0].kind == "surface":
                 assert found.vertices[0].object == film[OBJECT, y, x] - 1
@@ -81,14 +81,14 @@ def test_the_vertices_are_a_chain(made):
 
 
 def test_the_strategys_density_is_told(made):
-    """A diffuse bounce's is cos / pi of its direction; none after a mirror."""
+    """A diffuse bounce's is cos / pi of its direction, twice that where a path splits; none after a mirror."""
     asked = settings(*VIEW, size=40, max_depth=6)
     seen = 0
     for x in range(40):
         vertices = replay(made, asked, x, 34, 1).vertices
         if len(vertices) > 1 and vertices[0].material == 0 and vertices[0].kind == "surface":
             cosine = np.dot(vertices[0].normal, vertices[1].direction)
-            assert vertices[1].pdf == pytest.approx(cosine / math.pi, rel=1e-3)
+            assert vertices[1].pdf == pytest.approx(2 * cosine / math.pi, rel=1e-3)
             seen += 1
     assert seen > 20
 

@@ -44,6 +44,7 @@ ON_BOTH: dict[str, tuple[str, ...]] = {
     "scheduling/test_jobs.py": ("test_a_job_comes_to_the_very_sums_that_its_samples_have",),
     "scheduling/test_shots.py": (),
     "scheduling/test_killed_shots.py": (),
+    "scheduling/test_many_hands.py": (),
     "scheduling/test_long_shots.py": (),
     "scheduling/jobs/test_history.py": (),
     "scheduling/test_database_faults.py": (),

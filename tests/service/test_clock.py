@@ -47,10 +47,17 @@ def test_the_time_that_is_meant(text: str, found: str) -> None:
         ("2026-03-01T22:30", "2026-07-01T08:00", "2026-07-01T08:00+02:00"),
         ("2026-07-01T22:30", "2026-12-24", "2026-12-24T00:00+01:00"),
         ("2026-03-28T22:30", "2026-03-29T08:00+01:00", "2026-03-29T08:00+01:00"),
+        ("2026-03-29T01:50", "02:30", "2026-03-29T03:30+02:00"),  # which no clock says in that night
+        ("2026-03-29T03:20", "02:30", "2026-03-30T02:30+02:00"),
+        ("2026-10-25T01:50", "02:30", "2026-10-25T02:30+02:00"),
+        ("2026-10-25T02:50", "02:30", "2026-10-25T02:30+01:00"),
+        ("2026-10-25T02:50 again", "02:30", "2026-10-26T02:30+01:00"),
+        ("2026-10-25T02:10 again", "02:30", "2026-10-25T02:30+01:00"),
     ],
 )
 def test_clocks_that_are_put_forward_or_back_until_then(now: str, text: str, found: str) -> None:
-    assert deadline_of(text, datetime.fromisoformat(now)) == datetime.fromisoformat(found).timestamp()
+    at = datetime.fromisoformat(now.removesuffix(" again")).replace(fold=int(now.endswith("again")))
+    assert deadline_of(text, at) == datetime.fromisoformat(found).timestamp()
 
 
 @pytest.mark.parametrize(

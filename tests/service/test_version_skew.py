@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import json
 import time
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -26,6 +27,7 @@ from worker.protocol.contract import (
     render_queue,
     worker_key,
 )
+from worker.work.render import not_understood
 
 OLD = json.loads((ROOT / "tests" / "data" / "release-0.1.0.json").read_text())
 ASKED = {key: OLD["job"]["settings"][key] for key in ("width", "height", "seed", "light_samples", "clamp_indirect")}
@@ -150,3 +152,29 @@ def test_a_scene_that_a_worker_hands_back_is_prepared_again(service: Service, wo
     worker._prepare = hand_back  # type: ignore[method-assign]
     service.ready_scene()
     assert not left
+
+
+def test_a_worker_that_does_not_understand_its_batches_is_set_aside_and_its_jobs_go_to_others(service: Service) -> None:
+    """It may be older or newer, and have most of the slots: then jobs are begun with its kind."""
+
+    def misunderstand(batch: RenderBatch) -> None:
+        context: Any = SimpleNamespace(name="old")
+        raise ValueError(not_understood(context, {}, TypeError("unexpected 'sky_samples'")).event["error"])
+
+    scene = service.upload()
+    with service.worker(name="old", kind="0.1.0-12345678-x86-64-v3", slots=64) as old:
+        old.on_batch = misunderstand
+        job = service.submit(scene, spp=16)
+        with service.worker(name="new"):
+            service.wait_for(job, "finished")
+            assert service.digest(job) == expected_digest(spp=16)
+            workers = {each["name"]: each for each in service.http.get("/api/workers").json()}
+            assert (workers["new"]["state"], workers["old"]["state"]) == ("ready", "paused")
+            sentence = (
+                "old does not understand the batch (unexpected 'sky_samples'). Run the same release of Rayfarm on all machines."
+            )
+            assert workers["old"]["message"] == f"{sentence} Then let it go on."
+            assert service.job(job)["kind"] == workers["new"]["kind"]
+            service.restart()
+            assert service.job(job)["kind"] == workers["new"]["kind"]
+        assert len(old.batches) >= 3

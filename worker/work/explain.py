@@ -107,7 +107,7 @@ def _vertex(scene: CompiledScene, vertex: Vertex, beyond: Vertex | None) -> dict
         "emitted": _numbers(vertex.emitted),
         "emitted_weight": vertex.share,
         "direct": _numbers(vertex.direct),
-        "sky": _numbers(vertex.sky),
+        "beside": _numbers(vertex.beside),
         "model": model,
         "bounce": bounce_of(vertex, beyond),
         "pdf": beyond and beyond.pdf and _number(beyond.pdf),

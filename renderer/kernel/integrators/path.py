@@ -14,8 +14,9 @@ from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.mixture import mixture_bounce
-from renderer.kernel.integrators.record import DIRECT, EMITTED, SKY, record_light, record_miss, record_surface
+from renderer.kernel.integrators.record import DIRECT, EMITTED, record_beside, record_light, record_miss, record_surface
 from renderer.kernel.integrators.roulette import survival
+from renderer.kernel.integrators.splitting import beside, of_branch, turned
 from renderer.kernel.integrators.state import (
     MAX_AGAIN,
     camera_path,
@@ -28,11 +29,11 @@ from renderer.kernel.integrators.state import (
 from renderer.kernel.integrators.strategy import heuristic_weight, mistaken, share_of_light, special_bounce
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, limited, reach
 from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
-from renderer.kernel.light.lights import FAR, environment_seen, primitive_light_pdf, sample_light, sun_seen
+from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light, sun_seen
 from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
-from renderer.kernel.sampling.sampler import draw4, opposite, substream
+from renderer.kernel.sampling.sampler import draw4, substream
 from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import shines, surface_at
 
@@ -41,6 +42,7 @@ __all__ = ["trace_path"]
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
+_BLACK = (_ZERO, _ZERO, _ZERO)
 _ROOT = np.int32(0)
 
 
@@ -53,10 +55,28 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
     none in pictures.
     """
     forget_first_hit(first)
-    path = camera_path(o, d)
+    path, number, passed, rays = camera_path(o, d), 0, 0, 0
+    light, told = _BLACK, log
+    while True:
+        path, splits, other, passed, more = _follow(scene, stack, path, number, passed, time, options, stream, told, first)
+        rays += more
+        light = vec.add(light, path.radiance)
+        if not splits:
+            break
+        path, number, stream = other, 1, beside(stream)
+        told = log[:0]
+    if number > 0:
+        record_beside(log, path.radiance)
+    return light, rays
+
+
+@template
+def _follow(scene, stack, path, number, passed, time, options, stream, log, first):
+    """The path to its end, from the ray on to its vertex of that number, having passed so many surfaces without effect, by their
+    alpha: (path, whether it splits, the branch that begins there beside it, how many surfaces that has passed, rays).
+    """
     rays = 0
-    number = 0  # of the vertex that the ray is on its way to
-    passed = 0  # surfaces without effect, by their alpha
+    other, passed_before, splits = path, 0, False
     lit = _has_lights(scene, options)
     layers = local_floats(LAYER_SLOTS)
     while True:
@@ -103,28 +123,25 @@ def trace_path(scene, stack, o, d, time, options, stream, log, first):
         if path.depth + 1 >= options.max_depth or vertex.material.kind == UNLIT:
             break
 
-        if options.sky_samples > 1 and number == 0:
-            path, sky_rays = _add_sky(scene, stack, vertex, path, options, opposite(for_bounce), time)
-            rays += sky_rays
-            if row < len(log):
-                record_light(log, row, SKY, path.radiance)
         if lit and not is_specular(vertex.material):
             path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream, for_light, time)
             rays += shadow_rays
             if row < len(log):
                 record_light(log, row, DIRECT, path.radiance)
 
-        path = _bounce(scene, vertex, path, number, options, for_bounce)
-        if vec.maximum(path.throughput) <= _ZERO:
+        branches = options.splitting if number == 0 and not is_specular(vertex.material) else 1
+        if branches > 1:
+            other = with_radiance(path, _BLACK)
+            other, goes_on = _bounce(scene, vertex, other, number, options, turned(for_bounce), branches)
+            if goes_on:
+                splits, passed_before = True, passed
+        path, goes_on = _bounce(scene, vertex, path, number, options, for_bounce, branches)
+        if not goes_on:
             break
-        chance = survival(path.throughput, path.worth, np.float32(path.depth), options)
-        if for_bounce[3] >= chance:
-            break
-        path = with_throughput(path, vec.scale(path.throughput, _ONE / chance))
         number += 1
         if number - path.depth > MAX_AGAIN:
             break
-    return path.radiance, rays
+    return path, splits, other, passed_before, rays
 
 
 @template
@@ -148,10 +165,7 @@ def _add_environment(scene, path, number, options):
     """The environment's light that the ray meets, weighed against what next-event estimation finds of it."""
     if path.pdf >= _ZERO:
         emitted, light_pdf = environment_seen(scene, path.d, path.pdf > _ZERO)
-        weight = _ONE
-        if path.pdf > _ZERO:
-            count = np.float32(options.sky_samples if number == 1 else 1)
-            weight = heuristic_weight(options.heuristic, count * path.pdf, light_pdf) / count
+        weight = heuristic_weight(options.heuristic, path.pdf, light_pdf) if path.pdf > _ZERO else _ONE
         path = _add(path, vec.scale(emitted, weight), 1, options)
     return path
 
@@ -186,27 +200,6 @@ def _add_emission(scene, surface, path, number, options, time):
 
 
 @template
-def _add_sky(scene, stack, vertex, path, options, numbers, time):
-    """The path with the light of the sky that its first vertex finds in a direction beside the one that the path goes on in; and
-    the rays cast. What has no density is left to the latter, as are lights other than the sky.
-    """
-    surface, (s, t, n) = vertex.surface, vertex.frame
-    rays = 0
-    wi, weight, pdf, _ = special_bounce(vertex.material, options.sampling, vertex.wo, numbers[2], (numbers[0], numbers[1]))
-    if pdf > _ZERO and vec.maximum(weight) > _ZERO:
-        d = vec.to_world(s, t, n, wi)
-        start = departure(surface, wi[2] > _ZERO, d)
-        rays += 1
-        count = np.float32(options.sky_samples)
-        emitted, light_pdf = environment_seen(scene, d, True)
-        share = heuristic_weight(options.heuristic, count * pdf, light_pdf) / count
-        share *= transmittance(scene, stack, start, vec.add(start, vec.scale(d, FAR)), options.transparent, time)
-        if share > _ZERO:
-            path = _add(path, vec.scale(vec.mul(weight, emitted), share), 2, options)
-    return path, rays
-
-
-@template
 def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, time):
     """Next-event estimation: the path with the light that a point of a light sends to its vertex, and the shadow rays cast."""
     surface, material = vertex.surface, vertex.material
@@ -225,9 +218,8 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, ti
                 rays += 1
                 weight = transmittance(scene, stack, start, light.end, options.transparent, time) / light.pdf
                 if weight > _ZERO:
-                    from_sky = numbers[2] < scene.environment_frame[3]
-                    found = np.float32(options.sky_samples if number == 0 and from_sky else 1) * scatter_pdf
-                    weight *= share_of_light(options, light.pdf, found, light.alone) / np.float32(count)
+                    found_by = np.float32(options.splitting if number == 0 else 1) * scatter_pdf
+                    weight *= share_of_light(options, light.pdf, found_by, light.alone) / np.float32(count)
                     if options.mistake != NO_MISTAKE:
                         weight *= mistaken(options.mistake, surface.point, light.end)
                     path = _add(path, vec.scale(vec.mul(f, light.radiance), weight), 2, options)
@@ -235,12 +227,18 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, ti
 
 
 @template
-def _bounce(scene, vertex, path, number, options, numbers):
-    """The path after its vertex has scattered it, in a direction by its BSDF or by the strategy asked for."""
+def _bounce(scene, vertex, path, number, options, numbers, branches):
+    """The path after its vertex has scattered it, as one of so many branches, in a direction by its BSDF or by the strategy
+    asked for; and whether it goes on.
+    """
     material, wo = vertex.material, vertex.wo
     u = (numbers[0], numbers[1])
     if options.sampling == MIXTURE and not is_specular(material):
         wi, weight, pdf, eta2 = mixture_bounce(scene, vertex.surface.point, vertex.frame, material, wo, numbers[2], u)
     else:
         wi, weight, pdf, eta2 = special_bounce(material, options.sampling, wo, numbers[2], u)
-    return scattered(vertex, path, number, wi, weight, pdf, eta2)
+    weight, pdf = of_branch(weight, pdf, np.float32(branches))
+    path = scattered(vertex, path, number, wi, weight, pdf, eta2)
+    chance = survival(path.throughput, path.worth, np.float32(path.depth), options)
+    goes_on = not (vec.maximum(path.throughput) <= _ZERO or numbers[3] >= chance)  # no number lives on
+    return with_throughput(path, vec.scale(path.throughput, _ONE / chance)), goes_on

@@ -11,14 +11,15 @@ import numpy as np
 from renderer.jit import device, out_of_line, subroutine
 
 __all__ = [
+    "BESIDE",
     "COLUMNS",
     "DIRECT",
     "EMITTED",
     "MISSED",
     "PASSED",
-    "SKY",
     "SURFACE",
     "UNSEEN",
+    "record_beside",
     "record_light",
     "record_miss",
     "record_surface",
@@ -29,7 +30,7 @@ UNSEEN, SURFACE, PASSED, MISSED = range(4)
 
 # Columns, float64.
 KIND, OBJECT, MATERIAL, DISTANCE, PDF = range(5)
-POINT, NORMAL, DIRECTION, THROUGHPUT, BEFORE, EMITTED, SKY, DIRECT = range(5, 29, 3)
+POINT, NORMAL, DIRECTION, THROUGHPUT, BEFORE, EMITTED, DIRECT, BESIDE = range(5, 29, 3)
 # Of the pool's paths alone, whose rows are TOLD: the share by which multiple importance sampling counted the vertex' own light
 # (0: it has none); the point of a light that was chosen, what it brings if it is seen, the density by which it was chosen per
 # steradian (0: none was), its share; the chance with which the path went on (below 0: it did not; 0: nothing was left of it); and
@@ -56,7 +57,6 @@ def _record(log, row, kind, distance, point, normal, path):
         log[row, i + 2] = v[2]
     for i in range(3):  # what follows may not be written
         log[row, EMITTED + i] = path.radiance[i]
-        log[row, SKY + i] = path.radiance[i]
         log[row, DIRECT + i] = path.radiance[i]
 
 
@@ -78,9 +78,19 @@ def record_miss(log, row, path):
 
 @subroutine
 def record_light(log, row, column, radiance):
-    """The radiance so far: from column EMITTED on with the vertex's own light, from SKY on with what it finds of the sky
-    beside its path, from DIRECT on with the lights it sees."""
+    """The radiance so far: from column EMITTED on with the vertex's own light, from DIRECT on with the lights it sees."""
     out_of_line()
     for i in range(3):
         for j in range(column, DIRECT + 3, 3):
             log[row, j + i] = radiance[i]
+
+
+@subroutine
+def record_beside(log, radiance):
+    """What the branch has brought that begins beside the recorded one, at its first vertex (splitting.py)."""
+    out_of_line()
+    for row in range(len(log)):
+        if log[row, KIND] == SURFACE:
+            for i in range(3):
+                log[row, BESIDE + i] = radiance[i]
+            break

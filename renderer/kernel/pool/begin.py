@@ -11,7 +11,7 @@ from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.camera import camera_ray, moving_ray
 from renderer.kernel.integrators.transport import TIME_BLOCK
 from renderer.kernel.pool.lists import ACTIVE, DONE, append, eight, length, pad, row
-from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, MAPPED, PLACE, RAY, SAMPLE, at, read, write
+from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, MAPPED, PATHS, PLACE, RAY, SAMPLE, at, read, write
 from renderer.kernel.sampling.filter import filter_offset
 from renderer.kernel.sampling.sampler import Stream, draw4, draw_film, pixel_key
 from renderer.wide.values import as_floats, as_ints, nil, to_float
@@ -21,6 +21,7 @@ __all__ = ["Next", "begin"]
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _TIME_BLOCK = np.uint32(TIME_BLOCK)
+_SECOND = np.uint32(PATHS)
 _NUMBER, _PLACE, _X, _Y = (SAMPLE + np.uintp(k) for k in (1, 2, 3, 4))
 
 
@@ -83,8 +84,9 @@ def begin(pool, lists, following, width, height, camera, options, batch, motion)
         nothing = none, none, none, none, none, none, none, none
         write(pool, rows, RAY, (*o, *d, none, one))
         write(pool, rows, CARRIED, (none, none, none, none, one, one, one, none))
+        write(pool, rows + _SECOND, CARRIED, nothing)
         write(pool, rows, HIT, nothing)
-        write(pool, rows, SAMPLE, (as_floats(key), told[1], told[2], told[3], told[4], time, start, none))
+        write(pool, rows, SAMPLE, (as_floats(key), told[1], told[2], told[3], told[4], time, start, one))
         write(pool, rows, PLACE, (*o, none, none, none, none, none))
         write(pool, rows, FRAME, nothing)
         write(pool, rows, FIRST, nothing)

@@ -20,16 +20,17 @@ from renderer.film import (
 )
 from renderer.jit import out_of_line, subroutine
 from renderer.kernel.fixed import add_fixed8, in_half, of_sample
-from renderer.kernel.pool.lists import DONE, length, row
-from renderer.kernel.pool.rows import CARRIED, FIRST, SAMPLE, at
+from renderer.kernel.pool.lists import DONE, cut, length, put, row
+from renderer.kernel.pool.rows import BRANCHES, CARRIED, FIRST, PATHS, SAMPLE, at
 from renderer.wide.values import any_of, not_
 
 __all__ = ["SUMS", "keep", "unfold"]
 
+_ZERO = np.float32(0.0)
 _INF = np.float32(np.inf)
 _ONE = np.float32(1.0)
 SUMS = 24  # numbers kept of a pixel: radiance 3, samples; of the half 3, samples; what the group FIRST has
-_SUMS, _8, _16 = np.uintp(SUMS), np.uintp(8), np.uintp(16)
+_SUMS, _PATHS, _1, _8, _16 = (np.uintp(k) for k in (SUMS, PATHS, 1, 8, 16))
 _OBJECT, _MATERIAL = 15, 19
 _COLUMNS = {SAMPLES: 3, SAMPLES_HALF: 7, DEPTH: 11, OBJECT: _OBJECT, MATERIAL: _MATERIAL}
 for _plane, _first in ((COLOR, 0), (COLOR_HALF, 4), (ALBEDO, 8), (NORMAL, 12), (POSITION, 16)):
@@ -42,13 +43,22 @@ _SAMPLE, _PIXEL = SAMPLE + np.uintp(1), SAMPLE + np.uintp(2)
 
 @subroutine
 def keep(pool, lists, film, scale, width, batch, bad, bad_count):
-    """Adds the samples of the rows that are done to their pixels' sums; those that are no numbers are listed. Their count."""
+    """Adds the samples whose branches are all done to their pixels' sums, and leaves the rows that are free on the list DONE.
+    Those that are no numbers are listed: their count.
+    """
     out_of_line()
     one = _ONE / scale  # which becomes 1 in the fixed point
+    free = np.uintp(0)
     for k in range(length(lists, DONE)):
-        path = row(lists, DONE, k)
+        path = row(lists, DONE, k) % _PATHS
+        pool[at(path, BRANCHES)] -= _ONE
+        if pool[at(path, BRANCHES)] > _ZERO:
+            continue
+        put(lists, DONE, free, path)
+        free += _1
         sample, place = load_int(pool, at(path, _SAMPLE)), load_int(pool, at(path, _PIXEL))
-        light = of_sample(load(pool, at(path, CARRIED)), one, in_half(sample))
+        found = load(pool, at(path, CARRIED)) + load(pool, at(path + _PATHS, CARRIED))
+        light = of_sample(found, one, in_half(sample))
         first, beyond = load(pool, at(path, FIRST)), load(pool, at(path, _PLACE))  # numbers, as floats, are all but 0
         if any_of(not_((abs(light) < _INF) & (abs(first) < _INF) & (abs(beyond) < _INF))):
             if bad_count < len(bad):
@@ -64,6 +74,7 @@ def keep(pool, lists, film, scale, width, batch, bad, bad_count):
         if sample == 0:  # numbers cannot be averaged, so one sample has the say
             film[base + np.uintp(_OBJECT)] += load_int(pool, at(path, _OBJECT_OF))
             film[base + np.uintp(_MATERIAL)] += load_int(pool, at(path, _MATERIAL_OF))
+    cut(lists, DONE, free)
     return bad_count
 
 

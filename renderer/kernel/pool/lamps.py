@@ -100,7 +100,7 @@ def choose_lamps(scene, pool, lists, options):
             u, v, choice = _numbers(pool, rows, options)
             light = sample_by_power(scene, point, n, choice, (u, v), time)
         none = nil(light.pdf)
-        by_sky = (choice < scene.environment_frame[3]) & (few(pool, rows, _NUMBER, 1)[0] == _ZERO)
-        finding = where(light.alone, none, where(by_sky, nil(none) + np.float32(options.sky_samples), _ONE))
+        first = few(pool, rows, _NUMBER, 1)[0] == _ZERO
+        finding = where(light.alone, none, where(first, none + np.float32(options.splitting), _ONE))
         write(pool, rows, LAMP, (*light.direction, light.pdf, *light.radiance, finding))
         write(pool, rows, SHADOW, (none, none, none, *light.end, none, none))

@@ -141,11 +141,10 @@ def bring_light(scene, alone, stack, pool, lists, options):
 def see_lights(scene, alone, stack, pool, lists, options):
     """Casts the shadow rays of the vertices that have one, and adds what lights them: how many.
 
-    Paths that go on are the active ones from here on, the others are done.
+    Paths that go on join the active ones, the others are done.
     """
     out_of_line()
-    clear(lists, ACTIVE)
-    waiting, active, done = np.uintp(0), np.uintp(0), np.uintp(length(lists, DONE))
+    waiting, active, done = np.uintp(0), np.uintp(length(lists, ACTIVE)), np.uintp(length(lists, DONE))
     for which in range(SCATTERING):
         for k in range(length(lists, which)):
             path = row(lists, which, k)

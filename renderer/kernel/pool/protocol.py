@@ -1,4 +1,4 @@
-"""The protocol of a path in the pool (integrators/record.py): of the only one, in the first row, when a sample is replayed."""
+"""The protocol of a path in the pool (integrators/record.py): of the one in the first row, when a sample is replayed."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ from renderer.kernel.integrators.record import (
     record_surface,
 )
 from renderer.kernel.integrators.state import Path
-from renderer.kernel.pool.lists import LIT, MISSED, SCATTERING, length
+from renderer.kernel.pool.lists import ACTIVE, LIT, MISSED, SCATTERING, length, row
 from renderer.kernel.pool.rows import CARRIED, FRAME, HIT, LAMP, PLACE, RAY, SAMPLE, SHADOW
 from renderer.kernel.pool.ways import three
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
 from renderer.wide.values import u32
 
-__all__ = ["first_row", "record_arrival", "record_departure"]
+__all__ = ["followed", "record_arrival", "record_departure"]
 
+_FIRST = np.uintp(0)
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _NO_UV = (_ZERO, _ZERO)
@@ -77,44 +78,58 @@ def _surface(pool, point):
 
 
 @device
-def first_row(pool):
-    """What the first row's path has met before: (its row in the protocol, the surfaces among it that it passed)."""
+def _is_on(lists, which):
+    """Whether the first row is on a list."""
+    found = False
+    for k in range(length(lists, which)):
+        found |= row(lists, which, k) == _FIRST
+    return found
+
+
+@device
+def followed(pool, lists, log):
+    """What the first row's path has met before: (its row in the protocol, the surfaces among it that it passed). Beyond the
+    protocol's end where there is none, or the path is over.
+    """
     passed = pool[_PASSED]
-    return np.int64(pool[CARRIED + np.uintp(7)] + passed), passed
+    number = np.int64(pool[CARRIED + np.uintp(7)] + passed)
+    if len(log) == 0 or not _is_on(lists, ACTIVE):
+        number = len(log)
+    return number, passed
 
 
 @subroutine
-def record_arrival(pool, lists, log, row, passed, before):
-    """Where the path's ray ended, which has been looked at just now. row, passed: of `first_row`, before: the path's radiance,
+def record_arrival(pool, lists, log, number, passed, before):
+    """Where the path's ray ended, which has been looked at just now. number, passed: of `followed`, before: the path's radiance,
     all three until then.
     """
     out_of_line()
     path = _path(pool, before)
-    if length(lists, MISSED) > 0:
-        record_miss(log, row, path)
+    if _is_on(lists, MISSED):
+        record_miss(log, number, path)
     else:
         through = pool[_PASSED] != passed
         point = three(pool, RAY) if through else three(pool, PLACE)  # where it goes on from: beside what it passed
-        record_surface(log, row, _surface(pool, point), through, pool[HIT], path)
-    log[row, OWN_SHARE] = pool[HIT + np.uintp(7)]
-    log[row, TIME] = pool[_TIME]
-    log[row, TOLD] = ARRIVED
-    record_light(log, row, np.int64(EMITTED), three(pool, CARRIED))
+        record_surface(log, number, _surface(pool, point), through, pool[HIT], path)
+    log[number, OWN_SHARE] = pool[HIT + np.uintp(7)]
+    log[number, TIME] = pool[_TIME]
+    log[number, TOLD] = ARRIVED
+    record_light(log, number, np.int64(EMITTED), three(pool, CARRIED))
 
 
 @subroutine
-def record_departure(pool, lists, log, row, lit):
+def record_departure(pool, lists, log, number, lit):
     """The light that was chosen for the vertex, and whether the path goes on from it. lit: as in scatter.py."""
     out_of_line()
-    scattered = 0
+    scattered = False
     for which in range(SCATTERING):
-        scattered += length(lists, which)
-    if scattered > 0:
-        log[row, TOLD] = SCATTERED
-        log[row, SURVIVAL] = pool[SHADOW + np.uintp(7)]
-        if lit and length(lists, LIT) > 0:
-            log[row, LAMP_SHARE] = pool[LAMP + np.uintp(4)]
-            log[row, LAMP_PDF] = pool[LAMP + np.uintp(5)]
+        scattered |= _is_on(lists, which)
+    if scattered:
+        log[number, TOLD] = SCATTERED
+        log[number, SURVIVAL] = pool[SHADOW + np.uintp(7)]
+        if lit and _is_on(lists, LIT):
+            log[number, LAMP_SHARE] = pool[LAMP + np.uintp(4)]
+            log[number, LAMP_PDF] = pool[LAMP + np.uintp(5)]
             for i in range(3):
-                log[row, LAMP_AT + i] = pool[SHADOW + np.uintp(3 + i)]
-                log[row, BROUGHT + i] = pool[LAMP + np.uintp(i)]
+                log[number, LAMP_AT + i] = pool[SHADOW + np.uintp(3 + i)]
+                log[number, BROUGHT + i] = pool[LAMP + np.uintp(i)]

@@ -15,6 +15,7 @@ from renderer.wide.rows import gather, gathered, scatter
 
 __all__ = [
     "AXES",
+    "BRANCHES",
     "CARRIED",
     "FIRST",
     "FRAME",
@@ -22,6 +23,7 @@ __all__ = [
     "LAMP",
     "MAPPED",
     "MATTER",
+    "PATHS",
     "PLACE",
     "RAY",
     "ROW",
@@ -42,7 +44,8 @@ __all__ = [
 ]
 
 _LINE = 64  # bytes
-ROWS = 128  # paths; 64 to 256 are as fast
+PATHS = 128  # 64 to 256 are as fast
+ROWS = 2 * PATHS  # a path's second branch has the row PATHS behind that of the first
 SPARE = np.uint32(ROWS)  # one row more, for what is to be written nowhere
 # Groups, by their first columns. Whole numbers are kept by their bits, but for depth, number and what was passed.
 RAY = np.uintp(0)  # origin 3, direction 3, pdf, worth: as in integrators/state.py's Path
@@ -50,13 +53,15 @@ CARRIED = np.uintp(8)  # radiance 3, depth, throughput 3, number of the vertex t
 HIT = np.uintp(
     16
 )  # t, u, v, primitive, instance; surfaces passed so far; for the protocol the object's number, and its light's share
-SAMPLE = np.uintp(24)  # pixel key, sample's number, pixel's place in the tile; its x and y; time; how far from the lens it began
+SAMPLE = np.uintp(24)  # pixel key, sample's number, pixel's place in the tile; its x and y; time; how far from the lens it began;
+# in the first branch's row, how many branches are under way
 TIME = np.uintp(29)
 START = np.uintp(30)
+BRANCHES = np.uintp(31)
 PLACE = np.uintp(32)  # the vertex: point 3, error, geometric normal 3, front + 2 smooth
 FRAME = np.uintp(40)  # its shading normal 3, lift 3, material, the list that it is on (lists.py)
-LAMP = np.uintp(48)  # towards the light 3, pdf, radiance 3, how many of the surface's directions might have found it (before
-# that, towards the sky 3, pdf, weight 3); then what a shadow ray brings 3, by how many segments, its share, pdf
+LAMP = np.uintp(48)  # towards the light 3, pdf, radiance 3, how many of the surface's directions might have found it; then what a
+# shadow ray brings 3, by how many segments, its share, pdf
 SHADOW = np.uintp(
     56
 )  # the shadow ray's start 3 and end 3, whether it is to be cast, whether the path goes on (above 0: by which chance)

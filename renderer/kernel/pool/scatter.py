@@ -10,15 +10,19 @@ from renderer.jit import device, out_of_line, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.record import AGAIN
 from renderer.kernel.integrators.roulette import survival, worth_after
+from renderer.kernel.integrators.splitting import beside, of_branch, turned
 from renderer.kernel.integrators.state import MAX_AGAIN
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.pool.lists import (
+    ACTIVE,
     CONDUCTOR,
     DIFFUSE,
     METALLIC_ROUGHNESS,
     NODES,
     RARE,
+    RARE_SPECULAR,
     SPECULAR,
+    append,
     cut,
     eight,
     length,
@@ -36,11 +40,14 @@ from renderer.kernel.pool.models import (
 )
 from renderer.kernel.pool.rows import (
     AXES,
+    BRANCHES,
     CARRIED,
     FRAME,
+    HIT,
     LAMP,
     MAPPED,
     MATTER,
+    PATHS,
     PLACE,
     RAY,
     SAMPLE,
@@ -51,16 +58,17 @@ from renderer.kernel.pool.rows import (
     times_of,
     write,
 )
-from renderer.kernel.sampling.sampler import Stream, draw4, opposite
+from renderer.kernel.sampling.sampler import Stream, draw4
 from renderer.kernel.surface.departure import departure, leaves
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
-from renderer.wide.values import as_ints, nil, to_int, where
+from renderer.wide.values import as_floats, as_ints, nil, to_int, where
 
 __all__ = ["kinds_of_scattering", "scatter", "stream_of"]
 
 _DIFFUSE, _SPECULAR, _METALLIC_ROUGHNESS, _CONDUCTOR, _RARE = (
     np.uintp(which) for which in (DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE)
 )
+_RARE_SPECULAR = np.float32(RARE_SPECULAR)
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
@@ -68,7 +76,9 @@ _MOST_AGAIN = np.float32(MAX_AGAIN)
 _AGAIN = np.float32(AGAIN)
 _BLOCK = np.uint32(2)
 _NUMBER = CARRIED + np.uintp(7)
-_END = SHADOW + np.uintp(3)
+_WHICH = FRAME + np.uintp(7)
+_END, _GOES_ON = SHADOW + np.uintp(3), SHADOW + np.uintp(7)
+_PATHS, _SECOND = np.uintp(PATHS), np.uint32(PATHS)
 _NO_UV = (_ZERO, _ZERO)
 _WHITE = (_ONE, _ONE, _ONE, _ONE)
 _NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
@@ -119,50 +129,77 @@ def _matter(scene, pool, rows, surface):
 
 
 @device
-def _first_vertices(pool, lists, which):
-    """Which list has those rows of a list that are at the first vertex of their path: one that no stage needs meanwhile."""
+def _splits(number, which):
+    """Whether a path with so many vertices before splits at the one that is on this list. Of one, or of eight."""
+    return (number == _ZERO) & (which != _RARE_SPECULAR)
+
+
+@device
+def _splitting(pool, lists, which):
+    """Which list has those rows of a list that are split at their vertex: one that no stage needs meanwhile."""
     count = np.uintp(0)
     for k in range(length(lists, which)):
         path = row(lists, which, k)
         put(lists, NODES, count, path)
-        count += np.uintp(pool[at(path, _NUMBER)] == _ZERO)
+        count += np.uintp(_splits(pool[at(path, _NUMBER)], pool[at(path, _WHICH)]))
     cut(lists, NODES, count)
     return NODES
 
 
+@device
+def _keep_vertices(scene, pool, rows, stream, place, frame):
+    """Writes to the rows of second branches what they have in common with the first, but for where their numbers come from."""
+    others = rows + _SECOND
+    told = read(pool, rows, SAMPLE)
+    write(pool, others, SAMPLE, (as_floats(beside(stream).pixel), *told[1:]))
+    write(pool, others, HIT, read(pool, rows, HIT))
+    write(pool, others, PLACE, place)
+    write(pool, others, FRAME, frame)
+    if scene.has.textures is not None:
+        write(pool, others, MAPPED, read(pool, rows, MAPPED))
+
+
+@device
+def _list_branches(pool, lists, which):
+    """Lists the second branches of a list's rows among the active ones, if they go on."""
+    for k in range(length(lists, which)):
+        path = row(lists, which, k)
+        if not (pool[at(path + _PATHS, _GOES_ON)] <= _ZERO):  # no number lives on
+            pool[at(path, BRANCHES)] = _TWO
+            append(lists, ACTIVE, path + _PATHS)
+
+
 @template
-def _scatter(scene, pool, lists, which, answer, is_lit, options, lit, looks):
-    """answer: of models.py; is_lit: None where light sampling finds nothing; lit, looks: as in `scatter`."""
-    taken = _first_vertices(pool, lists, which) if looks else which
+def _scatter(scene, pool, lists, which, answer, is_lit, options, lit, second):
+    """answer: of models.py; is_lit: None where light sampling finds nothing; lit, second: as in `scatter`."""
+    taken = _splitting(pool, lists, which) if second else which
     for k in range(0, pad(lists, taken), 8):
         rows = eight(lists, taken, k)
         ray, lamp = read(pool, rows, RAY), read(pool, rows, LAMP)
         rx, ry, rz, depth, tx, ty, tz, number = read(pool, rows, CARRIED)
-        surface = _surface(read(pool, rows, PLACE), read(pool, rows, FRAME))
+        place, frame = read(pool, rows, PLACE), read(pool, rows, FRAME)
+        surface = _surface(place, frame)
         m = _matter(scene, pool, rows, surface)
         s, t, n = m.frame
         throughput, none = (tx, ty, tz), nil(depth)
         wo = vec.to_local(s, t, n, (-ray[3], -ray[4], -ray[5]))
         towards, light_pdf, light = (lamp[0], lamp[1], lamp[2]), lamp[3], (lamp[4], lamp[5], lamp[6])
         wi = vec.to_local(s, t, n, towards)
-        if looks or not lit:
+        if second or not lit:
             wi = wo  # there is no light: any direction
-        u = draw4(stream_of(pool, rows, options), to_int(number) * _BLOCK + _BLOCK)
-        x, y, choose = u[0], u[1], u[2]
-        if looks:
-            x, y, choose = opposite(u)
-        f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, choose, (x, y))
+        stream = stream_of(pool, rows, options)
+        u = draw4(stream, to_int(number) * _BLOCK + _BLOCK)
+        if second:
+            u = turned(u)
+        f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, u[2], (u[0], u[1]))
+        if is_lit is not None:
+            branches = where(_splits(number, frame[7]), none + np.float32(options.splitting), _ONE)
+            weight, pdf = of_branch(weight, pdf, branches)
         d = vec.to_world(s, t, n, on)
         reflected = on[2] > _ZERO
         o = departure(surface, reflected, d)
-        if looks:
-            waits = where((pdf > _ZERO) & (vec.maximum(weight) > _ZERO), nil(depth) + _ONE, none)
-            write(pool, rows, LAMP, (*d, pdf, *weight, none))
-            write(pool, rows, SHADOW, (*o, none, none, none, waits, none))
-            continue
-
         start, end, waits = (none, none, none), (none, none, none), none
-        if is_lit is not None and lit:
+        if is_lit is not None and lit and not second:
             balance = where(lamp[7] == _ZERO, _ONE, power_heuristic(light_pdf, lamp[7] * scatter_pdf))
             brought = vec.mul(throughput, vec.scale(vec.mul(f, light), balance / light_pdf))
             start, end = departure(surface, wi[2] > _ZERO, towards), few(pool, rows, _END, 3)
@@ -179,59 +216,65 @@ def _scatter(scene, pool, lists, which, answer, is_lit, options, lit, looks):
         goes_on = where(number + _ONE - depth > _MOST_AGAIN, _AGAIN, goes_on)
         goes_on = where(vec.maximum(throughput) <= _ZERO, none, goes_on)
         throughput = vec.scale(throughput, _ONE / chance)
+        if second:
+            _keep_vertices(scene, pool, rows, stream, place, frame)
+            rows = rows + _SECOND
+            rx = ry = rz = none
         write(pool, rows, RAY, (*o, *d, pdf, worth))
         write(pool, rows, CARRIED, (rx, ry, rz, depth, *throughput, number + _ONE))
         write(pool, rows, SHADOW, (*start, *end, waits, goes_on))
+    if second:
+        _list_branches(pool, lists, taken)
 
 
 @subroutine
-def _scatter_diffuse(scene, pool, lists, options, lit, looks):
+def _scatter_diffuse(scene, pool, lists, options, lit, second):
     out_of_line()
-    _scatter(scene, pool, lists, _DIFFUSE, answer_diffuse, True, options, lit, looks)
+    _scatter(scene, pool, lists, _DIFFUSE, answer_diffuse, True, options, lit, second)
 
 
 @subroutine
-def _scatter_specular(scene, pool, lists, options, lit, looks):
+def _scatter_specular(scene, pool, lists, options, lit, second):
     out_of_line()
     _scatter(scene, pool, lists, _SPECULAR, answer_specular, None, options, lit, False)
 
 
 @subroutine
-def _scatter_metallic_roughness(scene, pool, lists, options, lit, looks):
+def _scatter_metallic_roughness(scene, pool, lists, options, lit, second):
     out_of_line()
-    _scatter(scene, pool, lists, _METALLIC_ROUGHNESS, answer_metallic_roughness, True, options, lit, looks)
+    _scatter(scene, pool, lists, _METALLIC_ROUGHNESS, answer_metallic_roughness, True, options, lit, second)
 
 
 @subroutine
-def _scatter_conductor(scene, pool, lists, options, lit, looks):
+def _scatter_conductor(scene, pool, lists, options, lit, second):
     out_of_line()
-    _scatter(scene, pool, lists, _CONDUCTOR, answer_conductor, True, options, lit, looks)
+    _scatter(scene, pool, lists, _CONDUCTOR, answer_conductor, True, options, lit, second)
 
 
 @subroutine
-def _scatter_rare(scene, pool, lists, options, lit, looks):
+def _scatter_rare(scene, pool, lists, options, lit, second):
     out_of_line()
-    _scatter(scene, pool, lists, _RARE, answer_rare, True, options, lit, looks)
+    _scatter(scene, pool, lists, _RARE, answer_rare, True, options, lit, second)
 
 
 @subroutine
-def scatter(scene, pool, lists, options, lit, looks):
+def scatter(scene, pool, lists, options, lit, second):
     """Scatters every listed vertex: writes the path's next ray, and the shadow ray towards its light.
 
-    lit: whether there is anything that light sampling would find in the scene. looks: whether the vertices are not to be
-    scattered yet, and those that are their path's first only to choose another direction, to look for the sky in (sky.py).
+    lit: whether there is anything that light sampling would find in the scene. second: whether the vertices are not to be
+    scattered yet, and those that split only to begin their paths' second branches (integrators/splitting.py).
     """
     out_of_line()
     if scene.has.layers is not None and length(lists, _RARE) > 0:
-        _scatter_rare(scene, pool, lists, options, lit, looks)
+        _scatter_rare(scene, pool, lists, options, lit, second)
     if length(lists, _DIFFUSE) > 0:
-        _scatter_diffuse(scene, pool, lists, options, lit, looks)
-    if length(lists, _SPECULAR) > 0 and not looks:
-        _scatter_specular(scene, pool, lists, options, lit, looks)
+        _scatter_diffuse(scene, pool, lists, options, lit, second)
+    if length(lists, _SPECULAR) > 0 and not second:
+        _scatter_specular(scene, pool, lists, options, lit, second)
     if length(lists, _METALLIC_ROUGHNESS) > 0:
-        _scatter_metallic_roughness(scene, pool, lists, options, lit, looks)
+        _scatter_metallic_roughness(scene, pool, lists, options, lit, second)
     if length(lists, _CONDUCTOR) > 0:
-        _scatter_conductor(scene, pool, lists, options, lit, looks)
+        _scatter_conductor(scene, pool, lists, options, lit, second)
 
 
 def kinds_of_scattering(has: Any) -> list[Any]:

@@ -117,8 +117,7 @@ def miss(scene, pool, lists, options, is_recorded):
         rx, ry, rz, depth, tx, ty, tz, number = read(pool, rows, CARRIED)
         d, pdf = (ray[3], ray[4], ray[5]), ray[6]
         emitted, light_pdf = environment_seen(scene, d, pdf > _ZERO)
-        found_by = where(number == _ONE, nil(pdf) + np.float32(options.sky_samples), _ONE)  # directions: sky.py
-        share = where(pdf > _ZERO, power_heuristic(found_by * pdf, light_pdf) / found_by, _ONE)
+        share = _weight(pdf, light_pdf)
         emitted = vec.scale(emitted, share)
         if is_recorded:
             met = read(pool, rows, HIT)

@@ -10,16 +10,15 @@ from numba import typeof, types
 
 from renderer.bvh.traverse import new_stack
 from renderer.jit import template
-from renderer.kernel.integrators.record import DIRECT, SKY, record_light
+from renderer.kernel.integrators.record import DIRECT, record_beside, record_light
 from renderer.kernel.pool.begin import Next, begin
 from renderer.kernel.pool.keep import SUMS, keep, unfold
 from renderer.kernel.pool.lamps import choose_lamps
 from renderer.kernel.pool.lists import ACTIVE, DONE, LIST_SIZE, LISTS, append, clear, length
 from renderer.kernel.pool.meet import bring_light, meet, see_lights
-from renderer.kernel.pool.protocol import first_row, record_arrival, record_departure
-from renderer.kernel.pool.rows import CARRIED, ROW, ROWS, line_floats
+from renderer.kernel.pool.protocol import followed, record_arrival, record_departure
+from renderer.kernel.pool.rows import CARRIED, PATHS, ROW, ROWS, at, line_floats
 from renderer.kernel.pool.scatter import kinds_of_scattering, scatter
-from renderer.kernel.pool.sky import see_sky
 from renderer.kernel.pool.surfaces import arrive, miss
 from renderer.kernel.pool.ways import new_ways, three
 
@@ -65,7 +64,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
     bad_count = rays = np.int64(0)
     for which in range(LISTS):
         clear(lists, which)
-    for k in range(ROWS):
+    for k in range(PATHS):
         append(lists, DONE, k)
     following = Next(np.int64(0), np.int64(0), np.int64(batch.first))
     while width * height * batch.count > 0:
@@ -73,7 +72,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         if length(lists, ACTIVE) == 0:
             break
         clear(lists, DONE)
-        row, passed = first_row(paths)
+        row, passed = followed(paths, lists, log)
         before = three(paths, CARRIED)
         rays += length(lists, ACTIVE)
         meet(scene, pool.alone, pool.stack, paths, lists)
@@ -81,19 +80,18 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         arrive(scene, paths, lists, options, len(log) > 0)
         if row < len(log):
             record_arrival(paths, lists, log, row, passed, before)
-        if options.sky_samples > 1:
-            scatter(scene, paths, lists, options, lit, True)
-            rays += see_sky(scene, pool.alone, pool.stack, paths, lists, options)
-            if row < len(log):
-                record_light(log, row, np.int64(SKY), three(paths, CARRIED))
         if lit:
             choose_lamps(scene, paths, lists, options)
+        clear(lists, ACTIVE)
+        if options.splitting > 1:
+            scatter(scene, paths, lists, options, lit, True)
         scatter(scene, paths, lists, options, lit, False)
         rays += see_lights(scene, pool.alone, pool.stack, paths, lists, options)
         if row < len(log):
             record_light(log, row, np.int64(DIRECT), three(paths, CARRIED))
             record_departure(paths, lists, log, row, lit)
         bad_count = keep(paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count)
+    record_beside(log, three(paths, at(PATHS, CARRIED)))
     unfold(pool.film, output.sums)
     return bad_count, rays
 
@@ -115,7 +113,6 @@ def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, b
         (miss, (scene, paths, lists, asked, lit)),
         (bring_light, (scene, alone, stack, paths, lists, asked)),
         (see_lights, (scene, alone, stack, paths, lists, asked)),
-        (see_sky, (scene, alone, stack, paths, lists, asked)),
         (choose_lamps, (scene, paths, lists, asked)),
         (begin, (paths, lists, following, number, number, view, asked, wanted, typeof(has.motion))),
         (keep, (paths, lists, film, scale, number, wanted, bad, number)),

@@ -20,7 +20,7 @@ from renderer.jit import device, subroutine
 from renderer.kernel.sampling.sobol import GOLDEN, MIX_1, MIX_2, SCRAMBLE, TABLE, points
 from renderer.settings import SAMPLERS
 from renderer.wide.operators import called
-from renderer.wide.values import to_float, to_int, u32
+from renderer.wide.values import to_float, to_int, u32, where
 
 __all__ = [
     "INDEPENDENT",
@@ -46,6 +46,8 @@ _FIFTEEN = np.uint32(15)
 _DISCARD = np.uint32(8)
 _STEP = np.float32(2.0**-24)
 _ONE = np.uint32(1)
+_NONE, _TWO, _THREE, _FIVE, _SIX, _SEVEN = (np.uint32(n) for n in (0, 2, 3, 5, 6, 7))
+_FOUR_FURTHER = np.uint32((4 * int(GOLDEN)) % 2**32)
 _SECOND = np.uint32((2 * int(GOLDEN)) % 2**32)
 _CAMERA = np.uint32(0)  # the camera's block
 _UNITS = np.float32(2.0**24)
@@ -136,11 +138,30 @@ def _scramble(x, seed):
 
 
 @device
+def _fitting(index):
+    """The order, in reversed bits, of a block's points beside those of another in the order `index`.
+
+    Of the ways to take each binary digit of the sample's number plus the same choice of those after it, one of those by which
+    most divisions of the four dimensions into 16, 32, 64 equal boxes, by powers of two, have a point in each.
+    """
+    near = u32(index ^ u32(index << _THREE))
+    far = u32(u32(index << _FIVE) ^ u32(index << _SIX))
+    return u32(u32(near ^ far) ^ u32(index << _SEVEN))
+
+
+@device
 def sobol4(seed, pixel, sample, block):
-    """Four uint32, scrambled and shifted Sobol' points: dimensions 0 and 1 are a (0, 2)-sequence over the sample numbers."""
-    key = _mix(u32(u32(_mix(seed) + u32(block * GOLDEN)) ^ pixel))
+    """Four uint32, scrambled and shifted Sobol' points: dimensions 0 and 1 are a (0, 2)-sequence over the sample numbers.
+
+    Blocks 4, 8, 12, ... follow the order of those two before them (`_fitting`), so that where a path's first vertex sends it and
+    where its second does fill four dimensions; all others go in orders of their own.
+    """
+    follows = u32(block & _THREE) == _NONE
+    ahead = u32(block - where(follows, _TWO, _NONE))
+    key = _mix(u32(u32(_mix(seed) + u32(ahead * GOLDEN)) ^ pixel))
     index = _scramble(_reversed(u32(sample)), key)
-    return points(TABLE, index, key)
+    index = where(follows, _fitting(index), index)
+    return points(TABLE, index, u32(key + where(follows, _FOUR_FURTHER, _NONE)))
 
 
 @device

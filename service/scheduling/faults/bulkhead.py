@@ -97,9 +97,9 @@ class Bulkheads:
         except (redis.RedisError, QueueError):
             raise
         except FilmWaits as error:
-            self._wait(id, step, str(error), began)
+            self._wait(id, step, error.fact, began)
         except (NoRoom, Unavailable) as error:
-            self._wait_for_database(id, step, str(error), began)
+            self._wait_for_database(id, step, error.fact, began)
         except DATABASE_FAULTS as error:
             if isinstance(error, ROW_FAULTS):
                 self._blame(id, step, error)

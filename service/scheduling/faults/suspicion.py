@@ -24,6 +24,7 @@ class Suspicion:
         self._row_began: dict[str, int] = {}
         self._success: dict[str, int] = {}
         self._clock = count()
+        self._misunderstood: Counter[str] = Counter()  # since its last success
         self.failures: Counter[str] = Counter()  # of all batches, by worker, whoever was to blame
 
     def failed(self, worker: str, batch: Hashable) -> None:
@@ -33,12 +34,18 @@ class Suspicion:
             self._row_began[worker] = next(self._clock)
         self._row[worker].add(batch)
 
+    def misunderstood(self, worker: str) -> int:
+        """A worker did not understand a batch; how many it did not, one after the other."""
+        self._misunderstood[worker] += 1
+        return self._misunderstood[worker]
+
     def succeeded(self, worker: str, failed_on: list[str]) -> None:
         """A worker rendered a batch that had failed on these before: so the batch was not to blame."""
         for other in set(failed_on) - {worker}:
             self._made_good[other] += 1
         self._success[worker] = next(self._clock)
         self._row.pop(worker, None)
+        self._misunderstood.pop(worker, None)
         if worker in self._made_good:
             self._made_good[worker] = max(self._made_good[worker] - FORGIVENESS, 0.0)
 
@@ -50,5 +57,5 @@ class Suspicion:
 
     def forgive(self, worker: str) -> None:
         """A person lets the worker go on."""
-        self._made_good.pop(worker, None)
-        self._row.pop(worker, None)
+        for counted in (self._made_good, self._row, self._misunderstood):
+            counted.pop(worker, None)

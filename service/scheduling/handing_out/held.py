@@ -17,11 +17,14 @@ class Held:
     def __init__(self, roster: Roster) -> None:
         self._by_message: dict[Any, str] = {}
         self._by_range: dict[str, str] = {}  # of workers of an older release, which do not tell the lease
+        self._at_work: set[Any] = set()  # leases
         self._at_sites = {batch for site in roster.sites.values() for batch in site.in_hand}
         for report in roster.reports.values():
             self._by_message.update(dict.fromkeys(report.in_hand, report.name))
             for doing in report.current:
                 message = doing.get("message", doing.get("batch"))
+                if isinstance(batch := doing.get("batch"), str):
+                    self._at_work.add(batch)
                 if isinstance(message, str):
                     self._by_message[message] = report.name
                 elif "job" in doing:
@@ -36,6 +39,10 @@ class Held:
         if held is not None or not self._by_range:
             return held
         return self._by_range.get(_key(job.id, frame, list(job.film.tiles[tile]), first, count))
+
+    def is_at_work(self, lease: Lease) -> bool:
+        """Whether a slot says that it renders it."""
+        return lease.id in self._at_work
 
     def is_at_site(self, lease: Lease) -> bool:
         """Whether its sums lie at a site, and wait for others."""

@@ -36,6 +36,10 @@ class Lease:
     has_arrived: bool = False  # its answer was read, and is stored as soon as the film takes it
     waited: float = 0.0  # when it was last seen in its queue
     is_away: bool = False  # whether who has it does not report itself, though Redis knows that it lives
+    has_begun: bool = False  # whether a slot was seen at work on it
+    is_rendered: bool = (
+        False  # of a joint: its slot has gone on to something else, and its sums wait for the others on the machine
+    )
     doubled: bool = False
     queue: str = ""  # in which its message waits, or waited
     charged_s: float = 0.0  # to its share, for what it takes of a slot
@@ -53,8 +57,8 @@ class Lease:
 
     @property
     def takes_a_slot(self) -> bool:
-        """Whether it counts among what is out: not once its answer was read, and not while who has it is away."""
-        return self.batch is not None and not self.has_arrived and not self.is_away
+        """Whether it counts among what is out: not once it is rendered, as far as is known, and not while who has it is away."""
+        return self.batch is not None and not (self.has_arrived or self.is_away or self.is_rendered)
 
     @property
     def is_overdue(self) -> bool:
@@ -112,15 +116,13 @@ class Leases:
             self._let_go(lease)
         lease.has_arrived = True
 
-    def away(self, lease: Lease, is_away: bool) -> None:
-        """Who has it does not report itself, or does again: meanwhile others are given what it would have been given."""
-        if is_away == lease.is_away:
-            return
+    def looked_at(self, lease: Lease, is_away: bool, is_rendered: bool) -> None:
+        """is_away: who has it does not report itself. Meanwhile others are given what it would have been given."""
         took = lease.takes_a_slot
-        lease.is_away = is_away
-        if took:
+        lease.is_away, lease.is_rendered = is_away, is_rendered
+        if took and not lease.takes_a_slot:
             self._let_go(lease)
-        elif lease.takes_a_slot:
+        elif lease.takes_a_slot and not took:
             self._take_up(lease)
 
     def end(self, lease: str) -> Lease | None:

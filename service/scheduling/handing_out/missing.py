@@ -68,7 +68,10 @@ class Missing:
             lease.is_held = holder is not None
         for lease in out:
             is_gone = lease.unseen > 0 and lease.holder is not None and lease.holder not in roster.reports
-            self._leases.away(lease, is_gone and lease.holder in living)
+            is_at_work = held.is_at_work(lease)
+            lease.has_begun |= is_at_work
+            is_rendered = lease.is_joint and lease.has_begun and lease.is_held and not is_at_work
+            self._leases.looked_at(lease, is_gone and lease.holder in living, is_rendered)
             fate = self._fate(lease, is_gone, is_late)
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
             if fate is Fate.LATE or (fate is not None and lease.message not in waiting and not may_be_answered):

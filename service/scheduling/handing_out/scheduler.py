@@ -328,9 +328,13 @@ class Scheduler:
             why = (
                 f"Set aside: {failures} of its batches failed while others rendered theirs. Look into its log, then let it go on."
             )
-            with suppress(redis.RedisError):  # it fails again, and is set aside then
-                self._workers.pause(worker, why)
-                self._workers.look(now=True)
+            self.set_aside(worker, why)
+
+    def set_aside(self, worker: str, why: str) -> None:
+        """Let a worker do nothing until somebody lets it go on."""
+        with suppress(redis.RedisError):  # it fails again, and is set aside then
+            self._workers.pause(worker, why)
+            self._workers.look(now=True)
 
     def _others(self, worker: str) -> list[str]:
         """The ready workers beside this one that may render the same; none where it is not ready itself."""

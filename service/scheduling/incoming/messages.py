@@ -14,6 +14,7 @@ from worker.protocol.blends import written_of
 from worker.protocol.contract import BlobRef, FrameInfo, SceneInfo
 
 __all__ = [
+    "SAME_RELEASE",
     "BatchDone",
     "BatchFailed",
     "BatchReturned",
@@ -36,6 +37,7 @@ __all__ = [
     "understand",
 ]
 
+SAME_RELEASE = "Run the same release of Rayfarm on all machines."  # with which a worker ends that does not understand a batch
 DAY_S = 86400.0
 LARGE = 1 << 31  # bounds what a faulty worker may make us store
 MOST_PIECES = 4096

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from pxr import Usd
+from pxr import Usd, UsdShade
 
 from renderer.image.encode import encode
 from tests.benchmarks.mutations.packed import blends, packed_gltf, textures, zips
@@ -81,7 +81,15 @@ def _usd(folder: Path) -> list[Seed]:
     from pxr import UsdUtils
 
     UsdUtils.CreateNewUsdzPackage(str(folder / "a.usda"), str(folder / "a.usdz"))
-    return [Seed(name, {name: (folder / name).read_bytes()}) for name in ("a.usda", "a.usdc", "a.usdz")]
+    looks = usd_files.MTLX % ""
+    shown = usd_files.stage(folder / "looks.usda")
+    look = UsdShade.Material.Define(shown, "/look")
+    look.GetPrim().GetReferences().AddReference("looks.mtlx", "/MaterialX/Materials/Look")
+    usd_files.bind(usd_files.mesh(shown, "/World/square"), look)
+    shown.GetRootLayer().Save()
+    with_looks = {"looks.usda": (folder / "looks.usda").read_bytes(), "looks.mtlx": looks.encode()}
+    alone = [Seed(name, {name: (folder / name).read_bytes()}) for name in ("a.usda", "a.usdc", "a.usdz")]
+    return [*alone, Seed("looks.usda", with_looks, ("looks.mtlx",))]
 
 
 def seeds() -> dict[str, list[Seed]]:

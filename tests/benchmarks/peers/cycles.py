@@ -50,7 +50,7 @@ def cycles_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterat
             took = cycles.ask("render", samples=1 + spp, seed=seed)
             return Taken(took["wall"] - one["wall"], took["cpu"] - one["cpu"])
 
-        plain = Rayfarm(case, sizes.picture, environment=_WHITE, sky_samples=1)  # the same work as theirs
+        plain = Rayfarm(case, sizes.picture, environment=_WHITE, splitting=1)  # the same work as theirs
         plain.picture(1, 0)
         ours.picture(1, 0)
         picture(1, 0)

@@ -21,7 +21,7 @@ def sample_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
 
 def _line(name: str, case: Case, sizes: Sizes, folder: Path) -> Line:
     """Both have rendered the same picture before the clock starts, and do the same work: one sample of each kind a vertex."""
-    ours, theirs = Rayfarm(case, sizes.picture, sky_samples=1), Mitsuba(case, sizes.picture, "independent", folder)
+    ours, theirs = Rayfarm(case, sizes.picture, splitting=1), Mitsuba(case, sizes.picture, "independent", folder)
     spp = sizes.spp
     ours.picture(1, 0)
     theirs.picture(spp, 0)

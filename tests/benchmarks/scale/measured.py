@@ -88,6 +88,8 @@ class Taken:
     rounds_s: list[float] = field(default_factory=list)  # between two rounds of a watcher
     packets: int = 0  # that all watchers got
     pictures: Counter[int] = field(default_factory=Counter)  # answers by their status
+    unfed_s: float = 0.0  # of slots, for which there was no work
+    held_up_s: float = 0.0  # of slots that waited for the process that simulates them
     shares: dict[str, Share] = field(default_factory=dict)  # of processors, by process
 
 
@@ -246,7 +248,7 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
             taken.rounds_s, taken.packets = seen["rounds_s"], seen["packets"]
         served.http.patch(f"/api/jobs/{job}", json={"state": "paused"}).raise_for_status()
         time.sleep(2.0)  # until all have reported themselves after that
-        said = _settled(served, slots)
+        said = _settled(served, slots, taken, (begun, begun + taken.seconds))
         taken.in_all = served.counts()
         served.stop()
         film = served.film(job, load)
@@ -302,15 +304,27 @@ def _pictures(served: Served, job: str, many: int, answers: Counter[int]) -> Ite
         answers.update({int(status): count for status, count in said.items()})
 
 
-def _settled(served: Served, slots: list[subprocess.Popen[str]]) -> dict[str, int]:
-    """Wait until all that is out has come back and is merged; what the slots have counted. What they have in hand they finish."""
+def _between(spent: list[list[float]], column: int, begin: float, end: float) -> float:
+    """How much a sum grew from one time to another."""
+    times = [row[0] for row in spent]
+    return float(np.interp(end, times, values := [row[column] for row in spent]) - np.interp(begin, times, values))
+
+
+def _settled(served: Served, slots: list[subprocess.Popen[str]], taken: Taken, measured: tuple[float, float]) -> dict[str, int]:
+    """Wait until all that is out has come back and is merged; what the slots have counted. What they have in hand they finish.
+    measured: from when to when the slots' time is looked at."""
     deadline = time.monotonic() + SETTLES_S
     while time.monotonic() < deadline and (_in_hand(served) or served.store.xlen(RESULTS)):
         time.sleep(0.5)
     said = Counter[str]()
     for process in slots:
         process.terminate()
-        said.update(json.loads(process.communicate(timeout=60)[0].splitlines()[-1]))
+        one = json.loads(process.communicate(timeout=60)[0].splitlines()[-1])
+        spent = one.pop("spent")
+        said.update(one)
+        unfed, held_up = (_between(spent, column, *measured) for column in (1, 2))
+        taken.unfed_s += unfed
+        taken.held_up_s += held_up
     while time.monotonic() < deadline and served.store.xlen(RESULTS):
         time.sleep(0.2)
     return said | {"unread": int(served.store.xlen(RESULTS))}

@@ -139,6 +139,11 @@ class Slots(PeerWorker):
         self._hands: list[tuple[float, int, _Batches]] = []  # by when the next of its batches is rendered
         self._doing: dict[int, dict[str, Any]] = {}
         self._full_until = 0.0
+        self._asked_at = time.monotonic()  # for work, and whether there was none
+        self._found_none = True
+        self._unfed_s = 0.0  # of slots that were free, where no work waited for them
+        self._held_up_s = 0.0  # of slots that this process kept: it came late to what waited for them, or to what they had done
+        self.spent: list[tuple[float, float, float]] = []  # the last two, by a clock that all processes share
 
     def run(self, seconds: float) -> None:
         """Work for so long, or until the process is told to end."""
@@ -168,6 +173,7 @@ class Slots(PeerWorker):
 
     def report(self) -> None:
         """Every worker's report."""
+        self.spent.append((time.monotonic(), self._unfed_s, self._held_up_s))
         self._serve_site()
         with self.redis.pipeline(transaction=False) as all_at_once:
             for number, machine in enumerate(self._machines):
@@ -202,10 +208,14 @@ class Slots(PeerWorker):
             while machine.free and machine.waiting:
                 self._help(now, machine)
             many += len(machine.free)
+        waited_s, self._asked_at = (now - self._asked_at) * many, now
+        self._unfed_s += waited_s if self._found_none else 0.0
+        self._held_up_s += 0.0 if self._found_none else waited_s
         found: Any = None
         for queue in self._queues if many else ():
             if found := self.redis.rpop(queue, min(many, AT_ONCE)):
                 break
+        self._found_none = not found
         for message in found or []:
             machine = self._with_a_free_slot()
             id, arguments = json.loads(message)["headers"]["id"], _arguments(message)
@@ -258,6 +268,7 @@ class Slots(PeerWorker):
             return False
         for at, _, hand in due:
             work, seconds = hand.batches.pop(0), hand.seconds.pop()
+            self._held_up_s += 0.0 if hand.batches else now - at
             if hand.joint is None:
                 self._send_sums(hand.machine, [(work, seconds)])
             else:
@@ -357,7 +368,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, lambda *_: slots.stop_running())
     print("ready", flush=True)
     slots.run(o.seconds)
-    said = {name: getattr(slots, name) for name in ("rendered", "samples", "waited", "direct_bytes")}
+    said = {name: getattr(slots, name) for name in ("rendered", "samples", "waited", "direct_bytes", "spent")}
     print(json.dumps(said), flush=True)
 
 

@@ -2,9 +2,11 @@
 
 import math
 
+import numpy as np
 import pytest
 
-from tests.renderer.scene.fbx_text import camera, fbx, node
+from renderer.scene.animation import Moment
+from tests.renderer.scene.fbx_text import camera, fbx, light, node, stack
 
 
 def test_a_camera_that_sees_in_perspective_comes_first(scene):
@@ -43,3 +45,46 @@ def test_a_camera_with_depth_of_field_is_named(scene):
         objects = node(51, "view", "Camera") + camera(61, UseDepthOfField=said, FocusDistance=120.0)
         warnings = scene("a.fbx", fbx(objects, [(61, 51), (51, 0)])).warnings
         assert any("1 cameras with depth of field" in w for w in warnings) == said
+
+
+def direction(view):
+    found = np.subtract(view.target, view.eye)
+    return found / np.linalg.norm(found)
+
+
+@pytest.mark.parametrize("z_up", [False, True])
+def test_a_camera_looks_at_its_target_and_stands_upright(scene, z_up):
+    """Whatever its own turn says."""
+    objects = node(51, "view", "Camera", Lcl_Translation=(100.0, 200.0, 300.0), Lcl_Rotation=(0.0, 37.0, 0.0))
+    objects += camera(61, Far=9.0) + node(71, "aim", "Null", Lcl_Translation=(-100.0, 50.0, 0.0))
+    links = [(61, 51), (51, 0), (71, 0), (71, 51, "LookAtProperty")]
+    view = scene("a.fbx", fbx(objects, links, z_up=z_up)).cameras[0].view
+    towards = np.array((-2.0, -1.5, -3.0))
+    towards = towards[[0, 2, 1]] * (1, 1, -1) if z_up else towards
+    np.testing.assert_allclose(direction(view), towards / np.linalg.norm(towards), atol=1e-6)
+    side = np.cross(direction(view), view.up)
+    assert side[1] == pytest.approx(0, abs=1e-9) and view.up[1] > 0
+
+
+def test_a_camera_that_looks_at_its_target_keeps_its_roll(scene):
+    objects = node(51, "view", "Camera", Lcl_Rotation=(30.0, 0.0, 0.0)) + camera(61, Far=9.0)
+    objects += node(71, "aim", "Null", Lcl_Translation=(100.0, 0.0, 0.0))
+    view = scene("a.fbx", fbx(objects, [(61, 51), (51, 0), (71, 0), (71, 51, "LookAtProperty")])).cameras[0].view
+    np.testing.assert_allclose(view.up, (0, math.cos(math.radians(30)), math.sin(math.radians(30))), atol=1e-6)
+
+
+def test_a_camera_follows_a_target_that_moves(scene):
+    animation, links = stack(80, "take", 500.0)
+    objects = node(51, "view", "Camera", Lcl_Translation=(0.0, 0.0, 500.0)) + camera(61, Far=9.0) + animation
+    shot = fbx(objects, [(61, 51), (51, 0), (20, 51, "LookAtProperty"), *links])
+    first, last = (scene("a.fbx", shot, moment=Moment(frame, 24)).cameras[0].view for frame in (0, 24))
+    np.testing.assert_allclose(direction(first), (0, 0, -1), atol=1e-6)
+    np.testing.assert_allclose(direction(last), (0.5**0.5, 0, -(0.5**0.5)), atol=1e-6)
+
+
+def test_spots_shine_at_their_target(scene):
+    objects = node(51, "spot", "Light", Lcl_Translation=(0.0, 100.0, 0.0)) + light(61, LightType=2, Intensity=100.0)
+    objects += node(71, "aim", "Null", Lcl_Translation=(100.0, 0.0, 0.0))
+    links = [(61, 51), (51, 0), (71, 0), (71, 51, "LookAtProperty")]
+    found = scene("a.fbx", fbx(objects, links)).lights[0]
+    np.testing.assert_allclose(found.direction, (0.5**0.5, -(0.5**0.5), 0), atol=1e-6)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from renderer.errors import SceneError
 from renderer.scene.description import SceneDescription
@@ -330,6 +331,55 @@ def test_surroundings_are_turned_about_any_axis(tmp_path: Path) -> None:
     assert seen[0].max() == pytest.approx(0.1) and seen[7:9, 15:17].max() == pytest.approx(0.1)
     weight = np.sin((np.arange(16) + 0.5) / 16 * np.pi)[:, None, None]
     assert (seen * weight).mean() == pytest.approx(float((sky * weight).mean()), rel=0.03)
+
+
+UPRIGHT = '<transform name="to_world"><rotate x="1" angle="-90"/></transform>'
+
+
+@pytest.mark.parametrize("place, up", [(UPRIGHT, (0, 1, 0)), ("", (0, 0, 1))])
+def test_a_sky_and_its_sun_are_as_bright_as_mitsubas(tmp_path: Path, place: str, up: tuple[int, int, int]) -> None:
+    """What a level plane gets of either, of the sun at 60 degrees, by Mitsuba 3.9. Its own up is +Z; below, it is black."""
+    sun = np.array((0.5, 0, 0)) + 0.75**0.5 * np.array(up)
+    where = f'<vector name="sun_direction" x="{sun[0]}" y="{sun[1]}" z="{sun[2]}"/>'
+    found = scene_of(tmp_path, f'<emitter type="sunsky">{where}{place}</emitter>' + BALL.format(""))
+    assert found.environment is not None and found.environment.image is not None
+    pixels = found.images[found.environment.image].pixels.astype(float)
+    height = len(pixels)
+    theta, phi = (np.arange(height) + 0.5) * np.pi / height, (np.arange(2 * height) + 0.5) * np.pi / height - np.pi
+    x, y = np.sin(theta)[:, None] * np.sin(phi), np.broadcast_to(np.cos(theta)[:, None], (height, 2 * height))
+    directions = np.stack([x, y, -np.sin(theta)[:, None] * np.cos(phi)], axis=-1)
+    weight = (np.maximum(directions @ up, 0) * np.sin(theta)[:, None] * (np.pi / height) ** 2)[..., None]
+    got = (pixels * weight).sum((0, 1)) * found.environment.color
+    np.testing.assert_allclose(got, (0.1683, 0.2676, 0.4646), rtol=0.1)
+    assert pixels[directions @ up < -0.02].max() == 0
+    towards_sun = pixels[directions @ sun > 0.98].mean()
+    assert (
+        towards_sun > 2 * pixels[(directions @ (sun * (-1, 1, 1)) if up[1] else directions @ (-0.5, 0, 0.75**0.5)) > 0.98].mean()
+    )
+    [light] = found.lights
+    np.testing.assert_allclose(light.direction, -sun, atol=1e-9)
+    np.testing.assert_allclose(np.multiply(light.intensity, 0.75**0.5), (1.298, 1.087, 0.837), rtol=0.03)
+    assert (light.angle, light.seen) == (pytest.approx(0.5358), "always")
+
+
+def test_a_spots_picture_is_its_mean_colour_and_that_is_said(tmp_path: Path) -> None:
+    """Half of the cone is red and half blue."""
+    pixels = np.zeros((64, 64, 3), np.uint8)
+    pixels[:, :32, 0], pixels[:, 32:, 2] = 255, 255
+    Image.fromarray(pixels).save(tmp_path / "t.png")
+    texture = '<texture type="bitmap" name="texture"><string name="filename" value="t.png"/></texture>'
+    spot = f'<emitter type="spot"><rgb name="intensity" value="8 8 8"/>{texture}</emitter>'
+    found = scene_of(tmp_path, spot + BALL.format(""))
+    np.testing.assert_allclose(found.lights[0].intensity, (4, 0, 4), atol=1e-6)
+    assert any("mean of its colours" in w for w in found.warnings)
+
+
+def test_a_sky_or_its_sun_may_be_dark(tmp_path: Path) -> None:
+    sun = '<vector name="sun_direction" x="0" y="1" z="1"/>'
+    sky = scene_of(tmp_path, f'<emitter type="sunsky">{sun}<float name="sun_scale" value="0"/></emitter>' + BALL.format(""))
+    assert (sky.environment is not None, sky.lights) == (True, [])
+    alone = scene_of(tmp_path, f'<emitter type="sunsky">{sun}<float name="sky_scale" value="0"/></emitter>' + BALL.format(""))
+    assert (alone.environment, len(alone.lights)) == (None, 1)
 
 
 def test_an_even_spectrum_is_warm_as_light_and_grey_as_paint(tmp_path: Path) -> None:

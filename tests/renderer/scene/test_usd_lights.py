@@ -203,3 +203,39 @@ def test_a_mesh_that_is_a_light_shines(tmp_path, mode, glow, expected, normalize
     made.GetRootLayer().Save()
     found = read(tmp_path / "a.usda")
     np.testing.assert_allclose(found.materials[found.meshes[0].material].emission, expected, rtol=1e-5)
+
+
+LEFT_OUT = {  # what of a light is named, and in which sentence
+    "inputs:shaping:ies:file": (Sdf.AssetPath("a.ies"), "IES profiles of lights"),
+    "inputs:shaping:focus": (8.0, "The focus of lights"),
+    "inputs:shadow:enable": (False, "Lights without shadows"),
+    "inputs:shadow:color": (Gf.Vec3f(1, 0, 0), "Shadows of a colour"),
+    "inputs:shadow:distance": (3.0, "Shadows of a colour"),
+    "inputs:specular": (0.0, "diffuse and glossy surfaces"),
+    "collection:lightLink:includeRoot": (None, "linked to some objects"),
+    "inputs:intensity": (5.0, None),
+}
+
+
+@pytest.mark.parametrize("name", LEFT_OUT)
+def test_what_of_a_light_cannot_be_drawn_is_named(tmp_path, name):
+    made = stage(tmp_path / "a.usda")
+    value, expected = LEFT_OUT[name]
+    prim = UsdLux.SphereLight.Define(made, "/light").GetPrim()
+    for schema in (UsdLux.ShapingAPI, UsdLux.ShadowAPI):
+        schema.Apply(prim)
+    if value is None:
+        UsdLux.LightAPI(prim).GetLightLinkCollectionAPI().CreateExcludesRel().AddTarget("/m")
+    else:
+        prim.GetAttribute(name).Set(value)
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda").warnings
+    assert [w for w in found if "/light" in w and expected and expected in w] if expected else not found
+
+
+def test_lights_of_a_renderers_own_are_named(tmp_path):
+    made = stage(tmp_path / "a.usda")
+    cube(made, "/m")
+    UsdLux.PluginLight.Define(made, "/light")
+    made.GetRootLayer().Save()
+    assert any("PluginLight" in w and "/light" in w for w in read(tmp_path / "a.usda").warnings)

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from pxr import UsdShade
+from PIL import Image
+from pxr import UsdGeom, UsdShade
 
 from tests.renderer.scene.test_usd_materials import linear, seen, shaded  # noqa: F401
 from tests.renderer.scene.usd_files import TYPES, material
@@ -64,6 +65,169 @@ def test_what_is_calculated_of_a_picture_and_numbers_is_what_materialx_says(look
     got = [seen(found, look.base_color_texture, k) * look.base_color[k] for k in range(3)]
     np.testing.assert_allclose(got, expected(np.array([linear(c) for c in PICTURE])), atol=0.004)
     assert not any("MaterialX" in w for w in found.warnings)
+
+
+def texels(folder, name, rows):
+    """A picture, and its values (h, w, 3) before they were encoded."""
+    codes = np.array(rows, np.uint8)
+    Image.fromarray(codes).save(folder / name)
+    return np.array([[[linear(int(c)) for c in texel] for texel in row] for row in rows])
+
+
+@pytest.fixture
+def pictures(tmp_path):
+    """Two pictures beside t.png, their values, and a maker of their nodes."""
+    random = np.random.default_rng(4)
+    one = texels(tmp_path, "one.png", random.integers(0, 255, (4, 8, 3)).tolist())
+    other = texels(tmp_path, "other.png", random.integers(0, 255, (4, 8, 3)).tolist())
+
+    def shown(made, name, kind="color3", **inputs):
+        return node(made, name, f"image_{kind}", F if kind == "float" else C, file=(ASSET, f"{name}.png"), **inputs)
+
+    return one, other, shown
+
+
+def values_of(found, number):
+    """(h, w, 3) of a texture, as shaders read it."""
+    picture = found.images[found.textures[number].image]
+    values = picture.pixels[..., :3].astype(float) / (255 if picture.pixels.dtype == np.uint8 else 1)
+    return np.vectorize(lambda x: linear(255 * x))(values) if picture.pixels.dtype == np.uint8 and picture.srgb else values
+
+
+BETWEEN = {
+    "multiply": ("in1", "in2", lambda a, b: a * b),
+    "add": ("in1", "in2", lambda a, b: a + b),
+    "subtract": ("in1", "in2", lambda a, b: a - b),
+    "divide": ("in1", "in2", lambda a, b: np.divide(a, b, out=np.zeros_like(a), where=b != 0)),
+    "max": ("in1", "in2", np.maximum),
+    "screen": ("bg", "fg", lambda a, b: 1 - (1 - a) * (1 - b)),
+    "overlay": ("bg", "fg", lambda b, f: np.where(b < 0.5, 2 * f * b, 1 - 2 * (1 - f) * (1 - b))),
+}
+
+
+@pytest.mark.parametrize("name", BETWEEN)
+def test_what_is_calculated_of_two_pictures_is_one_picture(looks, pictures, name):
+    one, other, shown = pictures
+    first, second, expected = BETWEEN[name]
+    found, look = looks(
+        emission=(F, 1.0),
+        emission_color=(
+            C,
+            lambda made: node(
+                made,
+                "sum",
+                f"{name}_color3",
+                **{first: (C, shown(made, "one")), second: (C, shown(made, "other"))},
+            ),
+        ),
+    )
+    got = values_of(found, look.emission_texture)
+    want = expected(one, other)
+    np.testing.assert_allclose(got, want, atol=0.008 if want.min() >= 0 and want.max() <= 1 else 1e-6, rtol=1e-5)
+    assert not any("MaterialX" in w for w in found.warnings)
+
+
+def test_a_picture_mixes_two_others(looks, pictures):
+    """Its own first channel, which is a number: not decoded, whatever is done to colours."""
+    one, other, shown = pictures
+
+    def mixed(made):
+        share = node(made, "third", "image_float", F, file=(ASSET, "t.png"))
+        return node(made, "mix", "mix_color3", fg=(C, shown(made, "one")), bg=(C, shown(made, "other")), mix=(F, share))
+
+    found, look = looks(base_color=(C, mixed))
+    got = values_of(found, look.base_color_texture)
+    assert got.shape == (4, 8, 3)
+    # Of t.png's two rows, the lower black, and each seen a quarter of a texel above or below its middle.
+    share = np.array((0.75, 0.75, 0.25, 0.25))[:, None, None] * (200 / 255)
+    np.testing.assert_allclose(got, share * one + (1 - share) * other, atol=0.006)
+
+
+def test_pictures_that_repeat_differently_are_laid_on_one_another(looks, pictures):
+    one, other, shown = pictures
+
+    def tiled(made):
+        file = (ASSET, "other.png")
+        twice = node(made, "twice", "tiledimage_color3", file=file, uvtiling=(V2, (2.0, 1.0)))
+        return node(made, "product", "multiply_color3", in1=(C, shown(made, "one")), in2=(C, twice))
+
+    found, look = looks(base_color=(C, tiled))
+    got = values_of(found, look.base_color_texture)
+    assert got.shape == (4, 16, 3)
+    # Of each second of the finer texels the coarse one is seen a quarter of a texel beside its middle.
+    coarse = 0.75 * one + 0.25 * np.roll(one, 1, axis=1)
+    np.testing.assert_allclose(got[:, ::2], np.tile(other, (1, 2, 1))[:, ::2] * coarse, atol=0.008)
+
+
+def test_pictures_that_lie_in_different_ways_are_not_mixed_and_that_is_named(looks, pictures):
+    _, _, shown = pictures
+
+    def turned(made):
+        file = (ASSET, "other.png")
+        moved = node(made, "moved", "tiledimage_color3", file=file, uvtiling=(V2, (1.5, 1.0)))
+        return node(made, "product", "multiply_color3", in1=(C, shown(made, "one")), in2=(C, moved))
+
+    found, look = looks(base_color=(C, turned))
+    assert found.images[found.textures[look.base_color_texture].image].name == "one.png"
+    assert any("lie in different ways" in w and "ND_multiply_color3" in w for w in found.warnings)
+
+
+ALONE = {  # nodes that are no factor and addend of a picture
+    "power": ("in1", {"in2": (C, (2, 0.5, 1))}, lambda x: x ** np.array((2, 0.5, 1))),
+    "clamp": ("in", {"low": (C, (0.3,) * 3), "high": (C, (0.5,) * 3)}, lambda x: np.clip(x, 0.3, 0.5)),
+    "smoothstep": ("in", {"low": (C, (0.1,) * 3), "high": (C, (0.6,) * 3)}, None),
+    "luminance": ("in", {}, lambda x: np.repeat((x @ (0.2722287, 0.6740818, 0.0536895))[..., None], 3, axis=-1)),
+    "saturate": ("in", {"amount": (F, 0.0)}, lambda x: np.repeat((x @ (0.2722287, 0.6740818, 0.0536895))[..., None], 3, axis=-1)),
+}
+
+
+@pytest.mark.parametrize("name", ALONE)
+def test_what_bends_a_picture_is_worked_out_texel_by_texel(looks, pictures, name):
+    one, _, shown = pictures
+    first, inputs, expected = ALONE[name]
+    found, look = looks(
+        base_color=(C, lambda made: node(made, "n", f"{name}_color3", **{first: (C, shown(made, "one"))}, **inputs))
+    )
+    t = np.clip((one - 0.1) / 0.5, 0, 1)
+    want = t * t * (3 - 2 * t) if expected is None else expected(one)
+    np.testing.assert_allclose(values_of(found, look.base_color_texture), want, atol=0.006)
+
+
+@pytest.mark.parametrize("first", ["in1", "in2"])
+def test_a_picture_is_multiplied_by_the_colours_of_vertices(shaded, first):  # noqa: F811
+    def build(made):
+        colors = UsdGeom.PrimvarsAPI(made.GetPrimAtPath("/m")).CreatePrimvar("displayColor", TYPES.Color3fArray, "vertex")
+        colors.Set([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)])
+        second = {"in1": "in2", "in2": "in1"}[first]
+        given = {first: (C, picture(made)), second: (C, node(made, "painted", "geomcolor_color3"))}
+        product = node(made, "product", "multiply_color3", **given)
+        return material(made, "/look", STANDARD, "mtlx", base_color=(C, product))[0]
+
+    found, look = shaded(build)
+    assert seen(found, look.base_color_texture) == linear(200)
+    np.testing.assert_allclose(
+        np.sort(found.meshes[0].colors[:, :3], axis=0), np.sort([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)], axis=0)
+    )
+    assert not any("Primvars" in w for w in found.warnings)
+
+
+def test_channels_of_two_pictures_are_put_together(looks, pictures):
+    one, other, shown = pictures
+
+    def channel(made, name, index):
+        given = {"in": (C, shown(made, name)), "index": (TYPES.Int, index)}
+        return (F, node(made, f"{name}{index}", "extract_color3", F, **given))
+
+    found, look = looks(
+        base_color=(
+            C,
+            lambda made: node(
+                made, "c", "combine3_color3", in1=channel(made, "one", 2), in2=channel(made, "other", 0), in3=(F, 0.25)
+            ),
+        )
+    )
+    want = np.stack([one[..., 2], other[..., 0], np.full((4, 8), 0.25)], axis=-1)
+    np.testing.assert_allclose(values_of(found, look.base_color_texture), want, atol=0.006)
 
 
 def test_numbers_alone_are_calculated_too(looks):

@@ -1,5 +1,7 @@
 """USD: subdivision surfaces, curves and points."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, Vt
@@ -36,6 +38,68 @@ def test_the_limit_is_where_many_levels_lead():
     deep, near = limit(fine)[: len(first.points)], limit(first)
     np.testing.assert_allclose(deep, near, atol=1e-9)
     assert np.abs(fine.points[: len(first.points)] - near).max() < 0.01
+
+
+OCTAHEDRON = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], float)
+EIGHT = np.array([(0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4), (2, 0, 5), (1, 2, 5), (3, 1, 5), (0, 3, 5)]).reshape(-1)
+
+
+@pytest.mark.parametrize("is_smooth, share", [(False, 0.5), (True, 0.94)])
+def test_smooth_triangles_draw_edges_towards_their_middles(is_smooth, share):
+    made = Usd.Stage.CreateInMemory()
+    one = mesh(made, "/m", OCTAHEDRON, [3] * 8, EIGHT.tolist(), scheme="catmullClark")
+    one.CreateTriangleSubdivisionRuleAttr("smooth" if is_smooth else "catmullClark")
+    start = replace(cage(OCTAHEDRON, (3,) * 8, EIGHT), has_smooth_triangles=is_smooth)
+    finer = refined(start, [])[0]
+    # Both ends' mean is (1/2, 1/2, 0), that of both faces' middles (1/3, 1/3, 0).
+    np.testing.assert_allclose(np.abs(finer.points[6:18]).max(axis=1), 1 / 2 - share / 6)
+    deep = limit(refined(finer, [])[0])
+    found = read_mesh(one.GetPrim(), [Wanted()], None, Usd.TimeCode(0), Notes())[0]
+    np.testing.assert_allclose(np.sort(found.positions, axis=0), np.sort(deep, axis=0), atol=1e-6)
+
+
+def test_one_level_of_an_octahedron_is_as_loop_computed_it():
+    finer, _, parent = refined(replace(cage(OCTAHEDRON, (3,) * 8, EIGHT), is_loop=True), [])
+    # Of valence 4, (5/8 - (3/8)^2) / 4 for each neighbour, whose sum is 0; of an edge, 3/8 of both ends and 1/8 of what faces it.
+    np.testing.assert_allclose(finer.points[:6], OCTAHEDRON * (1 - (5 / 8 - 9 / 64)))
+    np.testing.assert_allclose(np.sort(np.abs(finer.points[6:]), axis=1), [(0, 3 / 8, 3 / 8)] * 12)
+    assert np.bincount(parent).tolist() == [4] * 8
+    a, b, c = finer.points[finer.faces.corners.reshape(-1, 3)].transpose(1, 0, 2)
+    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), a + b + c) > 0).all()
+
+
+def test_the_limit_after_loop_is_where_many_levels_lead():
+    rng = np.random.default_rng(3)
+    edges = np.array([(0, 2), (2, 1), (1, 3), (3, 0)])
+    for sharp in ((edges, np.full(4, 10.0), np.array([4]), np.array([10.0])), NONE):
+        start = replace(cage(OCTAHEDRON + rng.normal(size=(6, 3)) * 0.2, (3,) * 8, EIGHT, sharp), is_loop=True)
+        fine = start
+        for _ in range(5):
+            fine, _, _ = refined(fine, [])
+        np.testing.assert_allclose(limit(fine)[:6], limit(start), atol=1e-9)
+        assert 1e-6 < np.abs(fine.points[:6] - limit(start)).max() < 0.01
+
+
+def test_loops_surfaces_are_refined_with_their_uvs_and_what_are_no_triangles_is_named(tmp_path):
+    made = stage(tmp_path / "a.usda")
+    points = [(x + 0.2 * np.sin(2 * y), y + 0.1 * x * x, 0) for y in range(4) for x in range(4)]
+    corners = [4 * y + x + v for y in range(3) for x in range(3) for v in (0, 1, 5, 0, 5, 4)]
+    one = mesh(made, "/m", points, [3] * 18, corners, scheme="loop")
+    uvs = UsdGeom.PrimvarsAPI(one).CreatePrimvar("st", TYPES.TexCoord2fArray, "faceVarying")
+    uvs.Set([Gf.Vec2f(*map(float, points[v][:2])) for v in range(16)])
+    uvs.SetIndices(corners)
+    found, uvs = refined_uvs(one)
+    np.testing.assert_allclose(uvs, found, atol=1e-5)
+    assert len(found) == 13 * 13
+    # Inside, where six edges meet, the limit is half the point and a twelfth of each neighbour.
+    ring = np.array(points)[[5, 0, 1, 4, 6, 9, 10]][:, :2]
+    assert np.linalg.norm(found - (ring[0] / 2 + ring[1:].sum(axis=0) / 12), axis=1).min() < 1e-6
+
+    mesh(made, "/quad", scheme="loop")
+    made.GetRootLayer().Save()
+    description = read(tmp_path / "a.usda")
+    assert [len(m.triangles) for m in description.meshes] == [18 * 16, 2]
+    assert [w for w in description.warnings if "Loop" in w and "/quad" in w and "/m" not in w]
 
 
 def test_creases_that_are_half_sharp_are_refined_until_they_are_not():

@@ -13,6 +13,40 @@ QUADS = [0, 3, 2, 1, 4, 5, 6, 7, 0, 1, 5, 4, 1, 2, 6, 5, 2, 3, 7, 6, 3, 0, 4, 7]
 SQUARE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
 TYPES = Sdf.ValueTypeNames
 
+MTLX = """<?xml version="1.0"?>
+<materialx version="1.38" colorspace="lin_rec709" fileprefix="maps/">
+  <nodegraph name="graph">
+    <input name="gain" type="float" value="0.5"/>
+    <texcoord name="uv" type="vector2"/>
+    <tiledimage name="picture" type="color3">
+      <input name="file" type="filename" value="t.png" colorspace="srgb_texture"/>
+      <input name="texcoord" type="vector2" nodename="uv"/>
+      <input name="uvtiling" type="vector2" value="2, 3"/>
+    </tiledimage>
+    <multiply name="product" type="color3">
+      <input name="in1" type="color3" nodename="picture"/>
+      <input name="in2" type="float" interfacename="gain"/>
+    </multiply>
+    <separate3 name="apart" type="multioutput"><input name="in" type="color3" nodename="picture"/></separate3>
+    <output name="color" type="color3" nodename="product"/>
+    <output name="rough" type="float" nodename="apart" output="outg"/>
+  </nodegraph>
+  <standard_surface name="surface" type="surfaceshader">
+    <input name="base_color" type="color3" nodegraph="graph" output="color"/>
+    <input name="specular_roughness" type="float" nodegraph="graph" output="rough"/>
+    <input name="metalness" type="float" nodename="metal"/>
+    <input name="emission" type="float" value="1"/>
+    <input name="emission_color" type="color3" value="0.5, 0.25, 1" colorspace="srgb_texture"/>
+    <input name="specular_IOR" type="float" value="1.7"/>
+    <input name="thin_walled" type="boolean" value="false"/>
+  </standard_surface>
+  <constant name="metal" type="float"><input name="value" type="float" value="0.75"/></constant>
+  <surfacematerial name="Look" type="material">
+    <input name="surfaceshader" type="surfaceshader" nodename="surface"/>
+  </surfacematerial>
+  %s
+</materialx>"""  # with a place for more elements
+
 
 def stage(path, up="Y", unit=1.0):
     """A new stage in a file, by its suffix."""

@@ -14,14 +14,15 @@ _SEED, _BLOCK = np.uint32(7), np.uint32(5)
 
 
 @entry
-def _drawn(pixel, sample, eight, one):
+def _drawn(pixel, sample, block, eight, one):
     for i in range(0, len(sample), 8):
         number = load_ints(sample, np.uintp(i))
         stream = Stream(SOBOL, _SEED, load_ints(pixel, np.uintp(i)), number)
-        keep(eight, i, number, (*draw4(stream, _BLOCK), *draw_film(stream)))
+        blocks = load_ints(block, np.uintp(i))
+        keep(eight, i, number, (*draw4(stream, _BLOCK), *draw4(stream, blocks), *draw_film(stream)))
         for j in range(i, i + 8):
             stream = Stream(SOBOL, _SEED, np.uint32(pixel[j]), np.uint32(sample[j]))
-            keep(one, j, j, (*draw4(stream, _BLOCK), *draw_film(stream)))
+            keep(one, j, j, (*draw4(stream, _BLOCK), *draw4(stream, np.uint32(block[j])), *draw_film(stream)))
 
 
 @pytest.mark.parametrize("most", [1, 64, 1 << 28])
@@ -29,8 +30,9 @@ def test_eight_at_once_are_those_of_each_alone(most: int) -> None:
     random = np.random.default_rng(3)
     sample = random.integers(0, most, 800).astype(np.int32)
     pixel = random.integers(-(1 << 31), 1 << 31, 800).astype(np.int32)
-    eight, one = np.full((2, 8, 800), np.float32(-1.0))
-    _drawn(pixel, sample, eight, one)
+    block = random.integers(0, 17, 800).astype(np.int32)
+    eight, one = np.full((2, 12, 800), np.float32(-1.0))
+    _drawn(pixel, sample, block, eight, one)
     np.testing.assert_array_equal(eight, one)
     assert eight.min() >= 0.0
     assert 0.9 < eight.max() < 1.0

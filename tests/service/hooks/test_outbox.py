@@ -23,7 +23,7 @@ from sqlalchemy import select
 from service.hooks import deliver, outbox
 from service.hooks.signing import headers
 from service.scheduling.forecasts import deadlines
-from service.store.models import Delivery
+from service.store.models import Delivery, Job
 from tests.grids import grid
 from tests.service.conftest import Service, until
 
@@ -246,24 +246,39 @@ def test_a_program_that_hangs_is_ended_with_what_it_has_started(tmp_path: Path, 
     until(lambda: not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE, "it is ended")
 
 
-def test_a_hook_that_hears_nothing_holds_up_no_other(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    silent, other = "http://127.0.0.1:1/", "http://127.0.0.1:2/"
-    settings = service.farm.settings.model_copy(update={"webhooks": [silent, other]})
-    sender = outbox.Outbox(settings, service.farm.sessions)
-    with service.farm.sessions.begin() as session:
-        for n in range(6):
-            hook = silent if n < 3 else other
-            session.add(outbox.Delivery(id=f"msg_{n}", hook=hook, job=f"job{n}", ended=1.0, message={}, due=float(n)))
-    tried: list[str] = []
+def test_a_hook_that_hangs_holds_up_no_other(service: Service, receiver: Receiver) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:  # connections come to be, and nobody ever reads from them
+        hanging = f"http://127.0.0.1:{server.getsockname()[1]}/"
+        service.options["webhooks"] = [hanging, receiver.url]
+        service.restart()
+        until(lambda: len(service.farm.outbox._since) == 2, "the outbox has begun")
+        jobs = [service.submit(service.upload()) for _ in range(2)]
+        service.patch(jobs[0], state="cancelled")
+        with server.accept()[0]:
+            began = time.monotonic()
+            service.patch(jobs[1], state="cancelled")
+            until(lambda: len(receiver.got) == 2, "the other is told")
+            assert [hook["arrived"] for hook in service.http.get("/api/hooks").json()] == [0, 2]
+            assert time.monotonic() - began < deliver.ANSWER_WITHIN_S
 
-    def tell(hook: str, id: str, message: dict[str, object]) -> None:
-        tried.append(hook)
-        if hook == silent:
-            raise deliver.UndeliveredError("It did not answer.")
 
-    monkeypatch.setattr(sender, "tell", tell)
-    sender._send_due()
-    assert tried == [silent, other, other, other]
+@pytest.mark.long
+def test_more_ends_than_are_looked_at_at_once_are_told_beside_what_is_late(
+    told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They ended long before the other was late: it must not be taken for all that there is."""
+    monkeypatch.setattr(outbox, "AT_A_TIME", 2)
+    jobs = [told.submit(told.upload()) for _ in range(6)]
+    now = time.time()
+    with told.farm.sessions.begin() as session:
+        for at, id in enumerate(jobs):
+            job = session.get(Job, id)
+            assert job is not None
+            if at < 5:
+                job.state, job.finished = "cancelled", now + 100.0 * at
+            else:
+                job.late = now + 1000.0
+    until(lambda: len(receiver.got) == 6, "all are told", say=lambda: receiver.messages)
 
 
 @pytest.mark.long

@@ -179,14 +179,14 @@ def test_it_is_told_once_that_it_has_lost_the_farm(candidates: Callable[..., Can
     told: list[None] = []
     first._on_lost = lambda: told.append(None)
     first._folder.release()
-    owned(candidates())
+    second = owned(candidates())
     for _ in range(3):
         first.confirm()
         with pytest.raises(NotOwner):
             first.guard()
     assert len(told) == 1
     first.stop()
-    row = rows.look(first._bare)
+    row = rows.look(second._bare)
     assert row is not None
     assert row.owner is not None, "what is another's is not given up"
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import text
+from sqlalchemy import event, func, select, text
 
+from service.errors import Unavailable
 from service.settings import Settings
-from service.store.database import connect
+from service.store.database import close_database, connect
 from service.store.models import Job
+from tests.service.conftest import Databases
 
 
 @pytest.mark.parametrize(
@@ -40,6 +43,31 @@ def test_json_is_read_as_it_was_written_and_what_is_damaged_is_nothing(written: 
         job = session.get(Job, "j")
         assert job is not None and job.request == read
     engine.dispose()
+
+
+@pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
+def test_a_database_that_is_closed_stays_so_for_threads_that_outlive_it(kind: str, databases: Databases, tmp_path: Path) -> None:
+    with databases.new(kind) as url:
+        engine, sessions = connect(url or f"sqlite:///{tmp_path / 'test.db'}")
+        opened: list[Any] = []
+        event.listen(engine, "connect", lambda connection, _: opened.append(connection))
+        with sessions() as late, sessions() as other:
+            late.scalar(select(func.count()).select_from(Job))
+            other.scalar(select(func.count()).select_from(Job))
+            close_database(engine)
+        with pytest.raises(Unavailable, match="is going down"), sessions.begin() as session:
+            session.scalar(select(func.count()).select_from(Job))
+        assert opened and all(_is_closed(connection) for connection in opened)
+
+
+def _is_closed(connection: Any) -> bool:
+    if not isinstance(connection, sqlite3.Connection):
+        return bool(connection.closed)
+    try:
+        connection.total_changes  # noqa: B018
+    except sqlite3.ProgrammingError:
+        return True
+    return False
 
 
 def test_a_database_lies_in_a_folder_of_any_name(tmp_path: Path) -> None:

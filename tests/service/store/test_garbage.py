@@ -15,9 +15,9 @@ from sqlalchemy.orm import Session
 from service.errors import NotOwner, Unavailable
 from service.store.blobs import BlobFolder
 from service.store.database import connect
-from service.store.garbage import Garbage
+from service.store.garbage import AT_A_TIME, Garbage
 from service.store.models import Scene
-from tests.service.conftest import OBJ, TOKEN, Service
+from tests.service.conftest import OBJ, TOKEN, Service, until
 
 ROUNDS = 25
 
@@ -170,7 +170,7 @@ def test_what_cannot_be_deleted_now_goes_later(garbage: tuple[Garbage, BlobFolde
     collector, blobs = garbage
     one, two = put(blobs, b"one"), put(blobs, b"two")
 
-    def away(self: BlobFolder, sha256: str) -> None:
+    def away(self: BlobFolder, hashes: object, guard: object) -> None:
         raise Unavailable("The object store does not answer.")
 
     with monkeypatch.context() as patch:
@@ -193,6 +193,58 @@ def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_p
     sha256 = put(blobs, b"content")
     Garbage(sessions, blobs, patience_s=60.0, guard=stood_still).collect(lambda session: {sha256})
     assert blobs.exists(sha256)
+
+
+def test_many_blobs_that_go_keep_nobody_else_waiting(
+    garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk may take seconds for thousands of files. One of them is uploaded again meanwhile, and one is just being deleted."""
+    collector, blobs = garbage
+    contents = [b"file %d" % i for i in range(AT_A_TIME + 40)]
+    hashes = {put(blobs, content): content for content in contents}
+    first: set[str] = set()
+    begun, goes_on = threading.Event(), threading.Event()
+    delete = BlobFolder.delete
+
+    def slow(self: BlobFolder, some: set[str], guard: Callable[[], None]) -> None:
+        first.update(first or some)
+        begun.set()
+        assert goes_on.wait(20)
+        delete(self, some, guard)
+
+    monkeypatch.setattr(BlobFolder, "delete", slow)
+
+    def upload(sha256: str) -> None:
+        with collector.pinned([sha256]):
+            assert put(blobs, hashes[sha256]) == sha256
+            collector.collect(scene_of(sha256))
+
+    with ThreadPoolExecutor(3) as pool:
+        deleting = pool.submit(collector.collect, lambda session: set(hashes))
+        assert begun.wait(20)
+        later, now = next(iter(set(hashes) - first)), next(iter(first))
+        waits = pool.submit(upload, now)
+        with collector.pinned([put(blobs, b"of another scene")]), collector.pinned([later]):
+            assert blobs.exists(later), "it is not deleted yet, and will not be"
+            assert not waits.done(), "what is being deleted cannot be found any more"
+            goes_on.set()
+            deleting.result(20)
+            waits.result(20)
+            assert blobs.exists(later)
+    assert {sha256 for sha256 in hashes if blobs.exists(sha256)} == {now}
+
+
+def test_a_life_inherits_what_the_last_one_was_about_to_delete(service: Service) -> None:
+    """It was killed when the scene was gone and its files were not. What a worker has stored meanwhile waits for its answer."""
+    service.stop()
+    blobs = BlobFolder(service.options["data"] / "blobs", service.options["data"] / "tmp")
+    stray, on_its_way = put(blobs, b"stray"), put(blobs, b"on its way")
+    service.options["prepare_deadline"] = 0.5
+    service.start()
+    service.farm.garbage.keep_promise(on_its_way)
+    service.farm.garbage.collect(scene_of(on_its_way))
+    until(lambda: not blobs.exists(stray), "nobody came for it")
+    assert blobs.exists(on_its_way)
 
 
 def test_a_refusal_of_the_database_deletes_nothing(garbage: tuple[Garbage, BlobFolder]) -> None:

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from datetime import datetime
 from pathlib import Path
 
@@ -76,3 +77,20 @@ def test_a_machine_whose_zone_is_set_anew_goes_by_that_one() -> None:
     if done.returncode:
         pytest.skip(f"mounts are not to be had here: {done.stderr[-200:]}")
     assert done.stdout.strip() == "14"
+
+
+@pytest.mark.parametrize(
+    ("evening", "hours"), [("2026-03-28T20:00+01:00", 6), ("2026-10-24T20:00+02:00", 8), ("2026-05-02T20:00+02:00", 7)]
+)
+def test_a_night_in_which_the_clocks_are_changed_is_worked_from_its_begin_to_its_end(
+    evening: str, hours: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An hour less, or one more, and no pause between."""
+    with monkeypatch.context() as here:
+        here.setenv("TZ", "CET-1CEST,M3.5.0,M10.5.0/3")
+        time.tzset()
+        begin = datetime.fromisoformat(evening).timestamp()
+        night = Hours.parse("23:00-06:00")
+        worked = [minute for minute in range(14 * 60) if night.are_now(datetime.fromtimestamp(begin + 60 * minute))]
+    time.tzset()
+    assert worked == list(range(180, 180 + 60 * hours))

@@ -248,7 +248,7 @@
  * @property {number[] | null} point
  * @property {number[]} throughput
  * @property {number[]} emitted
- * @property {number[]} sky
+ * @property {number[]} beside
  * @property {number | null} emitted_weight
  * @property {number[]} direct
  * @property {{point: number[] | null, pdf: number | null, weight: number, brought: number[], spot: Spot} | null} light

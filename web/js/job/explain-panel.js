@@ -190,8 +190,8 @@ function pathDetail(path, look) {
 
 /** @param {PathVertex} vertex @param {HTMLElement | undefined} button */
 function row(vertex, button) {
-  const { kind, throughput, emitted, direct, sky, light } = vertex;
-  const brought = luminanceOf(sum(sum(emitted, direct), sky));
+  const { kind, throughput, emitted, direct, beside, light } = vertex;
+  const brought = luminanceOf(sum(sum(emitted, direct), beside));
   const lit = isBlocked(light, direct) ? t("blocked") : "";
   return h(
     "tr",
@@ -199,7 +199,7 @@ function row(vertex, button) {
     h("th", { scope: "row" }, button),
     h("td", null, h("span", { class: "met" }, nameOf(vertex)), h("span", { class: "quiet small" }, kind === "surface" ? lobe(vertex) : kind === "passed" ? (emitted.some(Boolean) ? t("a lamp, which stops nothing") : t("passed by its alpha")) : "")),
     h("td", { class: "mono", title: listed(throughput) }, radiance(luminanceOf(throughput))),
-    h("td", { class: "mono", title: listed(sum(sum(emitted, direct), sky)) }, brought ? `+${radiance(brought)}` : "–", h("span", { class: "quiet small" }, lit)),
+    h("td", { class: "mono", title: listed(sum(sum(emitted, direct), beside)) }, brought ? `+${radiance(brought)}` : "–", h("span", { class: "quiet small" }, lit)),
   );
 }
 
@@ -215,7 +215,7 @@ const lobe = ({ model, bounce }) => [model, bounce ? BOUNCES[bounce] : ""].filte
 
 /** @param {PathVertex} vertex @returns {[string, string][]} */
 function facts(vertex) {
-  const { light, point, distance, throughput, emitted, emitted_weight: weight, direct, sky, pdf, survival } = vertex;
+  const { light, point, distance, throughput, emitted, emitted_weight: weight, direct, beside, pdf, survival } = vertex;
   /** @type {[string, string | null | false][]} */
   const all = [
     [t("Position"), point && listed(point)],
@@ -223,7 +223,7 @@ function facts(vertex) {
     [t("Throughput"), listed(throughput)],
     [t("Its own light"), emitted.some(Boolean) && listed(emitted)],
     [t("Counted by MIS as"), weight != null && percent(weight)],
-    [t("The sky brings, from another direction"), sky.some(Boolean) && listed(sky)],
+    [t("The path's second branch brings"), beside.some(Boolean) && listed(beside)],
     [t("Light chosen at"), light && (light.point ? listed(light.point) : t("infinitely far"))],
     [t("It would bring"), light && listed(light.brought)],
     [t("It brings"), light && (isBlocked(light, direct) ? t("nothing: it is blocked") : listed(direct))],

@@ -6,7 +6,7 @@ animation.py which of a file's things move, and the animation that is shown
 meshes.py    polygons as triangles, a mesh for each material
 shapes.py    blend shapes and skins
 materials.py Lambert, Phong and physically based materials, with textures.py for their pictures
-lights.py    lights and cameras
+lights.py    lights and cameras; targets.py what they look at
 reader.py    all of them as a scene
 """
 

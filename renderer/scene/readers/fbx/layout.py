@@ -25,6 +25,7 @@ __all__ = [
     "BlendKeyframe",
     "BlendShape",
     "Camera",
+    "Connection",
     "Element",
     "Error",
     "EvaluateOptions",
@@ -90,8 +91,10 @@ def _names(text: str) -> tuple[str, ...]:
 
 Props = _structure("Props", "_:list _:size _:ptr")
 Element = _structure(
-    "Element", "name:list props:Props element_id:uint typed_id:uint instances:list type:int _:list _:list _:ptr scene:ptr"
+    "Element",
+    "name:list props:Props element_id:uint typed_id:uint instances:list type:int _:list connections_dst:list _:ptr scene:ptr",
 )
+Connection = _structure("Connection", "src:ptr dst:ptr src_prop:list dst_prop:list")
 Node = _structure(
     "Node",
     "parent:ptr children:list mesh:ptr light:ptr camera:ptr bone:ptr attrib:ptr _:ptr _:ptr attrib_type:int all_attribs:list"

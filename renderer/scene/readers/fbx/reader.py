@@ -19,12 +19,14 @@ from renderer.scene.readers.fbx.library import Opened, array, at, each, is_set, 
 from renderer.scene.readers.fbx.materials import Materials
 from renderer.scene.readers.fbx.meshes import Part, parts_of
 from renderer.scene.readers.fbx.shapes import Skin, blended, turned_with
+from renderer.scene.readers.fbx.targets import aimed
 from renderer.scene.readers.fbx.textures import Pictures
 from renderer.scene.readers.shapes import quad
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read"]
 
+_VIEW = np.array((1.0, 0.0, 0.0))  # along which a camera looks
 _BLENDER = (2, 3)  # ufbx_exporter
 _LOD_GROUP = 16  # ufbx_element_type
 _SMOOTH = (2, 3)  # ufbx_subdivision_display_mode
@@ -213,7 +215,7 @@ class _Reader:
 
     def _light(self, node: Any, middle: npt.NDArray[np.float64], moves: bool) -> None:
         light = at(layout.Light, node.light)
-        world = self._finite(matrix(node.node_to_world), node)
+        world = self._finite(aimed(node, self._scene, matrix(node.node_to_world), np.array(light.direction)), node)
         name = self._unique(text(node.name) or "light")
         if not is_set(light, b"CastShadows", True):
             self._odd["lights without shadows, which cast them"] += 1
@@ -247,7 +249,7 @@ class _Reader:
     def _camera(self, node: Any) -> None:
         name = self._unique(text(node.name) or "camera")
         try:
-            world = self._finite(matrix(node.node_to_world), node)
+            world = self._finite(aimed(node, self._scene, matrix(node.node_to_world), _VIEW), node)
             camera = at(layout.Camera, node.camera)
             offset = number_of(camera, b"FilmOffsetX"), number_of(camera, b"FilmOffsetY")
             unit = float(self._scene.settings.unit)

@@ -6,7 +6,7 @@ textures.py  what varies over a surface
 bsdfs.py     BSDFs as materials
 meshes.py    shapes that are meshes of files or formulas; serialized.py Mitsuba's own file of meshes
 shapes.py    shapes placed, with their material and light
-emitters.py  lights without a body, and light from all around
+emitters.py  lights without a body, and light from all around; skies.py the sky and its sun
 sensors.py   cameras, the film, the integrator
 reader.py    the parts put together
 

@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 
-from renderer.scene.description import Environment, Light, SceneDescription, Sky, Vec3
+from renderer.scene.description import Environment, Light, SceneDescription, Vec3
+from renderer.scene.readers.linear import linear
 from renderer.scene.readers.mitsuba.document import Document, Element
-from renderer.scene.readers.mitsuba.textures import radiance_of
+from renderer.scene.readers.mitsuba.skies import SKIES, sky_of
+from renderer.scene.readers.mitsuba.textures import Textures, radiance_of
 from renderer.scene.readers.turned_sky import FROM_PLUS_Z, seen_upright
 from renderer.scene.textures import TextureShelf
 
@@ -30,9 +32,9 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
     elif source.type == "spot":
         outer = min(max(source.number("cutoff_angle", 20.0), 0.01), 90.0)
         inner = min(max(source.number("beam_width", 0.75 * outer), 0.0), outer)
-        if source.child("texture") is not None:
-            document.ignore(f"{source.what}: its texture is not read")
-        intensity = radiance_of(source, "intensity")
+        tint = _mean_in_cone(source, document, shelf, inner, outer)
+        r, g, b = (a * float(t) for a, t in zip(radiance_of(source, "intensity"), tint, strict=True))
+        intensity: Vec3 = (r, g, b)
         direction = _vec(_unit(world[:3, 2]))
         description.lights.append(
             Light(
@@ -43,10 +45,30 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
         direction = source.get("direction")
         towards = _unit(world[:3, 2] if direction is None else np.asarray(direction, float))
         description.lights.append(Light("directional", radiance_of(source, "irradiance"), direction=_vec(towards), name=name))
-    elif source.type in ("sunsky", "sky", "sun"):
-        _sky(source, document, description)
+    elif source.type in SKIES:
+        environment, sun = sky_of(source, document, shelf)
+        if environment is not None:
+            _surround(environment, source, document, description)
+        if sun is not None:
+            description.lights.append(sun)
     else:
         document.ignore(f"{source.what} is no light that is read: it is left out")
+
+
+def _mean_in_cone(source: Element, document: Document, shelf: TextureShelf, inner: float, outer: float) -> Vec3:
+    """The mean colour of the picture that a spot throws, by how bright it is where."""
+    color, number = Textures(document, shelf).color(source, "texture", 1.0)
+    if number is None:
+        return color
+    document.ignore(f"{source.what}: its texture is not thrown as a picture: it shines in the mean of its colours")
+    pixels = linear(shelf.image_of(number))
+    height, width = pixels.shape[:2]
+    x, y = (2 * np.arange(width) + 1) / width - 1, (2 * np.arange(height) + 1) / height - 1
+    slope = np.hypot(*np.meshgrid(x, y)) * math.tan(math.radians(min(outer, 89.0)))
+    angle = np.degrees(np.arctan(slope))
+    weight = np.clip((outer - angle) / max(outer - inner, 1e-6), 0, 1) * (1 + slope**2) ** -1.5
+    red, green, blue = (pixels * weight[..., None]).sum(axis=(0, 1)) / max(float(weight.sum()), 1e-12)
+    return float(red) * color[0], float(green) * color[1], float(blue) * color[2]
 
 
 def _surround(environment: Environment, source: Element, document: Document, description: SceneDescription) -> None:
@@ -76,18 +98,6 @@ def _image(source: Element, document: Document, shelf: TextureShelf, description
     angle = math.degrees(math.atan2(z[0] - x[2], z[2] + x[0]))
     # The middle of Mitsuba's image looks along +Z, that of ours along -Z.
     _surround(Environment(image=image, strength=strength, rotation=(angle - 180.0) % 360), source, document, description)
-
-
-def _sky(source: Element, document: Document, description: SceneDescription) -> None:
-    towards = source.get("sun_direction")
-    if towards is None:
-        document.ignore(f"{source.what}: where its sun stands is not told as sun_direction; it stands at 45 degrees")
-        towards = (0.0, 1.0, -1.0)
-    x, y, z = _unit(np.asarray(towards, float))
-    document.ignore(f"{source.what}: rendered with the sky of Rayfarm, which is another model")
-    elevation, azimuth = math.degrees(math.asin(min(max(y, -1.0), 1.0))), math.degrees(math.atan2(x, -z)) % 360
-    sky = Sky(sun_elevation=elevation, sun_azimuth=azimuth, sun=source.type != "sky")
-    _surround(Environment(sky=sky, strength=source.number("sky_scale", 1.0)), source, document, description)
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:

@@ -1,141 +1,129 @@
-"""MaterialX nodes that calculate: on numbers as they say, on a texture as far as that is a factor and an addend."""
+"""MaterialX nodes that calculate: on numbers at once, on a texture by a factor and an addend, else as a texture of its own."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from renderer.scene.readers.usd.baking import baked, span_of
+from renderer.scene.readers.usd.formulas import FORMULAS
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.textures import Four, Taken
+from renderer.scene.textures import TextureShelf
 
-__all__ = ["NODES", "calculated", "same_channels"]
+__all__ = ["calculated", "calculates", "combined"]
 
 F64 = npt.NDArray[np.float64]
-Said = Callable[[str], Input]
-
-_ONE_DEFAULT: Mapping[str, float] = {"multiply": 1.0, "divide": 1.0, "power": 1.0}
-_PAIRS: Mapping[str, Callable[[F64, F64], F64]] = {
-    "add": np.add,
-    "subtract": np.subtract,
-    "multiply": np.multiply,
-    "divide": lambda a, b: np.divide(a, b, out=np.zeros(np.broadcast(a, b).shape), where=b != 0),
-    "power": lambda a, b: np.power(np.maximum(a, 0), b),
-    "min": np.minimum,
-    "max": np.maximum,
-}
-NODES = (*_PAIRS, "mix", "invert", "remap", "range", "clamp")
+Formula = Callable[[list[F64]], F64]
+_STEPS = np.linspace(0, 1, 6)  # where it is seen whether something is a line
+_NEAR = 1e-6
 
 
-def calculated(node: str, said: Said) -> Input | None:
-    """What a node gives; None where that is no number, and no texture times a factor plus an addend. said: its inputs."""
-    if node in _PAIRS:
-        one, other = said("in1"), said("in2")
-        if other.taken is None and other.value is None:
-            other = Input(_ONE_DEFAULT.get(node, 0.0))
-        if one.taken is None and one.value is None:
-            one = Input(0.0)
-        return _pair(node, one, other)
-    if node == "mix":
-        share = said("mix")
-        back, front = (_or(said(name), 0.0) for name in ("bg", "fg"))
-        return _mix(back, front, _or(share, 0.0))
-    given = _or(said("in"), 0.0)
-    if node == "invert":
-        return _pair("subtract", _or(said("amount"), 1.0), given)
-    if node == "clamp":
-        low, high = (_or(said(name), default) for name, default in (("low", 0.0), ("high", 1.0)))
-        if given.taken is not None:
-            return given if (_values(low) <= 0).all() and (_values(high) >= 1).all() else None
-        return _value(np.clip(_values(given), _values(low), _values(high)))
-    if node == "range" and (np.any(_values(_or(said("gamma"), 1.0)) != 1) or said("doclamp").number(0.0)):
+def calculates(kind: str) -> bool:
+    """Whether a node is one of those that calculate."""
+    return _node(kind) in FORMULAS
+
+
+def _node(kind: str) -> str:
+    return kind[3:].split("_")[0]
+
+
+def calculated(kind: str, shelf: TextureShelf, said: Callable[[str], Input]) -> Input | None:
+    """What a node gives; None where it is none of those that calculate, or of textures that lie in different ways."""
+    if not calculates(kind):
         return None
-    ends = [_or(said(name), d) for name, d in (("inlow", 0.0), ("inhigh", 1.0), ("outlow", 0.0), ("outhigh", 1.0))]
-    if any(each.taken is not None for each in ends):
-        return None
-    begin, end, least, most = (_values(each) for each in ends)
-    span = end - begin
-    factor = np.divide(most - least, span, out=np.zeros(np.broadcast(most - least, span).shape), where=span != 0)
-    return _affine(given, factor, least - begin * factor)
+    formula = FORMULAS[_node(kind)]
+    given = [_or(said(name), default) for name, default in formula.inputs.items()]
+    if _node(kind) == "multiply":
+        picture, vertices = sorted(given, key=lambda each: each.taken is None)
+        if picture.taken is not None and vertices.primvar is not None:
+            return Input(None, picture.taken, vertices.primvar)
+    textures = [at for at, each in enumerate(given) if each.taken is not None]
+    values = [np.zeros(4) if each.taken is not None else _four(each.value) for each in given]
+
+    def of(those: list[F64]) -> F64:
+        known = dict(zip(textures, those, strict=True))
+        return np.asarray(formula.of(*(known.get(at, values[at]) for at in range(len(given)))), np.float64)
+
+    with np.errstate(all="ignore"):
+        if not textures:
+            count = max((np.size(each.value) for each in given), default=1)
+            found = np.broadcast_to(of([]), 4)
+            return Input(float(found[0]) if count == 1 else tuple(float(v) for v in found[:count]))
+        if len(textures) == 1 and formula.is_apart:
+            line = _line(shelf, given[textures[0]], of)
+            if line is not None:
+                return line
+        taken = [each.taken for each in given if each.taken is not None]
+        what = f"{kind} of {[(name, each.value) for name, each in zip(formula.inputs, given, strict=True)]}"
+        made = baked(shelf, taken, what, of, "color4" in kind or "vector4" in kind)
+    return None if made is None else Input(None, made)
 
 
-def _or(given: Input, default: float) -> Input:
+def combined(kind: str, shelf: TextureShelf, found: Sequence[Input]) -> Input | None:
+    """Channels put together; None where they are of textures that lie in different ways."""
+    if not any(each.taken is not None for each in found):
+        return Input(tuple(each.number(0.0) for each in found))
+    same = _same_channels(found)
+    if same is not None:
+        return Input(None, same)
+    taken = [replace(each.taken, channel="r") if each.taken.channel == "rgb" else each.taken for each in found if each.taken]
+
+    def of(those: list[F64]) -> F64:
+        rest = iter(those)
+        channels = [next(rest) if each.taken else np.full((1, 1, 1), each.number(0.0)) for each in found]
+        channels += [np.full((1, 1, 1), float(k == 3)) for k in range(len(channels), 4)]
+        return np.concatenate(np.broadcast_arrays(*channels), axis=-1)
+
+    made = baked(shelf, taken, f"{kind} of {[each.value for each in found]}", of, len(found) == 4)
+    return None if made is None else Input(None, made)
+
+
+def _or(given: Input, default: Any) -> Input:
     return Input(default) if given.taken is None and given.value is None else given
 
 
-def _values(given: Input) -> F64:
-    return np.asarray(given.value, np.float64)
+def _four(value: Any) -> F64:
+    """A number, or four of those that there are: the last stands for what is not there."""
+    if np.ndim(value) == 0:
+        return np.asarray(float(value))
+    numbers = [float(v) for v in value][:4]
+    return np.array(numbers + [numbers[-1]] * (4 - len(numbers)))
 
 
-def _value(values: Any) -> Input:
-    return Input(float(values) if np.ndim(values) == 0 else tuple(float(v) for v in values))
-
-
-def _affine(given: Input, factor: F64, addend: F64) -> Input | None:
-    """The input times a factor, plus an addend."""
-    if given.taken is None:
-        return _value(_values(given) * factor + addend)
-    if given.taken.channel != "rgb" and (np.ptp(factor) > 1e-6 or np.ptp(addend) > 1e-6):
+def _line(shelf: TextureShelf, given: Input, of: Formula) -> Input | None:
+    """What is a factor times the texture plus an addend; None where it is not."""
+    assert given.taken is not None
+    low, high = span_of(shelf, given.taken)
+    is_color = given.taken.channel == "rgb"
+    scale, bias = map(np.array, (given.taken.scale, given.taken.bias) if is_color else given.taken.span(given.taken.channel))
+    ends = scale * low + bias, scale * high + bias
+    span = np.broadcast_to(ends[1] - ends[0], 4)
+    if (np.abs(span) < _NEAR).any():
+        return None
+    points = np.broadcast_to(ends[0], 4) + _STEPS[:, None] * span
+    found = np.broadcast_to(of([points]), points.shape)
+    factor = (found[-1] - found[0]) / span
+    addend = found[0] - factor * points[0]
+    if not np.allclose(found, factor * points + addend, rtol=1e-6, atol=_NEAR * float(np.abs(found).max())):
+        return None
+    if not is_color and (np.ptp(factor) > _NEAR or np.ptp(addend) > _NEAR):
         return None  # of one channel three colours
-    f, a = (np.broadcast_to(v[:4] if np.ndim(v) and np.size(v) >= 4 else _three(v), 4) for v in (factor, addend))
-    scale, bias = np.array(given.taken.scale) * f, np.array(given.taken.bias) * f + a
-    return Input(None, replace(given.taken, scale=_four(scale), bias=_four(bias)))
+    return Input(
+        None, replace(given.taken, scale=_tuple(given.taken.scale * factor), bias=_tuple(given.taken.bias * factor + addend))
+    )
 
 
-def _four(values: F64) -> Four:
+def _tuple(values: F64) -> Four:
     r, g, b, a = (float(v) for v in values)
     return r, g, b, a
 
 
-def _three(values: F64) -> F64:
-    """Of a number itself; of three, a fourth behind them."""
-    return values if np.ndim(values) == 0 else np.append(values, [values[-1]] * (4 - len(values)))
-
-
-def _pair(node: str, one: Input, other: Input) -> Input | None:
-    if one.taken is None and other.taken is None:
-        try:
-            return _value(_PAIRS[node](_values(one), _values(other)))
-        except ValueError:  # of different lengths, or no numbers
-            return None
-    if one.taken is not None and other.taken is not None:
-        return None
-    if one.taken is not None:
-        value = _values(other)
-        if node == "divide" and (value == 0).any():
-            return None
-        line = {"add": (1.0, value), "subtract": (1.0, -value), "multiply": (value, 0.0)}
-        line["divide"] = (1 / np.where(value == 0, 1, value), 0.0)
-        if node == "power" and (value == 1).all():
-            return one
-    else:
-        value = _values(one)
-        line = {"add": (1.0, value), "subtract": (-1.0, value), "multiply": (value, 0.0)}
-    if node not in line:
-        return None
-    factor, addend = line[node]
-    return _affine(one if one.taken is not None else other, np.asarray(factor), np.asarray(addend))
-
-
-def _mix(back: Input, front: Input, share: Input) -> Input | None:
-    if share.taken is not None:
-        if back.taken is not None or front.taken is not None:
-            return None
-        return _affine(share, _values(front) - _values(back), _values(back))
-    t = _values(share)
-    if (t <= 0).all() or (t >= 1).all():
-        return back if (t <= 0).all() else front
-    if back.taken is not None and front.taken is not None:
-        return None
-    if front.taken is not None:
-        return _affine(front, t, _values(back) * (1 - t))
-    return _affine(back, 1 - t, _values(front) * t)
-
-
-def same_channels(found: list[Input]) -> Taken | None:
+def _same_channels(found: Sequence[Input]) -> Taken | None:
     """The texture whose red, green and blue these are; None where they are not."""
     taken = [each.taken for each in found]
     if len(taken) < 3 or any(one is None or one.texture != taken[0].texture for one in taken if taken[0] is not None):

@@ -15,7 +15,7 @@ __all__ = ["Follow", "Following", "Input"]
 
 @dataclass(frozen=True)
 class Input:
-    """What an input of a shader is: a value, or a texture, or a primvar of the mesh."""
+    """What an input of a shader is: a value, or a texture, or a primvar of the mesh, or the product of these two."""
 
     value: Any = None
     taken: Taken | None = None

@@ -17,6 +17,7 @@ from pxr import Sdf, Tf, Usd, UsdUtils, Work
 
 from renderer.errors import SceneError
 from renderer.scene.readers.names import number_of
+from renderer.scene.readers.usd import mtlx
 from renderer.scene.readers.usd.composed import judge_composition
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.sources import LAYER_SUFFIXES, Sources
@@ -151,7 +152,7 @@ class _Opener:
             wanted = PurePosixPath(reference.replace("\\", "/")).name or reference
             self._notes.say(f"{beside}: its layer {wanted[:120]} is not among the files; add it. Rendered without it meanwhile.")
             return None
-        if PurePosixPath(found.rstrip("]")).suffix.lower() not in LAYER_SUFFIXES:
+        if PurePosixPath(found.rstrip("]")).suffix.lower() not in (*LAYER_SUFFIXES, mtlx.SUFFIX):
             self._notes.add("Referenced files that are no USD layers are left out", found)
             return None
         try:
@@ -163,6 +164,11 @@ class _Opener:
     def _read(self, name: str) -> None:
         if len(self.opened) >= MAX_LAYERS:
             raise SceneError(f"{name}: is the {MAX_LAYERS + 1}th layer; flatten the stage")
+        if name.rstrip("]").lower().endswith(mtlx.SUFFIX):
+            layer = mtlx.layer_of(self._sources.read(name), name, self._included, self._notes)
+            self.opened[name] = layer
+            self.names[layer.identifier] = name
+            return
         path = self._sources.path(name)
         try:
             layer = Sdf.Layer.OpenAsAnonymous(path)
@@ -172,6 +178,10 @@ class _Opener:
             raise SceneError(f"{name}: is damaged or no USD layer; export it again")
         self.opened[name] = layer
         self.names[layer.identifier] = name
+
+    def _included(self, reference: str, beside: str) -> tuple[str, bytes] | None:
+        found = self._sources.find(reference, beside)
+        return None if found is None else (found, self._sources.read(found))
 
     def _without_clips(self, layer: Any) -> None:
         """Takes out what would have the stage open files by itself."""

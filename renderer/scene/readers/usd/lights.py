@@ -220,6 +220,8 @@ def _note(light: Any, prim: Any, time: Any, notes: Notes) -> None:
     shadow = UsdLux.ShadowAPI(prim) if prim.HasAPI(UsdLux.ShadowAPI) else None
     if shadow and shadow.GetShadowEnableAttr().Get(time) is False:
         notes.add("Lights without shadows cast them", name)
+    if shadow and (any(shadow.GetShadowColorAttr().Get(time) or ()) or (shadow.GetShadowDistanceAttr().Get(time) or -1.0) > 0):
+        notes.add("Shadows of a colour, or that end at a distance, are black and go on", name)
     if light.GetFiltersRel().HasAuthoredTargets():
         notes.add("Filters of lights are left out", name)
     for collection in (light.GetLightLinkCollectionAPI(), light.GetShadowLinkCollectionAPI()):

@@ -148,7 +148,8 @@ def _scaled(given: Input, factor: float, default: Vec3) -> Input:
         return given if given.primvar else Input(tuple(factor * c for c in given.color(default)))
     (r, g, b, a), (x, y, z, w) = given.taken.scale, given.taken.bias
     f = factor
-    return Input(None, replace(given.taken, scale=(f * r, f * g, f * b, f * a), bias=(f * x, f * y, f * z, f * w)))
+    taken = replace(given.taken, scale=(f * r, f * g, f * b, f * a), bias=(f * x, f * y, f * z, f * w))
+    return replace(given, taken=taken)
 
 
 def _colour(given: Input, default: float) -> Input:

@@ -20,6 +20,7 @@ from renderer.scene.readers.usd.refining import of_boundary, refine
 __all__ = ["Wanted", "area_of", "deforms", "read_mesh"]
 
 MAX_VERTICES = 1 << 26
+REFINED = ("catmullClark", "loop")
 
 
 class Wanted(NamedTuple):
@@ -80,7 +81,7 @@ def read_mesh(
     faces = Faces(counts, corners)
     names = dict.fromkeys(name for part in parts for name in (*part.uvs, part.color, part.opacity) if name is not None)
     found = {name: _primvar(prim, name, faces, len(points), time, notes) for name in names}
-    scheme = _scheme(mesh)
+    scheme = _scheme(mesh, counts)
     normals = _normals(mesh, scheme, faces, len(points), time, notes, shape)
     attributes = {name: values for name, values in {**found, "": normals}.items() if values is not None}
     bends = bends and deforms(prim)
@@ -91,7 +92,7 @@ def read_mesh(
     solid = counts >= 3
     holes = np.asarray(mesh.GetHoleIndicesAttr().Get(time) or (), np.int64)
     solid[holes[(holes >= 0) & (holes < len(solid))]] = False
-    is_refined = scheme == "catmullClark"
+    is_refined = scheme in REFINED
     if is_refined:
         if mesh.GetInterpolateBoundaryAttr().Get(time) == "none":
             solid &= ~of_boundary(faces)
@@ -125,14 +126,18 @@ def _is_whole(points: F32, counts: Codes, corners: Codes) -> bool:
     )
 
 
-def _scheme(mesh: Any) -> str:
-    """How a mesh is refined. Normals are not for those that are; who gives some and does not say, means polygons."""
+def _scheme(mesh: Any, counts: Codes) -> str:
+    """How a mesh is refined: after Loop where all faces are triangles.
+
+    Normals are not for those that are; who gives some and does not say, means polygons.
+    """
     attribute = mesh.GetSubdivisionSchemeAttr()
     if not attribute.HasAuthoredValue() and (
         mesh.GetNormalsAttr().HasAuthoredValue() or primvars.found(mesh.GetPrim(), "normals") is not None
     ):
         return "none"
-    return str(attribute.Get())
+    scheme = str(attribute.Get())
+    return "none" if scheme == "loop" and int(counts.max(initial=3)) > 3 else scheme
 
 
 def _primvar(prim: Any, name: str, faces: Faces, points: int, time: Any, notes: Notes) -> AtCorners | None:
@@ -144,7 +149,7 @@ def _primvar(prim: Any, name: str, faces: Faces, points: int, time: Any, notes: 
 
 def _normals(mesh: Any, scheme: str, faces: Faces, points: int, time: Any, notes: Notes, shape: Shape | None) -> AtCorners | None:
     """The normals at the corners; none of what is refined, or has no fitting ones."""
-    if scheme == "catmullClark":
+    if scheme in REFINED:
         return None
     if shape is not None and shape.normals is not None:
         kind = "faceVarying" if len(shape.normals) == len(faces.corners) else "vertex"

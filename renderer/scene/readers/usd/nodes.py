@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from renderer.scene.description import UvTransform
-from renderer.scene.readers.usd.arithmetic import NODES, calculated, same_channels
+from renderer.scene.readers.usd.arithmetic import calculated, calculates, combined
 from renderer.scene.readers.usd.inputs import Follow, Following, Input
 from renderer.scene.readers.usd.textures import Taken, composed, transform_2d
 from renderer.scene.textures import UNMOVED
@@ -24,7 +24,7 @@ def follow_node(network: Following, shader: Any, kind: str, output: str, srgb: b
         return follow(shader.GetInput(name), encoded, depth + 1)
 
     if node in ("image", "tiledimage", "UsdUVTexture"):
-        return _image(network, shader, node, output, srgb, depth, follow)
+        return _image(network, shader, kind, output, srgb, depth, follow)
     if node == "normalmap":
         return _bumped(said("in", False), said("scale", False))
     if node in ("convert", "dot"):
@@ -40,13 +40,23 @@ def follow_node(network: Following, shader: Any, kind: str, output: str, srgb: b
         return _channel(said("in"), _index(node, output, said))
     if node in ("combine2", "combine3", "combine4"):
         return _combined(network, kind, [said(f"in{k + 1}") for k in range(int(node[-1]))])
-    if node in NODES:
-        found = calculated(node, said)
-        if found is not None:
-            return found
-    first = next((one for name in ("in", "bg", "in1") if (one := said(name)).taken is not None or one.value is not None), Input())
-    is_shown = "left out" if first.taken is None else "passed over: a picture is shown as it is before them"
-    network.notes.add(f"Nodes of MaterialX of these kinds are not known here for pictures, and {is_shown}", kind)
+    found = calculated(kind, network.images.shelf, said)
+    if found is not None:
+        return found
+    first = next(
+        (one for name in ("in", "bg", "in1", "fg", "in2") if (one := said(name)).taken is not None or one.value is not None),
+        Input(),
+    )
+    if first.taken is None:
+        note = "Nodes of MaterialX of these kinds are not known here for pictures, and left out"
+    elif calculates(kind):
+        note = "Nodes of MaterialX between pictures that lie in different ways are passed over: one picture is shown as it is"
+    else:
+        note = (
+            "Nodes of MaterialX of these kinds are not known here for pictures, and passed over: "
+            "a picture is shown as it is before them"
+        )
+    network.notes.add(note, kind)
     return first if first.taken is not None else Input()
 
 
@@ -60,7 +70,8 @@ def _bumped(given: Input, scale: Input) -> Input:
     return Input(None, replace(given.taken, scale=(2 * x, 2 * y, 2.0, 1.0), bias=(-x, -y, -1.0, 0.0)))
 
 
-def _image(network: Following, shader: Any, node: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
+def _image(network: Following, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
+    node = kind[3:].split("_")[0]
     file = shader.GetInput("file")
     found = file.GetValueProducingAttributes() if file else []
     missing = follow(shader.GetInput("fallback" if node == "UsdUVTexture" else "default"), srgb, depth + 1)
@@ -69,7 +80,8 @@ def _image(network: Following, shader: Any, node: str, output: str, srgb: bool, 
     space = found[0].GetColorSpace() if found[0].HasColorSpace() else ""
     if node == "UsdUVTexture" and not space:
         space = str(follow(shader.GetInput("sourceColorSpace"), False, depth + 1).value or "").replace("auto", "")
-    encoded = ("srgb" in space.lower() and "lin" not in space.lower()) if space else srgb
+    is_color = node == "UsdUVTexture" or "color" in kind  # numbers and vectors are never encoded
+    encoded = ("srgb" in space.lower() and "lin" not in space.lower()) if space else srgb and is_color
     image = network.images.find(found[0], f"Material {network.user}", encoded, network.time)
     if image is None:
         return missing
@@ -89,7 +101,7 @@ def _image(network: Following, shader: Any, node: str, output: str, srgb: bool, 
     texture = network.images.texture(image[0], wraps, uv_set, composed(transform, image[1]), network.user)
     if texture is None:
         return Input()
-    taken = Taken(texture, output if output in ("r", "g", "b", "a") else "rgb")
+    taken = Taken(texture, output if output in ("r", "g", "b", "a") else "r" if kind.endswith("_float") else "rgb")
     if is_preview:
         scale, bias = (follow(shader.GetInput(name), False, depth + 1).value for name in ("scale", "bias"))
         taken = replace(taken, scale=_four(scale, taken.scale), bias=_four(bias, taken.bias))
@@ -130,13 +142,11 @@ def _channel(given: Input, letters: str) -> Input:
 
 
 def _combined(network: Following, kind: str, found: list[Input]) -> Input:
-    taken = same_channels(found)
-    if taken is not None:
-        return Input(None, taken)
-    if any(each.taken is not None for each in found):
-        network.notes.add("Nodes of MaterialX that make one picture of several are left out", kind)
+    result = combined(kind, network.images.shelf, found)
+    if result is None:
+        network.notes.add("Nodes of MaterialX that make one picture of several which lie in different ways are left out", kind)
         return Input()
-    return Input(tuple(each.number(0.0) for each in found))
+    return result
 
 
 def follow_coordinates(

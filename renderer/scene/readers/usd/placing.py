@@ -77,6 +77,8 @@ class Placing:
                 self._light(each)
             elif prim.IsA(UsdGeom.Gprim):
                 self._gprim(each)
+            elif prim.IsA(UsdLux.PluginLight):
+                self._notes.add(f"Lights of the kind {prim.GetTypeName()} are left out", str(prim.GetPath()))
 
     def _gprim(self, each: Placed) -> None:
         prim = each.prim
@@ -119,8 +121,9 @@ class Placing:
             surfaces = [self._shining(surface, each) for surface in surfaces]
         shape = self._skeletons.shape_of(prim)
         bends = shape is not None or (not self._is_still and deforms(prim))
-        if UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get() == "loop":
-            self._notes.add("Subdivision surfaces after Loop are drawn as their cage", str(prim.GetPath()))
+        if UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get() == "loop" and self._counts(prim).max(initial=3) > 3:
+            note = "Subdivision surfaces after Loop whose faces are not all triangles are drawn as their cage"
+            self._notes.add(note, str(prim.GetPath()))
         key = (self._key(prim), tuple(surfaces), each.prim.GetPath() if shape is not None else None)
         if key not in self._numbers:
             make = functools.partial(self._parts, prim, surfaces, subsets, shape)
@@ -142,9 +145,13 @@ class Placing:
         changes = glow_of(light, material, area_of(each.prim, place, self._time), self._time)
         return self._surfaces.changed(surface, f"shining {sorted(changes.items())}", **changes)
 
+    def _counts(self, prim: Any) -> npt.NDArray[np.int64]:
+        """(F,) how many corners each face of a mesh has."""
+        return primvars.integers(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(self._time))
+
     def _parts(self, prim: Any, surfaces: list[Surface], subsets: list[Any], shape: Shape | None) -> list[Mesh | None]:
         """The mesh's parts, in the order of the surfaces: what is in no subset, and each subset."""
-        count = len(primvars.integers(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(self._time)))
+        count = len(self._counts(prim))
         of = np.zeros(count, np.int64)
         for number, subset in enumerate(subsets, 1):
             indices = primvars.integers(subset.GetIndicesAttr().Get(self._time))

@@ -74,6 +74,7 @@ def fill_base(read: Read, given: Input, default: Vec3) -> None:
     material = read.material
     if given.taken is not None:
         material.base_color, material.base_color_texture = colored(read.shelf, given.taken)
+        read.color = given.primvar  # by which it is multiplied
     elif given.primvar is not None:
         read.color = given.primvar
     else:

@@ -45,7 +45,11 @@ def refine(
     known = (still >= 0) & (still < len(points)) if len(still) == len(strength) else np.zeros(len(still), bool)
     strength = strength[known] if len(still) == len(strength) else np.zeros(0)
     is_cornered = mesh.GetInterpolateBoundaryAttr().Get(time) != "edgeOnly"
-    cage = Cage(np.concatenate(columns, axis=1), faces, edges, sharpness, still[known], strength, is_cornered)
+    smooth_triangles = mesh.GetTriangleSubdivisionRuleAttr().Get(time) == "smooth"
+    is_loop = mesh.GetSubdivisionSchemeAttr().Get() == "loop"
+    cage = Cage(
+        np.concatenate(columns, axis=1), faces, edges, sharpness, still[known], strength, is_cornered, is_loop, smooth_triangles
+    )
     along = {name: values for name, values in attributes.items() if name not in smooth}
     # Of values with indices of their own, those that neighbours share are smoothed as points are.
     how = str(mesh.GetFaceVaryingLinearInterpolationAttr().Get(time))
@@ -126,7 +130,17 @@ def _unfolded(cage: Cage, values: AtCorners, how: str) -> Cage:
         of = dict(zip(cage.corners.tolist(), cage.corner_sharpness.tolist(), strict=True))
         own = np.flatnonzero(np.isin(point, cage.corners))
         corners, strength = np.append(corners, own), np.append(strength, [of[int(p)] for p in point[own]])
-    return Cage(values.values[code[first]].astype(np.float64), faces, edges, sharpness, corners, strength, how != "none")
+    return Cage(
+        values.values[code[first]].astype(np.float64),
+        faces,
+        edges,
+        sharpness,
+        corners,
+        strength,
+        how != "none",
+        cage.is_loop,
+        cage.has_smooth_triangles,
+    )
 
 
 def of_boundary(faces: Faces) -> npt.NDArray[np.bool_]:

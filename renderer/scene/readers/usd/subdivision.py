@@ -1,4 +1,4 @@
-"""Subdivision surfaces after Catmull and Clark, with semi-sharp creases.
+"""Subdivision surfaces after Catmull and Clark, and after Loop, with semi-sharp creases.
 
 Source: Catmull & Clark 1978; DeRose, Kass & Truong 1998, "Subdivision Surfaces in Character Animation", for the creases.
 """
@@ -12,12 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import F32
+from renderer.scene.readers.usd import loop
 from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces
 
 __all__ = ["Cage", "limit", "refined"]
 
 F64 = npt.NDArray[np.float64]
 MAX_FURTHER, MAX_CORNERS = 4, 8_000_000
+SMOOTH_TRIANGLE = 0.470  # as OpenSubdiv has it: a quarter otherwise
 SHARP = 10.0  # as OpenSubdiv has it: sharp at every level
 
 
@@ -32,6 +34,8 @@ class Cage:
     corners: Codes  # points that are sharp
     corner_sharpness: F64
     sharp_boundary_corners: bool = True  # whether a point of one face alone stays where it is
+    is_loop: bool = False  # of triangles, and refined after Loop
+    has_smooth_triangles: bool = False  # whether edges beside triangles lie closer to their middles
 
 
 class _Edges(NamedTuple):
@@ -49,30 +53,42 @@ def refined(cage: Cage, along: list[AtCorners]) -> tuple[Cage, list[AtCorners], 
     ahead, back = _neighbours(faces)
     edges = _edges(cage, ahead)
     count, face = len(points), faces.face
-    middle = _mean(points[faces.corners], face, len(faces.counts))
     onto = points[edges.ends].mean(axis=1)
-    smooth = onto / 2 + _mean(middle[face], edges.of, len(edges.ends)) / 2
+    if cage.is_loop:
+        smooth = loop.on_edges(points, edges.ends, edges.of, faces.corners[back])
+        old, new_points = loop.smoothed(points, edges.ends), np.zeros((0, points.shape[1]))
+        finer_faces, parent = loop.split(faces.corners, count + edges.of)
+        within = loop.within
+    else:
+        middle = _mean(points[faces.corners], face, len(faces.counts))
+        beside = np.where(cage.has_smooth_triangles & (faces.counts[face] == 3), SMOOTH_TRIANGLE, 0.25)[:, None]
+        share = 2 * _mean(beside, edges.of, len(edges.ends))
+        smooth = (1 - share) * onto + share * _mean(middle[face], edges.of, len(edges.ends))
+        old, new_points = _smoothed(cage, edges, middle, face), middle
+        # Each corner becomes a face: itself, the middle of the edge ahead, that of the face, and the middle of the edge behind.
+        quads = np.stack([faces.corners, count + edges.of, count + len(edges.ends) + face, count + edges.of[back]], axis=1)
+        finer_faces, parent = Faces(np.full(len(quads), 4), quads.reshape(-1)), face
+        within = _within
     share = np.clip(edges.sharpness, 0, 1)[:, None]
     on_edges = share * onto + (1 - share) * smooth
-    moved = _points(cage, edges, middle, face)
+    moved = _points(cage, edges, old)
 
-    # Each corner becomes a face: itself, the middle of the edge ahead, that of the face, and the middle of the edge behind.
-    quads = np.stack([faces.corners, count + edges.of, count + len(edges.ends) + face, count + edges.of[back]], axis=1)
     kept = edges.sharpness > 1
     new = count + np.flatnonzero(kept)
     halves = np.concatenate([np.stack([edges.ends[kept, side], new], axis=1) for side in (0, 1)])
     finer = np.where(edges.sharpness[kept] >= SHARP, SHARP, edges.sharpness[kept] - 1)
     at_corner = np.where(cage.corner_sharpness >= SHARP, SHARP, cage.corner_sharpness - 1)
     result = Cage(
-        np.concatenate([moved, on_edges, middle]),
-        Faces(np.full(len(quads), 4), quads.reshape(-1)),
+        np.concatenate([moved, on_edges, new_points]),
+        finer_faces,
         halves,
         np.tile(finer, 2),
         cage.corners[at_corner > 0],
         at_corner[at_corner > 0],
         cage.sharp_boundary_corners,
+        cage.is_loop,
     )
-    return result, [_within(each, faces, ahead, back) for each in along], face
+    return result, [within(each, faces, ahead, back) for each in along], parent
 
 
 def limit(cage: Cage) -> F64:
@@ -88,7 +104,7 @@ def _is_half_sharp(cage: Cage) -> bool:
 
 
 def _limit(cage: Cage) -> F64:
-    """(P, w) where the points of a cage of quads come to lie after infinitely many levels.
+    """(P, w) where the points of a cage of quads, or Loop's of triangles, come to lie after infinitely many levels.
 
     Source: Halstead, Kass & DeRose 1993; of creases, the limit of cubic B-splines.
     """
@@ -99,7 +115,11 @@ def _limit(cage: Cage) -> F64:
     ends, others = edges.ends.reshape(-1), edges.ends[:, ::-1].reshape(-1)
     n = np.bincount(ends, minlength=count).astype(np.float64)[:, None]
     opposite = faces.corners[ahead[ahead]]
-    smooth = (n * points + 4 * _mean(points[others], ends, count) + _mean(points[opposite], faces.corners, count)) / (n + 5)
+    if cage.is_loop:
+        smooth = loop.limit(points, edges.ends)
+    else:
+        around, across = _mean(points[others], ends, count), _mean(points[opposite], faces.corners, count)
+        smooth = (n * points + 4 * around + across) / (n + 5)
     is_sharp = np.repeat(edges.sharpness > 0, 2)
     sharp = np.bincount(ends[is_sharp], minlength=count)[:, None]
     crease = (4 * points + 2 * _mean(points[others[is_sharp]], ends[is_sharp], count)) / 6
@@ -129,17 +149,21 @@ def _edges(cage: Cage, ahead: Codes) -> _Edges:
     return _Edges(np.stack([key // count, key % count], axis=1), of, sharpness)
 
 
-def _points(cage: Cage, edges: _Edges, middle: F64, face: Codes) -> F64:
-    """(P, w) where the old points come to lie."""
-    points, corners = cage.points, cage.faces.corners
+def _smoothed(cage: Cage, edges: _Edges, middle: F64, face: Codes) -> F64:
+    """(P, w) where the old points come to lie if nothing is sharp."""
+    points = cage.points
     count = len(points)
     ends, others = edges.ends.reshape(-1), edges.ends[:, ::-1].reshape(-1)
-    valence = np.bincount(ends, minlength=count).astype(np.float64)
-    around = _mean(points[others], ends, count)
-    about = _mean(middle[face], corners, count)
-    n = np.maximum(valence, 1)[:, None]
-    smooth = (about + around + (n - 2) * points) / n
+    n = np.maximum(np.bincount(ends, minlength=count), 1)[:, None]
+    around, about = _mean(points[others], ends, count), _mean(middle[face], cage.faces.corners, count)
+    return np.asarray((about + around + (n - 2.0) * points) / n)
 
+
+def _points(cage: Cage, edges: _Edges, smooth: F64) -> F64:
+    """(P, w) where the old points come to lie; smooth: if nothing were sharp."""
+    points = cage.points
+    count = len(points)
+    ends, others = edges.ends.reshape(-1), edges.ends[:, ::-1].reshape(-1)
     is_sharp = np.repeat(edges.sharpness > 0, 2)
     sharp = np.bincount(ends[is_sharp], minlength=count)
     crease = (6 * points + 2 * _mean(points[others[is_sharp]], ends[is_sharp], count)) / 8

@@ -17,11 +17,11 @@ from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.sources import Sources
 from renderer.scene.textures import UNMOVED, TextureShelf
 
-__all__ = ["Images", "Taken", "composed"]
+__all__ = ["CHANNELS", "Images", "Taken", "composed", "linear"]
 
 MAX_ATLAS = 16384  # texels a side
 _WRAPS: dict[str, Wrap] = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp", "black": "clamp", "periodic": "repeat"}
-_CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
+CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
 F32 = npt.NDArray[np.float32]
 Four = tuple[float, float, float, float]
 PLAIN: tuple[Four, Four] = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.0)
@@ -38,7 +38,7 @@ class Taken:
 
     def span(self, channel: str) -> tuple[float, float]:
         """(scale, bias) of one channel."""
-        return self.scale[_CHANNELS[channel]], self.bias[_CHANNELS[channel]]
+        return self.scale[CHANNELS[channel]], self.bias[CHANNELS[channel]]
 
     @property
     def is_plain(self) -> bool:
@@ -50,7 +50,7 @@ class Images:
     """The images of one stage on the description's shelf."""
 
     def __init__(self, stage: Stage, sources: Sources, shelf: TextureShelf, notes: Notes) -> None:
-        self._stage, self._sources, self._shelf, self._notes = stage, sources, shelf, notes
+        self._stage, self._sources, self.shelf, self._notes = stage, sources, shelf, notes
         self._atlases: dict[tuple[str, str, bool], tuple[int, UvTransform] | None] = {}
 
     def named(self, attribute: Any, time: Any) -> tuple[str, str] | None:
@@ -74,7 +74,7 @@ class Images:
             return self._atlas(reference, beside, user, srgb)
         name = self._sources.find(reference, beside)
         if name is None:
-            self._shelf.missing(reference, user)
+            self.shelf.missing(reference, user)
             return None
         found = self._image(name, srgb)
         return None if found is None else (found, UNMOVED)
@@ -84,12 +84,12 @@ class Images:
         if "black" in wraps:
             self._notes.add("Textures that are black beyond their image go on there as at its edge", user)
         wrap_s, wrap_t = (_WRAPS.get(wrap, "repeat") for wrap in wraps)
-        return self._shelf.texture(image, wrap_s, wrap_t, uv_set, transform)
+        return self.shelf.texture(image, wrap_s, wrap_t, uv_set, transform)
 
     def _image(self, name: str, srgb: bool) -> int | None:
         if name.endswith("]"):
-            return self._shelf.image_made(name, lambda: self._sources.read(name), srgb)
-        return self._shelf.image_file(name, srgb)
+            return self.shelf.image_made(name, lambda: self._sources.read(name), srgb)
+        return self.shelf.image_file(name, srgb)
 
     def _atlas(self, reference: str, beside: str, user: str, srgb: bool) -> tuple[int, UvTransform] | None:
         """The tiles of a texture side by side in one image."""
@@ -97,12 +97,12 @@ class Images:
         if key not in self._atlases:
             tiles = self._sources.tiles(reference, beside)
             if not tiles:
-                self._shelf.missing(reference.replace("<UDIM>", "1001"), user)
+                self.shelf.missing(reference.replace("<UDIM>", "1001"), user)
                 self._atlases[key] = None
                 return None
             across, up = (max(pick(n - 1001) for n in tiles) + 1 for pick in (lambda i: i % 10, lambda i: i // 10))
             pixels = {n: read_image(self._sources.read(name), name) for n, name in tiles.items()}
-            image = self._shelf.add(Image(reference, _side_by_side(pixels, across, up), srgb))
+            image = self.shelf.add(Image(reference, _side_by_side(pixels, across, up), srgb))
             # u' = u / across; t' = t / up, and v is 1 - t.
             self._atlases[key] = image, (1 / across, 0.0, 0.0, 0.0, 1 / up, 1 - 1 / up)
         return self._atlases[key]
@@ -110,7 +110,7 @@ class Images:
 
 def _side_by_side(tiles: dict[int, npt.NDArray[Any]], across: int, up: int) -> npt.NDArray[Any]:
     if any(pixels.dtype != np.uint8 for pixels in tiles.values()):
-        tiles = {n: _linear(Image("", p, True))[..., :3] for n, p in tiles.items()}
+        tiles = {n: linear(Image("", p, True))[..., :3] for n, p in tiles.items()}
     height, width = (max(p.shape[k] for p in tiles.values()) for k in (0, 1))
     height, width = min(height, MAX_ATLAS // up), min(width, MAX_ATLAS // across)
     first = next(iter(tiles.values()))
@@ -139,7 +139,7 @@ def transform_2d(scale: tuple[float, float], degrees: float, translation: tuple[
     return a, -b, x + b, -c, d, 1 - y - d
 
 
-def _linear(image: Image) -> F32:
+def linear(image: Image) -> F32:
     """(h, w, 4): the image's values as shaders see them."""
     pixels = image.pixels
     values = np.ones((*pixels.shape[:2], 4), np.float32)
@@ -158,7 +158,7 @@ def grey(shelf: TextureShelf, taken: Taken) -> int | None:
     scale, bias = taken.span(channel)
 
     def make(image: Image) -> Image:
-        values = np.clip(_linear(image)[..., _CHANNELS[channel]] * scale + bias, 0, 1)
+        values = np.clip(linear(image)[..., CHANNELS[channel]] * scale + bias, 0, 1)
         pixels = np.full((*values.shape, 4), 255, np.uint8)
         pixels[..., :3] = np.rint(values * 255).astype(np.uint8)[..., None]
         return Image(f"{image.name} {channel}", pixels, srgb=False)
@@ -174,10 +174,10 @@ def colored(shelf: TextureShelf, taken: Taken, most: float = 1.0) -> tuple[tuple
         return (red, green, blue), taken.texture
 
     def make(image: Image) -> Image:
-        values = _linear(image)
+        values = linear(image)
         if taken.channel != "rgb":
             scale, bias = taken.span(taken.channel)
-            values[..., :3] = (values[..., _CHANNELS[taken.channel]] * scale + bias)[..., None]
+            values[..., :3] = (values[..., CHANNELS[taken.channel]] * scale + bias)[..., None]
         else:
             values[..., :3] = values[..., :3] * np.array(taken.scale[:3], np.float32) + np.array(taken.bias[:3], np.float32)
         codes = np.rint(np.concatenate([encode_srgb(np.clip(values[..., :3], 0, 1)), values[..., 3:]], axis=2) * 255)

@@ -11,15 +11,16 @@ from renderer.film import in_half as in_half_of_film
 from renderer.jit import entry
 from renderer.kernel.accumulate import MAX_BAD, Batch
 from renderer.kernel.pool.keep import SUMS, keep, unfold
-from renderer.kernel.pool.lists import DONE, LIST_SIZE, LISTS, append
-from renderer.kernel.pool.rows import CARRIED, FIRST, ROW, ROWS, SAMPLE
+from renderer.kernel.pool.lists import DONE, LIST_SIZE, LISTS, append, clear
+from renderer.kernel.pool.rows import BRANCHES, CARRIED, FIRST, PATHS, ROW, ROWS, SAMPLE
 
 WIDTH, HEIGHT = 3, 2
 
 
 @entry
-def _keep(pool, lists, count, film, scale, batch, bad, sums):
-    for path in range(count):
+def _keep(pool, lists, done, film, scale, batch, bad, sums):
+    clear(lists, DONE)
+    for path in done:
         append(lists, DONE, path)
     bad_count = keep(pool, lists, film, scale, sums.shape[2], batch, bad, 0)
     unfold(film, sums)
@@ -34,7 +35,9 @@ def kept(rows: npt.NDArray[np.float32], exponent: int = 24) -> tuple[npt.NDArray
     bad = np.zeros((MAX_BAD, 3), np.int64)
     film = np.zeros(WIDTH * HEIGHT * SUMS, np.int64)
     lists = np.zeros(LISTS * LIST_SIZE, np.uint32)
-    bad_count = _keep(pool.ravel(), lists, len(rows), film, np.float32(2.0**exponent), Batch(100, 200, 0, 9), bad, sums)
+    bad_count = _keep(
+        pool.ravel(), lists, np.arange(len(rows)), film, np.float32(2.0**exponent), Batch(100, 200, 0, 9), bad, sums
+    )
     return sums, [tuple(map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]], int(bad_count)
 
 
@@ -48,6 +51,7 @@ def paths(count: int, samples: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]
     facts[:, int(FIRST) + 7] = random.integers(0, 1 << 22, count)
     facts[:, int(FIRST) + 11] = random.integers(0, 1 << 22, count)
     rows[:, int(FIRST) + 12 : int(FIRST) + 16] = 0
+    rows[:, int(BRANCHES)] = 1
     return rows
 
 
@@ -94,3 +98,31 @@ def test_of_more_bad_samples_than_are_listed_all_are_counted() -> None:
     assert not sums.any()
     assert bad_count == MAX_BAD + 9
     assert [sample for _, _, sample in bad] == list(range(MAX_BAD))
+
+
+def test_branches_are_one_sample_once_all_of_them_are_done() -> None:
+    """Whichever ends first; and their row is free only then."""
+    rows = paths(4, np.arange(4))
+    rows[:, int(BRANCHES)] = (1, 2, 2, 2)
+    pool = np.zeros((ROWS, int(ROW)), np.float32)
+    pool[:4] = rows
+    seconds = np.random.default_rng(6).normal(0, 10, (4, 3)).astype(np.float32)
+    seconds[0] = 0
+    pool[PATHS : PATHS + 4, int(CARRIED) : int(CARRIED) + 3] = seconds
+    rest = (
+        np.zeros(WIDTH * HEIGHT * SUMS, np.int64),
+        np.float32(2.0**24),
+        Batch(100, 200, 0, 9),
+        np.zeros((MAX_BAD, 3), np.int64),
+        np.zeros((CHANNELS, HEIGHT, WIDTH), np.int64),
+    )
+    lists = np.zeros(LISTS * LIST_SIZE, np.uint32)
+    free = []
+    for done in ([0, PATHS + 1, 2, PATHS + 2], [1, PATHS + 3], [3]):
+        _keep(pool.ravel(), lists, np.array(done), *rest)
+        of_done = lists.reshape(LISTS, LIST_SIZE)[int(DONE)]
+        free.append(of_done[1 : 1 + of_done[0]].tolist())
+    assert free == [[0, 2], [1], [3]]
+    rows[:, int(CARRIED) : int(CARRIED) + 3] += seconds
+    rows[:, int(BRANCHES)] = 1
+    np.testing.assert_array_equal(rest[-1], kept(rows)[0])

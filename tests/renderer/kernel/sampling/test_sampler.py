@@ -171,14 +171,30 @@ def test_sobol_points_of_different_pixels_blocks_and_seeds_are_independent(name)
 def test_blocks_of_a_pixel_are_not_correlated():
     """Over many pixels, the place of sample i in one block says nothing of its place in another: shuffled, not only scrambled."""
     pixel, sample = np.arange(N) // 16, np.arange(N) % 16
-    blocks = [numbers(x=pixel % 512, y=pixel // 512, sample=sample, block=b, kind=SOBOL) for b in (1, 2, 3, 7)]
+    blocks = [numbers(x=pixel % 512, y=pixel // 512, sample=sample, block=b, kind=SOBOL) for b in (1, 2, 3, 4, 7)]
     products = []
     for i, a in enumerate(blocks):
         for b in blocks[:i]:
             # the sum over a pixel's samples is one observation, since its samples depend on each other
             sums = ((a - 0.5)[:, :, None] * (b - 0.5)[:, None, :]).astype(float).reshape(-1, 16, 4, 4).sum(1)
             products.append(np.abs(sums.mean(0)) / (sums.std(0) / np.sqrt(len(sums))))
-    assert np.max(products) < limit(6 * 16)
+    assert np.max(products) < limit(10 * 16)
+
+
+@pytest.mark.parametrize(("first", "then"), [(2, 4), (6, 8)])
+def test_where_a_path_goes_from_two_vertices_fills_four_dimensions(first, then):
+    """Of the ways to divide the four into as many equal boxes as there are samples, most leave one in each."""
+    for log_n in (4, 5, 6):
+        n = 1 << log_n
+        pixel, sample = np.arange(8 * n) // n, np.arange(8 * n) % n
+        u = np.hstack([numbers(x=pixel, y=3, sample=sample, block=b, kind=SOBOL)[:, :2] for b in (first, then)])
+        cuts = [c for c in np.ndindex(*4 * (log_n + 1,)) if sum(c) == log_n and c[0] + c[1] and c[2] + c[3]]
+        full = 0
+        for cut in cuts:
+            digits = (u * (1 << np.array(cut))).astype(int)
+            cell = np.ravel_multi_index(tuple(digits.T), tuple(1 << c for c in cut))
+            full += len(np.unique(pixel * n + cell)) == 8 * n
+        assert full > len(cuts) / 2
 
 
 @pytest.mark.parametrize("n", [4, 16, 64, 256])

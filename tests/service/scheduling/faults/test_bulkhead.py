@@ -13,6 +13,7 @@ from renderer.errors import SettingsError
 from service.errors import FilmLost, FilmWaits, NoRoom, QueueError, Unavailable
 from service.scheduling.faults import bulkhead
 from service.scheduling.faults.bulkhead import Bulkheads, Step
+from service.store.room import no_room
 
 FULL = NoRoom("The disk is full.")
 MALFORMED = exc.DatabaseError("INSERT", {}, sqlite3.DatabaseError("database disk image is malformed"))
@@ -73,8 +74,8 @@ def test_what_fails_slowly_is_tried_more_rarely(clock: list[float]) -> None:
 @pytest.mark.parametrize(
     ("error", "sentence"),
     [
-        (FULL, "The disk is full."),
-        (Unavailable("The database is locked."), "The database is locked."),
+        (no_room(), "The service's disk is full. Delete scenes or jobs that are no longer needed."),
+        (Unavailable("The database is locked.", advice="Try again."), "The database is locked."),
         (MALFORMED, "The database cannot be used (database disk image is malformed)."),
     ],
 )

@@ -34,13 +34,15 @@ def test_what_is_counted_as_it_changes_is_what_there_is() -> None:
             new.queue = new.kind
             leases.add(new)
             there.append(new)
-        elif there and deed < 0.75:
+        elif there and deed < 0.65:
             leases.arrived(chance.choice(there))
+        elif there and deed < 0.75:
+            leases.looked_at(chance.choice(there), chance.random() < 0.5, chance.random() < 0.5)
         elif there:
             gone = there.pop(chance.randrange(len(there)))
             assert leases.end(gone.id) is gone
             assert leases.end(gone.id) is None
-        out = [lease for lease in there if lease.batch is not None and not lease.has_arrived]
+        out = [lease for lease in there if lease.takes_a_slot]
         for owner in "ab":
             assert leases.held()[owner] == len({lease.turn for lease in out if lease.owner == owner})
             assert leases.of(owner) == [lease for lease in there if lease.owner == owner]

@@ -136,3 +136,31 @@ def test_what_nobody_has_is_lost_unless_somebody_is_late_to_say_so(world: World,
     world.late = late
     found = [world.look() for _ in range(4)]
     assert found == ([{}] * 4 if late else [{}, {}, {lease.id: Fate.UNSEEN}, {lease.id: Fate.UNSEEN}])
+
+
+def test_what_is_rendered_and_waits_for_the_others_of_its_run_takes_no_slot(world: World) -> None:
+    """Else a machine's slots would have nothing to do while what they have done is on its way."""
+    first, second = (
+        Lease("job", "kind", Range(0, n, 1), PATIENCE_S, 10.0, issued=world.now, queue="q", is_joint=True) for n in range(2)
+    )
+    second.message = first.message
+    for lease in (first, second):
+        world.leases.add(lease)
+
+    def work_on(*leases: Lease) -> None:
+        doing = [{"message": lease.message, "batch": lease.id} for lease in leases]
+        known = {"in_hand": [first.message], "current": doing}
+        world.reports["m"] = WorkerReport("m", "host", 1, 2, "cpu", "kind", "ready", 0.0, **known)
+        assert not world.look()
+
+    work_on()
+    assert world.leases.turns("kind") == 2, "none of them is begun"
+    work_on(first)
+    work_on(second)
+    assert (first.is_rendered, second.is_rendered, world.leases.turns("kind")) == (True, False, 1)
+    work_on(first, second)
+    assert world.leases.turns("kind") == 2, "it was begun again, whatever was there of it"
+    work_on()
+    assert world.leases.turns("kind") == 0
+    world.leases.arrived(first)
+    assert world.leases.turns("kind") == 0

@@ -16,7 +16,7 @@ F64 = npt.NDArray[np.float64]
 
 
 class Grid(NamedTuple):
-    """UVs of the pixels' middles, (SIZE, SIZE) each."""
+    """UVs of the pixels' middles, (rows, columns) each."""
 
     u: F64
     v: F64
@@ -27,22 +27,23 @@ class Grid(NamedTuple):
         return a * self.u + b * self.v + c, d * self.u + e * self.v + f
 
 
-def grid() -> Grid:
-    """All of them."""
-    middles = (np.arange(SIZE) + 0.5) / SIZE
-    u, v = np.meshgrid(middles, middles)
+def grid(size: tuple[int, int] = (SIZE, SIZE), first: int = 0, rows: int | None = None) -> Grid:
+    """All of them, or some rows. size: columns and rows of all."""
+    columns, height = size
+    at = np.arange(first, height if rows is None else first + rows)
+    u, v = np.meshgrid((np.arange(columns) + 0.5) / columns, (at + 0.5) / height)
     return Grid(u, v)
 
 
 def checks(at: Grid, transform: UvTransform) -> npt.NDArray[np.bool_]:
-    """(SIZE, SIZE, 1) where the first of two textures in turn is seen."""
+    """(rows, columns, 1) where the first of two textures in turn is seen."""
     u, v = at.moved(transform)
     odd = (np.floor(u) + np.floor(1 - v)) % 2 != 0
     return np.asarray(~odd[..., None])
 
 
 def looked_up(texture: Texture, pixels: npt.NDArray[np.float32], at: Grid) -> F64:
-    """(SIZE, SIZE, 3) a texture's colours, bilinear or of the nearest texel."""
+    """(rows, columns, ...) a texture's colours, bilinear or of the nearest texel."""
     u, v = at.moved(texture.transform)
     height, width = pixels.shape[:2]
     x, y = (_wrapped(each, wrap) for each, wrap in ((u, texture.wrap_s), (v, texture.wrap_t)))

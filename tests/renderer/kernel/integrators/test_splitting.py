@@ -1,4 +1,4 @@
-"""A second direction in which first vertices look for the sky: less noise, the same picture."""
+"""Paths that go on from their first vertex in two branches: less noise, the same picture."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from renderer.film import mean
 from renderer.kernel.options import kernel_options
 from renderer.render import RenderStats, render_frame
-from renderer.scene.description import Environment, Light, Material, Sky, Sphere
+from renderer.scene.description import Environment, Material, Sky, Sphere
 from renderer.settings import SAMPLINGS, RenderSettings, View
 from tests.renderer.builders import emitter, gray, scene, settings, square
 from tests.renderer.judge import limit, mean_and_error
@@ -34,9 +34,9 @@ VIEW = ((0, 2, 6), (0, 0.8, 0), 30)
 
 
 def _both(compiled, asked: RenderSettings, spp: int) -> list[tuple[float, float]]:
-    """(mean, standard error) with one direction and with two."""
+    """(mean, standard error) with one branch and with two."""
     asked = replace(asked, sampler="independent")
-    return [mean_and_error(render_frame(compiled, replace(asked, sky_samples=n, seed=n), spp)) for n in (1, 2)]
+    return [mean_and_error(render_frame(compiled, replace(asked, splitting=n, seed=n), spp)) for n in (1, 2)]
 
 
 def _agree(compiled, asked: RenderSettings, spp: int = 512) -> None:
@@ -47,12 +47,12 @@ def _agree(compiled, asked: RenderSettings, spp: int = 512) -> None:
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=() if name == SEEN[0] else pytest.mark.long) for name in SEEN])
-def test_the_mean_is_that_of_one_direction(name: str) -> None:
+def test_the_mean_is_that_of_one_branch(name: str) -> None:
     _agree(*made(name))
 
 
 @pytest.mark.long
-def test_the_mean_is_that_of_one_direction_where_a_sun_stands_in_the_sky() -> None:
+def test_the_mean_is_that_of_one_branch_where_a_sun_stands_in_the_sky() -> None:
     _agree(_sunny(), settings(*VIEW, max_depth=4, size=32))
 
 
@@ -73,41 +73,56 @@ def test_a_convex_thing_in_an_even_sky_is_as_bright_as_it_reflects() -> None:
     asked = RenderSettings(4, 4, View((0, 0, 4), (0, 0, 0), fov=10.0), max_depth=8)
     for count in (1, 2):
         np.testing.assert_allclose(
-            mean(render_frame(ball, replace(asked, sky_samples=count), 4), asked.film_exponent), 0.6, rtol=1e-5
+            mean(render_frame(ball, replace(asked, splitting=count), 4), asked.film_exponent), 0.6, rtol=1e-5
         )
 
 
-def test_there_is_less_noise_for_fewer_rays_than_twice_the_samples() -> None:
-    compiled, asked = made("a sky's picture")
-    noise, rays = [], []
-    for count in (1, 2):
-        stats = RenderStats()
-        pictures = [
-            mean(render_frame(compiled, replace(asked, sky_samples=count, seed=s), 16, stats=stats), asked.film_exponent)
-            for s in range(8)
-        ]
-        noise.append(np.var(pictures, axis=0).mean())
-        rays.append(stats.rays)
-    assert noise[1] < 0.85 * noise[0]
-    assert rays[1] < 1.5 * rays[0]
+def _noise_and_rays(compiled, asked: RenderSettings, spp: int) -> tuple[float, int]:
+    """Of eight pictures with other numbers: the variance between them, and the rays of all."""
+    stats = RenderStats()
+    pictures = [mean(render_frame(compiled, replace(asked, seed=s), spp, stats=stats), asked.film_exponent) for s in range(8)]
+    return float(np.var(pictures, axis=0).mean()), stats.rays
 
 
-def test_without_a_sky_it_costs_nothing_and_changes_no_bit() -> None:
-    compiled = scene([Material(base_color=gray(0.5))], (FLOOR,), lights=(Light("point", gray(9.0), position=(0.0, 2.0, 0.0)),))
+@pytest.mark.parametrize("name", ["a sky's picture", "a room"])
+def test_there_is_less_noise_by_more_than_it_costs_in_rays(name: str) -> None:
+    """Of light that comes over other surfaces, and of the sky's."""
+    compiled, asked = (_room(), settings((0, 1, 2.9), (0, 0, 0), 25, size=16)) if name == "a room" else made(name)
+    (noise, rays), (less, more) = (_noise_and_rays(compiled, replace(asked, splitting=count), 16) for count in (1, 2))
+    assert rays < more < 1.9 * rays
+    assert less * more < noise * rays
+
+
+def _room():
+    """Closed, with a lamp below its ceiling, which the camera does not see."""
+    walls = (
+        square((0, 0, 1), (1, 0, 0), (0, 0, -2), 0),
+        square((0, 2, 1), (1, 0, 0), (0, 0, 2), 0),
+        square((-1, 1, 1), (0, 0, -2), (0, 1, 0), 1),
+        square((1, 1, 1), (0, 0, 2), (0, 1, 0), 0),
+        square((0, 1, -1), (1, 0, 0), (0, 1, 0), 0),
+        square((0, 1, 3), (-1, 0, 0), (0, 1, 0), 0),
+        square((0, 1.99, 0), (0.25, 0, 0), (0, 0, 0.25), 2),
+    )
+    return scene([Material(base_color=gray(0.7)), Material(base_color=(0.6, 0.1, 0.1)), emitter(15.0)], walls)
+
+
+def test_where_light_is_sent_on_in_single_directions_it_costs_nothing_and_changes_no_bit() -> None:
+    glass = Sphere((0, 0.8, 0), 0.8, 1)
+    compiled = scene([Material(kind="mirror"), Material(kind="glass", ior=1.5)], (FLOOR,), (glass,), environment=1.0)
     films, stats = [], [RenderStats(), RenderStats()]
     for count in (1, 2):
-        asked = settings(*VIEW, max_depth=3, size=8, sky_samples=count)
+        asked = settings(*VIEW, max_depth=6, size=8, splitting=count)
         films.append(render_frame(compiled, asked, 4, stats=stats[count - 1]))
-        assert kernel_options(asked, compiled).sky_samples == 1
     np.testing.assert_array_equal(*films)
     assert stats[0].rays == stats[1].rays
 
 
 @pytest.mark.parametrize("sampling", [name for name in SAMPLINGS if name != "mis"])
-def test_strategies_that_weigh_nothing_look_once(sampling: str) -> None:
+def test_strategies_that_are_compared_do_not_split(sampling: str) -> None:
     compiled = _sunny()
-    assert kernel_options(settings(*VIEW, sampling=sampling), compiled).sky_samples == 1
-    assert kernel_options(settings(*VIEW), compiled).sky_samples == 2
+    assert kernel_options(settings(*VIEW, sampling=sampling), compiled).splitting == 1
+    assert kernel_options(settings(*VIEW), compiled).splitting == 2
 
 
 def test_metal_that_is_brushed_and_not_rough_reflects_the_sky_whoever_looks_for_it() -> None:
@@ -125,7 +140,7 @@ def test_several_light_samples_and_the_balance_heuristic_agree_with_it() -> None
     """The kernel for one path at a time has it too."""
     compiled, asked = made("a sky's picture")
     asked = replace(asked, sampler="independent")
-    (expected, its_error) = mean_and_error(render_frame(compiled, replace(asked, sky_samples=1), 256))
+    (expected, its_error) = mean_and_error(render_frame(compiled, replace(asked, splitting=1), 256))
     for more in ({"light_samples": 3}, {"heuristic": "balance"}):
         found, error = mean_and_error(render_frame(compiled, replace(asked, **more, seed=5), 256))
         assert abs(found - expected) < limit(2) * math.hypot(error, its_error)

@@ -1,0 +1,117 @@
+"""What is calculated of several textures, worked out as one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.image.tonemap import encode_srgb
+from renderer.scene.description import Image, Texture
+from renderer.scene.readers.baked import grid, looked_up
+from renderer.scene.readers.usd.textures import CHANNELS, Taken, linear
+from renderer.scene.textures import UNMOVED, TextureShelf
+
+__all__ = ["baked", "span_of"]
+
+MAX_SIDE = 4096
+_MOST, _NEAR = 1e9, 1e-6
+_ROWS = 1 << 18  # texels that are worked out at a time
+F64 = npt.NDArray[np.float64]
+Formula = Callable[[list[F64]], F64]
+
+
+def baked(shelf: TextureShelf, taken: Sequence[Taken], what: str, formula: Formula, has_alpha: bool) -> Taken | None:
+    """A texture of the values (h, w, 4) that a formula gives of others'; None where these do not lie in one way.
+
+    what: tells it from others of the same textures. Textures lie in one way that have one set of UVs, and are moved alike or
+    repeat with the square of them.
+    """
+    textures = [shelf.texture_of(one.texture) for one in taken]
+    frame = textures[0]
+    if all(_lies_as(texture, frame) for texture in textures):
+        textures = [replace(texture, transform=UNMOVED) for texture in textures]
+    elif all(texture.uv_set == frame.uv_set and _repeats(texture) for texture in textures):
+        frame = replace(frame, transform=UNMOVED)
+    else:
+        return None
+
+    images = [shelf.image_of(one.texture) for one in taken]
+
+    def make() -> Image:
+        width, height = size = _size(images, textures)
+        each = [_values(*given, size) for given in zip(images, textures, taken, strict=True)]
+        rows = max(_ROWS // width, 1)
+        name = f"{images[0].name} with others"
+
+        def bands() -> Iterator[tuple[slice, npt.NDArray[np.float32]]]:
+            for first in range(0, height, rows):
+                at = slice(first, min(first + rows, height))
+                found = np.broadcast_to(formula([of(at) for of in each]), (at.stop - first, width, 4))
+                yield at, np.nan_to_num(found, nan=0.0, posinf=_MOST, neginf=-_MOST).astype(np.float32)
+
+        codes = np.full((height, width, 4), 255, np.uint8)
+        for at, values in bands():
+            if float(values[..., :3].min()) < -_NEAR or float(values[..., :3].max()) > 1 + _NEAR:
+                break
+            codes[at, :, :3] = np.rint(encode_srgb(np.clip(values[..., :3], 0, 1)) * 255)
+            if has_alpha:
+                codes[at, :, 3] = np.rint(np.clip(values[..., 3], 0, 1) * 255)
+        else:
+            return Image(name, codes, True)
+        lights = np.empty((height, width, 3), np.float32)  # more, or less, than colours may be
+        for at, values in bands():
+            lights[at] = values[..., :3]
+        return Image(name, lights, True)
+
+    found = shelf.calculated(f"{what} of {[*zip(taken, textures, strict=True)]}", images, make)
+    texture = shelf.texture(found, frame.wrap_s, frame.wrap_t, frame.uv_set, frame.transform, filter=frame.filter)
+    return None if texture is None else Taken(texture)
+
+
+def span_of(shelf: TextureShelf, taken: Taken) -> tuple[float, float]:
+    """The least and the greatest number that an image's values can be."""
+    pixels = shelf.image_of(taken.texture).pixels
+    return (0.0, 1.0) if pixels.dtype == np.uint8 else (float(pixels.min(initial=0)), float(pixels.max(initial=1)))
+
+
+def _lies_as(one: Texture, other: Texture) -> bool:
+    return replace(one, image=other.image, filter=other.filter) == other
+
+
+def _repeats(texture: Texture) -> bool:
+    a, b, _, c, d, _ = texture.transform
+    is_whole = all(abs(each - round(each)) < 1e-6 for each in (a, b, c, d))
+    return is_whole and texture.wrap_s == texture.wrap_t == "repeat"
+
+
+def _size(images: list[Image], textures: list[Texture]) -> tuple[int, int]:
+    """(width, height): as fine as the finest, as it lies."""
+    sizes = []
+    for image, texture in zip(images, textures, strict=True):
+        height, width = image.pixels.shape[:2]
+        a, b, _, c, d, _ = map(abs, texture.transform)
+        sizes.append((max(a * width, c * height), max(b * width, d * height)))
+    across, down = (int(min(max(size[k] for size in sizes), MAX_SIDE)) for k in (0, 1))
+    return max(across, 1), max(down, 1)
+
+
+def _values(image: Image, texture: Texture, taken: Taken, size: tuple[int, int]) -> Callable[[slice], F64]:
+    """What is taken of a texture, for some rows of a picture that is so large."""
+    width, height = size
+    is_as_it_is = image.pixels.shape[:2] == (height, width) and texture.transform == UNMOVED
+    whole = None if is_as_it_is else linear(image)
+
+    def of(rows: slice) -> F64:
+        if whole is None:
+            own = linear(replace(image, pixels=image.pixels[rows])).astype(np.float64)
+        else:
+            own = looked_up(texture, whole, grid(size, rows.start, rows.stop - rows.start))
+        if taken.channel == "rgb":
+            return np.asarray(own * np.array(taken.scale) + np.array(taken.bias))
+        scale, bias = taken.span(taken.channel)
+        return np.asarray(own[..., CHANNELS[taken.channel], None] * scale + bias)
+
+    return of

@@ -1,0 +1,69 @@
+"""The rules of Loop's subdivision surfaces, for what is neither border nor crease: those are as of Catmull and Clark's.
+
+Source: Loop 1987, "Smooth Subdivision Surfaces Based on Triangles".
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces
+
+__all__ = ["limit", "on_edges", "smoothed", "split", "within"]
+
+F64 = npt.NDArray[np.float64]
+
+
+def on_edges(points: F64, ends: Codes, of: Codes, across: Codes) -> F64:
+    """(E, w) the new points. of: (C,) the edge from each corner to the next; across: (C,) the point that faces it."""
+    faces = np.maximum(np.bincount(of, minlength=len(ends)), 1)[:, None]
+    facing = _sums(points[across], of, len(ends)) / faces
+    return np.asarray(0.375 * points[ends].sum(axis=1) + 0.25 * facing)
+
+
+def smoothed(points: F64, ends: Codes) -> F64:
+    """(P, w) where the old points come to lie."""
+    valence, around = _around(points, ends)
+    beta = _beta(valence)
+    return np.asarray((1 - valence * beta) * points + beta * around)
+
+
+def limit(points: F64, ends: Codes) -> F64:
+    """(P, w) where they come to lie after infinitely many levels."""
+    valence, around = _around(points, ends)
+    share = 1 / (valence + 0.375 / _beta(valence))
+    return np.asarray((1 - valence * share) * points + share * around)
+
+
+def split(corners: Codes, on: Codes) -> tuple[Faces, Codes]:
+    """Four triangles of each, and which each of them is a part of. on: (C,) the new point between each corner and the next."""
+    middle = on.reshape(-1, 3)
+    outer = np.stack([corners, on, np.roll(middle, 1, axis=1).reshape(-1)], axis=1)
+    old = np.arange(len(middle))
+    return Faces(np.full(4 * len(middle), 3), np.concatenate([outer, middle]).reshape(-1)), np.append(np.repeat(old, 3), old)
+
+
+def within(values: AtCorners, faces: Faces, ahead: Codes, back: Codes) -> AtCorners:
+    """Values at the corners of the four triangles, mixed within their face."""
+    own = values.each().astype(np.float64)
+    onward = (own + own[ahead]) / 2
+    outer = np.stack([own, onward, onward[back]], axis=1).reshape(-1, own.shape[1])
+    found = np.concatenate([outer, onward]).astype(np.float32)
+    return AtCorners(found, np.arange(len(found)))
+
+
+def _around(points: F64, ends: Codes) -> tuple[F64, F64]:
+    """(P, 1) how many neighbours each point has, and (P, w) their sum."""
+    one, other = ends.reshape(-1), ends[:, ::-1].reshape(-1)
+    valence = np.bincount(one, minlength=len(points)).astype(np.float64)[:, None]
+    return valence, _sums(points[other], one, len(points))
+
+
+def _beta(valence: F64) -> F64:
+    n = np.maximum(valence, 1)
+    return np.asarray((0.625 - (0.375 + 0.25 * np.cos(2 * np.pi / n)) ** 2) / n)
+
+
+def _sums(values: F64, group: Codes, count: int) -> F64:
+    return np.stack([np.bincount(group, values[:, k], count) for k in range(values.shape[1])], axis=1)
