@@ -13,6 +13,7 @@ import typer
 
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, EXIT_INTERRUPTED
+from rayfarm.help_pages import tidy
 from renderer.errors import RayfarmError
 
 __all__ = ["COMMANDS", "main"]
@@ -48,9 +49,9 @@ HELP = """A render farm that starts with one command.
 [bold]On another[/bold]        rayfarm worker --join URL                 adds its cores to the farm
 [bold]Without a farm[/bold]    rayfarm render scene.glb -o out.png       in this process
 [bold]With one[/bold]          rayfarm submit scene.glb --wait -o out.exr
-[bold]To see it grow[/bold]    rayfarm watch                             in the terminal
-[bold]To keep it[/bold]        rayfarm backup /mnt/nas/rayfarm           also while it runs
-[bold]Is it well?[/bold]       rayfarm doctor                            what is wrong here, in sentences
+[bold]To watch it[/bold]       rayfarm watch                             in the terminal
+[bold]To keep it[/bold]        rayfarm backup /mnt/nas/rayfarm           even while it runs
+[bold]Trouble?[/bold]          rayfarm doctor                            what is wrong here, in sentences
 """
 
 
@@ -83,7 +84,7 @@ def _with_finite_numbers(invoke: Callable[[Any], Any]) -> Callable[[Any], Any]:
     def checked(context: Any) -> Any:
         for name, value in context.params.items():
             if isinstance(value, float) and not math.isfinite(value):
-                raise typer.BadParameter(f"{value} is no finite number.", param_hint=f"--{name.replace('_', '-')}")
+                raise typer.BadParameter(f"{value} is not a finite number.", param_hint=f"--{name.replace('_', '-')}")
         return invoke(context)
 
     return checked
@@ -109,6 +110,7 @@ def main() -> None:
     try:
         command = typer.main.get_command(_program(_asked_for()))
         _refuse_what_is_no_number(command)
+        tidy(command)
         command()
     except RayfarmError as error:
         if os.environ.get("RAYFARM_DEBUG"):

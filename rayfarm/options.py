@@ -47,7 +47,7 @@ Aov = Annotated[
     str | None,
     typer.Option(
         metavar="NAME,...",
-        help=f"Further layers of an .exr: {', '.join(NAMES)}; `all` for all but {MOTION}, which takes a pass of its own.",
+        help=f"Further layers of an .exr: {', '.join(NAMES)}; `all` means all but {MOTION}, which takes a pass of its own.",
         rich_help_panel="What is written",
     ),
 ]
@@ -67,13 +67,15 @@ Variant = Annotated[
 ]
 Frame = Annotated[
     float | None,
-    typer.Option(metavar="N", help="Of what moves: frame N shows the time N / fps; 0 unless told.", rich_help_panel="Time"),
+    typer.Option(
+        metavar="N", help="The frame of an animation: frame N shows the time N / fps; by default 0.", rich_help_panel="Time"
+    ),
 ]
 Frames = Annotated[
     str | None,
     typer.Option(
         metavar="A-B[xSTEP],...",
-        help="Several frames, each into a file of its own: `-o out.####.exr`. Those that are there are kept.",
+        help="Several frames, each in its own file: `-o out.####.exr`. Existing files are kept.",
         rich_help_panel="Time",
     ),
 ]
@@ -82,13 +84,11 @@ Turntable = Annotated[
     typer.Option(
         min=0.001,
         metavar="SECONDS",
-        help="The camera goes once around what it looks at in so many seconds, and on.",
+        help="The camera circles what it looks at once in this many seconds.",
         rich_help_panel="Time",
     ),
 ]
-Overwrite = Annotated[
-    bool, typer.Option("--overwrite", help="Render frames again whose files are there.", rich_help_panel="Time")
-]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Render frames again whose files exist.", rich_help_panel="Time")]
 Fps = Annotated[
     float | None,
     typer.Option(
@@ -99,7 +99,7 @@ Clip = Annotated[
     str | None,
     typer.Option(
         metavar="NAME|N",
-        help="One of a glTF file's animations, by name or number from 0, or `all` at once; the first unless told.",
+        help="One of a glTF file's animations, by name or number from 0, or `all` at once; by default the first.",
         rich_help_panel="Time",
     ),
 ]
@@ -109,7 +109,7 @@ Order = Annotated[
 Every = Annotated[int | None, typer.Option(metavar="N", min=2, max=1024, help=sentences(SHOT["every"]), rich_help_panel="Time")]
 Server = Annotated[
     str | None,
-    typer.Option(metavar="URL", help="The farm's address; the one running here unless told. [dim]$RAYFARM_SERVER[/dim]"),
+    typer.Option(metavar="URL", help="The farm's address; by default the one running here. [dim]$RAYFARM_SERVER[/dim]"),
 ]
 
 

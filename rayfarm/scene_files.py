@@ -38,8 +38,10 @@ def check(scene: Path) -> None:
     if not scene.exists():
         raise CommandError(f"There is no file {scene}.")
     if scene.is_file() and scene.suffix.lower() not in SCENE_SUFFIXES + ARCHIVE_SUFFIXES:
+        if scene.suffix.lower() in (".exr", ".hdr"):
+            raise CommandError(f"{scene.name} is an image, not a scene. To light a scene with it, give it by --env {scene.name}.")
         raise CommandError(
-            f"{scene.name} is no scene that Rayfarm reads. It reads {', '.join(SCENE_SUFFIXES + ARCHIVE_SUFFIXES)}."
+            f"{scene.name} is not a scene that Rayfarm reads. It reads {', '.join(SCENE_SUFFIXES + ARCHIVE_SUFFIXES)}."
         )
     if scene.is_file() and scene.stat().st_size == 0:
         raise CommandError(f"{scene.name} is empty.")

@@ -117,7 +117,8 @@ def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list
             found.append((rank[path.suffix.lower()], len(path.parts), auxiliary, len(name), name))
     if not found:
         for name in sorted(names):
-            if advice := FOREIGN.get(PurePosixPath(name).suffix.lower()):
+            suffix = PurePosixPath(name).suffix.lower()
+            if advice := _UNPACK if suffix == ".zip" else FOREIGN.get(suffix):  # a .zip that is not inside another is unpacked
                 then = "" if advice == _UNPACK else "; give what that writes"
                 raise SceneError(f"{name[:200]} cannot be read here. {advice}{then}.")
         listed = ", ".join(sorted(names)[:5]) or "nothing"

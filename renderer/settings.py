@@ -136,9 +136,7 @@ class RenderSettings:
     height: Annotated[int, Setting(1, MAX_SIZE), Shown("Height", "Pixels.", "px", "basic", "Size and quality")]
     view: View
     _: KW_ONLY
-    integrator: Annotated[str, Setting(choices=INTEGRATORS), Shown("Integrator", "How light is followed.", group="basic")] = (
-        "path"
-    )
+    integrator: Annotated[str, Setting(choices=INTEGRATORS), Shown("Integrator", "How light is traced.", group="basic")] = "path"
     max_depth: Annotated[
         int,
         Setting(1, MAX_DEPTH),
@@ -168,9 +166,7 @@ class RenderSettings:
     light_choice: Annotated[
         str,
         Setting(choices=LIGHT_CHOICES),
-        Shown(
-            "Choice among lights", "By what chance a light is taken of many.", group="lab", integrators=_lit, phrase="lights: {}"
-        ),
+        Shown("Choice among lights", "How one light is chosen among many.", group="lab", integrators=_lit, phrase="lights: {}"),
     ] = "tree"
     light_samples: Annotated[
         int,
@@ -192,7 +188,7 @@ class RenderSettings:
         Setting(0.05, 1.0, off=0.0),
         Shown(
             "Roulette",
-            "The chance with which a path goes on at each bounce; else by what it still carries.",
+            "The chance of a path to continue at each bounce; otherwise it depends on what the path still carries.",
             group="lab",
             integrators=_estimating,
             off="by throughput",
@@ -203,7 +199,7 @@ class RenderSettings:
         Setting(0.0, MAX_FLOOR, off=0.0),
         Shown(
             "Least chance",
-            "With which a path goes on, where it is by what it carries.",
+            "The least chance of a path to continue, if that depends on what it carries.",
             group="lab",
             integrators=("path",),
             off="none",
@@ -240,7 +236,7 @@ class RenderSettings:
         Setting(0.0, MAX_RADIANCE),
         Shown(
             "Ambient light",
-            "A constant in place of all light from wall to wall.",
+            "A constant in place of all light that surfaces give each other.",
             unit="radiance",
             integrators=("whitted",),
             phrase="ambient {}",
@@ -273,7 +269,7 @@ class RenderSettings:
         Setting(0.001, MAX_SHUTTER, off=0.0),
         Shown(
             "Shutter",
-            "How long it is open, of a frame's time: what moves meanwhile is blurred.",
+            "How long the shutter is open, as a fraction of a frame's time: what moves meanwhile is blurred.",
             unit="fraction",
             section="Samples",
             off="no motion blur",
@@ -289,7 +285,7 @@ class RenderSettings:
         Setting(2, MOST_KEYS, off=0),
         Shown(
             "Shutter keys",
-            "How often within the shutter what moves is looked at; between two keys it turns by less than half a turn.",
+            "How many times motion is sampled while the shutter is open; between two of them nothing may turn by half a turn.",
             section="Samples",
             off="as often as its turns need",
             phrase="{} keys",

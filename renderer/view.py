@@ -65,7 +65,7 @@ class View:
         ),
     ] = 40.0
     projection: Annotated[
-        str, Setting(choices=PROJECTIONS), Shown("Projection", "How directions become places of the picture.", section="View")
+        str, Setting(choices=PROJECTIONS), Shown("Projection", "How directions are projected onto the picture.", section="View")
     ] = "perspective"
     aperture: Annotated[
         float,
@@ -83,7 +83,7 @@ class View:
         Setting(MIN_DISTANCE, MAX_DISTANCE),
         Shown(
             "Focus distance",
-            "What lies this far away is sharp; the target unless told.",
+            "The distance at which the picture is sharp; by default the target's.",
             unit="scene units",
             section="View",
             projections=_lens,
@@ -109,7 +109,7 @@ class View:
         Setting(0.0, MAX_DISTANCE),
         Shown(
             "Near plane",
-            "What stands before this distance along the line of sight is cut away.",
+            "Whatever is nearer than this along the line of sight is cut away.",
             unit="scene units",
             section="View",
             projections=("perspective", "orthographic"),
@@ -121,7 +121,7 @@ class View:
         Setting(-MAX_SHIFT, MAX_SHIFT),
         Shown(
             "Shift to the right",
-            "Of the lens, in heights of the picture: shows more of what is to the right.",
+            "Lens shift, in heights of the picture: shows more of what is to the right.",
             section="View",
             projections=("perspective", "orthographic"),
             phrase="shifted {} to the right",
@@ -133,7 +133,7 @@ class View:
         Setting(-MAX_SHIFT, MAX_SHIFT),
         Shown(
             "Shift up",
-            "Of the lens, in heights of the picture: shows more of what is above, and upright lines stay upright.",
+            "Lens shift, in heights of the picture: shows more of what is above, and upright lines stay upright.",
             section="View",
             projections=("perspective", "orthographic"),
             phrase="shifted {} up",

@@ -26,7 +26,7 @@ class Work:
         Setting(1, MAX_SPP),
         Shown(
             "Samples per pixel",
-            f"Samples per pixel: {DEFAULT_SPP} unless told, or as many as a noise level or a time limit takes.",
+            f"Samples per pixel: {DEFAULT_SPP} by default, or as many as a noise level or a time limit takes.",
             group="basic",
             section="Size and quality",
             phrase="{} spp",
@@ -61,7 +61,7 @@ class Work:
         Setting(8, 512),
         Shown(
             "Tile size",
-            "By the picture's size unless told. Changes no sample; with a noise level, where it ends.",
+            "By default chosen by the picture's size. Changes no sample, only where a noise level ends.",
             "px",
             section="Schedule",
         ),
@@ -91,14 +91,14 @@ class ShotWork:
     fps: Annotated[
         float | None,
         Setting(1e-3, 1e4),
-        Shown("Frames a second", "Frame n shows the time n / fps; the file's own unless told, else 24.", section="Time"),
+        Shown("Frames a second", "Frame n shows the time n / fps; by default the file's own, else 24.", section="Time"),
     ] = None
     turntable: Annotated[
         float | None,
         Setting(1e-3, 1e7),
         Shown(
             "Turntable",
-            "The camera goes once around what it looks at in so many seconds, and on.",
+            "The camera circles what it looks at once in this many seconds.",
             "s",
             section="Time",
             phrase="around in {} s",
@@ -107,7 +107,11 @@ class ShotWork:
     order: Annotated[
         str | None,
         Setting(choices=ORDERS, digest=False),
-        Shown("Order", "Which frame is next; in turn unless told, breadth first where only a time ends it.", section="Time"),
+        Shown(
+            "Order",
+            "Which frame comes next; by default in turn, or breadth first if only a time limit ends the shot.",
+            section="Time",
+        ),
     ] = None
     every: Annotated[int, Setting(2, 1024, digest=False), Shown("Every", "The n of the order every-nth.", section="Time")] = 8
 

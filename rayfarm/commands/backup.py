@@ -31,11 +31,11 @@ def backup(
         Path | None, typer.Option(file_okay=False, help="The farm's data folder; `up` names it. [dim]$RAYFARM_DATA[/dim]")
     ] = None,
 ) -> None:
-    """Copy all that a farm must not lose, also while it runs: scenes, jobs, films and its token.
+    """Copy everything a farm must not lose, even while it runs: scenes, jobs, films and its token.
 
-    The copy is consistent: it has at least the samples that its database says, and a half-done job goes on from it. Into a folder
-    that has a backup already only what is new is written, so a nightly one is quick. Queues, logs and kernels are left out; they
-    are made again.
+    The copy is consistent: it has at least the samples that its database records, and a half-done job continues from it. If the
+    folder already has a backup, only what is new is written, so a nightly backup is quick. Queues, logs and kernels are left
+    out, because they are made again.
 
     [bold]Examples[/bold]
 
@@ -75,10 +75,10 @@ def restore(
     source: Annotated[Path, typer.Argument(metavar="DIR|FILE", help="What `backup` made.")],
     data: Annotated[Path, typer.Option(file_okay=False, help="The folder to make: a new one, or an empty one.")],
 ) -> None:
-    """Make a data folder of a backup; `rayfarm up --data` on it goes on with unfinished jobs.
+    """Turn a backup into a data folder; `rayfarm up --data` on it continues unfinished jobs.
 
-    Every byte is held against the hashes that were written down with it, and the folder appears when all of it is right. The farm
-    that was backed up may run on meanwhile.
+    Every byte is checked against the hashes recorded with it, and the folder appears only once all of it is right. The farm
+    that was backed up may keep running.
 
     [bold]Examples[/bold]
 

@@ -31,7 +31,7 @@ ENOUGH_S = 0.5  # what is over sooner is measured with more samples
 MOST_SAMPLES = 4096
 PROBE = 8  # of the picture's width and height, to foretell how long all of it takes
 
-Scene = Annotated[Path | None, typer.Option(metavar="SCENE", help="The scene to measure; scenes/still-life.yaml unless told.")]
+Scene = Annotated[Path | None, typer.Option(metavar="SCENE", help="The scene to measure; by default scenes/still-life.yaml.")]
 Json = Annotated[bool, typer.Option("--json", help="For programs.")]
 
 
@@ -61,7 +61,7 @@ def bvh(
 ) -> None:
     """Render one picture four times: with and without the BVH, with one thread and with all.
 
-    Without it every ray is held against every triangle and sphere. The pictures are the same to the bit; only the time differs.
+    Without it every ray is tested against every triangle and sphere. The pictures are the same to the bit; only the time differs.
 
     [bold]Examples[/bold]
 

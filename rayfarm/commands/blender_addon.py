@@ -24,7 +24,7 @@ def blender_addon(
 ) -> None:
     """Write the add-on that puts Rayfarm among Blender's render engines.
 
-    Blender 4.2 or later installs it: Edit > Preferences > Get Extensions, the arrow at the top right, Install from Disk.
+    To install it in Blender 4.2 or later: Edit > Preferences > Get Extensions, the arrow at the top right, Install from Disk.
 
     [bold]Examples[/bold]
 

@@ -32,22 +32,25 @@ def register(app: typer.Typer) -> None:
 
 
 def compare(
-    scene: Annotated[Path, typer.Argument(help="A scene of Mitsuba (.xml) or pbrt-v4 (.pbrt), with what it names beside it.")],
+    scene: Annotated[Path, typer.Argument(help="A Mitsuba (.xml) or pbrt-v4 (.pbrt) scene, with the files it names beside it.")],
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="A .png: Rayfarm's picture, the other's, and where they differ.", metavar="FILE.png"),
     ] = None,
-    spp: Annotated[int, typer.Option(min=1, help="Samples per pixel, of both.")] = 256,
+    spp: Annotated[int, typer.Option(min=1, help="Samples per pixel, for both.")] = 256,
     most: Annotated[
         float | None,
-        typer.Option(min=0.0, metavar="FRACTION", help="End with 1 where the means differ by more, for scripts: 0.03 is 3 %."),
+        typer.Option(
+            min=0.0, metavar="FRACTION", help="Exit with 1 if the means differ by more than this, for scripts: 0.03 is 3 %."
+        ),
     ] = None,
-    exposure: Annotated[float, typer.Option(help="Stops, of the picture that is written.")] = 0.0,
+    exposure: Annotated[float, typer.Option(help="Exposure of the picture that is written, in stops.")] = 0.0,
 ) -> None:
-    """Render a scene of Mitsuba or pbrt with Rayfarm and with the program it is of, and say how far they agree.
+    """Render a Mitsuba or pbrt scene with Rayfarm and with its own renderer, and say how closely they agree.
 
-    Differences have three sources: noise (more --spp lessens it), what Rayfarm does not read (told as notes), and models that are
-    meant otherwise: rough metals give back here what a single bounce loses, smooth normals do not darken at the edge of shadow.
+    Differences have three sources: noise (a higher --spp reduces it), what Rayfarm does not read (listed as notes), and models
+    that differ on purpose: here rough metals return the energy that a single bounce loses, and smooth normals do not darken
+    at the shadow's edge.
 
     [bold]Example[/bold]
 
@@ -55,7 +58,7 @@ def compare(
     """
     suffix = scene.suffix.lower()
     if suffix not in (".xml", ".pbrt"):
-        raise CommandError(f"{scene.name} is no scene of Mitsuba or pbrt; these are .xml and .pbrt files")
+        raise CommandError(f"{scene.name} is not a Mitsuba or pbrt scene; those are .xml and .pbrt files")
     name = "pbrt" if suffix == ".pbrt" else "Mitsuba"
     if output is not None:
         if output.suffix.lower() != ".png":

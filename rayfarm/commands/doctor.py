@@ -31,20 +31,22 @@ def doctor(
     data: Annotated[
         Path | None, typer.Option(file_okay=False, help="The farm's data folder; `up` names it. [dim]$RAYFARM_DATA[/dim]")
     ] = None,
-    deep: Annotated[bool, typer.Option("--deep", help="Read every upload and film, and hold them against their hashes.")] = False,
-    port: Annotated[int, typer.Option(min=1, max=65535, help="The port that a farm would take.")] = 8000,
+    deep: Annotated[
+        bool, typer.Option("--deep", help="Read every upload and film, and check them against their hashes.")
+    ] = False,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="The port a farm would use.")] = 8000,
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
 ) -> None:
-    """Look at this installation and say what is wrong, in sentences, each with what to do next. Changes nothing.
+    """Check this installation: say in sentences what is wrong and what to do about it. Changes nothing.
 
-    Python, the compiler and the processor, the denoiser, memory, cache and clock; the data folder's rights, room, database,
-    uploads and films; the farm that runs on it, its Redis and its workers. It ends with 0 where there is no fault, else with 1;
-    a note is no fault.
+    It checks Python, the compiler and the processor, the denoiser, memory, cache and clock; the data folder's permissions,
+    free space, database, uploads and films; the farm that runs on it, its Redis and its workers. The exit code is 0 if
+    there is no fault, otherwise 1; a note is not a fault.
 
     [bold]Examples[/bold]
 
       rayfarm doctor
-      rayfarm doctor --deep --data ~/farm       before a night, or after a disk was full of trouble
+      rayfarm doctor --deep --data ~/farm       before a night of rendering, or after trouble with a disk
       rayfarm doctor --json | jq '.[] | select(.level == "fault")'
     """
     found = []

@@ -28,27 +28,27 @@ def register(app: typer.Typer) -> None:
 
 def gc(
     films_older_than: Annotated[
-        float | None, typer.Option(min=0, metavar="DAYS", help="Films of jobs that were over for longer.")
+        float | None, typer.Option(min=0, metavar="DAYS", help="Delete films of jobs that ended longer ago.")
     ] = None,
     films_above: Annotated[
-        float | None, typer.Option(min=0, metavar="GB", help="Films beyond that size together, the oldest first.")
+        float | None, typer.Option(min=0, metavar="GB", help="Delete the oldest films until all take no more than this.")
     ] = None,
     compiled_older_than: Annotated[
-        float | None, typer.Option(min=0, metavar="DAYS", help="What scenes were compiled to that nobody used for longer.")
+        float | None, typer.Option(min=0, metavar="DAYS", help="Delete compiled scenes that nobody has used for this long.")
     ] = None,
     uploads_older_than: Annotated[
-        float | None, typer.Option(min=0, metavar="DAYS", help="Scenes that nobody used for longer. These are gone then.")
+        float | None, typer.Option(min=0, metavar="DAYS", help="Delete scenes that nobody has used for this long, for good.")
     ] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would go.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be deleted.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask first.")] = False,
     server: options.Server = None,
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
 ) -> None:
-    """Let go what a farm need not keep: old films, what unused scenes were compiled to, unused uploads.
+    """Delete what a farm need not keep: old films, compiled scenes nobody uses, unused uploads.
 
-    Without rules it goes by the farm's own, RAYFARM_KEEP_FILMS_DAYS and the like, by which it looks each hour by itself; as it
-    comes it keeps everything. A film that went is rendered again, to the same bits, when its job is set to running; what a scene
-    was compiled to is made again by who uses it. What unfinished and pinned jobs need stays.
+    Without options it follows the farm's own rules, RAYFARM_KEEP_FILMS_DAYS and the like, which the farm applies every hour by
+    itself; by default they keep everything. A deleted film is rendered again, to the same bits, when its job is set to running;
+    a scene is compiled again when it is next used. What unfinished and pinned jobs need is kept.
 
     [bold]Examples[/bold]
 

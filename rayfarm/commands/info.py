@@ -26,7 +26,7 @@ def info(
     scene: Annotated[Path, typer.Argument(help="A scene file, a folder, or a .zip.")],
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
 ) -> None:
-    """Show what is in a scene: its cameras, counts, bounds, and what is wrong with it.
+    """Show what is in a scene: its cameras, counts and bounds, and what is wrong with it.
 
     [bold]Example[/bold]
 

@@ -23,13 +23,13 @@ def register(app: typer.Typer) -> None:
 
 
 def jobs(
-    job: Annotated[str | None, typer.Argument(help="One job's number; all jobs unless told.")] = None,
+    job: Annotated[str | None, typer.Argument(help="A job's id, or its beginning; by default all jobs are listed.")] = None,
     server: options.Server = None,
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
 ) -> None:
-    """List a farm's jobs, or show one of them; why one failed or waits stands below.
+    """List a farm's jobs, or show one; below it says why a job failed or waits.
 
-    Ends with 1 and a sentence where no farm answers, or it has no such job.
+    Exits with 1 and a sentence if no farm answers or it has no such job.
 
     [bold]Examples[/bold]
 

@@ -17,7 +17,7 @@ __all__ = ["register"]
 
 Name = Annotated[str, typer.Argument(help="The project's name: small letters, digits and . _ @ -")]
 User = Annotated[str, typer.Argument(help="A user of the farm, as `rayfarm user list` shows them.")]
-projects = typer.Typer(name="project", no_args_is_help=True, help="Scenes and jobs that their members alone see.")
+projects = typer.Typer(name="project", no_args_is_help=True, help="Scenes and jobs that only their members see.")
 
 
 def register(app: typer.Typer) -> None:
@@ -28,10 +28,10 @@ def register(app: typer.Typer) -> None:
 @projects.command("add")
 def add(
     name: Name,
-    members: Annotated[list[str] | None, typer.Argument(help="Users who are to see it.")] = None,
+    members: Annotated[list[str] | None, typer.Argument(help="Users who may see it.")] = None,
     server: options.Server = None,
 ) -> None:
-    """Make a project. What is uploaded to it, and rendered of that, nobody sees but its members and administrators.
+    """Make a project. Only its members and administrators see what is uploaded to it, and what is rendered from that.
 
     [bold]Examples[/bold]
 
@@ -47,7 +47,7 @@ def add(
 
 @projects.command("list")
 def show(server: options.Server = None) -> None:
-    """List the projects that you see, their members, and what is in them."""
+    """List the projects you can see, their members, and what is in them."""
     with farm_client(server) as farm:
         rows = all_of(farm, "/api/projects")
     table = Table("PROJECT", "MEMBERS", "SCENES", "JOBS", box=None, pad_edge=False)
@@ -63,10 +63,10 @@ def show(server: options.Server = None) -> None:
 def let_in(
     name: Name,
     user: User,
-    only_look: Annotated[bool, typer.Option("--only-look", help="They see what is in it, and change nothing there.")] = False,
+    only_look: Annotated[bool, typer.Option("--only-look", help="They may look at what is in it, but change nothing.")] = False,
     server: options.Server = None,
 ) -> None:
-    """Let a user see what is in a project, and add to it; of a member, say so anew."""
+    """Let a user see what is in a project and add to it, or change what a member may do."""
     asked = {"role": "view"} if only_look else {}
     with farm_client(server) as farm:
         farm.call("PUT", f"/api/projects/{quote(name, safe='')}/members/{quote(user, safe='')}", **asked)
@@ -75,7 +75,7 @@ def let_in(
 
 @projects.command("put-out")
 def put_out(name: Name, user: User, server: options.Server = None) -> None:
-    """Let a user see it no more. It holds at once, also for what is open."""
+    """Remove a user from a project, at once, even from pages that are open."""
     with farm_client(server) as farm:
         farm.call("DELETE", f"/api/projects/{quote(name, safe='')}/members/{quote(user, safe='')}")
     out.print(f"{user} sees nothing of {name} any more.", markup=False)

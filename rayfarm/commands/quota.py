@@ -20,9 +20,9 @@ __all__ = ["register"]
 UNITS = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
 AMOUNT = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([kMGT]?)B?")
 NONE = "none"
-User = Annotated[str, typer.Argument(help="A user; with --token the number of a token, as `rayfarm token list` shows it.")]
-OfToken = Annotated[bool, typer.Option("--token", help="Of a token, beside what its user may.")]
-quotas = typer.Typer(name="quota", no_args_is_help=True, help="How much users may have and do.")
+User = Annotated[str, typer.Argument(help="A user; with --token a token's id, as `rayfarm token list` shows it.")]
+OfToken = Annotated[bool, typer.Option("--token", help="Limit a token, in addition to its user's limits.")]
+quotas = typer.Typer(name="quota", no_args_is_help=True, help="How much users may store and render.")
 
 
 def register(app: typer.Typer) -> None:
@@ -32,10 +32,10 @@ def register(app: typer.Typer) -> None:
 
 @quotas.command("show")
 def show(
-    everybody: Annotated[bool, typer.Option("--all", help="Of all users; for administrators.")] = False,
+    everybody: Annotated[bool, typer.Option("--all", help="List all users' limits; for administrators.")] = False,
     server: options.Server = None,
 ) -> None:
-    """Show what you may have and do, and what of it is used."""
+    """Show your limits, and how much of them is used."""
     with farm_client(server) as farm:
         rows = all_of(farm, "/api/quotas") if everybody else farm.call("GET", "/api/quota")
     table = Table("WHOSE", "BYTES", "JOBS AT A TIME", "SAMPLES A DAY", box=None, pad_edge=False)
@@ -47,13 +47,13 @@ def show(
 @quotas.command("set")
 def set_limits(
     name: User,
-    bytes: Annotated[str, typer.Option(metavar="N", help="Of uploads and films together, as 50G.")] = NONE,
-    jobs: Annotated[str, typer.Option(metavar="N", help="Unfinished at a time.")] = NONE,
-    samples_day: Annotated[str, typer.Option(metavar="N", help="Of the jobs of 24 hours, as 2T.")] = NONE,
+    bytes: Annotated[str, typer.Option(metavar="N", help="Uploads and films together, such as 50G.")] = NONE,
+    jobs: Annotated[str, typer.Option(metavar="N", help="Unfinished jobs at a time.")] = NONE,
+    samples_day: Annotated[str, typer.Option(metavar="N", help="Samples of the jobs submitted in 24 hours, such as 2T.")] = NONE,
     token: OfToken = False,
     server: options.Server = None,
 ) -> None:
-    """Say what a user may; what is not given has no limit.
+    """Set a user's limits; whatever is left out is unlimited.
 
     [bold]Examples[/bold]
 
@@ -68,7 +68,7 @@ def set_limits(
 
 @quotas.command("reset")
 def reset(name: User, token: OfToken = False, server: options.Server = None) -> None:
-    """A user may what every user may; a token what its user may."""
+    """Return a user to everybody's limits, or a token to its user's."""
     with farm_client(server) as farm:
         farm.call("DELETE", _path(name, token))
     out.print(f"{name} has no limits of its own any more.", markup=False)

@@ -66,7 +66,7 @@ def render(
     turntable: options.Turntable = None,
     aov: options.Aov = None,
     denoise: options.Denoise = False,
-    exposure: Annotated[float, typer.Option(help="Stops; .png and .jpg only.", rich_help_panel=WRITTEN)] = 0.0,
+    exposure: Annotated[float, typer.Option(help="Exposure in stops; .png and .jpg only.", rich_help_panel=WRITTEN)] = 0.0,
     tonemap: Annotated[
         str, typer.Option(metavar="CURVE", help="Tone curve; .png and .jpg only.", rich_help_panel=WRITTEN)
     ] = "neutral",
@@ -84,20 +84,22 @@ def render(
     pixel: Annotated[
         str | None,
         typer.Option(
-            metavar="X,Y", help="Follow one path of this pixel again, and print its vertices. No picture.", rich_help_panel=PART
+            metavar="X,Y", help="Trace one path of this pixel again and print its vertices; no picture.", rich_help_panel=PART
         ),
     ] = None,
-    sample: Annotated[int | None, typer.Option(min=0, help="Which of the pixel's; 0 unless told.", rich_help_panel=PART)] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the path for programs.", rich_help_panel=PART)] = False,
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads; one per core unless told.", rich_help_panel=HOW)] = None,
+    sample: Annotated[
+        int | None, typer.Option(min=0, help="Which of the pixel's samples; by default 0.", rich_help_panel=PART)
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the path as JSON, for programs.", rich_help_panel=PART)] = False,
+    threads: Annotated[int | None, typer.Option(min=1, help="Threads; by default one per core.", rich_help_panel=HOW)] = None,
     no_bvh: Annotated[
         bool,
-        typer.Option("--no-bvh", help="Hold every ray against every triangle: the same picture, slowly.", rich_help_panel=HOW),
+        typer.Option("--no-bvh", help="Test every ray against every triangle: the same picture, slowly.", rich_help_panel=HOW),
     ] = False,
 ) -> None:
-    """Render a scene to a picture, or a shot to one for each frame, in this process and with all cores.
+    """Render a scene to a picture, or a shot to one picture a frame, in this process and on all cores.
 
-    Ends with 1 and a sentence where anything fails, a frame among them; the others are rendered all the same.
+    Exits with 1 and a sentence if anything fails. If one frame of a shot fails, the others are still rendered.
 
     [bold]Examples[/bold]
 

@@ -24,15 +24,14 @@ def register(app: typer.Typer) -> None:
 
 def shares(
     share: Annotated[
-        str | None, typer.Argument(help="user:NAME, project:NAME, or everybody: jobs that are nobody's. All, if none.")
+        str | None,
+        typer.Argument(help="user:NAME, project:NAME, or everybody (jobs without an owner); by default all are listed."),
     ] = None,
-    weight: Annotated[
-        float | None, typer.Option(metavar="W", help="Slots are shared in proportion to it; 1 unless told.")
-    ] = None,
+    weight: Annotated[float | None, typer.Option(metavar="W", help="Slots are shared in proportion to it; by default 1.")] = None,
     max_slots: Annotated[
-        int | None, typer.Option(min=0, metavar="N", help="Of all its jobs at a time, at most; 0: no limit.")
+        int | None, typer.Option(min=0, metavar="N", help="The most slots for all of its jobs together; 0: no limit.")
     ] = None,
-    reset: Annotated[bool, typer.Option("--reset", help="As all are by themselves: weight 1, no limit.")] = False,
+    reset: Annotated[bool, typer.Option("--reset", help="Back to the default: weight 1, no limit.")] = False,
     server: options.Server = None,
 ) -> None:
     """List the shares of a farm's slots, or change one. Slots are shared between jobs of the same priority.

@@ -22,23 +22,25 @@ def register(app: typer.Typer) -> None:
 
 
 def site(
-    name: Annotated[str, typer.Argument(help="What the site is called; its workers say the same by --site.")],
-    join: Annotated[str, typer.Option(metavar="URL", help="The farm's address, as http://host:8000.")],
+    name: Annotated[str, typer.Argument(help="The site's name, which its workers give as --site.")],
+    join: Annotated[str, typer.Option(metavar="URL", help="The farm's address, such as http://host:8000.")],
     token_file: Annotated[
         Path | None,
-        typer.Option(dir_okay=False, help="A file with the farm's token, or one of a worker's. [dim]$RAYFARM_TOKEN[/dim]"),
+        typer.Option(dir_okay=False, help="A file with the farm's token, or with a worker's own. [dim]$RAYFARM_TOKEN[/dim]"),
     ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Where this site's workers reach it; 0: any that is free.")] = 8010,
-    host: Annotated[str, typer.Option(help="Of which of its addresses; all of them unless told.")] = "0.0.0.0",
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="The port on which the site's workers reach it; 0 takes a free one.")
+    ] = 8010,
+    host: Annotated[str, typer.Option(help="The address to listen on; by default all of this machine's.")] = "0.0.0.0",
     address: Annotated[
-        str, typer.Option(help="What workers reach this machine by; its address on the way to the farm unless told.")
+        str, typer.Option(help="The address workers use for this machine; by default the one it uses towards the farm.")
     ] = "",
     log_format: LogFormat = None,
 ) -> None:
-    """Add up what the workers of a site have rendered of a tile, and send it to the farm as one result, until Ctrl-C.
+    """Add up what a site's workers have rendered of each tile and send it to the farm as one result, until Ctrl-C.
 
-    Where many machines are far from the farm, less goes over the way between, and the farm has less to take in. Start one on any
-    machine of the site, and the site's workers with --site NAME. While it is away they send to the farm themselves.
+    If many machines are far from the farm, less data travels between them, and the farm has less to receive. Start one on any
+    machine of the site, and start the site's workers with --site NAME. While it is down they send to the farm themselves.
 
     [bold]Examples[/bold]
 

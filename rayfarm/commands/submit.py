@@ -36,9 +36,9 @@ def register(app: typer.Typer) -> None:
 
 @takes_picture
 def submit(
-    scene: Annotated[Path, typer.Argument(help="A scene file, a folder, or a .zip. Files that it names are taken along.")],
+    scene: Annotated[Path, typer.Argument(help="A scene file, a folder, or a .zip. Files that it refers to are uploaded too.")],
     server: options.Server = None,
-    wait: Annotated[bool, typer.Option("--wait", help="Wait for the picture, with a progress bar.")] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="Wait for the picture and show progress.")] = False,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -58,34 +58,36 @@ def submit(
     aov: options.Aov = None,
     denoise: options.Denoise = False,
     project: Annotated[
-        str, typer.Option(metavar="NAME", help="Whose members alone see it; everybody who is let in unless told.")
+        str, typer.Option(metavar="NAME", help="The project whose members alone see it; by default everybody does.")
     ] = "",
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.", rich_help_panel=QUEUE)] = 0,
     after: Annotated[
         list[str] | None,
-        typer.Option(metavar="JOB", help="Begin when this job is finished; may be given several times.", rich_help_panel=QUEUE),
+        typer.Option(metavar="JOB", help="Start when this job is finished; may be given several times.", rich_help_panel=QUEUE),
     ] = None,
     deadline: Annotated[
         str | None,
         typer.Option(
             metavar="TIME",
-            help="By when it is wanted: 08:00, the next, or an ISO time as 2026-05-01T08:00. Warns when the forecast says no.",
+            help="When it is wanted: the next 08:00, or an ISO time such as 2026-05-01T08:00. Warns if the forecast is later.",
             rich_help_panel=QUEUE,
         ),
     ] = None,
     need: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NEED", help="Of the workers: a tag, or memory_gb=32; may be given several times.", rich_help_panel=QUEUE
+            metavar="NEED",
+            help="What its workers must have: a tag, or memory_gb=32; may be given several times.",
+            rich_help_panel=QUEUE,
         ),
     ] = None,
     max_slots: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Slots that render it at a time, at most.", rich_help_panel=QUEUE)
+        int | None, typer.Option(min=1, metavar="N", help="The most slots that may render it at a time.", rich_help_panel=QUEUE)
     ] = None,
     verify: Annotated[
         float | None,
         typer.Option(
-            min=0.0, max=1.0, help="Share of its batches that two workers render, to be compared.", rich_help_panel=QUEUE
+            min=0.0, max=1.0, help="The share of its batches that two workers render, for comparison.", rich_help_panel=QUEUE
         ),
     ] = None,
     fresh: Annotated[
@@ -94,8 +96,8 @@ def submit(
 ) -> None:
     """Upload a scene to a farm and ask for its picture.
 
-    Prints the job's number. Without --wait it returns at once; Ctrl-C while waiting leaves the job running.
-    Whether the picture can be written is looked at first. Ends with 1 and a sentence where anything fails, with 130 at Ctrl-C.
+    Prints the job's id. Without --wait it returns at once; Ctrl-C while waiting leaves the job running. Checks first whether
+    the picture can be written. Exits with 1 and a sentence if anything fails, with 130 on Ctrl-C.
 
     [bold]Examples[/bold]
 

@@ -17,7 +17,7 @@ from rayfarm.paged import all_of
 
 __all__ = ["register"]
 
-tokens = typer.Typer(name="token", no_args_is_help=True, help="What programs and workers show to a farm.")
+tokens = typer.Typer(name="token", no_args_is_help=True, help="Tokens, with which programs and workers log in to a farm.")
 
 
 def register(app: typer.Typer) -> None:
@@ -27,14 +27,14 @@ def register(app: typer.Typer) -> None:
 
 @tokens.command("make")
 def make(
-    name: Annotated[str, typer.Argument(help="What it is for, as: nightly script")],
+    name: Annotated[str, typer.Argument(help="What it is for, such as: nightly script")],
     role: Annotated[
-        Literal["view", "submit", "admin", "worker"], typer.Option(help="What it lets do; worker: join, and nothing else.")
+        Literal["view", "submit", "admin", "worker"], typer.Option(help="What it permits; worker: to join, and nothing else.")
     ] = "submit",
     days: Annotated[float, typer.Option(min=0, help="How long it lasts; 0: until it is withdrawn.")] = 90,
     server: options.Server = None,
 ) -> None:
-    """Make a token and print it, this once. Programs have it in RAYFARM_API_TOKEN, workers in RAYFARM_TOKEN.
+    """Make a token and print it, once. Programs read it from RAYFARM_API_TOKEN, workers from RAYFARM_TOKEN.
 
     [bold]Examples[/bold]
 
@@ -52,7 +52,7 @@ def make(
 
 @tokens.command("list")
 def show(server: options.Server = None) -> None:
-    """List the tokens: whose they are, what they let do, until when, and when each was last shown."""
+    """List the tokens: whose they are, what they permit, until when, and when each was last used."""
     with farm_client(server) as farm:
         rows = all_of(farm, "/api/tokens?all=true")
     table = Table("TOKEN", "FOR", "ROLE", "BY", "UNTIL", "LAST SHOWN", box=None, pad_edge=False)
@@ -64,9 +64,9 @@ def show(server: options.Server = None) -> None:
 
 @tokens.command("withdraw")
 def withdraw(
-    token: Annotated[str, typer.Argument(help="Its number, as `rayfarm token list` shows it.")], server: options.Server = None
+    token: Annotated[str, typer.Argument(help="Its id, as `rayfarm token list` shows it.")], server: options.Server = None
 ) -> None:
-    """It lets nobody in from now on."""
+    """Withdraw a token: it is refused from now on."""
     with farm_client(server) as farm:
         farm.call("DELETE", f"/api/tokens/{quote(token, safe='')}")
     out.print(f"{token} lets nobody in any more.", markup=False)

@@ -38,24 +38,26 @@ def up(
         str, typer.Option(help="Address to listen on; 0.0.0.0 lets other machines open the page and join as workers.")
     ] = "127.0.0.1",
     workers: Annotated[
-        int | None, typer.Option("--workers", "--slots", min=0, help="Worker slots; one per core unless told. 0: none here.")
+        int | None, typer.Option("--workers", "--slots", min=0, help="Worker slots; by default one per core. 0: none here.")
     ] = None,
     data: Annotated[
         Path | None,
         typer.Option(
             file_okay=False,
-            help="Where scenes, jobs and films are kept; it says so when it is up. [dim]$RAYFARM_DATA[/dim]",
+            help="Where scenes, jobs and films are kept; `up` prints it. [dim]$RAYFARM_DATA[/dim]",
         ),
     ] = None,
     allow_host: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME", help="A name that the page is opened by, beside addresses and this machine's own; repeatable."
+            metavar="NAME",
+            help="Another name under which the page may be opened, besides IP addresses and this machine's own names; "
+            "repeatable.",
         ),
     ] = None,
     tls_cert: Annotated[
         Path | None,
-        typer.Option(dir_okay=False, exists=True, help="Speak HTTPS: the certificate and those that sign it, as PEM."),
+        typer.Option(dir_okay=False, exists=True, help="Serve HTTPS: the certificate with its chain, as PEM."),
     ] = None,
     tls_key: Annotated[Path | None, typer.Option(dir_okay=False, exists=True, help="The certificate's key, as PEM.")] = None,
     blender: Wanted = False,
@@ -65,14 +67,14 @@ def up(
 ) -> None:
     """Start the farm on this machine: a Redis of its own, the service, one worker slot per core, and the page.
 
-    Ctrl-C stops all of it; what was uploaded and rendered is kept, and the next start goes on with unfinished jobs.
+    Ctrl-C stops all of it; what was uploaded and rendered is kept, and the next start continues unfinished jobs.
 
     [bold]Examples[/bold]
 
       rayfarm up
-      rayfarm up --blender             .blend files may be given, too
+      rayfarm up --blender             .blend files too
       rayfarm up --port 9000 --workers 4 --data ~/farm
-      rayfarm up --host 0.0.0.0        other machines may join; whoever opens the page logs in, first by the link it prints
+      rayfarm up --host 0.0.0.0        other machines may join; the page asks for a login (it prints a link)
       rayfarm up --host 0.0.0.0 --allow-host farm.example
     """
     from rayfarm.local.farm import LocalFarm

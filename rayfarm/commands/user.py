@@ -20,7 +20,7 @@ __all__ = ["register"]
 
 RoleName = Literal["view", "submit", "admin"]
 Name = Annotated[str, typer.Argument(help="The user's name: small letters, digits and . _ @ -")]
-users = typer.Typer(name="user", no_args_is_help=True, help="Who may use a farm that asks for a login.")
+users = typer.Typer(name="user", no_args_is_help=True, help="Who may use a farm that requires a login.")
 
 
 def register(app: typer.Typer) -> None:
@@ -32,10 +32,12 @@ def register(app: typer.Typer) -> None:
 def add(
     name: Name,
     role: Annotated[RoleName, typer.Option(help="view: look; submit: render too; admin: workers and users too.")] = "submit",
-    password: Annotated[bool, typer.Option("--password", help="Ask for a password here; a line of standard input.")] = False,
+    password: Annotated[
+        bool, typer.Option("--password", help="Read a password from the terminal or from a line of standard input.")
+    ] = False,
     server: options.Server = None,
 ) -> None:
-    """Let somebody in. Prints a link that works once; by it they log in and choose a password.
+    """Add a user. Prints a link that works once, with which they log in and choose a password.
 
     [bold]Examples[/bold]
 
@@ -70,7 +72,7 @@ def show(server: options.Server = None) -> None:
 
 @users.command("role")
 def role(name: Name, role: RoleName, server: options.Server = None) -> None:
-    """Give a user another role; it holds at once."""
+    """Give a user another role, at once."""
     with farm_client(server) as farm:
         farm.call("PATCH", f"/api/users/{quote(name, safe='')}", role=role)
     out.print(f"{name} is {role} from now on.", markup=False)
@@ -78,7 +80,7 @@ def role(name: Name, role: RoleName, server: options.Server = None) -> None:
 
 @users.command("password")
 def password(name: Name, server: options.Server = None) -> None:
-    """Give a user another password, which is asked for here; logs the user out everywhere."""
+    """Give a user another password, which is asked for; logs the user out everywhere."""
     with farm_client(server) as farm:
         farm.call("PATCH", f"/api/users/{quote(name, safe='')}", password=_password())
     out.print(f"{name} has another password, and is logged out everywhere.", markup=False)
@@ -86,7 +88,7 @@ def password(name: Name, server: options.Server = None) -> None:
 
 @users.command("remove")
 def remove(name: Name, server: options.Server = None) -> None:
-    """Let a user in no longer. Scenes and jobs stay."""
+    """Remove a user. Scenes and jobs stay."""
     with farm_client(server) as farm:
         farm.call("DELETE", f"/api/users/{quote(name, safe='')}")
     out.print(f"{name} is let in no longer.", markup=False)
@@ -94,10 +96,10 @@ def remove(name: Name, server: options.Server = None) -> None:
 
 @users.command("link")
 def link(
-    name: Annotated[str, typer.Argument(help="Whom it lets in; you, the owner, unless told.")] = "owner",
+    name: Annotated[str, typer.Argument(help="Whom it logs in; by default you, the owner.")] = "owner",
     server: options.Server = None,
 ) -> None:
-    """Print a link that lets somebody in, once, within a day."""
+    """Print a link that logs somebody in, once, within a day."""
     with farm_client(server) as farm:
         print(link_of(public_url(farm.url), farm.call("POST", "/api/links", user=name)["code"]))
 

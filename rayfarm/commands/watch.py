@@ -51,37 +51,42 @@ def register(app: typer.Typer) -> None:
 
 
 def watch(
-    job: Annotated[str | None, typer.Argument(help="The job's number; the newest that is not over unless told.")] = None,
+    job: Annotated[
+        str | None, typer.Argument(help="The job's id, or its beginning; by default the newest unfinished job.")
+    ] = None,
     server: options.Server = None,
     frame: Annotated[
-        float | None, typer.Option(metavar="N", help="Of a shot: stay with this frame; else with the one being rendered.")
+        float | None,
+        typer.Option(metavar="N", help="Stay with this frame of a shot; by default the one being rendered is shown."),
     ] = None,
     graphics: Annotated[
-        str, typer.Option(metavar="NAME", help="auto asks the terminal. kitty, sixel, blocks, or none: lines alone.")
+        str, typer.Option(metavar="NAME", help="auto asks the terminal; or kitty, sixel, blocks, or none (lines only).")
     ] = "auto",
     exposure: Annotated[float, typer.Option(min=-20, max=20, metavar="STOPS", help="+1 doubles the light.")] = 0.0,
     tonemap: Annotated[str, typer.Option(metavar="NAME", help=f"One of {', '.join(CURVES)}.")] = "neutral",
     tev: Annotated[
         str | None,
-        typer.Option("--tev", metavar="[HOST:PORT]", help="Also send the film to a running tev while it grows."),
+        typer.Option("--tev", metavar="[HOST:PORT]", help="Also send the picture to a running tev while it grows."),
     ] = None,
     viewer: Annotated[
         str | None,
         typer.Option(
-            "--viewer", metavar="[COMMAND]", help="At the end, open the EXR: in what this system opens it by, or in a program."
+            "--viewer", metavar="[COMMAND]", help="Open the EXR at the end, in this system's default program or in COMMAND."
         ),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", dir_okay=False, help="Where the EXR for --viewer goes; a temporary file unless told."),
+        typer.Option("--output", "-o", dir_okay=False, help="Where to write the EXR for --viewer; by default a temporary file."),
     ] = None,
 ) -> None:
     """Show a job's picture in the terminal while it grows, with progress and rate beneath.
 
-    Sharp where the terminal knows kitty's graphics or sixels, in half blocks elsewhere. In a pipe it tells lines until the job
-    is over.
-    Keys: q quits (the job goes on), + and - change the exposure, t the tone curve, arrows the frame, c cancels the job.
-    Ends with 1 and a sentence where there is no such job, or, in a pipe, where it fails; with 130 at Ctrl-C.
+    Sharp if the terminal supports kitty's graphics or sixels, otherwise in half blocks. In a pipe it prints lines until the job
+    ends.
+
+    Keys: q quits (the job continues), + and - change the exposure, t the tone curve, arrows the frame, c cancels the job.
+
+    Exits with 1 and a sentence if there is no such job, or, in a pipe, if the job fails; with 130 on Ctrl-C.
 
     [bold]Examples[/bold]
 

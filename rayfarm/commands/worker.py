@@ -26,40 +26,48 @@ def register(app: typer.Typer) -> None:
 
 
 def worker(
-    join: Annotated[str, typer.Option(metavar="URL", help="The farm's address, as http://host:8000.")],
+    join: Annotated[str, typer.Option(metavar="URL", help="The farm's address, such as http://host:8000.")],
     token: Annotated[
-        str, typer.Option(help="The farm's token, where everybody on this machine may see it; better by one of the next.")
+        str,
+        typer.Option(help="The farm's token; everybody on this machine can see it, so --token-file or $RAYFARM_TOKEN is better."),
     ] = "",
     token_file: Annotated[
         Path | None,
-        typer.Option(dir_okay=False, help="A file with the farm's token, or one of this worker's. [dim]$RAYFARM_TOKEN[/dim]"),
+        typer.Option(dir_okay=False, help="A file with the farm's token, or with this worker's own. [dim]$RAYFARM_TOKEN[/dim]"),
     ] = None,
-    slots: Annotated[int | None, typer.Option(min=1, help="Batches rendered at a time; one per core unless told.")] = None,
-    name: Annotated[str | None, typer.Option(help="What the farm calls this machine; its host name unless told.")] = None,
+    slots: Annotated[int | None, typer.Option(min=1, help="Batches rendered at a time; by default one per core.")] = None,
+    name: Annotated[str | None, typer.Option(help="The worker's name; by default this machine's host name.")] = None,
     tag: Annotated[
         list[str] | None,
-        typer.Option(metavar="TAG", help="What jobs may need, as gpu; may be given several times.", rich_help_panel=NIGHT),
+        typer.Option(
+            metavar="TAG", help="A tag that jobs may need, such as gpu; may be given several times.", rich_help_panel=NIGHT
+        ),
     ] = None,
     hours: Annotated[
         str,
         typer.Option(
-            metavar="WEEK", help="When it works, as 'Mon-Fri 19:00-07:00, Sat-Sun'; always by itself.", rich_help_panel=NIGHT
+            metavar="WEEK",
+            help="When it works, such as 'Mon-Fri 19:00-07:00, Sat-Sun'; by default always.",
+            rich_help_panel=NIGHT,
         ),
     ] = "",
     idle: Annotated[
         float,
         typer.Option(
-            min=0, metavar="MINUTES", help="Work only when nobody has worked at this machine for so long.", rich_help_panel=NIGHT
+            min=0, metavar="MINUTES", help="Work only when nobody has used this machine for this long.", rich_help_panel=NIGHT
         ),
     ] = 0.0,
     nice: Annotated[
-        int | None, typer.Option(min=0, max=19, help="How far it stands back for other programs.", rich_help_panel=NIGHT)
+        int | None,
+        typer.Option(
+            min=0, max=19, help="Its nice level: higher leaves more of the machine to other programs.", rich_help_panel=NIGHT
+        ),
     ] = None,
     memory: Annotated[
-        float, typer.Option(min=0, metavar="GB", help="Memory that it may use; all by itself.", rich_help_panel=NIGHT)
+        float, typer.Option(min=0, metavar="GB", help="Memory that it may use; by default all.", rich_help_panel=NIGHT)
     ] = 0.0,
     site: Annotated[
-        str, typer.Option(metavar="NAME", help="Where this machine is: `rayfarm site NAME` adds up what it renders.")
+        str, typer.Option(metavar="NAME", help="The site this machine is at: `rayfarm site NAME` adds up what it renders.")
     ] = "",
     blender: Wanted = False,
     blender_program: Program = None,
@@ -67,8 +75,8 @@ def worker(
 ) -> None:
     """Join a farm: render its batches with this machine's cores until Ctrl-C.
 
-    The machine needs a way to the farm's page and to its Redis, and no shared folder. It may come and go at any time.
-    It waits for a farm that is away. Where no farm is, or the token is wrong, it ends with 1 and a sentence.
+    The machine needs network access to the farm's page and its Redis, but no shared folder. It may come and go at any time, and
+    waits while the farm is down. If there is no farm, or the token is wrong, it exits with 1 and a sentence.
 
     [bold]Examples[/bold]
 

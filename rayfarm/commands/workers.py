@@ -24,23 +24,25 @@ def register(app: typer.Typer) -> None:
 
 
 def workers(
-    name: Annotated[str | None, typer.Argument(help="The one to change; all are listed, if none.")] = None,
+    name: Annotated[str | None, typer.Argument(help="The worker to change; by default all are listed.")] = None,
     hours: Annotated[
-        str | None, typer.Option(metavar="WEEK", help="When it works, as 'Mon-Fri 19:00-07:00, Sat-Sun'; '' for always.")
+        str | None, typer.Option(metavar="WEEK", help="When it works, such as 'Mon-Fri 19:00-07:00, Sat-Sun'; '' for always.")
     ] = None,
     idle: Annotated[
         float | None,
-        typer.Option(min=0, metavar="MINUTES", help="Only when nobody has worked there for so long; 0: always."),
+        typer.Option(min=0, metavar="MINUTES", help="Work only when nobody has used that machine for this long; 0: always."),
     ] = None,
-    nice: Annotated[int | None, typer.Option(min=0, max=19, help="How far it stands back for other programs.")] = None,
-    slots: Annotated[int | None, typer.Option(min=1, help="At most; never more than it was started with.")] = None,
-    memory: Annotated[float | None, typer.Option(min=0, metavar="GB", help="That it may use; 0: no limit.")] = None,
-    pause: Annotated[bool, typer.Option("--pause", help="It finishes what it has in hand and takes no more.")] = False,
-    resume: Annotated[bool, typer.Option("--resume", help="It takes work again, also one that was set aside.")] = False,
-    reset: Annotated[bool, typer.Option("--reset", help="Hours, limits and nice level as it was started.")] = False,
+    nice: Annotated[
+        int | None, typer.Option(min=0, max=19, help="Its nice level: higher leaves more of the machine to other programs.")
+    ] = None,
+    slots: Annotated[int | None, typer.Option(min=1, help="The most slots it uses; never more than it was started with.")] = None,
+    memory: Annotated[float | None, typer.Option(min=0, metavar="GB", help="Memory that it may use; 0: no limit.")] = None,
+    pause: Annotated[bool, typer.Option("--pause", help="Finish what it has in hand and take no more work.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Take work again, even if it was set aside for its faults.")] = False,
+    reset: Annotated[bool, typer.Option("--reset", help="Return hours, limits and nice level to how it was started.")] = False,
     server: options.Server = None,
 ) -> None:
-    """List a farm's workers, or change one while it runs. It obeys within seconds, and finishes what it has in hand.
+    """List a farm's workers, or change one while it runs. It obeys within seconds, after finishing what it has in hand.
 
     [bold]Examples[/bold]
 

@@ -38,7 +38,7 @@ def look_at_running(data: Path, port: int) -> Iterator[Finding]:
     if farm is not None:
         yield from _service(farm.url)
     else:
-        yield note("Farm", f"None runs on {data}.", f"{PROGRAM} up starts it.")
+        yield note("Farm", f"No farm runs on {data}.", f"{PROGRAM} up starts it.")
         yield _port(port)
     if address is not None:
         yield from look_at_redis(address)

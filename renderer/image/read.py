@@ -67,6 +67,8 @@ def read(data: bytes, name: str) -> npt.NDArray[Any]:
         return _through_openimageio(data, name, suffix)
     except (SceneError, MemoryError):
         raise
+    except Image.DecompressionBombError as error:  # Pillow's own limit lies above ours, and is judged first
+        raise SceneError(f"{name}: has too many pixels; at most {MAX_PIXELS >> 20} million fit. Give a smaller image") from error
     except Exception as error:  # the decoders raise nearly every type on damaged data
         raise SceneError(f"{name}: the image is damaged or not what its name says ({error}); export it again") from error
 
@@ -120,7 +122,7 @@ def _through_openimageio(data: bytes, name: str, suffix: str) -> npt.NDArray[Any
         path.write_bytes(data)
         source = oiio.ImageInput.open(str(path))
         if source is None:
-            raise SceneError(f"{name}: the image is damaged or not what its name says ({_error(oiio)}); export it again")
+            raise SceneError(f"{name}: the image is damaged or not what its name says ({_error(oiio, path)}); export it again")
         try:
             spec = source.spec()
             _check_size(name, spec.width, spec.height)
@@ -131,7 +133,7 @@ def _through_openimageio(data: bytes, name: str, suffix: str) -> npt.NDArray[Any
             first, last = min(channels), max(channels) + 1
             pixels = source.read_image(0, 0, first, last, oiio.FLOAT if floats else oiio.UINT8)
             if pixels is None:
-                raise SceneError(f"{name}: the image is damaged ({_error(source)}); export it again")
+                raise SceneError(f"{name}: the image is damaged ({_error(source, path)}); export it again")
         finally:
             source.close()
     pixels = np.asarray(pixels).reshape(spec.height, spec.width, last - first)[..., [c - first for c in channels]]
@@ -152,6 +154,6 @@ def _colour_channels(names: list[str], count: int) -> list[int]:
     return list(range(min(count, 4)))
 
 
-def _error(source: Any) -> str:
-    lines = str(source.geterror()).strip().splitlines()
+def _error(source: Any, path: Path) -> str:
+    lines = str(source.geterror()).replace(str(path), path.name).strip().splitlines()
     return lines[0] if lines else "no reason given"

@@ -49,7 +49,8 @@ def still_numbers(job: Job, recorded: Iterable[tuple[int, FrameNumbers]], known:
         # The engine writes its numbers down once a second, and once more a moment after a job was cancelled: until then what
         # the database has of a job that is over may be less than what was told of it before.
         if known is not None and (is_live or known.samples > f.samples):
-            numbers = numbers._replace(samples=known.samples, bad_samples=known.bad_samples, progress=known.progress)
+            numbers = numbers._replace(samples=known.samples, bad_samples=known.bad_samples)
+            numbers = numbers._replace(progress=known.progress, noise=known.noise)
         found.append((key, numbers))
     return found
 

@@ -34,7 +34,7 @@ LOG_IN = (
 )
 OWNERS = (
     "This says who else is let in, so it wants to know who asks: show the token that lies in owner-token in the data folder "
-    "(Authorization: Bearer TOKEN). `rayfarm user` and `rayfarm token` do so."
+    "(Authorization: Bearer TOKEN). `rayfarm user` and `rayfarm token` do so if RAYFARM_DATA names that folder."
 )
 WORKERS = "Workers show the farm's token or one of their own: Authorization: Bearer TOKEN. `rayfarm up` prints it."
 ROLE = "This needs the role {needed}; {name} has the role {has}. Ask who runs the farm."

@@ -33,7 +33,7 @@ from service.errors import (
     UnknownFormat,
 )
 
-__all__ = ["Problem", "ProblemBody", "ProblemResponse", "install", "response"]
+__all__ = ["Problem", "ProblemBody", "ProblemResponse", "install", "response", "told"]
 
 log = logging.getLogger(__name__)
 
@@ -141,7 +141,7 @@ def install(app: FastAPI) -> None:
         elif status == 405:
             status, detail = 404, http.HTTPStatus.NOT_FOUND.phrase
         if status in SENTENCES and detail in (http.HTTPStatus(status).phrase, FASTAPI_BAD_BODY):
-            detail = SENTENCES[status].format(path=request.url.path, method=request.method)
+            detail = SENTENCES[status].format(path=_short(request.url.path), method=request.method)
         return response(status, detail, headers)
 
     @app.exception_handler(RequestValidationError)
@@ -165,6 +165,12 @@ def install(app: FastAPI) -> None:
 
 
 JSON_OBJECT = "the body is not a JSON object; send one, with the header Content-Type: application/json"
+
+
+def told(error: Mapping[str, Any]) -> str:
+    """One of a request's errors: the field and what is wrong with it."""
+    field, message = _field(error["loc"]), _message(error)
+    return f"{field}: {message}" if field else message
 
 
 def _field(location: Sequence[Any]) -> str:

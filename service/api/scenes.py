@@ -29,6 +29,7 @@ __all__ = ["router"]
 
 router = APIRouter(prefix="/api/scenes", tags=["scenes"])
 
+THUMBNAIL = {"content": {"image/png": {}}, "description": "the picture"}
 UPLOAD_FORM = {
     "requestBody": {
         "required": True,
@@ -136,16 +137,18 @@ def get_scene(id: str, farm: FarmDependency) -> SceneOut:
     return scene_out(find_scene(id, farm), farm.engine)
 
 
-@router.get("/{id}/thumbnail.png", response_class=StreamingResponse)
-def thumbnail(id: str, farm: FarmDependency) -> StreamingResponse:
+@router.get("/{id}/thumbnail.png", response_class=Response, responses={200: THUMBNAIL, 304: {"description": "not changed"}})
+def thumbnail(id: str, request: Request, farm: FarmDependency) -> Response:
     """A small picture of the scene, made when it was prepared."""
     scene = find_scene(id, farm)
     ref = (scene.info or {}).get("thumbnail")
     if not ref:
         raise NotFound("This scene has no thumbnail yet.")
+    headers = {"Cache-Control": "no-cache", "ETag": f'"{ref["sha256"]}"'}
+    if headers["ETag"] in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
     blob = farm.blobs.serve(ref["sha256"])
-    headers = {"Cache-Control": "no-cache", "ETag": f'"{ref["sha256"]}"', "Content-Length": str(blob.size)}
-    return StreamingResponse(blob.chunks, media_type="image/png", headers=headers)
+    return StreamingResponse(blob.chunks, media_type="image/png", headers=headers | {"Content-Length": str(blob.size)})
 
 
 @router.delete("/{id}", status_code=204)

@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_va
 
 from renderer.cameras import MOST_CAMERAS
 from renderer.errors import SettingsError
-from renderer.frames import MAX_FRAMES, parse_frames
+from renderer.frames import MAX_FRAME, MAX_FRAMES, parse_frames
 from renderer.presets import PRESETS
 from renderer.settings import ENVIRONMENT, MAX_SPP, OPTIONAL, SETTINGS, VIEW, Vec3, View
 from renderer.work import ORDERS, SHOT, WORK
@@ -163,8 +163,8 @@ class JobIn(QueueIn):
     @field_validator("frame")
     @classmethod
     def _frame(cls, value: float | None) -> float | None:
-        if value is not None:
-            _frames_text(f"{value:f}".rstrip("0").rstrip("."))
+        if value is not None and not (0 <= value <= MAX_FRAME and (2 * value).is_integer()):
+            raise ValueError(f"{value:g} is not a frame; give a number from 0 to {MAX_FRAME}, in steps of a half")
         return value
 
     @model_validator(mode="after")

@@ -37,6 +37,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.api.heard import heard
 from service.api.lookup import find_scene
+from service.api.problem import told
 from service.api.schemas import JobIn
 from service.errors import FarmError, NotFound
 from service.farm import Farm, FarmDependency
@@ -55,6 +56,10 @@ PREPARING_S = 0.1
 PATIENCE_S = 3.0  # with a light that is prepared though another is wanted by now
 AGAIN_S = 1.0  # after which a view that cannot be rendered yet is looked at again
 MOST_BYTES = 1 << 16  # of a message
+NOT_UNDERSTOOD = (
+    'The message is not understood. Send a view, {"pick": [x, y]}, {"ack": seq} or {"paused": true}, as a JSON object '
+    f"of at most {MOST_BYTES} characters."
+)
 NOT_FOUND = 4404
 
 
@@ -126,18 +131,17 @@ class _Viewer:
             try:
                 self._hear(text)
             except ValidationError as error:
-                first = error.errors()[0]
-                self._refuse(f"{'.'.join(map(str, first['loc'])) or 'the message'}: {first['msg'].removeprefix('Value error, ')}")
-            except (ValueError, TypeError, OverflowError, RecursionError) as error:
-                self._refuse(f"The message is not understood ({error}).")
+                self._refuse(f"{told(error.errors()[0])}.")
+            except (ValueError, TypeError, OverflowError, RecursionError):
+                self._refuse(NOT_UNDERSTOOD)
 
     def _hear(self, text: str) -> None:
         """Raises ValueError, TypeError, OverflowError or RecursionError."""
         if len(text) > MOST_BYTES:
-            raise ValueError(f"it has {len(text)} characters")
+            raise ValueError("too long")
         said = json.loads(text)
         if not isinstance(said, dict):
-            raise ValueError("it is no JSON object")
+            raise TypeError("no object")
         if "ack" in said:
             while self._unacknowledged and self._unacknowledged[0] <= int(said["ack"]):
                 self._unacknowledged.popleft()

@@ -21,6 +21,7 @@ __all__ = ["expand"]
 RATIO_FREE_BYTES = 16 << 20  # small files may shrink as well as they like
 DIRECTORY_BYTES_A_FILE = 512  # on average, of its entry in the zip's directory
 
+UNPACKED = "If it is none, unpack it and upload the folder."
 WINDOWS = 0  # the system that made an entry, as the format numbers them
 
 
@@ -101,7 +102,7 @@ def _judge(entries: list[zipfile.ZipInfo], name: str, max_files: int, max_bytes:
     if total > max_bytes:
         raise TooLarge(f"The archive {name} unpacks to {total} bytes; at most {max_bytes} are taken.")
     if total > RATIO_FREE_BYTES and total > max_ratio * max(packed, 1):
-        raise TooLarge(f"The archive {name} unpacks to {total // max(packed, 1)} times its size, as zip bombs do.")
+        raise TooLarge(f"The archive {name} unpacks to {total // max(packed, 1)} times its size, as zip bombs do. {UNPACKED}")
 
 
 def _extract(
@@ -120,10 +121,11 @@ def _extract(
             check_disk(len(piece))
             writer.write(piece)
             if writer.size > left:
-                raise TooLarge(f"The archive {name} unpacks to more than it says, as zip bombs do.")
+                raise TooLarge(f"The archive {name} unpacks to more than it says, as zip bombs do. {UNPACKED}")
             if writer.size > RATIO_FREE_BYTES and writer.size > max_ratio * max(entry.compress_size, 1):
                 raise TooLarge(
-                    f"The entry {entry.filename} of {name} unpacks to over {max_ratio:g} times its size, as zip bombs do."
+                    f"The entry {entry.filename} of {name} unpacks to over {max_ratio:g} times its size, as zip bombs do. "
+                    f"{UNPACKED}"
                 )
         writer.end()
     except BaseException:

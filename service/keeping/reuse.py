@@ -174,12 +174,13 @@ class Reuse:
         with self._sessions() as session:
             of_source = History.of(session.scalar(select(Job.history).where(Job.id == main.id)))
         last: list[Any] = of_source.points[-1] if of_source.points else []
-        if last and last[1] == samples:
-            history.points.append([0.0, float(samples), last[2]])
+        noise: float | None = last[2] if last and last[1] == samples else None
+        if noise is not None:
+            history.points.append([0.0, float(samples), noise])
         job.history = history.to_json()
         log.info("job %s begins with %g samples a pixel of %d frame(s) of job %s", job.id, spp, len(taken), main.id)
         if job.shot is None:
-            return {key: {"samples": samples} for key, (_, samples) in taken.items()}
+            return {key: {"samples": samples, "noise": noise} for key, (_, samples) in taken.items()}
         rows = self._rows(taken)
         return {key: _frame(job, sources[id].job, rows.get(key), samples, pixels) for key, (id, samples) in taken.items()}
 

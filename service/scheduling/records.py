@@ -300,7 +300,7 @@ def _write_still(session: Session, job: ActiveJob) -> None:
     for frame in job.frames.values():
         numbers = {"samples": frame.samples, "target": frame.target_samples, "bad_samples": frame.bad_samples}
         row = update(Frame).where(Frame.job == job.id, Frame.number == frame.key)
-        session.execute(row.values(progress=job.progress, **numbers), execution_options=AS_TOLD)
+        session.execute(row.values(progress=job.progress, noise=frame.noise, **numbers), execution_options=AS_TOLD)
 
 
 def _write_shot(session: Session, job: ActiveJob, asked: Shot) -> None:

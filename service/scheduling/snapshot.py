@@ -34,7 +34,7 @@ class JobNumbers:
     states: Mapping[str, int] = field(default_factory=dict)  # how many of these are in each
     failed: tuple[int, ...] = ()  # their keys
     revision: int = 0  # of the shot that it is rendered as
-    noise: float | None = None  # the greatest of its frames, of a shot
+    noise: float | None = None  # the greatest of its frames
     forecast: float | None = None  # and at its end
     handed_back: str | None = None  # why a worker gave its batch back, where none was rendered since
     slots_wanted: int = 0  # that would have enough to do for it to be worth starting them
@@ -55,7 +55,7 @@ class JobNumbers:
             job.tally.numbers(),
             *job.tally.states(),
             job.shot.revision if job.shot else 0,
-            job.noise_now if job.shot else None,
+            job.noise_now,
             job.forecast if job.shot else None,
             job.handed_back,
             job.slots_wanted,

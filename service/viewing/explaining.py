@@ -54,7 +54,9 @@ class Explaining:
         unable = {report.kind for report in ready if not report.explains}
         kinds = sorted({report.kind for report in ready} - unable, key=lambda kind: (-roster.slots(kind), kind))
         if not kinds and not ready:
-            raise Unavailable("To explain a pixel takes a worker, and none is connected. Start one, then ask again.")
+            raise Unavailable(
+                "Explaining a pixel needs a worker, and none is ready. Start one, or resume one that is paused, then ask again."
+            )
         if not kinds:
             raise Unavailable("The connected workers are of an older release, which explains no pixels. Start newer ones.")
         return kinds

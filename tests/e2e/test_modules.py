@@ -34,6 +34,12 @@ def test_a_damaged_packet_is_refused(page: Page) -> None:
     assert "version 9" in call(page, "news/tile-packet", refused, [9, *whole[1:]])
 
 
+def test_files_that_are_refused_are_spoken_of_in_the_plural(page: Page) -> None:
+    body = "return m.notTaken(a.map((path) => ({ path })));"
+    assert call(page, "shell/gather-files", body, ["room.obj"]) == "room.obj was not taken"
+    assert call(page, "shell/gather-files", body, ["a.png", "room.obj", "b.png"]) == "room.obj and 2 more were not taken"
+
+
 def test_zooming_keeps_the_pixel_under_the_cursor(page: Page) -> None:
     body = """
         const view = new m.Viewport();

@@ -32,6 +32,8 @@ def rayfarm(*arguments: str | Path, **environment: str) -> subprocess.CompletedP
     """The program in this process, where numba and the kernels are loaded already."""
     stdout, stderr, code = io.StringIO(), io.StringIO(), 0
     before, listened = dict(os.environ), {number: signal.getsignal(number) for number in LISTENS_TO}
+    mask = os.umask(0o077)
+    os.umask(mask)
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
         patch.chdir(ROOT)
         patch.setattr(sys, "argv", ["rayfarm", *map(str, arguments)])
@@ -44,6 +46,7 @@ def rayfarm(*arguments: str | Path, **environment: str) -> subprocess.CompletedP
         finally:
             for number, handler in listened.items():
                 signal.signal(number, handler)
+            os.umask(mask)  # `up` makes what is new its user's alone
             os.environ.clear()
             os.environ.update(before)
     return subprocess.CompletedProcess(sys.argv, code, stdout.getvalue(), stderr.getvalue())

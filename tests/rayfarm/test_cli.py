@@ -46,6 +46,17 @@ def test_help_teaches_by_example(command: str) -> None:
     assert f"rayfarm {command}" in done.stdout or command == "bench"  # which has tables of its own
 
 
+def test_help_reads_well() -> None:
+    """Paragraphs fill the line, examples are indented, a flag has no value, and no value is called by a type of Python's."""
+    watch = rayfarm("watch", "--help").stdout
+    assert "In a pipe it prints lines until the job ends." in " ".join(watch.split())
+    assert not any(line.split() == ["ends."] for line in watch.splitlines())
+    assert "\n   rayfarm info truck.glb" in rayfarm("info", "--help").stdout
+    submit = rayfarm("submit", "--help").stdout
+    assert "SCENE" in submit
+    assert not [word for word in ("<bool>", "<int", "<float", "<path>") if word in submit]
+
+
 def test_every_command_has_its_module() -> None:
     modules = {path.stem for path in (ROOT / "rayfarm" / "commands").glob("*.py")} - {"__init__"}
     assert modules == set(cli.COMMANDS)
@@ -196,8 +207,8 @@ def test_info_is_for_people_and_programs() -> None:
         (["render", str(CORNELL), "-o", "out.png", "--env", "sky.exr"], 1, "no such file"),
         (["render", str(CORNELL)], 2, "--output"),
         (["render", str(CORNELL), "-o", "out.png", "--spp", "0"], 2, "--spp"),
-        (["gc", "--films-above", "inf"], 2, "inf is no finite number"),
-        (["watch", "--frame", "nan"], 2, "nan is no finite number"),
+        (["gc", "--films-above", "inf"], 2, "inf is not a finite number"),
+        (["watch", "--frame", "nan"], 2, "nan is not a finite number"),
         (["info", "README.docx"], 1, "There is no file"),
         (["jobs", "--server", "http://127.0.0.1:9"], 1, "No farm answers at http://127.0.0.1:9"),
         (["submit", str(CORNELL), "--server", "http://127.0.0.1:9"], 1, "Start one with `rayfarm up`"),

@@ -37,7 +37,7 @@ def test_it_says_how_far_they_agree(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["scene.glb"], "is no scene of Mitsuba or pbrt"),
+        (["scene.glb"], "is not a Mitsuba or pbrt scene"),
         (["scene.pbrt"], "There is no program pbrt on the PATH"),
         (["scene.xml", "-o", "both.exr"], "what is written is a .png"),
         (["nowhere.xml"], "There is no file"),

@@ -79,7 +79,8 @@ def test_a_zip_is_unpacked_for_the_while(room: Path, tmp_path: Path) -> None:
     [
         ("missing.glb", None, "There is no file"),
         ("empty.glb", b"", "empty.glb is empty"),
-        ("notes.docx", b"text", "notes.docx is no scene that Rayfarm reads"),
+        ("notes.docx", b"text", "notes.docx is not a scene that Rayfarm reads"),
+        ("sky.exr", b"light", "To light a scene with it, give it by --env sky.exr"),
         ("broken.zip", b"PK no zip", "broken.zip cannot be unpacked"),
     ],
 )

@@ -69,3 +69,9 @@ def test_a_reader_and_a_row_are_a_format(tmp_path, monkeypatch):
     assert description.warnings == ["read"]
     with pytest.raises(SceneError, match=r"a\.LINES: is no scene file .*\.glb"):
         read_file(SceneFiles(tmp_path), "a.LINES", description, formats=MESH_FORMATS)
+
+
+def test_an_archive_within_an_archive_is_named_with_what_to_do() -> None:
+    with pytest.raises(SceneError, match=r"inner\.zip cannot be read here\. Unpack it, and give the folder or a \.zip of it\."):
+        pick_main(["inner.zip", "readme.txt"])
+    assert pick_main(["inner.zip", "room.obj"])[0] == "room.obj"

@@ -26,7 +26,9 @@ class Denoising(Aside[DenoiseFrame]):
 
     def _nobody(self) -> Unavailable:
         if not self._workers.roster.ready():
-            return Unavailable("Denoising needs a worker, and none is connected. Start one, then ask again.")
+            return Unavailable(
+                "Denoising needs a worker, and none is ready. Start one, or resume one that is paused, then ask again."
+            )
         return Unavailable(
             "No worker has Open Image Denoise. Install it beside one (pip install 'pyoidn>=2.5,<3'), and start that anew.",
         )

@@ -32,7 +32,10 @@ class Environments(Aside[ShowEnvironment]):
             return Unavailable(
                 "The workers are of an older release, which knows no environments. Update them, then upload it again."
             )
-        return Unavailable("An environment is looked at by a worker, and none is connected. Start one, then upload it again.")
+        return Unavailable(
+            "Checking an environment needs a worker, and none is ready. Start one, or resume one that is paused, then "
+            "upload it again."
+        )
 
     def _failed(self, why: str) -> FarmError:
         return Invalid(f"{why.rstrip('.')}.") if why else super()._failed(why)

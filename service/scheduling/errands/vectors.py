@@ -27,5 +27,7 @@ class Vectors(Aside[FrameVectors]):
 
     def _nobody(self) -> Unavailable:
         if not self._workers.roster.ready():
-            return Unavailable("Motion vectors need a worker, and none is connected. Start one, then ask again.")
+            return Unavailable(
+                "Motion vectors need a worker, and none is ready. Start one, or resume one that is paused, then ask again."
+            )
         return Unavailable("The connected workers are of an older release, which makes no motion vectors. Start newer ones.")

@@ -54,7 +54,7 @@ def test_where_no_farm_runs_it_is_told_whether_one_could(tmp_path: Path, monkeyp
         other.bind(("127.0.0.1", 0))
         other.listen()
         found = list(look_at_running(tmp_path, other.getsockname()[1]))
-    assert "None runs on" in said(found, "note")
+    assert "No farm runs on" in said(found, "note")
     assert "in use by another program" in said(found, "fault")
     assert any(each.about == "Redis" and each.level == "fine" for each in found)
 

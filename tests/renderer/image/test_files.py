@@ -100,6 +100,20 @@ def test_a_decompression_bomb_is_refused_before_it_is_decoded(monkeypatch):
             read.read(data, name)
 
 
+def test_what_pillow_takes_for_a_bomb_is_too_large_and_not_damaged():
+    """A texture of 16384 x 16384 is a good file, and to export it again helps nobody."""
+    header = b"VP8X" + (10).to_bytes(4, "little") + bytes(4) + (16383).to_bytes(3, "little") * 2
+    webp = b"RIFF" + (4 + len(header)).to_bytes(4, "little") + b"WEBP" + header
+    with pytest.raises(SceneError, match=r"too many pixels; at most 64 million fit\. Give a smaller image"):
+        read.read(webp, "large.webp")
+
+
+def test_a_sentence_names_no_temporary_file():
+    with pytest.raises(SceneError) as told:
+        read.read(b"\x76\x2f\x31\x01" + bytes(40), "broken.exr")
+    assert "/" not in str(told.value)
+
+
 SAMPLES = [png((RGB * 60).astype(np.uint8)), *(encode.encode(RGB, kind) for kind in ("jpg", "hdr", "exr"))]
 
 

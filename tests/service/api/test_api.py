@@ -18,6 +18,8 @@ from renderer.aovs import AOVS
 from renderer.image import rgbe9995
 from renderer.settings import OPTIONAL, Tile, View
 from service.api.schemas import JobIn, ViewModel
+from service.store.models import Frame as FrameRow
+from service.store.models import Scene as SceneRow
 from tests.helpers import running_redis
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import expected_sums
@@ -55,6 +57,37 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
     return body
 
 
+def test_a_still_says_its_noise(service: Service, scene: str) -> None:
+    """As docs/python.md ends a loop by it. It is that of the history, and it is written down."""
+    job = service.submit(scene, spp=16)
+    service.wait_for(job, "finished")
+    noise = service.job(job)["frames"][0]["noise"]
+    assert noise == service.http.get(f"/api/jobs/{job}/history").json()["points"][-1]["noise"] > 0
+    assert service.http.get(f"/api/jobs/{job}/frames/0").json()["noise"] == noise
+    with service.farm.sessions() as session:
+        assert session.get_one(FrameRow, (job, 0)).noise == noise
+
+
+def test_a_scenes_thumbnail_is_sent_once(service: Service, scene: str) -> None:
+    """The front page asks for all of them each time it is opened."""
+    writer = service.farm.blobs.writer()
+    writer.write(b"a picture")
+    sha256 = writer.commit()
+    with service.farm.sessions.begin() as session:
+        row = session.get_one(SceneRow, scene)
+        row.info = {**(row.info or {}), "thumbnail": {"sha256": sha256, "size": writer.size}}
+    url = f"/api/scenes/{scene}/thumbnail.png"
+    first = service.http.get(url)
+    assert (first.status_code, first.content, first.headers["cache-control"]) == (200, b"a picture", "no-cache")
+    again = service.http.get(url, headers={"If-None-Match": first.headers["etag"]})
+    assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", first.headers["etag"])
+    assert service.http.get(url, headers={"If-None-Match": '"another"'}).content == b"a picture"
+
+
+def test_a_long_address_is_not_sent_back(service: Service) -> None:
+    assert len(problem(service.http.get(f"/{'a' * 5000}/end"), 404)["detail"]) < 500
+
+
 @pytest.mark.parametrize(
     ("change", "field", "says"),
     [
@@ -66,6 +99,9 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
         ({"spp": 1 << 21}, "spp", "less"),
         ({"noise": -1}, "noise", "greater"),
         ({"seconds": 0}, "seconds", "greater"),
+        ({"frame": -1}, "frame", "-1 is not a frame; give a number from 0 to 10000000, in steps of a half"),
+        ({"frame": 1.25}, "frame", "1.25 is not a frame"),
+        ({"frame": 1e300}, "frame", "1e+300 is not a frame"),
         ({"frames": "24-1"}, "frames", "the range 24-1 ends before it begins"),
         ({"camera": "nowhere"}, "camera", "0: front, 1: overview"),
         ({"camera": "²"}, "camera", "0: front, 1: overview"),

@@ -105,7 +105,7 @@ def test_what_cannot_be_is_said_in_a_sentence(
     monkeypatch.undo()
     worker.stop()
     until(lambda: not service.farm.engine.snapshot.roster.reports, "the service sees that the worker is gone")
-    said(503, "none is connected")
+    said(503, "none is ready")
 
 
 @pytest.mark.long

@@ -129,9 +129,11 @@ def test_what_makes_no_sense_gets_a_sentence(service: Service, worker: PeerWorke
         viewer.connection.send(b"\0\1")
         until(lambda: (viewer.read(), len(viewer.errors) >= 8)[1], "all are answered", say=lambda: viewer.errors)
         details = " ".join(error["detail"] for error in viewer.errors)
-        assert "not understood" in details
+        assert all(error["detail"].endswith(".") for error in viewer.errors)
+        assert 'The message is not understood. Send a view, {"pick": [x, y]}' in details
+        assert "unpack" not in details
         assert "width" in details
-        assert "widht" in details
+        assert "widht: there is no such field" in details
         assert "nobody's" in details
         viewer.show(5, spp=2)
         viewer.wait(5, 2)

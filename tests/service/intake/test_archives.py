@@ -90,6 +90,14 @@ def test_a_bomb_is_found_before_it_is_in_memory(store: BlobFolder, method: int) 
         tracemalloc.stop()
 
 
+def test_an_honest_file_that_shrinks_so_far_is_told_how_it_gets_in(store: BlobFolder) -> None:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("scene.obj", bytes(17 << 20))
+    with pytest.raises(TooLarge, match=r"times its size, as zip bombs do\. If it is none, unpack it and upload the folder\.$"):
+        unpack(store, out.getvalue())
+
+
 def test_a_directory_of_very_many_files_is_not_read(store: BlobFolder) -> None:
     entry = zipped({"a.obj": b""})
     at = entry.index(b"PK\x01\x02")

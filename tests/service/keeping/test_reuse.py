@@ -36,8 +36,10 @@ def test_a_picture_that_is_asked_for_again_is_there_at_once_and_outlasts_the_fir
         scene = service.ready_scene()
         first = service.submit(scene)
         service.wait_for(first, "finished", LONG_S)
+    noise = service.job(first)["frames"][0]["noise"]
     again = service.submit(scene)  # nobody is there who could render it
     found = service.wait_for(again, "finished", LONG_S)
+    assert found["frames"][0]["noise"] == noise > 0
     assert found["taken"] == {"job": first, "spp": 8.0, "samples": 64 * 48 * 8, "frames": None}
     assert (found["samples"], found["kind"]) == (64 * 48 * 8, "test-kind")
     assert service.http.delete(f"/api/jobs/{first}").status_code == 204

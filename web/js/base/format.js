@@ -1,6 +1,6 @@
 /** Numbers, sizes and times as people read them. */
 
-import { t, tn } from "./words.js";
+import { grouped, t, tn } from "./words.js";
 
 /**
  * 1,234,567 -> "1.23 M". Three significant digits, decimal prefixes.
@@ -40,7 +40,7 @@ const SUPERSCRIPT = Object.fromEntries([..."0123456789-"].map((c, i) => [c, [...
 
 /** @param {number} value */
 export function count(value) {
-  return value.toLocaleString("en");
+  return grouped(value);
 }
 
 /** @param {number} n */

@@ -23,6 +23,8 @@ const [catalogue, spoken] = language === "en" ? [{}, {}] : await Promise.all([lo
 /** Sentences of the service, as ./said.js puts them together. */
 export const sayings = spoken;
 const plurals = new Intl.PluralRules(language);
+/** Everywhere on the page a point begins the decimals. Where people are used to a comma there, it may not part thousands. */
+const parting = (1.5).toLocaleString(language).includes(",") ? "\u202f" : ",";
 if (globalThis.document) document.documentElement.lang = TAGS[language];
 
 /** @returns {Language} what the user chose, else the first of the browser's languages that the page is written in */
@@ -78,6 +80,15 @@ export function t(english, values) {
 }
 
 /**
+ * A whole number with separators of thousands: 1,234,567.
+ *
+ * @param {number} n
+ */
+export function grouped(n) {
+  return n.toLocaleString("en").replaceAll(",", parting);
+}
+
+/**
  * A text that counts: "1 sample", "2 samples".
  *
  * @param {number} n `{n}` in the text, with separators of thousands
@@ -86,5 +97,5 @@ export function t(english, values) {
  * @param {Record<string, string | number>} [values]
  */
 export function tn(n, one, many, values) {
-  return t(plurals.select(n) === "one" ? one : many, { n: n.toLocaleString("en"), ...values });
+  return t(plurals.select(n) === "one" ? one : many, { n: grouped(n), ...values });
 }

@@ -8,7 +8,7 @@ import { fill, h, setText } from "../base/dom.js";
 import { percent, radiance, stops } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { announce } from "../shell/tray.js";
-import { t } from "../base/words.js";
+import { grouped, t } from "../base/words.js";
 
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 /** A pixel, or an area with its size. @typedef {{x: number, y: number, w?: number, h?: number}} Pin */
@@ -240,7 +240,7 @@ function readingOfArea(film, { x, y, w = 1, h = 1 }) {
   const about = pixels
     ? t("Y from {least} to {most}, spread {spread}", { least: radiance(least), most: radiance(most), spread: percent(luminance && spread / luminance) })
     : t("No samples yet");
-  return { light: rgb, about, title: t("The mean of {n} pixels", { n: pixels.toLocaleString("en") }) };
+  return { light: rgb, about, title: t("The mean of {n} pixels", { n: grouped(pixels) }) };
 }
 
 /**

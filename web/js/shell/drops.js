@@ -2,7 +2,7 @@
 
 import { fill, h } from "../base/dom.js";
 import { chosenProject } from "../base/project.js";
-import { filesOfDrop, filesOfList, titleOf } from "./gather-files.js";
+import { filesOfDrop, filesOfList, notTaken } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { mayChange } from "../news/projects.js";
 import { showError } from "./tray.js";
@@ -38,7 +38,7 @@ async function attempt(files, take) {
   try {
     await take(files);
   } catch (error) {
-    showError(t("{title} was not taken", { title: titleOf(files) }), error, { action: { label: t("Try again"), run: () => void attempt(files, take) } });
+    showError(notTaken(files), error, { action: { label: t("Try again"), run: () => void attempt(files, take) } });
   }
 }
 

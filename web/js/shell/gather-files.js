@@ -68,3 +68,9 @@ export function titleOf(files) {
   if (!scene) return t("Nothing");
   return files.length > 1 ? t("{path} and {n} more", { path: scene.path, n: files.length - 1 }) : scene.path;
 }
+
+/** What is said of files that were refused. @param {NamedFile[]} files */
+export function notTaken(files) {
+  const title = titleOf(files);
+  return files.length > 1 ? t("{title} were not taken", { title }) : t("{title} was not taken", { title });
+}

@@ -5,7 +5,7 @@ import { fill, h, setText } from "../base/dom.js";
 import { adoptScene, scenes } from "../news/farm.js";
 import { bytes, clock } from "../base/format.js";
 import { choose, pick } from "./drops.js";
-import { titleOf } from "./gather-files.js";
+import { notTaken, titleOf } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { areImages, hasLight, offerLight } from "./light-drop.js";
 import { addEnvironment } from "../news/environments.js";
@@ -207,7 +207,7 @@ async function sendOnce(files, fields) {
     return scene;
   } catch (error) {
     if (abort.signal.aborted) return null;
-    const heading = t("{title} was not taken", { title });
+    const heading = notTaken(files);
     // A service that answered says itself what to do.
     if (error instanceof ApiError && error.status === 0)
       return new Promise((resolve) => showError(heading, error, { action: { label: t("Try again"), run: () => resolve(AGAIN) } }));

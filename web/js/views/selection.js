@@ -4,7 +4,7 @@ import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { announce } from "../shell/tray.js";
 import { DEEDS, change, remove } from "./job-deeds.js";
-import { t, tn } from "../base/words.js";
+import { grouped, t, tn } from "../base/words.js";
 
 /** Which of a list's ids are selected. */
 export class Selection {
@@ -124,7 +124,7 @@ export function selectionBar(selection) {
     element,
     update() {
       element.hidden = selection.chosen.size === 0;
-      setText(number, t("{n} selected", { n: selection.chosen.size.toLocaleString("en") }));
+      setText(number, t("{n} selected", { n: grouped(selection.chosen.size) }));
     },
     remove: removeAll,
   };

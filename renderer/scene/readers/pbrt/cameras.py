@@ -117,7 +117,7 @@ def set_filter(source: Parameters, description: SceneDescription, notes: Notes) 
 
 
 def set_integrator(source: Parameters, description: SceneDescription, notes: Notes) -> None:
-    """How light is followed; pbrt counts bounces, ours the path's segments."""
+    """How light is traced; pbrt counts bounces, ours the path's segments."""
     if source.type in ("ambientocclusion", "ao"):
         description.defaults["integrator"] = "ao"
         distance = source.number("maxdistance", math.inf)

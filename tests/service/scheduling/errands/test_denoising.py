@@ -137,7 +137,7 @@ def test_nobody_who_can_is_a_sentence(service: Service) -> None:
         job = finished(service)
         assert service.http.get("/api/info").json()["denoise"] is True
     until(lambda: not service.farm.engine.snapshot.roster.reports, "the worker has left")
-    assert "none is connected" in problem(raw(service, job, "?denoise=true"), 503)
+    assert "none is ready" in problem(raw(service, job, "?denoise=true"), 503)
     with service.worker(denoises=False):
         until(lambda: bool(service.farm.engine.snapshot.roster.reports), "another has come")
         assert "pip install" in problem(raw(service, job, "?denoise=true"), 503)

@@ -1,0 +1,68 @@
+"""How `--help` looks: paragraphs that fill the line, arguments in capitals, and no type behind an option that takes no value."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+__all__ = ["tidy"]
+
+# What stands for a value that has no name of its own, by what typer calls its type.
+_VALUES = {
+    "<int range>": "N",
+    "<int>": "N",
+    "<float range>": "X",
+    "<float>": "X",
+    "<str>": "TEXT",
+    "<path>": "PATH",
+    "<file>": "FILE",
+    "<dir>": "DIR",
+    "<bool>": None,
+}
+
+
+def tidy(command: Any) -> None:
+    """Make the help of this command, and of those below it, easier to read."""
+    for each in getattr(command, "commands", {}).values():
+        tidy(each)
+    command.help = command.help and _filled(command.help)
+    get_params = command.get_params
+
+    def params(ctx: Any) -> list[Any]:
+        return [_named(each) for each in get_params(ctx)]  # with --help, which is made anew each time
+
+    command.get_params = params
+
+
+def _named(parameter: Any) -> Any:
+    if parameter.param_type_name == "argument":
+        if parameter.metavar is None:
+            parameter.metavar = parameter.name.upper()
+        parameter.display_type_rich = _nothing
+    elif parameter.metavar is None:
+        parameter.display_type_rich = _value(parameter.display_type_rich)
+    return parameter
+
+
+def _nothing(ctx: Any) -> None:
+    """An argument's name says what it is."""
+
+
+def _value(shown: Callable[[Any], str | None]) -> Callable[[Any], str | None]:
+    def value(ctx: Any) -> str | None:
+        label = shown(ctx)
+        return _VALUES.get(label, label) if label else None
+
+    return value
+
+
+def _filled(text: str) -> str:
+    """The lines of a paragraph as one line; what is indented, and the first page's table, stay as they are."""
+    return "\n\n".join(_paragraph(each) for each in inspect.cleandoc(text).split("\n\n"))
+
+
+def _paragraph(text: str) -> str:
+    if text.startswith(" "):
+        return f"[dim][/dim]{text}"  # typer takes away an indentation that all lines but the first share
+    return text if text.startswith(("\b", "[bold]")) else text.replace("\n", " ")
