@@ -77,6 +77,75 @@ def _thing(**values) -> Callable[[bpy.types.Scene], None]:
     return build
 
 
+def _cycles(**values) -> Callable[[bpy.types.Scene], None]:
+    """Cycles' settings that are not as they are unless told."""
+
+    def build(scene: bpy.types.Scene) -> None:
+        _plain(scene)
+        for name, value in values.items():
+            setattr(scene.cycles, name, value)
+
+    return build
+
+
+def _blurred(position: str) -> Callable[[bpy.types.Scene], None]:
+    """A cube that flies while the shutter is open."""
+
+    def build(scene: bpy.types.Scene) -> None:
+        _plain(scene)
+        cube = bpy.data.objects["Cube"]
+        for frame, x in ((0, -1.0), (1, 0.4), (2, 2.4)):
+            cube.location[0] = x
+            cube.keyframe_insert("location", frame=frame)
+        for curve in cube.animation_data.action.fcurves:
+            for key in curve.keyframe_points:
+                key.interpolation = "LINEAR"
+        scene.frame_start = scene.frame_end = 1
+        scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 0.8
+        scene.render.motion_blur_position = position
+        scene.frame_set(1)
+
+    return build
+
+
+def _layered(**values) -> Callable[[bpy.types.Scene], None]:
+    def build(scene: bpy.types.Scene) -> None:
+        _plain(scene)
+        for name, value in values.items():
+            setattr(bpy.context.view_layer, name, value)
+
+    return build
+
+
+def _shutter_of_layer(scene: bpy.types.Scene) -> None:
+    """A view layer that no shutter blurs."""
+    _blurred("CENTER")(scene)
+    bpy.context.view_layer.use_motion_blur = False
+
+
+def _still(scene: bpy.types.Scene) -> None:
+    """A thing that flies, and is not to be blurred."""
+    _blurred("CENTER")(scene)
+    bpy.data.objects["Cube"].cycles.use_motion_blur = False
+
+
+def _panes(scene: bpy.types.Scene) -> None:
+    """What is transparent, and darkens all the same."""
+    _plain(scene)
+    ghost = principled("ghost", Base_Color=(0.8, 0.3, 0.1, 1), Roughness=1.0, Alpha=0.4)
+    ghost.use_transparent_shadow = False
+    add("uv_sphere", ghost, 9, location=(0.2, -1.5, 0.9), radius=0.4)
+
+
+def _culled(scene: bpy.types.Scene) -> None:
+    """Backs that other engines leave out, and Cycles does not."""
+    _plain(scene)
+    red = bpy.data.materials["red"]
+    red.use_backface_culling = True
+    bpy.ops.mesh.primitive_plane_add(size=1.5, location=(0.2, -1.0, 1.2), rotation=(-2.2, 0, 0))
+    bpy.context.object.data.materials.append(red)
+
+
 def _film(scene: bpy.types.Scene) -> None:
     _plain(scene)
     scene.cycles.film_exposure = 2.0
@@ -235,7 +304,17 @@ SURVEY: dict[str, Survey] = {
     "world-volume": (_foggy, "volume", "volume"),
     "override": (_overridden, "", ""),
     "mirrored": (_mirrored, "", ""),
-    "simplify": (_simplified, "implify", ""),
+    "simplify": (_simplified, "", ""),
+    "fast-gi": (_cycles(use_fast_gi=True), "Fast GI", "Fast GI"),
+    "shutter-start": (_blurred("START"), "", ""),
+    "shutter-center": (_blurred("CENTER"), "", ""),
+    "shutter-end": (_blurred("END"), "", ""),
+    "shutter-of-layer": (_shutter_of_layer, "", ""),
+    "shutter-of-thing": (_still, "though not in Blender", "though not in Blender"),
+    "no-world": (_layered(use_sky=False), "Environment", "Environment"),
+    "passes": (_layered(use_pass_mist=True, use_pass_diffuse_direct=True), "Mist, Diffuse Direct", ""),
+    "transparent-shadows": (_panes, "Transparent Shadows", "Transparent Shadows"),
+    "backfaces": (_culled, "", ""),
 }
 
 

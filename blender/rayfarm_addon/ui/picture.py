@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ..farm.asked import Asked, Light
 from ..scene.cameras import NAME, lens_of, shot_of_camera, with_keys
+from ..scene.cycles import takes_time
 from ..scene.files import FPS, MAIN, scene_files
 from ..scene.gather import beyond, gather, over_the_shutter
 from ..scene.ids import Ids, ids_of
@@ -69,7 +70,7 @@ def picture_of(
         raise ValueError("The scene has no camera.")
     size = tuple(max(int(n * render.resolution_percentage / 100), 1) for n in (render.resolution_x, render.resolution_y))
     frame = blender.frame_current + blender.frame_subframe
-    length = float(render.motion_blur_shutter) if render.use_motion_blur else 0.0
+    length = float(render.motion_blur_shutter) if takes_time(blender, depsgraph.view_layer) else 0.0
     middle = frame + {"START": length / 2, "END": -length / 2}.get(render.motion_blur_position, 0.0)
     if length and middle != frame:
         go_to(middle)

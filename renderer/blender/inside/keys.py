@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
-__all__ = ["MOST_FRAMES", "animated_paths", "frames_of", "is_animated", "keyed", "over_frames", "rounded"]
+__all__ = ["MOST_FRAMES", "animated_paths", "exposed_over", "frames_of", "is_animated", "keyed", "over_frames", "rounded"]
 
 MOST_FRAMES = 10_000
 ALIKE = 1e-9
@@ -88,6 +88,18 @@ def frames_of(bpy: Any, scene: Any) -> list[int]:
     if not is_animated(bpy, scene):
         return [scene.frame_current]
     return list(range(scene.frame_start, min(scene.frame_end, scene.frame_start + MOST_FRAMES - 1) + 1)) or [scene.frame_current]
+
+
+def exposed_over(frames: list[int], settings: dict[str, Any]) -> list[int]:
+    """Frames, and those about them that are seen while the shutter of `settings` is open; none before 0, where time begins.
+
+    Never two: between two keys Blender's exporter has things jump.
+    """
+    length = settings.get("shutter", 0.0)
+    before = {"leading": 0.0, "trailing": 1.0}.get(settings.get("shutter_at", ""), 0.5) * length
+    first = min(frames[0], max(frames[0] - math.ceil(before), 0))
+    last = frames[-1] + math.ceil(length - before)
+    return list(range(first, last + (2 if last == first + 1 else 1)))
 
 
 def over_frames(scene: Any, frames: Iterable[int], looks: dict[str, Callable[[], Any]]) -> dict[str, list[Any]]:
