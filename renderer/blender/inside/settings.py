@@ -63,7 +63,7 @@ def note_settings(scenes: Any, scene: Any, layer: Any, notes: list[str], known: 
     if render.use_compositing and tree is not None and any(node.type not in plain for node in tree.nodes):
         notes.append("What the compositor makes of the picture is not taken over")
     strips = getattr(scene.sequence_editor, "strips", None) or getattr(scene.sequence_editor, "sequences", ())
-    if render.use_sequencer and any(not strip.mute for strip in strips):
+    if render.use_sequencer and any(not strip.mute for strip in strips or ()):
         notes.append("The video sequence is not taken over: the scene itself is rendered")
     if render.use_freestyle:
         notes.append("Freestyle's lines are not drawn")
