@@ -361,6 +361,7 @@ SURVEY: dict[str, Survey] = {
     "backfaces": (_culled, "", ""),
     "normals-object": (_normals("OBJECT"), "normals are left out", ""),
     "normals-world": (_normals("WORLD"), "normals are left out", ""),
+    "nowhere": (_thing(scale=(math.nan, 1, 1)), "no number", "no number"),
     "bright-light": (_bright("Emission Color"), "emission", ""),
     "bright-color": (_bright("Base Color"), "base color", "base color is cut at 1"),
 }

@@ -265,5 +265,6 @@ def test_without_a_farm_there_is_a_sentence(tmp_path: Path) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # and nobody listens
         said = blender(tmp_path, f"http://127.0.0.1:{taken.getsockname()[1]}", "refused")["refused"]
+    assert "the farm's have at most 16,384 along each side" in said.pop("large")
     for sentence in said.values():
         assert "No farm answers at http://127.0.0.1" in sentence

@@ -78,6 +78,9 @@ class _Gathering:
         thing = found.object
         if not found.show_self:
             return False
+        if thing.type in (*SURFACES, "LIGHT") and not np.isfinite(_matrix(found.matrix_world)).all():
+            self.scene.warn(f"{thing.name}: lies at a place that is no number, and is left out.")
+            return False
         if thing.type == "LIGHT":
             lights.add_light(self.scene, thing, self._unique(thing.name), _matrix(found.matrix_world))
             return False

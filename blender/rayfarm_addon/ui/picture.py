@@ -24,6 +24,7 @@ __all__ = ["Picture", "light_of", "picture_of", "requested", "split"]
 
 F64 = npt.NDArray[np.float64]
 FRAME = 64  # of the farm's clock, at which a picture with an open shutter is; so far in that its keys are not before 0
+LARGEST = 16_384  # along each side
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,11 @@ def picture_of(
         scene.warn(f"Camera: what lies beyond its end of {thing.data.clip_end:g} is shown, though not in Blender.")
     border = _border(render, size)
     shot = shot_of_camera(scene, thing, place, projection, size, border)
+    if max(shot.width, shot.height) > LARGEST:
+        raise ValueError(
+            f"The picture has {shot.width:,} x {shot.height:,} pixels; the farm's have at most {LARGEST:,} along each side. "
+            "Lower the resolution, or render a region of it."
+        )
     request = requested(settings, settings.samples) | {"width": shot.width, "height": shot.height}
     request |= {"priority": settings.priority} | ({"noise": settings.noise} if settings.use_noise else {})
     moves = False

@@ -9,7 +9,7 @@ from typing import Any
 from .baked import bake
 from .cameras import Cameras
 from .hair import hair_as_meshes
-from .keys import exposed_over, frames_of, is_animated, over_frames
+from .keys import exposed_over, frames_of, is_animated, over_frames, scripted
 from .large import put_back, stand_ins
 from .lights import Lights
 from .prepared import prepare
@@ -42,6 +42,9 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
     notes: list[str] = []
     _note_missing(bpy, notes)
     _note_unknown_nodes(bpy, notes)
+    if driven := scripted(bpy):
+        more = f" and {len(driven) - 5} more" if len(driven) > 5 else ""
+        notes.append(f"{', '.join(driven[:5])}{more}: drivers written in Python do not run, as scripts are off")
     scene.render.fps_base = 1.0  # the exporter's times are frames of whole numbers a second
     fps = float(scene.render.fps)
     frames = frames_of(bpy, scene)
