@@ -92,6 +92,7 @@ SHUTTERS = Choices(
     {
         "centred": Shown("Centred", "Open as long before the frame's time as after it."),
         "trailing": Shown("Trailing", "It closes at the frame's time."),
+        "leading": Shown("Leading", "It opens at the frame's time."),
     }
 )
 MISTAKES = Choices(

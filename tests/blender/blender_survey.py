@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 
 import bpy
+import numpy as np
 from blender_scenes import add, background, empty, lamp, look, principled, world_node
 
 Survey = tuple[Callable[[bpy.types.Scene], None], str, str]
@@ -73,6 +74,118 @@ def _thing(**values) -> Callable[[bpy.types.Scene], None]:
         _plain(scene)
         for name, value in values.items():
             setattr(bpy.data.objects["Cube"], name, value)
+
+    return build
+
+
+def _cycles(**values) -> Callable[[bpy.types.Scene], None]:
+    """Cycles' settings that are not as they are unless told."""
+
+    def build(scene: bpy.types.Scene) -> None:
+        _plain(scene)
+        for name, value in values.items():
+            setattr(scene.cycles, name, value)
+
+    return build
+
+
+def _blurred(position: str) -> Callable[[bpy.types.Scene], None]:
+    """A cube that flies while the shutter is open."""
+
+    def build(scene: bpy.types.Scene) -> None:
+        _plain(scene)
+        cube = bpy.data.objects["Cube"]
+        for frame, x in ((0, -1.0), (1, 0.4), (2, 2.4)):
+            cube.location[0] = x
+            cube.keyframe_insert("location", frame=frame)
+        for curve in cube.animation_data.action.fcurves:
+            for key in curve.keyframe_points:
+                key.interpolation = "LINEAR"
+        scene.frame_start = scene.frame_end = 1
+        scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 0.8
+        scene.render.motion_blur_position = position
+        scene.frame_set(1)
+
+    return build
+
+
+def _layered(**values) -> Callable[[bpy.types.Scene], None]:
+    def build(scene: bpy.types.Scene) -> None:
+        _plain(scene)
+        for name, value in values.items():
+            setattr(bpy.context.view_layer, name, value)
+
+    return build
+
+
+def _shutter_of_layer(scene: bpy.types.Scene) -> None:
+    """A view layer that no shutter blurs."""
+    _blurred("CENTER")(scene)
+    bpy.context.view_layer.use_motion_blur = False
+
+
+def _still(scene: bpy.types.Scene) -> None:
+    """A thing that flies, and is not to be blurred."""
+    _blurred("CENTER")(scene)
+    bpy.data.objects["Cube"].cycles.use_motion_blur = False
+
+
+def _panes(scene: bpy.types.Scene) -> None:
+    """What is transparent, and darkens all the same."""
+    _plain(scene)
+    ghost = principled("ghost", Base_Color=(0.8, 0.3, 0.1, 1), Roughness=1.0, Alpha=0.4)
+    ghost.use_transparent_shadow = False
+    add("uv_sphere", ghost, 9, location=(0.2, -1.5, 0.9), radius=0.4)
+
+
+def _culled(scene: bpy.types.Scene) -> None:
+    """Backs that other engines leave out, and Cycles does not."""
+    _plain(scene)
+    red = bpy.data.materials["red"]
+    red.use_backface_culling = True
+    bpy.ops.mesh.primitive_plane_add(size=1.5, location=(0.2, -1.0, 1.2), rotation=(-2.2, 0, 0))
+    bpy.context.object.data.materials.append(red)
+
+
+def _normals(space: str) -> Callable[[bpy.types.Scene], None]:
+    """A leaning plane whose normals a picture tells in an object's space, or in the world's."""
+
+    def build(scene: bpy.types.Scene) -> None:
+        _plain(scene)
+        image = bpy.data.images.new("normals", 64, 64, alpha=False)
+        image.colorspace_settings.name = "Non-Color"
+        v, u = np.mgrid[0:64, 0:64] / 64
+        bent = np.stack([0.5 * np.sin(6 * u), 0.4 * np.cos(6 * u), 1 + 0.3 * np.sin(9 * v)], -1)
+        texels = np.ones((64, 64, 4), np.float32)
+        texels[..., :3] = bent / np.linalg.norm(bent, axis=-1, keepdims=True) * 0.5 + 0.5
+        image.pixels.foreach_set(texels.ravel())
+        image.pack()
+        red = bpy.data.materials["red"]
+        turn = (0.9, 0.3, 0.5) if space == "OBJECT" else (0.1, 0.1, 0.5)
+        add("plane", red, 5, size=2, location=(-1, -1, 1.2), rotation=turn)
+        bpy.data.objects["Sphere"].data.materials[0] = bpy.data.materials["blue"]
+        tree = red.node_tree
+        shown, normal = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeNormalMap")
+        shown.image, normal.space = image, space
+        tree.links.new(shown.outputs[0], normal.inputs["Color"])
+        tree.links.new(normal.outputs[0], tree.nodes["Principled BSDF"].inputs["Normal"])
+
+    return build
+
+
+def _bright(entry: str) -> Callable[[bpy.types.Scene], None]:
+    """Colours of noise that go beyond 1."""
+
+    def build(scene: bpy.types.Scene) -> None:
+        _plain(scene)
+        tree = bpy.data.materials["red"].node_tree
+        surface = tree.nodes["Principled BSDF"]
+        noise, times = tree.nodes.new("ShaderNodeTexNoise"), tree.nodes.new("ShaderNodeVectorMath")
+        noise.inputs["Scale"].default_value = 3
+        times.operation, times.inputs[1].default_value = "MULTIPLY", (3, 1.5, 0.5)
+        tree.links.new(noise.outputs["Color"], times.inputs[0])
+        tree.links.new(times.outputs[0], surface.inputs[entry])
+        surface.inputs["Emission Strength"].default_value = 1.2 if entry == "Emission Color" else 0.0
 
     return build
 
@@ -235,7 +348,22 @@ SURVEY: dict[str, Survey] = {
     "world-volume": (_foggy, "volume", "volume"),
     "override": (_overridden, "", ""),
     "mirrored": (_mirrored, "", ""),
-    "simplify": (_simplified, "implify", ""),
+    "simplify": (_simplified, "", ""),
+    "fast-gi": (_cycles(use_fast_gi=True), "Fast GI", "Fast GI"),
+    "shutter-start": (_blurred("START"), "", ""),
+    "shutter-center": (_blurred("CENTER"), "", ""),
+    "shutter-end": (_blurred("END"), "", ""),
+    "shutter-of-layer": (_shutter_of_layer, "", ""),
+    "shutter-of-thing": (_still, "though not in Blender", "though not in Blender"),
+    "no-world": (_layered(use_sky=False), "Environment", "Environment"),
+    "passes": (_layered(use_pass_mist=True, use_pass_diffuse_direct=True), "Mist, Diffuse Direct", ""),
+    "transparent-shadows": (_panes, "Transparent Shadows", "Transparent Shadows"),
+    "backfaces": (_culled, "", ""),
+    "normals-object": (_normals("OBJECT"), "normals are left out", ""),
+    "normals-world": (_normals("WORLD"), "normals are left out", ""),
+    "nowhere": (_thing(scale=(math.nan, 1, 1)), "no number", "no number"),
+    "bright-light": (_bright("Emission Color"), "emission", ""),
+    "bright-color": (_bright("Base Color"), "base color", "base color is cut at 1"),
 }
 
 

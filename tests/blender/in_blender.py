@@ -255,7 +255,13 @@ def refused() -> dict:
         tested = ""
     except RuntimeError as error:
         tested = str(error)
-    return {"said": said, "tested": tested}
+    scene.render.resolution_x = 40_000
+    try:
+        bpy.ops.render.render()
+        large = ""
+    except RuntimeError as error:
+        large = str(error)
+    return {"said": said, "tested": tested, "large": large}
 
 
 def cancelled() -> dict:

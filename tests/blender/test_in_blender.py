@@ -23,8 +23,9 @@ from renderer.blender.program import NAMED
 from renderer.film import mean
 from renderer.image.read import read as read_image
 from renderer.render import render_frame
+from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
-from renderer.scene.load import read
+from renderer.scene.load import Shot
 from renderer.settings import RenderSettings
 from service.addon import addon_zip
 from tests.helpers import ROOT, Farm, start_farm, stop_farm
@@ -152,7 +153,7 @@ def test_what_a_blend_file_asks_for_is_done_or_named(
     folder, _said = surveyed
     monkeypatch.setenv(NAMED, str(python_with_bpy()))
     (tmp_path / "a.blend").write_bytes((folder / f"{name}.blend").read_bytes())
-    found = read(tmp_path, "a.blend")
+    found = Shot(tmp_path, "a.blend").over(Moment(1))
     if word:
         assert_said(word, found.warnings)
         return
@@ -264,5 +265,6 @@ def test_without_a_farm_there_is_a_sentence(tmp_path: Path) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # and nobody listens
         said = blender(tmp_path, f"http://127.0.0.1:{taken.getsockname()[1]}", "refused")["refused"]
+    assert "the farm's have at most 16,384 along each side" in said.pop("large")
     for sentence in said.values():
         assert "No farm answers at http://127.0.0.1" in sentence

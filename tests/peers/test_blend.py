@@ -57,6 +57,7 @@ def test_nothing_in_a_hostile_file_runs_and_nothing_outside_is_read(made: Path, 
     said = " ".join(found.warnings)
     assert "Missing pictures: secret.png." in said
     assert "Missing linked files: secret.blend." in said
+    assert "drivers written in Python do not run" in said
     assert str(made) not in said
 
 

@@ -330,11 +330,11 @@ def test_a_replay_follows_the_sample_at_its_time() -> None:
             assert [int(v * 2**24) for v in found.value] == film[COLOR, y, x].tolist()
 
 
-def test_a_trailing_shutter_closes_at_the_frame() -> None:
-    """What has flown for the time before the frame, and not after it."""
+def test_a_trailing_shutter_closes_at_the_frame_and_a_leading_one_opens() -> None:
+    """What has flown for the time before the frame, or after it."""
     bar = square((0, 0, 0), (0.1, 0, 0), (0, 2, 0), UNLIT)
     flight = lambda t: described(meshes=[bar], instances=[Instance(0, turned(0, (t, 0, 0)), moves=True)])  # noqa: E731
-    for at, low, high in (("centred", -0.5, 0.5), ("trailing", -1.0, 0.0)):
+    for at, low, high in (("centred", -0.5, 0.5), ("trailing", -1.0, 0.0), ("leading", 0.0, 1.0)):
         found = picture(compile_scene(over(flight, Shutter(1.0, at))), settings_of(), 64)
         x, _ = from_the_middle(64, 4.0)
         seen = x[found > 0.02]

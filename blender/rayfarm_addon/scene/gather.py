@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import lights
+from .cycles import Flags, tell_passes, tell_settings
 from .lights import is_linked_to_lights
 from .meshes import Corners, extract, hair, shape, stretched
 from .model import Mesh, Node, Scene
@@ -43,6 +44,7 @@ RAYS = {
     "glossy": "in reflections",
     "transmission": "through glass",
 }
+FILTER = "blackman-harris"  # unless another is set
 Known = dict[str, tuple[Mesh, Corners] | None]
 
 
@@ -58,8 +60,10 @@ class _Density:
 
 
 class _Gathering:
-    def __init__(self, scene: Scene, known: Known, changed: Callable[[Any, Any], bool], layer: Any = None) -> None:
+    def __init__(self, scene: Scene, known: Known, changed: Callable[[Any, Any], bool], graph: Any) -> None:
+        layer = graph.view_layer
         self.scene, self.known, self._changed, self._layer = scene, known, changed, layer
+        self.flags = Flags(graph.scene, layer)
         self._override = getattr(layer, "material_override", None)  # what the view layer shows in the place of all materials
         self._keys: dict[int, str] = {}  # by where the mesh lies in memory
         self._taken: dict[str, int] = {}
@@ -74,6 +78,9 @@ class _Gathering:
         thing = found.object
         if not found.show_self:
             return False
+        if thing.type in (*SURFACES, "LIGHT") and not np.isfinite(_matrix(found.matrix_world)).all():
+            self.scene.warn(f"{thing.name}: lies at a place that is no number, and is left out.")
+            return False
         if thing.type == "LIGHT":
             lights.add_light(self.scene, thing, self._unique(thing.name), _matrix(found.matrix_world))
             return False
@@ -85,6 +92,7 @@ class _Gathering:
         seen = self._rays(found, thing)
         if not any(seen.values()):
             return False
+        self.flags.look_at(thing)
         place = _matrix(found.matrix_world)
         made, key = self._mesh(thing, place)
         known = self.known.get(key)
@@ -194,32 +202,20 @@ def gather(
     change. changed: whether an object's mesh (given the object and its data) is another since. bake: as of `read_world`.
     """
     scene = Scene()
-    found = _Gathering(scene, known, changed, depsgraph.view_layer)
+    found = _Gathering(scene, known, changed, depsgraph)
     for number, instance in enumerate(depsgraph.object_instances):
         if found.instance(instance) or number % 256 == 255:
             yield found
     blender = depsgraph.scene
     scene.world = read_world(scene, getattr(depsgraph.view_layer, "world_override", None) or blender.world, bake)
-    _look_at_the_scene(scene, blender)
+    own = blender.rayfarm
+    taken = {"is_clamped": own.clamp > 0, "has_filter": own.filter != FILTER}
+    tell_settings(blender, depsgraph.view_layer, scene.tell, **taken)
+    tell_passes(depsgraph.view_layer, scene.tell)
+    found.flags.tell(scene.tell)
     for key in [key for key in known if key not in scene.meshes and key not in found.made]:
         del known[key]
     yield found
-
-
-def _look_at_the_scene(scene: Scene, blender: Any) -> None:
-    if blender.render.film_transparent:
-        scene.warn("Transparent film: the farm's pictures have the world behind them, and no alpha.")
-    if abs(blender.render.pixel_aspect_x - blender.render.pixel_aspect_y) > 1e-6:
-        scene.warn("Pixels that are not square are rendered as square ones.")
-    if blender.render.use_simplify and getattr(blender.render, "simplify_subdivision_render", 6) < 6:
-        scene.warn("Simplify is on: surfaces are as smooth as it lets them be.")
-    if blender.render.use_multiview:
-        scene.warn("Stereoscopy: one picture is rendered, as the camera sees it with one eye.")
-    if blender.render.use_motion_blur and getattr(getattr(blender, "cycles", None), "rolling_shutter_type", "NONE") != "NONE":
-        scene.warn("The shutter opens everywhere at once, without rolling.")
-    exposure = float(getattr(getattr(blender, "cycles", None), "film_exposure", 1.0))
-    if abs(exposure - 1) > 1e-3:
-        scene.warn(f"Cycles' film exposure of {exposure:g} is left out; set the exposure under Color Management.")
 
 
 def beyond(scene: Scene, eye: F64, forward: F64, end: float) -> bool:

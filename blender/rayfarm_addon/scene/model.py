@@ -112,6 +112,10 @@ class Scene:
     times: tuple[float, ...] = ()
     warnings: list[str] = field(default_factory=list)
 
+    def tell(self, what: str) -> None:
+        """As `warn`, of a sentence without its full stop."""
+        self.warn(f"{what}.")
+
     def warn(self, sentence: str) -> None:
         """Say once what is not as Blender has it."""
         if sentence not in self.warnings:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from .cycles import tell_material
 from .looks import Look, brushed, look_of, told_by_ray, under_coat
 from .model import Material, Scene, TextureUse
 from .nodes import At, Product, Source, constant, followed, output_of
@@ -69,6 +70,7 @@ class _Reader:
             self._shader(shader)
         self._look_for_others(tree)
         tell_pictures(tree, self._warn)
+        tell_material(self._source, self._warn)
         if self._more:
             self._said["extensions"] = self._more
         return self._said

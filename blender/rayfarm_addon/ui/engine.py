@@ -55,6 +55,7 @@ class RayfarmEngine(bpy.types.RenderEngine):
         scene, layer = depsgraph.scene, depsgraph.view_layer
         passes = wanted(scene, layer)
         self.update_stats("", "Rayfarm: reading the scene")
+        connection.note([])
         picture = picture_of(depsgraph, self._place, self._go_to, planes_of(passes), _title(scene, layer))
         farm = connection.connect(*farm_of(bpy.context), scene.rayfarm.project)
         connection.note(picture.warnings)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ..farm.asked import Asked, Light
 from ..scene.cameras import NAME, lens_of, shot_of_camera, with_keys
+from ..scene.cycles import takes_time
 from ..scene.files import FPS, MAIN, scene_files
 from ..scene.gather import beyond, gather, over_the_shutter
 from ..scene.ids import Ids, ids_of
@@ -23,6 +24,7 @@ __all__ = ["Picture", "light_of", "picture_of", "requested", "split"]
 
 F64 = npt.NDArray[np.float64]
 FRAME = 64  # of the farm's clock, at which a picture with an open shutter is; so far in that its keys are not before 0
+LARGEST = 16_384  # along each side
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ def picture_of(
         raise ValueError("The scene has no camera.")
     size = tuple(max(int(n * render.resolution_percentage / 100), 1) for n in (render.resolution_x, render.resolution_y))
     frame = blender.frame_current + blender.frame_subframe
-    length = float(render.motion_blur_shutter) if render.use_motion_blur else 0.0
+    length = float(render.motion_blur_shutter) if takes_time(blender, depsgraph.view_layer) else 0.0
     middle = frame + {"START": length / 2, "END": -length / 2}.get(render.motion_blur_position, 0.0)
     if length and middle != frame:
         go_to(middle)
@@ -87,6 +89,11 @@ def picture_of(
         scene.warn(f"Camera: what lies beyond its end of {thing.data.clip_end:g} is shown, though not in Blender.")
     border = _border(render, size)
     shot = shot_of_camera(scene, thing, place, projection, size, border)
+    if max(shot.width, shot.height) > LARGEST:
+        raise ValueError(
+            f"The picture has {shot.width:,} x {shot.height:,} pixels; the farm's have at most {LARGEST:,} along each side. "
+            "Lower the resolution, or render a region of it."
+        )
     request = requested(settings, settings.samples) | {"width": shot.width, "height": shot.height}
     request |= {"priority": settings.priority} | ({"noise": settings.noise} if settings.use_noise else {})
     moves = False

@@ -10,6 +10,7 @@ from .followed import is_followed, is_of_each, sees_from
 __all__ = ["bake"]
 
 BAKED = ("Base Color", "Metallic", "Roughness", "Alpha", "Emission Color")
+LIT = ("Base Color", "Emission Color")  # which may be beyond 1
 BENT = ("Normal", "Coat Normal")  # whose bumps become maps of normals
 LAYER = "rayfarm"
 SIZE, LEAST_SIZE = 1024, 256
@@ -45,7 +46,7 @@ def bake(bpy: Any, scene: Any, things: list[Any], notes: list[str]) -> None:
                 notes.append(f"Material {material.name}: what its nodes make is not baked, as {reason}")
                 continue
             try:
-                _bake(bpy, scene, material, entries, owners)
+                _bake(bpy, scene, material, entries, owners, notes)
             except RuntimeError as error:
                 notes.append(f"Material {material.name}: what its nodes make could not be baked ({str(error).strip()[:120]})")
     finally:
@@ -119,7 +120,7 @@ def _settings(scene: Any) -> list[tuple[Any, str, Any]]:
     return before
 
 
-def _bake(bpy: Any, scene: Any, material: Any, entries: list[Any], owners: list[Any]) -> None:
+def _bake(bpy: Any, scene: Any, material: Any, entries: list[Any], owners: list[Any], notes: list[str]) -> None:
     _lay_out(bpy, owners)
     tree = material.node_tree
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
@@ -137,6 +138,8 @@ def _bake(bpy: Any, scene: Any, material: Any, entries: list[Any], owners: list[
             tree.links.new(surface if is_bent else shining.outputs[0], output.inputs["Surface"])
             _select(bpy, owners)
             bpy.ops.object.bake(type="NORMAL" if is_bent else "EMIT", normal_space="TANGENT")
+            if entry.name in LIT:
+                notes += [f"Material {material.name}: {each}" for each in [_within_one(image, entry)] if each]
             image.pack()
             where = tree.nodes.new("ShaderNodeUVMap")
             where.uv_map = LAYER
@@ -208,9 +211,39 @@ def _others(bpy: Any, material: Any, owners: list[Any]) -> list[tuple[Any, Any]]
     return found
 
 
+def _within_one(image: Any, entry: Any) -> str:
+    """Puts what is beyond 1 of a picture's colours into the strength of the light, if they are that; what is to be said of it.
+
+    The picture was baked in linear colours, and has them in sRGB from now on.
+    """
+    import numpy as np
+
+    texels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(texels)
+    colors = texels.reshape(-1, image.channels)
+    most, told = float(colors[:, :3].max(initial=0.0)), ""
+    if most > 1:
+        power = entry.node.inputs["Emission Strength"]
+        if entry.name == "Emission Color" and not power.is_linked:
+            colors[:, :3] /= most
+            power.default_value *= most
+        else:
+            told = f"its {entry.name.lower()} is cut at 1"
+    linear = np.clip(colors[:, :3], 0.0, 1.0)
+    colors[:, :3] = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    size = tuple(image.size)
+    image.source = "GENERATED"
+    image.use_generated_float = False
+    image.generated_width, image.generated_height = size
+    image.colorspace_settings.name = "sRGB"
+    image.pixels.foreach_set(texels)
+    return told
+
+
 def _image(bpy: Any, material: Any, entry: Any, owners: list[Any]) -> Any:
     faces = sum(len(thing.data.polygons) for thing in owners)
     size = SIZE if faces > 6 else max(LEAST_SIZE, SIZE // 2)
-    image = bpy.data.images.new(f"{material.name} {entry.name.lower()}"[:60], size, size, alpha=False)
-    image.colorspace_settings.name = "sRGB" if entry.type == "RGBA" else "Non-Color"
+    is_lit = entry.name in LIT
+    image = bpy.data.images.new(f"{material.name} {entry.name.lower()}"[:60], size, size, alpha=False, float_buffer=is_lit)
+    image.colorspace_settings.name = "Linear Rec.709" if is_lit else "sRGB" if entry.type == "RGBA" else "Non-Color"
     return image

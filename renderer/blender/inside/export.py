@@ -106,12 +106,11 @@ def copied(job: dict[str, Any]) -> Path:
 
 
 def opened(path: Path) -> Any:
-    """bpy, with the file open. Raises DamagedError."""
+    """bpy, with the file open. Its settings are the factory's, as its home is empty. Raises DamagedError."""
     import bpy
 
     if bpy.app.version[:2] < LEAST:
         raise DamagedError(f"is opened by Blender {LEAST[0]}.{LEAST[1]} and later, and this worker's is {bpy.app.version_string}")
-    bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.context.preferences.filepaths.use_scripts_auto_execute = False
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)

@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
-__all__ = ["MOST_FRAMES", "animated_paths", "frames_of", "is_animated", "keyed", "over_frames", "rounded"]
+__all__ = [
+    *("MOST_FRAMES", "animated_paths", "exposed_over", "frames_of", "is_animated", "keyed", "over_frames", "rounded", "scripted")
+]
 
 MOST_FRAMES = 10_000
 ALIKE = 1e-9
@@ -26,22 +28,28 @@ def rounded(value: Any) -> Any:
     return [rounded(each) for each in value]
 
 
+MAY_MOVE = (
+    *("objects", "meshes", "curves", "lights", "cameras", "armatures", "materials", "worlds", "node_groups", "shape_keys"),
+    "lattices",
+)
+
+
+def scripted(bpy: Any) -> list[str]:
+    """The names of what drivers drive that are written in Python: with scripts off they do nothing."""
+    found = set()
+    for kind in MAY_MOVE:
+        for block in getattr(bpy.data, kind, ()):
+            for owner in (block, getattr(block, "node_tree", None)):
+                data = owner.animation_data if owner is not None else None
+                drivers = [curve.driver for curve in data.drivers] if data is not None else []
+                if any(each.type == "SCRIPTED" and not each.is_simple_expression for each in drivers):
+                    found.add(block.name)
+    return sorted(found)
+
+
 def is_animated(bpy: Any, scene: Any) -> bool:
     """Whether anything in the file may move with the frame."""
-    kinds = (
-        "objects",
-        "meshes",
-        "curves",
-        "lights",
-        "cameras",
-        "armatures",
-        "materials",
-        "worlds",
-        "node_groups",
-        "shape_keys",
-        "lattices",
-    )
-    for kind in kinds:
+    for kind in MAY_MOVE:
         for block in getattr(bpy.data, kind, ()):
             data = block.animation_data
             if data is not None and (data.action or data.drivers or any(track.strips for track in data.nla_tracks)):
@@ -88,6 +96,18 @@ def frames_of(bpy: Any, scene: Any) -> list[int]:
     if not is_animated(bpy, scene):
         return [scene.frame_current]
     return list(range(scene.frame_start, min(scene.frame_end, scene.frame_start + MOST_FRAMES - 1) + 1)) or [scene.frame_current]
+
+
+def exposed_over(frames: list[int], settings: dict[str, Any]) -> list[int]:
+    """Frames, and those about them that are seen while the shutter of `settings` is open; none before 0, where time begins.
+
+    Never two: between two keys Blender's exporter has things jump.
+    """
+    length = settings.get("shutter", 0.0)
+    before = {"leading": 0.0, "trailing": 1.0}.get(settings.get("shutter_at", ""), 0.5) * length
+    first = min(frames[0], max(frames[0] - math.ceil(before), 0))
+    last = frames[-1] + math.ceil(length - before)
+    return list(range(first, last + (2 if last == first + 1 else 1)))
 
 
 def over_frames(scene: Any, frames: Iterable[int], looks: dict[str, Callable[[], Any]]) -> dict[str, list[Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from .instances import VISIBLE, instances_as_objects
@@ -21,6 +22,12 @@ def prepare(bpy: Any, scene: Any, frames: list[int], notes: list[str]) -> list[A
     if blinking and len(frames) > 1:
         notes.append(f"{_listed(blinking)}: comes or goes with the frame in Blender, and is as at the first frame here")
     shown = _shown(bpy, scene)
+    nowhere = sorted(name for name in shown if not _is_somewhere(scene.objects[name]))
+    if nowhere:
+        notes.append(f"{_listed(nowhere)}: lies at a place that is no number, and is left out")
+        for name in nowhere:  # what is nowhere has no place that can be written, hidden or not
+            shown.remove(name)
+            bpy.data.objects.remove(scene.objects[name])
     instances_as_objects(bpy, scene, shown, frames, notes)
     _modifiers(bpy, scene, shown, frames, notes)
     for thing in scene.objects:
@@ -29,6 +36,10 @@ def prepare(bpy: Any, scene: Any, frames: list[int], notes: list[str]) -> list[A
     _override(bpy.context.view_layer, scene, found)
     _plain_materials(bpy, found)
     return found
+
+
+def _is_somewhere(thing: Any) -> bool:
+    return all(math.isfinite(each) for row in thing.matrix_world for each in row)
 
 
 def _as_rendered(bpy: Any, scene: Any) -> None:

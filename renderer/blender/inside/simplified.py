@@ -68,7 +68,7 @@ def modules_of(addon: Path) -> Any:
     return types.SimpleNamespace(
         **{
             name: importlib.import_module(f"{package}.{name}")
-            for name in ("lights", "looks", "meshes", "nodes", "painted", "skies", "tubes", "unlike")
+            for name in ("cycles", "lights", "looks", "meshes", "nodes", "painted", "skies", "tubes", "unlike")
         }
     )
 
@@ -88,6 +88,7 @@ class _Simplifier:
             return {}
         told: list[str] = []
         self._modules.unlike.tell_pictures(self._tree, told.append)
+        self._modules.cycles.tell_material(self._material, told.append)
         look = self._modules.looks.look_of(source, told.append)
         if look is None:
             return {}

@@ -10,6 +10,7 @@ BLO_readfile, DNA_genfile.
 from __future__ import annotations
 
 import gzip
+import mmap
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +19,8 @@ from typing import IO, Any, NamedTuple
 __all__ = ["DamagedError", "safe_copy"]
 
 PIECE = 1 << 20
+MAGIC = b"BLENDER"
+SHORTEST = 12  # its header
 PATH = 700  # characters from which an array holds a path: 768 and 1024 in Blender
 SHORT_PATH = 160  # and before 2.6, of what is known to have one
 WITH_PATHS = ("Library", "Image", "VFont", "bSound", "MovieClip")
@@ -63,12 +66,15 @@ def safe_copy(source: Path, target: Path, resolve: Callable[[str], str], most_by
 
     resolve: what stands in place of a path. most_bytes: that it may have. Raises DamagedError; OSError.
     """
-    with _unpacked(source) as file, target.open("w+b") as out:
-        blocks, dna, form = _copied(file, out, most_bytes)
-        places = _Dna(dna, form).places()
-        for block in blocks:
-            if block.kind in places:
-                _mend(out, block, places[block.kind], resolve)
+    with target.open("w+b") as out:
+        _unpack(source, out, most_bytes)
+        out.flush()
+        with mmap.mmap(out.fileno(), 0) as data:
+            blocks, dna, form = _blocks(data)
+            places = _Dna(dna, form).places()
+            for block in blocks:
+                if block.kind in places:
+                    _mend(data, block, places[block.kind], resolve)
 
 
 def _unpacked(source: Path) -> Any:
@@ -83,69 +89,71 @@ def _unpacked(source: Path) -> Any:
             raise DamagedError("is compressed, and this Blender's Python cannot unpack it: save it without Compress") from None
         unpacking = zstandard.ZstdDecompressor(max_window_size=1 << 28)
         return unpacking.stream_reader(source.open("rb"), read_across_frames=True, closefd=True)
-    return source.open("rb")
+    return source.open("rb", buffering=0)
 
 
-def _copied(file: IO[bytes], out: IO[bytes], most: int) -> tuple[list[_Block], bytes, _Form]:
-    """Copies all, and says where its blocks are, what describes them, and how it is laid out."""
-    left = most
-
-    def take(size: int) -> bytes:
-        nonlocal left
-        left -= size
-        if left < 0:
-            raise DamagedError(f"unpacks to more than the {most / 2**30:.1f} GiB that this worker grants one scene")
-        found = bytearray()
-        while len(found) < size:
+def _unpack(source: Path, out: IO[bytes], most: int) -> None:
+    """Writes it as it is where it is not compressed."""
+    piece = memoryview(bytearray(PIECE))
+    size = 0
+    with _unpacked(source) as file:
+        while True:
             try:
-                piece = file.read(min(size - len(found), PIECE))
-            except (OSError, EOFError, ValueError) as error:
+                taken = file.readinto(piece)
+            except Exception as error:  # zlib and zstandard have errors of their own
                 raise DamagedError(f"cannot be unpacked ({error}); save it anew") from None
-            except Exception as error:  # zstandard has errors of its own
-                raise DamagedError(f"cannot be unpacked ({error}); save it anew") from None
-            if not piece:
-                raise DamagedError("ends too soon; copy or save it anew")
-            found += piece
-        out.write(found)
-        return bytes(found)
+            if not taken:
+                break
+            if not size and bytes(piece[: min(taken, len(MAGIC))]) != MAGIC[:taken]:
+                raise DamagedError("is no .blend file")
+            size += taken
+            if size > most:
+                raise DamagedError(f"unpacks to more than the {most / 2**30:.1f} GiB that this worker grants one scene")
+            out.write(piece[:taken])
+    if size < SHORTEST:
+        raise DamagedError("ends too soon; copy or save it anew")
 
-    form = _form(take)
+
+def _blocks(data: mmap.mmap) -> tuple[list[_Block], bytes, _Form]:
+    """Where the blocks of a file are, what describes them, and how it is laid out."""
+    form, at = _form(data)
     blocks: list[_Block] = []
     dna = b""
     while len(blocks) < MOST_BLOCKS:
-        fields = form.head.unpack(take(form.head.size))
+        if at + form.head.size > len(data):
+            raise DamagedError("ends too soon; copy or save it anew")
+        fields = form.head.unpack_from(data, at)
         code, kind, size, count = (fields[i] for i in ((0, 1, 3, 4) if form.is_large else (0, 3, 1, 4)))
+        at += form.head.size
         if code == b"ENDB":
             break
-        if size < 0 or count < 0 or size > left:
-            raise DamagedError("is damaged, or unpacks to more than this worker grants one scene; save it anew")
-        at = out.tell()
+        if size < 0 or count < 0:
+            raise DamagedError("is damaged; save it anew")
+        if size > len(data) - at:
+            raise DamagedError("ends too soon; copy or save it anew")
         if code == b"DNA1":
-            dna = take(size)
-            continue
-        for first in range(0, size, PIECE):
-            take(min(PIECE, size - first))
-        blocks.append(_Block(at, size, kind, count))
+            dna = data[at : at + size]
+        else:
+            blocks.append(_Block(at, size, kind, count))
+        at += size
     if not dna:
         raise DamagedError("has no description of what is in it; save it anew")
     return blocks, dna, form
 
 
-def _form(take: Callable[[int], bytes]) -> _Form:
-    """What the header says: of 12 bytes, or since Blender 5 of as many as it says itself."""
-    start = take(12)
-    if start[:7] != b"BLENDER":
-        raise DamagedError("is no .blend file")
+def _form(data: mmap.mmap) -> tuple[_Form, int]:
+    """What the header says, and where it ends: after 12 bytes, or since Blender 5 after as many as it says itself."""
+    start = data[:SHORTEST]
     if start[7:8].isdigit():
         size = int(start[7:9]) if start[7:9].isdigit() else 0
         if not 12 <= size <= 64 or start[9:12] != b"-01":
             raise DamagedError("is of a newer Blender than is known here; export glTF from it instead")
-        if take(size - 12)[:1] != b"v":
+        if data[12:13] != b"v":
             raise DamagedError("has bytes in an order that is not read")
-        return _Form("<", 8, struct.Struct("<4siQqq"), True)
+        return _Form("<", 8, struct.Struct("<4siQqq"), True), size
     order = ">" if start[8:9] == b"V" else "<"
     pointer = 4 if start[7:8] == b"_" else 8
-    return _Form(order, pointer, struct.Struct(f"{order}4si{'I' if pointer == 4 else 'Q'}ii"), False)
+    return _Form(order, pointer, struct.Struct(f"{order}4si{'I' if pointer == 4 else 'Q'}ii"), False), SHORTEST
 
 
 class _Dna:
@@ -236,18 +244,16 @@ class _Dna:
         return list(found)
 
 
-def _mend(out: IO[bytes], block: _Block, places: _Places, resolve: Callable[[str], str]) -> None:
+def _mend(data: mmap.mmap, block: _Block, places: _Places, resolve: Callable[[str], str]) -> None:
     size = places.size
     everywhere = [*places.paths, *places.pointers, *places.types]
     if size <= 0 or block.repeats * size > block.size or any(place + length > size for place, length in everywhere):
         raise DamagedError("is damaged: what is in it is smaller than it says; save it anew")
 
     def replace(place: int, length: int, new: Callable[[bytes], bytes]) -> None:
-        out.seek(place)
-        old = out.read(length).split(b"\0", 1)[0]
+        old = data[place : place + length].split(b"\0", 1)[0]
         if (made := new(old)) != old:
-            out.seek(place)
-            out.write(made[: length - 1].ljust(length, b"\0"))
+            data[place : place + length] = made[: length - 1].ljust(length, b"\0")
 
     def resolved(path: bytes) -> bytes:
         return path if path in (b"", b"<builtin>") else resolve(path.decode("utf-8", "replace")).encode()
@@ -258,5 +264,4 @@ def _mend(out: IO[bytes], block: _Block, places: _Places, resolve: Callable[[str
         for place, length in places.types:
             replace(start + place, length, lambda name: LEFT_OUT if name.startswith(IMPORTING) else name)
         for place, length in places.pointers:
-            out.seek(start + place)
-            out.write(bytes(length))
+            data[start + place : start + place + length] = bytes(length)

@@ -9,7 +9,7 @@ from typing import Any
 from .baked import bake
 from .cameras import Cameras
 from .hair import hair_as_meshes
-from .keys import frames_of, over_frames
+from .keys import exposed_over, frames_of, is_animated, over_frames, scripted
 from .large import put_back, stand_ins
 from .lights import Lights
 from .prepared import prepare
@@ -42,11 +42,18 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
     notes: list[str] = []
     _note_missing(bpy, notes)
     _note_unknown_nodes(bpy, notes)
+    if driven := scripted(bpy):
+        more = f" and {len(driven) - 5} more" if len(driven) > 5 else ""
+        notes.append(f"{', '.join(driven[:5])}{more}: drivers written in Python do not run, as scripts are off")
     scene.render.fps_base = 1.0  # the exporter's times are frames of whole numbers a second
     fps = float(scene.render.fps)
     frames = frames_of(bpy, scene)
+    layer = bpy.context.view_layer
+    settings = settings_of(scene, layer)
+    exposed = exposed_over(frames, settings) if is_animated(bpy, scene) else frames
     scene.frame_set(frames[0])
-    note_settings(bpy.data.scenes, scene, notes)
+    known = modules_of(addon) if addon is not None else None
+    note_settings(bpy.data.scenes, scene, layer, notes, getattr(known, "cycles", None))
     shown = hair_as_meshes(bpy, scene, prepare(bpy, scene, frames, notes), addon, notes)
     _note_left_out(shown, notes)
     _note_hair(shown, notes)
@@ -55,26 +62,27 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
     surfaces = simplify(bpy, solid, addon, notes)
     bake(bpy, scene, solid, notes)
     note_surfaces(_materials(solid), notes)
-    note_rays(solid, bpy.context.view_layer, notes)
+    note_rays(solid, layer, notes)
+    _note_flags(scene, layer, shown, known, notes)
 
-    known = modules_of(addon) if addon is not None else None
     cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(known, "lights", None), notes)
-    seen = over_frames(scene, frames, {**_named("camera", cameras.looks()), **_named("light", lights.looks())})
+    seen = over_frames(scene, exposed, {**_named("camera", cameras.looks()), **_named("light", lights.looks())})
     scene.frame_set(frames[0])
     environment, suns = write_world(bpy, scene, out, getattr(known, "skies", None), notes)
-    lamps, materials, shapes = lights.written(_of("light", seen), frames, fps)
+    lamps, materials, shapes = lights.written(_of("light", seen), exposed, fps)
     if solid:
         taken = stand_ins(bpy, solid, addon)
-        _write_glb(bpy, out / "blender-scene.glb", is_moving=len(frames) > 1)
+        scene.frame_start, scene.frame_end = exposed[0], exposed[-1]
+        _write_glb(bpy, out / "blender-scene.glb", is_moving=len(exposed) > 1)
         put_back(out / "blender-scene.glb", taken)
-        with_rays(out / "blender-scene.glb", passed_by(solid, bpy.context.view_layer), surfaces)
+        with_rays(out / "blender-scene.glb", passed_by(solid, layer), surfaces)
         shapes.insert(0, {"type": "mesh", "file": "blender-scene.glb", "name": scene.name[:100]})
     document: dict[str, Any] = {
         "name": scene.name[:200],
         "fps": fps,
-        "settings": settings_of(scene),
+        "settings": settings,
         "notes": [note[:400] for note in _short(notes)],
-        "cameras": cameras.written(_of("camera", seen), frames, fps),
+        "cameras": cameras.written(_of("camera", seen), exposed, fps),
         "environment": environment,
         "lights": [*lamps, *suns],
         "materials": materials,
@@ -117,7 +125,7 @@ def _write_glb(bpy: Any, path: Path, is_moving: bool) -> None:
         "export_frame_range": True,
         "export_force_sampling": True,
         "export_optimize_animation_size": True,
-        "export_current_frame": False,
+        "export_current_frame": not is_moving,  # else it is the frame 0 that is written
         "export_gpu_instances": False,
     }
     known = set(bpy.ops.export_scene.gltf.get_rna_type().properties.keys())
@@ -147,6 +155,15 @@ def _note_hair(shown: list[Any], notes: list[str]) -> None:
     for thing in shown:
         if any(each.settings.type == "HAIR" and each.settings.render_type == "PATH" for each in thing.particle_systems):
             notes.append(f"{thing.name}: hair of its particles is not taken over; convert it to hair curves")
+
+
+def _note_flags(scene: Any, layer: Any, shown: list[Any], known: Any, notes: list[str]) -> None:
+    if known is None:
+        return
+    flags = known.cycles.Flags(scene, layer)
+    for thing in shown:
+        flags.look_at(thing)
+    flags.tell(notes.append)
 
 
 def _note_missing(bpy: Any, notes: list[str]) -> None:

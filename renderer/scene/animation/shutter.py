@@ -11,11 +11,13 @@ from renderer.scene.animation.moment import Moment
 __all__ = ["BETWEEN", "SHUTTER", "Shutter"]
 
 SHUTTER = ("shutter", "shutter_at", "shutter_keys")  # the settings that it is made of
+BEFORE = {"centred": 0.5, "trailing": 1.0, "leading": 0.0}  # the share of it that lies before the frame's time
 
 
 @dataclass(frozen=True)
 class Shutter:
-    """length: of a frame's time; 0: nothing moves. at: `centred` about the frame's time, or `trailing`: it closes there.
+    """length: of a frame's time; 0: nothing moves. at: `centred` about the frame's time, `trailing`: it closes there, or
+    `leading`: it opens there.
 
     keys: at equal steps, the first as it opens and the last as it closes; 0: as many as what moves needs.
     """
@@ -32,8 +34,7 @@ class Shutter:
 
     def moment(self, moment: Moment, share: float) -> Moment:
         """The moment of a frame at a share of the time between opening, 0, and closing, 1."""
-        opens = -0.5 * self.length if self.at == "centred" else -self.length
-        return replace(moment, offset=opens + share * self.length)
+        return replace(moment, offset=(share - BEFORE[self.at]) * self.length)
 
 
 BETWEEN = Shutter(2.0, "centred", 3)  # from the frame before to the frame after, looked at in these and in between

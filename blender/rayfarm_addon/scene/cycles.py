@@ -1,0 +1,182 @@
+"""What of Cycles' settings, panel by panel, is otherwise here, in sentences: of the add-on's pictures and of .blend files.
+
+A setting that changes no picture (devices, threads, trees, guiding, how samples are spread) is in no table, nor is one that is
+taken over: size, border, frame rate, shutter and its position, path depth, subdivision, overrides, indirect light alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+__all__ = ["Flags", "takes_time", "tell_material", "tell_passes", "tell_settings"]
+
+Warn = Callable[[str], None]
+ENGINES = ("CYCLES", "RAYFARM")  # for others Cycles' settings mean nothing
+FEW = 4  # bounces, as Cycles has them unless told: more than these add little
+PANES = 8  # and so many transparent surfaces
+USUAL_CLAMP = 10.0
+USUAL_WIDTH = 1.5
+NEAR = 1e-3
+MOST_NAMES = 5
+
+
+class _Row(NamedTuple):
+    """A setting that is another than the farm's where `differs` says so. Of the sentence, {} is its value."""
+
+    owner: str
+    name: str
+    differs: Callable[[Any], bool]
+    sentence: str
+
+
+def _above(most: float) -> Callable[[Any], bool]:
+    return lambda value: value > most + NEAR
+
+
+def _below(least: float) -> Callable[[Any], bool]:
+    return lambda value: value < least
+
+
+def _off(value: Any) -> bool:
+    return not value
+
+
+def _other_than(*usual: Any) -> Callable[[Any], bool]:
+    return lambda value: value not in usual
+
+
+ROWS = (
+    # Light Paths
+    _Row("cycles", "transmission_bounces", _below(PANES), "Light is refracted as often as it bounces, not {} times at most"),
+    _Row("cycles", "transparent_max_bounces", _below(PANES), "Light passes all transparent surfaces in its way, not {} at most"),
+    _Row("cycles", "sample_clamp_direct", _above(0.0), "Light that comes straight from lights is not clamped at {:g}"),
+    _Row("cycles", "blur_glossy", _above(1.0), "Caustics are sharp, not blurred (Filter Glossy is {:g} in Blender)"),
+    _Row("cycles", "caustics_reflective", _off, "Mirrors light what is around them (reflective caustics are off in Blender)"),
+    _Row("cycles", "caustics_refractive", _off, "Light comes through glass (refractive caustics are off in Blender)"),
+    _Row("cycles", "use_fast_gi", bool, "Light between surfaces is followed, not approximated (Fast GI)"),
+    # Film
+    _Row("render", "film_transparent", bool, "Transparent film: the world is seen behind the scene, and there is no alpha"),
+    _Row(
+        "cycles",
+        "film_exposure",
+        lambda value: abs(value - 1) > NEAR,
+        "The film's exposure of {:g} is not taken over; set the exposure where the picture is looked at (Color Management)",
+    ),
+    # Output
+    _Row("render", "use_multiview", bool, "Stereoscopy: one picture is rendered, as the camera sees it with one eye"),
+    # View Layer
+    _Row("layer", "use_sky", _off, "The world is seen, though the view layer leaves it out (Environment)"),
+    _Row("layer", "use_solid", _off, "Surfaces are shown, though the view layer leaves them out"),
+    _Row("layer", "use_strand", _off, "Hair is shown, though the view layer leaves it out"),
+)
+MOVING = (_Row("cycles", "rolling_shutter_type", _other_than("NONE"), "The shutter opens everywhere at once, without rolling"),)
+SIMPLIFIED = (
+    _Row("cycles", "texture_limit_render", _other_than("OFF"), "Pictures are as large as they are, not cut at {} texels"),
+    _Row("cycles", "use_camera_cull", bool, "Objects that the camera does not see are not left out (Camera Culling)"),
+    _Row("cycles", "use_distance_cull", bool, "Objects that are far away are not left out (Distance Culling)"),
+)
+
+# Of objects: a flag, its value that is not followed, and what is done.
+OF_MOVING = (
+    ("use_motion_blur", False, "is blurred as it moves, though not in Blender"),
+    ("use_deform_motion", False, "is blurred as it bends, though not in Blender"),
+)
+DICED = ("use_adaptive_subdivision", True, "is subdivided as its modifier says, not as the camera sees it")
+
+# Passes that the farm has; Combined is the picture.
+PASSES = ("combined", "z", "position", "normal", "object_index", "material_index", "grease_pencil")
+
+
+def takes_time(scene: Any, layer: Any) -> bool:
+    """Whether the shutter is open for some time."""
+    return bool(scene.render.use_motion_blur and getattr(layer, "use_motion_blur", True))
+
+
+def _is_curved(shutter: Any) -> bool:
+    """Whether a shutter lets less light through while it opens or closes."""
+    return any(point.location[1] < 1 - NEAR for curve in shutter.curves[:1] for point in curve.points)
+
+
+def tell_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_filter: bool) -> None:
+    """Of a scene. is_clamped, has_filter: whether the clamping of bounced light, and the pixel filter, are taken over."""
+    render = scene.render
+    cycles = getattr(scene, "cycles", None) if render.engine in ENGINES else None
+    owners = {"render": render, "cycles": cycles, "layer": layer}
+    moves = takes_time(scene, layer)
+    for row in (*ROWS, *(MOVING if moves else ()), *(SIMPLIFIED if render.use_simplify else ())):
+        value = getattr(owners[row.owner], row.name, None)
+        if value is not None and row.differs(value):
+            warn(row.sentence.format(value))
+    if moves and _is_curved(render.motion_blur_shutter_curve):
+        warn("The shutter opens and closes at once, whatever its curve")
+    if abs(render.pixel_aspect_x - render.pixel_aspect_y) > NEAR:
+        warn("Pixels that are not square are rendered as square ones")
+    if cycles is None:
+        return
+    least = min(cycles.diffuse_bounces, cycles.glossy_bounces, FEW)
+    if least < min(cycles.max_bounces, FEW):
+        warn(f"Light bounces up to {cycles.max_bounces} times between all kinds of surface, not {least} times between some")
+    if not is_clamped and cycles.sample_clamp_indirect not in (0.0, USUAL_CLAMP):
+        warn(f"Bounced light is not clamped at {cycles.sample_clamp_indirect:g}")
+    if not has_filter:
+        told = cycles.pixel_filter_type.replace("_", "-").title()
+        if told == "Gaussian" or (told == "Blackman-Harris" and abs(cycles.filter_width - USUAL_WIDTH) > NEAR):
+            warn(f"The pixel filter is Blackman-Harris, {USUAL_WIDTH:g} pixels wide, not {told}, {cycles.filter_width:g} wide")
+
+
+class Flags:
+    """What is set of objects, which are shown to it one by one: they may be gone when it is told."""
+
+    def __init__(self, scene: Any, layer: Any) -> None:
+        self._asked = OF_MOVING if takes_time(scene, layer) else ()
+        if getattr(getattr(scene, "cycles", None), "feature_set", "") == "EXPERIMENTAL":
+            self._asked = (*self._asked, DICED)
+        self._names: dict[str, dict[str, None]] = {}
+
+    def look_at(self, thing: Any) -> None:
+        """thing: of the dependency graph or not, and as often as it is there."""
+        own = getattr(thing, "cycles", None) if self._asked else None
+        for name, value, words in self._asked if own is not None else ():
+            if getattr(own, name, not value) == value:
+                self._names.setdefault(words, {})[thing.name] = None
+
+    def tell(self, warn: Warn) -> None:
+        """All of it, a sentence for each kind."""
+        for words, names in self._names.items():
+            more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+            warn(f"{', '.join(list(names)[:MOST_NAMES])}{more}: {words}")
+
+
+def tell_material(material: Any, warn: Warn) -> None:
+    """Of a material's own flags."""
+    if not getattr(material, "use_transparent_shadow", True) and _is_transparent(material):
+        warn("light passes where it is transparent, though not in Blender (Transparent Shadows)")
+
+
+def _is_transparent(material: Any) -> bool:
+    def is_so(node: Any) -> bool:
+        if node.type == "BSDF_TRANSPARENT":
+            return True
+        alpha = node.inputs.get("Alpha") if node.type == "BSDF_PRINCIPLED" else None
+        return alpha is not None and (alpha.is_linked or alpha.default_value < 1)
+
+    tree = material.node_tree if material.use_nodes else None
+    return tree is not None and any(is_so(node) for node in tree.nodes)
+
+
+def tell_passes(layer: Any, warn: Warn) -> None:
+    """Of the passes that a view layer wants."""
+    told = [
+        each.name
+        for owner in (layer, getattr(layer, "cycles", None))
+        if owner is not None
+        for each in owner.bl_rna.properties
+        if each.identifier.startswith("use_pass_")
+        and each.identifier.removeprefix("use_pass_") not in PASSES
+        and getattr(owner, each.identifier)
+    ]
+    told = [name for name in told if name != "Cryptomatte Accurate"]
+    told += [f"{each.name} (shader AOV)" for each in layer.aovs] + [f"{each.name} (light group)" for each in layer.lightgroups]
+    if told:
+        warn(f"Passes that the farm does not have are left out: {', '.join(told)}")

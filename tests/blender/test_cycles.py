@@ -1,0 +1,145 @@
+"""What is said of Cycles' settings: of each that changes the picture, and of no other."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from blender.rayfarm_addon.scene import cycles
+from tests.peers.blender import python_with_bpy
+
+CYCLES = {
+    "transmission_bounces": 12,
+    "transparent_max_bounces": 8,
+    "sample_clamp_direct": 0.0,
+    "sample_clamp_indirect": 10.0,
+    "blur_glossy": 1.0,
+    "caustics_reflective": True,
+    "caustics_refractive": True,
+    "use_fast_gi": False,
+    "film_exposure": 1.0,
+    "rolling_shutter_type": "NONE",
+    "texture_limit_render": "OFF",
+    "use_camera_cull": False,
+    "use_distance_cull": False,
+    "diffuse_bounces": 4,
+    "glossy_bounces": 4,
+    "max_bounces": 12,
+    "pixel_filter_type": "BLACKMAN_HARRIS",
+    "filter_width": 1.5,
+}
+# Of what else Cycles' settings have: what is taken over or set in the add-on's panels, what belongs to the viewport, and what
+# decides how and how fast a picture is computed, or how noisy it is.
+TAKEN = {"samples", "seed", "use_denoising", "use_adaptive_sampling", "adaptive_threshold"}
+BUT_HOW = {
+    *("device", "feature_set", "shading_system", "preview_pause", "denoiser", "use_sample_subset", "sample_offset"),
+    *("sample_subset_length", "time_limit", "sampling_pattern", "scrambling_distance", "auto_scrambling_distance"),
+    *("use_layer_samples", "light_sampling_threshold", "adaptive_min_samples", "direct_light_sampling_type", "use_light_tree"),
+    *("min_light_bounces", "min_transparent_bounces", "surface_guiding_probability", "volume_guiding_probability"),
+    *("use_animated_seed", "bake_type", "use_auto_tile", "tile_size", "texture_limit", "ao_bounces"),
+    *("use_surface_guiding", "use_volume_guiding", "use_deterministic_guiding"),
+}
+WITH = {  # what is said of others, or of what is named itself
+    *("film_transparent_glass", "film_transparent_roughness", "camera_cull_margin", "distance_cull_margin"),
+    *("rolling_shutter_duration", "fast_gi_method", "ao_bounces_render"),
+    *("volume_bounces", "volume_step_rate", "volume_max_steps"),
+    *("dicing_rate", "max_subdivisions", "dicing_camera", "offscreen_dicing_scale"),
+}
+KINDS = ("preview_", "denoising_", "debug_", "use_guiding", "guiding_", "use_preview_", "volume_preview_")
+
+
+def scene(**changed: Any) -> tuple[Any, Any]:
+    """A scene and its view layer, as they are unless told."""
+    straight = SimpleNamespace(curves=[SimpleNamespace(points=[SimpleNamespace(location=(x, 1.0)) for x in (0.0, 1.0)])])
+    render = {
+        "engine": "CYCLES",
+        "film_transparent": False,
+        "use_multiview": False,
+        "use_motion_blur": False,
+        "use_simplify": False,
+    }
+    render |= {"motion_blur_shutter_curve": straight, "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0}
+    layer = {"use_sky": True, "use_solid": True, "use_strand": True, "use_motion_blur": True, "aovs": [], "lightgroups": []}
+    own = dict(CYCLES)
+    for name, value in changed.items():
+        owner = next(each for each in (own, layer if name.startswith("use_s") else render, render) if name in each)
+        owner[name] = value
+    found = SimpleNamespace(render=SimpleNamespace(**render), cycles=SimpleNamespace(**own, feature_set="SUPPORTED"))
+    return found, SimpleNamespace(**layer)
+
+
+def told(**changed: Any) -> list[str]:
+    found: list[str] = []
+    cycles.tell_settings(*scene(**changed), found.append, is_clamped=False, has_filter=False)
+    return found
+
+
+def test_of_a_scene_as_blender_makes_it_nothing_is_said() -> None:
+    assert told() == []
+    assert told(use_motion_blur=True, use_simplify=True) == []
+
+
+@pytest.mark.parametrize(
+    ("changed", "word"),
+    [
+        ({"transmission_bounces": 2}, "2 times"),
+        ({"transparent_max_bounces": 1}, "transparent surfaces"),
+        ({"sample_clamp_direct": 3.0}, "clamped at 3"),
+        ({"sample_clamp_indirect": 2.0}, "clamped at 2"),
+        ({"blur_glossy": 5.0}, "Filter Glossy is 5"),
+        ({"caustics_reflective": False}, "reflective caustics"),
+        ({"caustics_refractive": False}, "refractive caustics"),
+        ({"use_fast_gi": True}, "Fast GI"),
+        ({"film_exposure": 2.0}, "exposure of 2"),
+        ({"film_transparent": True}, "Transparent film"),
+        ({"use_multiview": True}, "Stereoscopy"),
+        ({"diffuse_bounces": 0}, "not 0 times"),
+        ({"glossy_bounces": 1}, "not 1 times"),
+        ({"pixel_filter_type": "GAUSSIAN"}, "Gaussian"),
+        ({"filter_width": 4.0}, "4 wide"),
+        ({"pixel_aspect_x": 2.0}, "not square"),
+        ({"use_sky": False}, "Environment"),
+        ({"use_solid": False}, "Surfaces"),
+        ({"use_strand": False}, "Hair"),
+        ({"use_motion_blur": True, "rolling_shutter_type": "TOP"}, "rolling"),
+        ({"use_simplify": True, "texture_limit_render": "512"}, "512 texels"),
+        ({"use_simplify": True, "use_camera_cull": True}, "Camera Culling"),
+        ({"use_simplify": True, "use_distance_cull": True}, "Distance Culling"),
+    ],
+)
+def test_what_changes_the_picture_is_named_once(changed: dict[str, Any], word: str) -> None:
+    (sentence,) = told(**changed)
+    assert word in sentence
+
+
+@pytest.mark.parametrize("engine", ["BLENDER_EEVEE_NEXT", "BLENDER_WORKBENCH"])
+def test_of_other_engines_cycles_settings_mean_nothing(engine: str) -> None:
+    assert told(engine=engine, film_exposure=2.0, use_fast_gi=True) == []
+
+
+def test_flags_of_many_objects_are_one_sentence() -> None:
+    found, layer = scene(use_motion_blur=True)
+    flags = cycles.Flags(found, layer)
+    for i in range(8):
+        still = SimpleNamespace(use_motion_blur=False, use_deform_motion=True, use_adaptive_subdivision=True)
+        flags.look_at(SimpleNamespace(name=f"thing {i // 2}", cycles=still))
+    said: list[str] = []
+    flags.tell(said.append)
+    assert said == ["thing 0, thing 1, thing 2, thing 3: is blurred as it moves, though not in Blender"]
+
+
+@pytest.mark.long
+def test_no_setting_of_cycles_is_forgotten() -> None:
+    """A later Blender may have more: each is to be named, taken over, or known to change no picture."""
+    python = python_with_bpy()
+    if python is None:
+        pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
+    script = "import bpy, json; print(json.dumps([p.identifier for p in bpy.context.scene.cycles.bl_rna.properties]))"
+    done = subprocess.run([str(python), "-c", script], capture_output=True, text=True, check=True)
+    names = set(json.loads(done.stdout.splitlines()[-1])) - {"rna_type", "name"}
+    known = set(CYCLES) | TAKEN | BUT_HOW | WITH
+    assert {name for name in names - known if not name.startswith(KINDS)} == set()
