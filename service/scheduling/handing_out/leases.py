@@ -37,9 +37,7 @@ class Lease:
     waited: float = 0.0  # when it was last seen in its queue
     is_away: bool = False  # whether who has it does not report itself, though Redis knows that it lives
     has_begun: bool = False  # whether a slot was seen at work on it
-    is_rendered: bool = (
-        False  # of a joint: its slot has gone on to something else, and its sums wait for the others on the machine
-    )
+    is_rendered: bool = False  # of a joint: its slot does something else by now, and its sums wait for the others on the machine
     doubled: bool = False
     queue: str = ""  # in which its message waits, or waited
     charged_s: float = 0.0  # to its share, for what it takes of a slot
