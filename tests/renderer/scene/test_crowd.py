@@ -52,12 +52,12 @@ def test_small_instances_are_placed_together_as_one_by_one(monkeypatch, odd):
     if odd == "a place beyond all numbers":
         description.instances[7].transform[0, 3] = 1e30
         for many in (True, False):
-            monkeypatch.setattr(geometry, "_CROWD", 8 if many else 10**9)
+            monkeypatch.setattr(geometry, "CROWD", 8 if many else 10**9)
             with pytest.raises(geometry.SceneError, match="Mesh m7: its place"):
                 geometry.make_still(description, *sharing(description))
         return
     together = geometry.make_still(description, *sharing(description))
-    monkeypatch.setattr(geometry, "_CROWD", 10**9)
+    monkeypatch.setattr(geometry, "CROWD", 10**9)
     alone = geometry.make_still(description, *sharing(description))
     assert len(together.geometry.first) == 3 * SHAPES + 1
     for name, array in together.geometry._asdict().items():

@@ -24,6 +24,7 @@ def job(samples: int, state: str = "running") -> Any:
         "active_s": 1.0,
         "eta_s": None,
         "samples_per_s": 0.0,
+        "noise_now": None,
     }
     about |= {"handed_back": None, "slots_wanted": 0, "expected": None, "unforeseen": None}
     return SimpleNamespace(**about)
