@@ -40,7 +40,7 @@ MAX_NAMES = 10_000
 LEFT_S = 120.0  # of them, for what Blender wrote
 WRITTEN = "written"
 THUMBNAIL_WIDTH = 256
-THUMBNAIL_SPP = 32
+THUMBNAIL_SPP = 16
 THUMBNAIL_SECONDS = 0.4  # passes double, so that it takes at most about twice this
 
 
