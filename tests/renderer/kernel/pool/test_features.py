@@ -20,7 +20,7 @@ SPP = 4
 MOST_PARTED = 0.005
 # For these the kernel for one path is compiled once more, which takes longer than all the others together; what the pool makes of
 # them tests/renderer/test_motion_blur.py holds to closed forms and to the mean of their moments.
-MOVING = ("what moves", "textures that slide", "a camera that moves")
+MOVING = ("what moves", "textures that slide", "a camera that moves", "fog that moves")
 
 
 def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, RenderStats]:
@@ -51,11 +51,12 @@ def test_a_feature_is_as_with_one_path_at_a_time(name: str, monkeypatch: pytest.
 def test_the_features_ask_for_all_editions_and_are_seen() -> None:
     """Else what stands above would compare nothing with nothing."""
     names = list(FEATURES)
-    full, moving = names.index("textures"), names.index(MOVING[0])
+    full, moving, media = names.index("textures"), names.index(MOVING[0]), names.index("fog")
     black = ("no light",)
     for k, name in enumerate(names):
         scene, settings = made(name)
-        edition = "moving" if k >= moving else "full" if k >= full else "plain"
+        edition = "media" if k >= media else "moving" if k >= moving else "full" if k >= full else "plain"
+        edition = "moving-media" if name == "fog that moves" else edition
         assert edition_of(scene, len(settings.views) > 0) == edition, name
         film: Any = render_frame(scene, settings, 1)
         assert bool(film[COLOR].any()) == (name not in black), name
