@@ -50,7 +50,7 @@ def seen(scene: Any, view: View = NARROW, spp: int = 1, **more: Any) -> np.ndarr
     return np.asarray(mean(film(scene, view, spp, **more), 24).reshape(-1, 3).mean(0))
 
 
-def slab(depth: float, wide: float = 1e3, material: int = 0) -> Mesh:
+def slab(depth: float, wide: float = 30.0, material: int = 0) -> Mesh:
     """From z = -depth to 0, and 2 * `wide` across."""
     mesh = box(material)
     stretched = mesh.positions * np.array((wide, wide, depth / 2)) - np.array((0.0, 0.0, depth / 2))
@@ -72,10 +72,10 @@ def test_what_is_absorbed_follows_beer() -> None:
     """Exactly: nothing is left to chance where nothing is scattered."""
     sigma = np.array((0.1, 0.7, 3.0))
     assert seen(described([interface(sigma_a=tuple(sigma))], meshes=(slab(1.5),))) == pytest.approx(
-        np.exp(-1.5 * sigma), rel=1e-4
+        np.exp(-1.5 * sigma), rel=3e-4
     )
     both = interface(sigma_a=tuple(sigma), attenuation_color=gray(0.5), attenuation_distance=3.0)
-    assert seen(described([both], BALL)) == pytest.approx(np.exp(-2 * sigma) * 0.5 ** (2 / 3), rel=1e-4)
+    assert seen(described([both], BALL)) == pytest.approx(np.exp(-2 * sigma) * 0.5 ** (2 / 3), rel=3e-4)
 
 
 def test_media_in_media_each_take_their_part() -> None:
@@ -86,16 +86,20 @@ def test_media_in_media_each_take_their_part() -> None:
         (Sphere((0, 0, -3), 1.0, 1), Sphere((0, 0, -3), 0.5, 2), Sphere((0, 0, -5), 0.5, 0)),
         (slab(6.0),),
     )
-    assert seen(nested) == pytest.approx(gray(np.exp(-4 * a - 1 * b - 1 * c)), rel=1e-4)
-    empty = described([interface(sigma_a=gray(a)), Material(kind="glass", ior=1.0)], (Sphere((0, 0, -3), 1.0, 1),), (slab(6.0),))
-    assert seen(empty) == pytest.approx(gray(np.exp(-4 * a)), rel=1e-4)
+    assert seen(nested) == pytest.approx(gray(np.exp(-4 * a - 1 * b - 1 * c)), rel=3e-4)
+    empty = described(
+        [interface(sigma_a=gray(a)), Material(kind="glass", base_color=gray(1.0), ior=1.0)],
+        (Sphere((0, 0, -3), 1.0, 1),),
+        (slab(6.0),),
+    )
+    assert seen(empty) == pytest.approx(gray(np.exp(-4 * a)), rel=3e-4)
 
 
 def test_bodies_that_overlap_are_left_one_by_one() -> None:
     """What was entered last counts, until it is left; then the other one does."""
     first, second = interface(sigma_a=gray(0.2)), interface(sigma_a=gray(0.5))
     balls = (Sphere((0, 0, 0.5), 1.0, 0), Sphere((0, 0, -0.5), 1.0, 1))
-    assert seen(described([first, second], balls)) == pytest.approx(gray(np.exp(-1 * 0.2 - 2 * 0.5)), rel=1e-4)
+    assert seen(described([first, second], balls)) == pytest.approx(gray(np.exp(-1 * 0.2 - 2 * 0.5)), rel=3e-4)
 
 
 @pytest.mark.parametrize("inside", [1, 2, 3])
@@ -105,7 +109,7 @@ def test_a_camera_is_in_what_is_around_it(inside: int) -> None:
     balls = tuple(Sphere((0, 0, 0), 1.0 + k, k) for k in range(inside))
     scene = described([interface(sigma_a=gray(s)) for s in sigma], balls)
     view = View((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), fov=0.1)
-    assert seen(scene, view) == pytest.approx(gray(np.exp(-sum(sigma[:inside]))), rel=1e-4)
+    assert seen(scene, view) == pytest.approx(gray(np.exp(-sum(sigma[:inside]))), rel=3e-4)
 
 
 def test_the_worlds_medium_hides_what_is_infinitely_far() -> None:
@@ -113,7 +117,7 @@ def test_the_worlds_medium_hides_what_is_infinitely_far() -> None:
     world = Medium(sigma_a=tuple(sigma))
     lamp = Material(base_color=gray(0.0), emission=gray(2.0))
     lit = described([lamp], meshes=(square((0, 0, -2), (1, 0, 0), (0, 1, 0), 0),), medium=world)
-    assert seen(lit) == pytest.approx(2 * np.exp(-7 * sigma), rel=1e-4)
+    assert seen(lit) == pytest.approx(2 * np.exp(-7 * sigma), rel=3e-4)
     aside = described([lamp], (Sphere((0, 50, 0), 1.0, 0),), medium=world)
     assert seen(aside) == pytest.approx(gray(0.0))
 
@@ -123,12 +127,12 @@ def test_shadow_rays_pass_what_is_no_surface_and_lose_what_it_absorbs() -> None:
     floor = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 1)
     lights = [Light("point", gray(10.0), position=(0.0, 0.0, 3.0))]
     sigma = np.array((0.1, 0.4, 1.2))
-    view = View((3.0, 0.0, 5.0), (0.0, 0.0, -2.0), fov=0.01)
+    view = View((5.0, 0.0, 0.0), (0.0, 0.0, -2.0), fov=0.01)
     without, smoke = (
         described([material, Material(base_color=gray(0.5))], BALL, (floor,), lights=lights, environment=BLACK_SKY)
         for material in (interface(), interface(sigma_a=tuple(sigma)))
     )
-    # Straight up from the floor's middle to the light; the camera looks past the ball's lower side, through none of it.
+    # Straight up from the floor's middle to the light; the camera looks past below the ball.
     assert seen(smoke, view, max_depth=2) / seen(without, view, max_depth=2) == pytest.approx(np.exp(-2 * sigma), rel=1e-3)
 
 
@@ -184,7 +188,7 @@ def chandrasekhar(albedo: float, cosine: float) -> float:
 def test_a_half_space_sends_back_what_chandrasekhar_found(cosine: float) -> None:
     """Under a white sky: 1 - sqrt(1 - albedo) H(cosine)."""
     albedos = np.array((0.5, 0.9, 0.99))
-    deep = described([interface(sigma_s=tuple(albedos), sigma_a=tuple(1 - albedos))], meshes=(slab(300.0),))
+    deep = described([interface(sigma_s=tuple(albedos), sigma_a=tuple(1 - albedos))], meshes=(slab(300.0, 1e3),))
     eye = (5 * np.sqrt(1 - cosine**2), 0.0, 5 * cosine)
     view = View(eye, (0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), projection="orthographic", height=1e-2)
     expected = [1 - np.sqrt(1 - albedo) * chandrasekhar(albedo, cosine) for albedo in albedos]

@@ -107,7 +107,7 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
     own, worth = surface.object, _TWO / vec.maximum(throughput)
     for step in range(1, _STEPS):
         if step == _ONWARDS:
-            # Similarity: who is scattered evenly, but so much the seldomer, gets as far in the end (Wyman, Patterson & Wilson 1989).
+            # Who is scattered evenly, but so much less often, gets as far in the end (Wyman, Patterson & Wilson 1989).
             evenly = vec.scale(sigma_s, _ONE - g)
             sigma_t = vec.add(vec.sub(sigma_t, sigma_s), evenly)
             sigma_s, g = evenly, _ZERO
