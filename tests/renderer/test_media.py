@@ -16,6 +16,7 @@ from renderer.scene.description import Environment, Instance, Light, Material, M
 from renderer.settings import RenderSettings, View
 from tests.grids import grid
 from tests.renderer.builders import box, gray, square
+from tests.renderer.half_space import reflectance
 from tests.renderer.judge import assert_mean, limit
 
 AHEAD = View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), fov=20.0)
@@ -174,16 +175,6 @@ def test_light_that_is_scattered_once(g: float) -> None:
     assert_colors(film(scene, view, 256, integrator="direct"), tuple(expected), tests=2)
 
 
-def chandrasekhar(albedo: float, cosine: float) -> float:
-    """H of a half-space that scatters evenly ("Radiative Transfer", 1950), by its second integral equation."""
-    x, w = np.polynomial.legendre.leggauss(64)
-    x, w = (x + 1) / 2, w / 2
-    h = np.ones_like(x)
-    for _ in range(1000):
-        h = 1 / (np.sqrt(1 - albedo) + albedo / 2 * (w * x * h / (x[:, None] + x)).sum(axis=1))
-    return float(1 / (np.sqrt(1 - albedo) + albedo / 2 * (w * x * h / (cosine + x)).sum()))
-
-
 @pytest.mark.parametrize("cosine", [1.0, 0.3])
 def test_a_half_space_sends_back_what_chandrasekhar_found(cosine: float) -> None:
     """Under a white sky: 1 - sqrt(1 - albedo) H(cosine)."""
@@ -191,7 +182,7 @@ def test_a_half_space_sends_back_what_chandrasekhar_found(cosine: float) -> None
     deep = described([interface(sigma_s=tuple(albedos), sigma_a=tuple(1 - albedos))], meshes=(slab(300.0, 1e3),))
     eye = (5 * np.sqrt(1 - cosine**2), 0.0, 5 * cosine)
     view = View(eye, (0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), projection="orthographic", height=1e-2)
-    expected = [1 - np.sqrt(1 - albedo) * chandrasekhar(albedo, cosine) for albedo in albedos]
+    expected = [reflectance(albedo, cosine) for albedo in albedos]
     assert_colors(film(deep, view, 256), tuple(expected), tests=2)
 
 
