@@ -12,6 +12,7 @@ from renderer.arrays.edition import edition_of
 from renderer.film import COLOR, SAMPLES, Sums
 from renderer.kernel import accumulate
 from renderer.render import RenderStats, render_frame
+from tests.grids import grid
 from tests.renderer.kernel.pool.features import FEATURES, SIZE, made
 
 SPP = 4
@@ -38,9 +39,7 @@ def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, 
         return render_frame(scene, settings, SPP, stats=stats), stats
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.long if name in MOVING + MEDIA else ()) for name in FEATURES]
-)
+@grid("name", FEATURES, ordinary=[name for name in FEATURES if name not in MOVING + MEDIA])
 def test_a_feature_is_as_with_one_path_at_a_time(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     (pool, of_pool), (one, of_one) = _rendered(name, None), _rendered(name, monkeypatch)
     scale = 2.0 ** -made(name)[1].film_exponent / SPP
