@@ -19,7 +19,7 @@ _TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANS
 _HIDDEN = rows.LAMP | rows.UNSEEN | rows.SHADELESS | rows.FACING
 _LAYERS = rows.DISPERSIVE | rows.ABSORBING
 _NOTHING: Any = None  # in the place of an array that the kernel need not know of
-_KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_texture")
+_KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_emission_frame", "key_texture")
 _LAYERED_KINDS = (rows.BLINN_PHONG, rows.LAYERED)
 
 
