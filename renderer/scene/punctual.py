@@ -60,7 +60,7 @@ class _Sent(NamedTuple):
 def tabulate_punctual(
     lights: Sequence[Light], bounds: F32, maps: Sequence[EmissionMap] = (), tables: EmissionTables = NO_EMISSION
 ) -> Punctual:
-    """The lights that shine at all. maps: all that they have, tabulated. Raises SceneError where a number of theirs means nothing."""
+    """The lights that shine at all. maps: all that they have, tabulated. Raises SceneError where a number means nothing."""
     lights = [light for light in lights if shines(light)]
     kind = np.array([_kind(light) for light in lights], np.int32)
     row = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)

@@ -12,7 +12,7 @@ from renderer.scene.readers.ies import Photometry, read_ies
 
 __all__ = ["LUMENS_PER_WATT", "all_around", "photometry_of", "thrown"]
 
-LUMENS_PER_WATT = 683.0  # at 555 nm, as glTF's readers have it: a candela is that part of a unit of radiant intensity
+LUMENS_PER_WATT = 683.0  # at 555 nm; with it a candela becomes the radiant intensity that Blender's importer of glTF takes, too
 _MOST_SIDE = 2048
 
 
