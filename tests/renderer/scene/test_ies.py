@@ -1,4 +1,4 @@
-"""IES profiles: each standard's header, each type and symmetry, by what they send into directions; and what is said of bad ones."""
+"""IES profiles: each standard, type and symmetry, by what is sent into directions; and what is said of bad ones."""
 
 import itertools
 import math
@@ -154,4 +154,4 @@ def test_a_narrow_beam_keeps_its_shape():
     photometry = read_ies(ies(vertical, [0.0], lambda theta, phi: 1e5 * np.exp(-((theta / 2) ** 2))), "lamp.ies")
     theta = np.array([0.0, 0.55, 1.0, 2.0, 3.33])
     np.testing.assert_allclose(candela_of(photometry, theta, 0), 1e5 * np.exp(-((theta / 2) ** 2)), rtol=3e-3)
-    assert tabulate_emission([photometry.emission]).reach[0] > math.radians(40)
+    assert 20 < math.degrees(tabulate_emission([photometry.emission]).reach[0]) < 30  # beyond, its candela are 0 in float32

@@ -20,7 +20,7 @@ SPP = 4
 MOST_PARTED = 0.005
 # For these the kernel for one path is compiled once more, which takes longer than all the others together; what the pool makes of
 # them tests/renderer/test_motion_blur.py holds to closed forms and to the mean of their moments.
-MOVING = ("what moves", "textures that slide", "a camera that moves")
+MOVING = ("what moves", "textures that slide", "lights that turn with their pictures", "a camera that moves")
 
 
 def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, RenderStats]:
