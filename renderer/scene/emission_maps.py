@@ -57,7 +57,7 @@ def tabulate_emission(maps: Sequence[EmissionMap]) -> EmissionTables:
     return EmissionTables(
         np.array(rows, np.int32),
         np.array([_window(each) for each in maps], np.float32),
-        np.concatenate([each.values.reshape(-1, 3) for each in maps]).astype(np.float32),
+        np.ascontiguousarray(np.concatenate([each.values.reshape(-1, 3) for each in maps]), np.float32),
         np.array([flux_of(each) for each in maps]),
         np.array([_reach(each) for each in maps]),
     )
