@@ -37,12 +37,12 @@ class Profiles:
         value = attribute.Get(self._time)
         return attribute if value is not None and value.path else None
 
-    def emission(self, prim: Any, attribute: Any, is_flat: bool, name: str) -> EmissionMap | None:
+    def emission(self, prim: Any, attribute: Any, is_flat: bool) -> EmissionMap | None:
         """What multiplies the light's radiance, by its axis -Z, to whose right is -X. is_flat: whether the light is, which sends
         less to the side. None, with a note, where it cannot be read."""
         file = self._images.file(attribute, self._time)
         if file is None:
-            self._notes.add("IES profiles that are not among the files are left out; add them", name)
+            self._notes.add("IES profiles that are not among the files are left out; add them", str(prim.GetPath()))
             return None
         shaping = UsdLux.ShapingAPI(prim)
         scale = 1.0 + (shaping.GetShapingIesAngleScaleAttr().Get(self._time) or 0.0)

@@ -179,7 +179,7 @@ def _with_profile(
     else:
         notes.add("IES profiles are left out of lights that are neither balls, disks nor rectangles", name)
         return None
-    emission = profiles.emission(prim, file, is_flat, name)
+    emission = profiles.emission(prim, file, is_flat)
     if emission is None:
         return None
     if is_flat and radius > 0:
