@@ -6,7 +6,6 @@ A corner with three downlights, whose profiles are formulas, a window that a spo
 from __future__ import annotations
 
 import json
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -69,7 +68,7 @@ SCENE = {
 }
 
 
-def make(spp: int = SPP, picture: Path = PICTURE) -> None:
+def make() -> None:
     """Writes it."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -80,9 +79,9 @@ def make(spp: int = SPP, picture: Path = PICTURE) -> None:
         (folder / "lamps.yaml").write_text(json.dumps(SCENE))
         found = read(folder, "lamps.yaml")
     settings = RenderSettings(WIDTH, HEIGHT, found.cameras[0].view, **chosen({}, found.defaults))
-    sums = render_frame(compile_scene(found), settings, spp)
-    encode.write(picture, mean(sums, settings.film_exponent))
+    sums = render_frame(compile_scene(found), settings, SPP)
+    encode.write(PICTURE, mean(sums, settings.film_exponent))
 
 
 if __name__ == "__main__":
-    make(*map(int, sys.argv[1:2]), *map(Path, sys.argv[2:3]))
+    make()

@@ -84,18 +84,18 @@ class Lights:
         if number is None:
             raise document.error((*path, "picture"), "could not be read; give a picture")
         image = self._description.images[number]
-        key = "picture of a light", kind, id(image.pixels), source.get("fov"), light.outer_cone
+        known = "picture of a light", kind, id(image.pixels), source.get("fov"), light.outer_cone
         if kind == "point":
             top = tuple(float(v) for v in np.cross(np.cross(light.direction, light.up), light.direction))
             if not any(top):
                 raise document.error((*path, "up"), "leads where the light shines; give what is up in its picture")
             x, y, z = light.direction
-            made = self._files.recall(key, lambda: (all_around(linear(image)), image.pixels))
+            made = self._files.recall(known, lambda: (all_around(linear(image)), image.pixels))
             return replace(light, emission=made[0], direction=vec3(top), up=(-x, -y, -z))
         half = light.outer_cone if kind == "spot" else float(source.get("fov", 40)) / 2
         if half > _WIDEST:
             raise document.error(path, f"throws a picture wider than {2 * _WIDEST:g} degrees; make its cone narrower")
-        made = self._files.recall(key, lambda: (_thrown(linear(image), kind, math.tan(math.radians(half))), image.pixels))
+        made = self._files.recall(known, lambda: (_thrown(linear(image), kind, math.tan(math.radians(half))), image.pixels))
         return replace(light, emission=made[0])
 
     def _named(self, source: dict[str, Any], field: str, path: Path) -> str:
