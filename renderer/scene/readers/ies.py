@@ -28,10 +28,12 @@ _TYPES: dict[float, Goniometry] = {1.0: "C", 2.0: "B", 3.0: "A"}
 _MOST_VALUES = 4_000_000
 _MOST_BYTES = 64 << 20
 _MOST_TEXELS = 2_000_000
+_MOST_NUMBER = 1e12
 _MOST_CANDELA = 1e12
 _HUNDREDTHS = 100  # of a degree: what angles are told in
 _FINEST = 0.25  # degrees between the rows of angles that have no larger step in common, or are too many
 _CLOSE = 0.011  # degrees
+_LEAST_STEP = 1e-4  # degrees
 
 
 class Photometry(NamedTuple):
@@ -91,9 +93,9 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
     found = numbers.take(vertical, "vertical angles"), numbers.take(horizontal, "horizontal angles")
     candela = numbers.take(vertical * horizontal, "candela").reshape(horizontal, vertical) * factor
     for angles, what in zip(found, ("vertical", "horizontal"), strict=True):
-        if len(angles) == 0 or (np.diff(angles) <= 0).any() or abs(angles).max() > 360:
+        if len(angles) == 0 or not (np.diff(angles) > _LEAST_STEP).all() or not abs(angles).max() <= 360:
             raise SceneError(f"{name}: its {what} angles do not ascend within 360 degrees; export it again")
-    if not (np.isfinite(candela).all() and abs(candela).max() <= _MOST_CANDELA):
+    if not abs(candela).max() <= _MOST_CANDELA:
         raise SceneError(f"{name}: its candela are out of all bounds; export it again")
     return _Web(goniometry, *found, np.maximum(candela, 0.0))
 
@@ -111,7 +113,10 @@ class _Numbers:
         if len(words) < count:
             raise SceneError(f"{self._name}: ends where its {what} are to be; give the whole file")
         try:
-            return np.array([float(word) for word in words], np.float64)
+            found = np.array([float(word) for word in words], np.float64)
+            if not (abs(found) <= _MOST_NUMBER).all():
+                raise SceneError(f"{self._name}: its {what} are out of all bounds; export it again")
+            return found
         except ValueError:
             raise SceneError(
                 f"{self._name}: has something else than numbers where its {what} are to be; export it again"

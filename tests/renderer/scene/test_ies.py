@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from renderer.errors import SceneError
 from renderer.scene.emission_maps import flux_of, tabulate_emission
@@ -147,6 +149,22 @@ def test_a_bad_file_gets_a_sentence(text, said):
     with pytest.raises(SceneError, match=r"lamp\.ies: ") as error:
         read_ies(text.encode(), "lamp.ies")
     assert said in str(error.value)
+
+
+WORDS = ("0", "-1", "1e308", "nan", "inf", "3", "90", "1e-300", "", "x", "1e9", "360", "0.001")
+
+
+@given(st.lists(st.tuples(st.integers(0, 60), st.sampled_from(WORDS)), min_size=1, max_size=3), st.sampled_from("ABC"))
+def test_whatever_stands_in_a_file_it_is_a_profile_or_a_sentence(changes, kind):
+    angles = np.arange(0, 91, 30.0)
+    words = ies(angles, angles, lambda theta, phi: 100 + theta, kind=kind).decode().split(" ")
+    for place, word in changes:
+        words[place % len(words)] = word
+    try:
+        values = read_ies(" ".join(words).encode(), "lamp.ies").emission.values
+    except SceneError:
+        return
+    assert np.isfinite(values).all() and values.min() >= 0
 
 
 def test_a_narrow_beam_keeps_its_shape():
