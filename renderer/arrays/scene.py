@@ -90,7 +90,7 @@ class CompiledScene(NamedTuple):
     # column and line that are lit; linear light.
     emission_map: Array  # (E, 4) i32
     emission_window: Array  # (E, 8) f32
-    emission: Array  # (O, 3) f32
+    emission: Array  # (e, 3) f32
     emission_frame: Array  # (K, 4) f32: unit vector r, and the light's map, -1 for none; no rows where no light has one
 
     environment: Array  # (H, W, 3) f32 radiance, colour and strength multiplied in; (1, 1, 3) if constant, zeros if none
@@ -176,7 +176,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "key_punctual": ("<f4", ("J", 12)),
     "key_emission_frame": ("<f4", ("J?", 4)),
     "key_texture": ("<f4", ("F", 6)),
-    "emission": ("<f4", ("O", 3)),
+    "emission": ("<f4", ("e", 3)),
     "texel": ("|u1", ("Q", 4)),
 }
 
