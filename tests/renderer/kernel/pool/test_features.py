@@ -22,7 +22,7 @@ MOST_PARTED = 0.005
 # For these the kernel for one path is compiled once more, which takes longer than all the others together; what the pool makes of
 # them tests/renderer/test_motion_blur.py holds to closed forms and to the mean of their moments, tests/renderer/test_media.py to
 # closed forms.
-MOVING = ("what moves", "textures that slide", "a camera that moves")
+MOVING = ("what moves", "textures that slide", "lights that turn with their pictures", "a camera that moves")
 MOVING_MEDIA = "fog that moves"
 MEDIA = ("fog", "smoke around the camera", "milk in glass", "rough glass in haze", "wax", "skin", MOVING_MEDIA)
 
