@@ -37,7 +37,7 @@ Array = npt.NDArray[Any]
 class CompiledScene(NamedTuple):
     """What the kernel reads.
 
-    I instances, V vertices, T triangles in P parts, S spheres, M materials, X textures, O media, L lights, K of them
+    I instances, V vertices, T triangles in P parts, S spheres, M materials, X textures, m media, L lights, K of them
     punctual.
     """
 
