@@ -37,7 +37,7 @@ Array = npt.NDArray[Any]
 class CompiledScene(NamedTuple):
     """What the kernel reads.
 
-    I instances, V vertices, T triangles in P parts, S spheres, M materials, X textures, O media, L lights, K of them
+    I instances, V vertices, T triangles in P parts, S spheres, M materials, X textures, m media, L lights, K of them
     punctual.
     """
 
@@ -67,7 +67,7 @@ class CompiledScene(NamedTuple):
     material: Array  # (M, COLUMNS) f32
     material_texture: Array  # (M, SLOTS) i32: rows of `texture`; -1 for none
 
-    medium: Array  # (O, MEDIUM_COLUMNS) f32: what light passes through, the world's first
+    medium: Array  # (m, MEDIUM_COLUMNS) f32: what light passes through, the world's first
     material_medium: Array  # (M,) i32: the row of its inside; -1 where passing it does not change what one is in
 
     # (X, 9) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1), UV set, the row of the layer
@@ -143,7 +143,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "material_flags": ("<i4", ("M",)),
     "material": ("<f4", ("M", COLUMNS)),
     "material_texture": ("<i4", ("M", SLOTS)),
-    "medium": ("<f4", ("O", MEDIUM_COLUMNS)),
+    "medium": ("<f4", ("m", MEDIUM_COLUMNS)),
     "material_medium": ("<i4", ("M",)),
     "texture": ("<i4", ("X", TEXTURE_COLUMNS)),
     "texture_transform": ("<f4", ("X", TRANSFORM_COLUMNS)),
@@ -246,7 +246,7 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
         ("guide", 0, primitives),
         ("sun", 0, lengths["L"]),
         ("material_texture", -1, lengths["X"]),
-        ("material_medium", -1, lengths["O"]),
+        ("material_medium", -1, lengths["m"]),
         ("environment_row_start", 0, lengths["H"]),
         ("environment_column_start", 0, lengths["W"]),
     ):
@@ -284,7 +284,7 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
     _check_motion(arrays, lengths)
     if min(lengths[letter] for letter in "NHWAB") < 1:
         raise SceneError("the BVH or the environment is empty")
-    if not 1 <= lengths["O"] < MOST_MEDIA:
+    if not 1 <= lengths["m"] < MOST_MEDIA:
         raise SceneError("there is no medium around the scene, or more than a path can tell apart")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
     leaves = ~children[children < 0]

@@ -21,7 +21,7 @@ class Media(NamedTuple):
     kernels without media do the rest.
     """
 
-    medium: F32  # (O, MEDIUM_COLUMNS): the world's first, each other one once
+    medium: F32  # (m, MEDIUM_COLUMNS): the world's first, each other one once
     material_medium: I32  # (M,): the row of a material's inside; -1 for those that have none
 
 

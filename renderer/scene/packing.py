@@ -88,7 +88,8 @@ def pack(description: SceneDescription) -> Packed:
         emissions[i] = emission
         flags[i] = _flags(m, [row for row in textures[i].tolist() if row >= 0], texels, bool(absorbing[i].any()))
     columns = _columns(description.materials, emissions, absorbing)
-    return Packed(kinds, flags, columns, textures, *list_media(description), *texels.arrays(), texels.keys(), emitted)
+    medium, material_medium = list_media(description)
+    return Packed(kinds, flags, columns, textures, medium, material_medium, *texels.arrays(), texels.keys(), emitted)
 
 
 def _roughness(m: Material) -> float:

@@ -22,6 +22,7 @@ from renderer.kernel.bsdf.layer_balance import base_view
 from renderer.kernel.fetch import columns
 from renderer.kernel.medium.flight import carried, flight_distance
 from renderer.kernel.medium.henyey_greenstein import sample_henyey_greenstein
+from renderer.kernel.polynomial import exp
 from renderer.kernel.sampling.sampler import draw1, draw4
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
 from renderer.kernel.surface.departure import departure
@@ -38,7 +39,8 @@ _ROOT = np.int32(0)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 # Van de Hulst: a half-space of similarity s sends (1 - s) (1 - _A s) / (1 + _B s) of diffuse light back.
 _A, _B = np.float32(0.139), np.float32(1.17)
-_STEPS = 1024  # of a walk at most: of a white body, one in fifty finds no way out until then
+_STEPS = 1024  # of a walk at most: of a white body, one in twenty-five finds no way out until then
+_PI_STEPS = np.float32(math.pi * _STEPS)
 _ONWARDS = 16  # steps after which which way light came from is forgotten
 WALK_BLOCK = 1 << 20  # the first block of numbers for walks: those of flights lie below
 _BLOCKS = np.uint32(2 * _STEPS)  # of each vertex: for its steps, and for what ends them
@@ -87,12 +89,29 @@ def _entrance(kind, share, color, m, wo):
     return inside, back / max(back + rest, _LEAST)
 
 
+@device
+def _share_in_the_end(sigma_t, sigma_s):
+    return exp(-math.sqrt(_PI_STEPS * max(_ONE - sigma_s / sigma_t, _ZERO)))
+
+
+@device
+def _in_the_end(sigma_t, sigma_s):
+    """What will come out of the light of a walk that has gone all steps in vain: as much as diffusion brings back from where such
+    walks are on average, sqrt(pi / 3 steps) free paths deep. White bodies would else be a little gray.
+    """
+    return (
+        _share_in_the_end(sigma_t[0], sigma_s[0]),
+        _share_in_the_end(sigma_t[1], sigma_s[1]),
+        _share_in_the_end(sigma_t[2], sigma_s[2]),
+    )
+
+
 @subroutine
 def _walk(scene, stack, surface, normal, color, throughput, stream, first, time):
     """Through the body, from a surface which was met from outside: (where it comes out, the throughput there).
 
     normal: that it scatters about where it enters; color: the body's, textures looked up; first: the walk's first block.
-    Whatever else is in the body is passed as if it were not there.
+    Whatever else is in the body is passed as if it were not there. What finds no way out in all steps comes out where it entered.
     """
     out_of_line()
     g = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_ANISOTROPY, 1)[0]
@@ -104,7 +123,7 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
     s, t = vec.basis(normal)
     d = vec.to_world(s, t, normal, vec.neg(square_to_cosine_hemisphere((entry[0], entry[1]))))
     o = departure(surface, False, d)
-    own, worth = surface.object, _TWO / vec.maximum(throughput)
+    entry_surface, own, worth = surface, surface.object, _TWO / vec.maximum(throughput)
     for step in range(1, _STEPS):
         if step == _ONWARDS:
             # Who is scattered evenly, but so much less often, gets as far in the end (Wyman, Patterson & Wilson 1989).
@@ -129,15 +148,15 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
         o = vec.add(o, vec.scale(d, max(left, _ZERO)))
         chance = worth * vec.maximum(throughput)
         if chance <= _ZERO:
-            break
+            return surface, _BLACK
         if chance < _ONE:
             if draw1(stream, np.uint32(first + _ROULETTE + np.uint32(step))) >= chance:
-                break
+                return surface, _BLACK
             throughput = vec.scale(throughput, _ONE / chance)
         back = vec.neg(d)
         s, t = vec.basis(back)
         d = vec.to_world(s, t, back, sample_henyey_greenstein(g, (u[2], u[3])))
-    return surface, _BLACK
+    return entry_surface, vec.mul(throughput, _in_the_end(sigma_t, sigma_s))
 
 
 @subroutine
