@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 from renderer.scene.description import Material, SceneDescription
 from renderer.scene.material import ALL_REFLECTING_IOR
 from renderer.scene.readers.brushed import brushed
+from renderer.scene.readers.bumps import BumpMaps, rounded
 from renderer.scene.readers.coats import coat_over, pane_ior
 from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.mitsuba.document import Document, Element
@@ -49,6 +51,14 @@ _IORS = {
     "diamond": 2.419,
 }
 _MAX_NESTED = 16
+_WRAPPERS = ("twosided", "mask", "bumpmap", "normalmap")
+_LUMINANCE = (0.212671, 0.715160, 0.072169)
+
+Spans = Callable[[], tuple[float, float] | None]
+
+
+def _no_spans() -> None:
+    return None
 
 
 class Bsdfs:
@@ -57,18 +67,27 @@ class Bsdfs:
     def __init__(self, document: Document, textures: Textures, description: SceneDescription) -> None:
         self._document, self._textures, self._description = document, textures, description
         self._numbers: dict[tuple[Any, ...], int] = {}
+        self._bumps = BumpMaps(textures.shelf, _LUMINANCE)
         self.by_vertices: set[int] = set()  # materials whose colour is that of a mesh's vertices
         self.inside_out: set[int] = set()  # materials thinner than what surrounds them: theirs is the outside that is filled
 
-    def material(self, shape: Element) -> int:
-        """The material of a shape: of its BSDF, with the light of its area emitter."""
+    def material(self, shape: Element, spans: Spans = _no_spans) -> int:
+        """The material of a shape: of its BSDF, with the light of its area emitter.
+
+        spans: how long its coordinates are (bumps.py), asked of what has bumps.
+        """
         source = next(iter(shape.of("bsdf")), None)
         emitter = next((each for each in shape.of("emitter") if each.type == "area"), None)
-        key = (id(source), id(emitter))
+        bumps = None if source is None else _bumps_within(source)
+        found = None if bumps is None else spans()
+        length = None if found is None else (rounded(found[0]), rounded(found[1]))
+        key = (id(source), id(emitter), length)
         if key not in self._numbers:
             self._textures.by_vertices = False
             grey = 0.0 if any(shape.of("emitter")) else 0.5  # what shines reflects nothing unless it says so
             made = self._made(source, 0) if source is not None else Material(base_color=(grey,) * 3)
+            if bumps is not None and length is not None:
+                made = self._bumpy(bumps, made, length)
             if emitter is not None:
                 emission, texture = self._textures.color(emitter, "radiance", 1.0, is_light=True)
                 made = replace(made, emission=emission, emission_texture=texture)
@@ -113,6 +132,8 @@ class Bsdfs:
             return self._masked(source, self._made(inner[0], depth + 1))
         if source.type == "normalmap" and inner:
             return self._bent(source, self._made(inner[0], depth + 1))
+        if source.type == "bumpmap" and inner:
+            return self._made(inner[0], depth + 1)
         if source.type == "blendbsdf" and len(inner) > 1:
             return self._mixed(source, inner, depth)
         if inner:
@@ -223,6 +244,14 @@ class Bsdfs:
             )
         return inner if texture is None else replace(inner, normal_texture=self._textures.texture(texture, False))
 
+    def _bumpy(self, source: Element, made: Material, spans: tuple[float, float]) -> Material:
+        textures = source.of("texture")
+        heights = None if not textures else self._textures.texture(textures[0], False)
+        found = None if heights is None else self._bumps.of(heights, source.number("scale", 1.0), spans)
+        if found is None:
+            return made
+        return replace(made, normal_texture=found.texture, normal_scale=found.strength)
+
     def _rough(self, source: Element, default: float, brushes: bool = False) -> dict[str, Any]:
         """Roughness of a microfacet distribution of GGX; of Beckmann's, as rough. brushes: whether the kind can be brushed."""
         if source.get("distribution", "beckmann") != "ggx":
@@ -244,3 +273,13 @@ class Bsdfs:
                 self._document.ignore(f"{source.what}: the material {found[:40]!r} is not known here; its index is taken as 1.5")
             return _IORS.get(found.lower(), 1.5)
         return max(source.number(name, _IORS[default]), 1e-3)
+
+
+def _bumps_within(source: Element) -> Element | None:
+    """The bump map around what a BSDF is, if there is one."""
+    found: Element | None = source
+    for _ in range(_MAX_NESTED):
+        if found is None or found.type == "bumpmap" or found.type not in _WRAPPERS:
+            break
+        found = next(iter(found.of("bsdf")), None)
+    return found if found is not None and found.type == "bumpmap" else None

@@ -11,6 +11,7 @@ from renderer.scene.description import Instance, Mesh, SceneDescription, Sphere
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix, product
 from renderer.scene.normals import face_normals
+from renderer.scene.readers.bumps import rounded, spans_of
 from renderer.scene.readers.pbrt.curves import strand_of
 from renderer.scene.readers.pbrt.growth import Growth
 from renderer.scene.readers.pbrt.lights import Lights
@@ -131,7 +132,8 @@ class Shapes:
             return
         radius = whole_sphere(source)
         mesh, areas = self._mesh(source, looks, radius)
-        number = self._materials.number(looks.material, self._emission(looks, areas), alpha)
+        spans = self._spans(source, looks, mesh)
+        number = self._materials.number(looks.material, self._emission(looks, areas), alpha, spans)
         if radius is not None and not looks.reverse and not self._is_textured(number) and self._is_round(looks.ctm):
             self._keep(Part(-1, looks.ctm, "sphere", radius, number))
             return
@@ -150,6 +152,20 @@ class Shapes:
         self._add_mesh(replace(mesh, material=number), looks.ctm)
         if shared is not None:
             self._quadrics[shared] = len(self._description.meshes) - 1
+
+    def _spans(self, source: Parameters, looks: Looks, mesh: Mesh | None) -> tuple[float, float] | None:
+        """How long the shape's coordinates are, of which a texture of heights makes bumps; None of what is smooth."""
+        heights = self._materials.heights(looks.material)
+        if heights is None:
+            return None
+        if self.in_object:
+            self._notes.add(source.place, "Bumps of an object that is shown in several sizes are as steep in each")
+        bumpy = with_uvs(mesh if mesh is not None else self._quadric(source).mesh)
+        place = between(looks.ctm, self._time)
+        if heights.mapping is not None:
+            bumpy = mapped(bumpy, heights.mapping, place)
+        found = spans_of(bumpy, int(heights.mapping is not None), place[:3, :3])
+        return None if found is None else (rounded(found[0]), rounded(found[1]))
 
     def _note_mirrored(self, source: Parameters, looks: Looks) -> None:
         """pbrt's quadrics that are mirrored face inwards where rays meet them, and outwards where light is sampled."""
