@@ -14,7 +14,18 @@ import numpy.typing as npt
 
 from renderer.arrays.has import EVERYTHING, Has
 from renderer.arrays.light_rows import CHILD, LIGHT_ROWS, LIGHT_WIDTH, PARALLELOGRAM
-from renderer.arrays.rows import ABOVE, COLUMNS, PART_MATERIAL, PART_SHINES, SLOTS, TEXTURE_COLUMNS, TEXTURED, TRANSFORM_COLUMNS
+from renderer.arrays.rows import (
+    ABOVE,
+    COLUMNS,
+    MEDIUM_COLUMNS,
+    MOST_MEDIA,
+    PART_MATERIAL,
+    PART_SHINES,
+    SLOTS,
+    TEXTURE_COLUMNS,
+    TEXTURED,
+    TRANSFORM_COLUMNS,
+)
 from renderer.bvh.layout import INSTANCE, KEY_COLUMNS, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.errors import SceneError
 
@@ -26,7 +37,8 @@ Array = npt.NDArray[Any]
 class CompiledScene(NamedTuple):
     """What the kernel reads.
 
-    I instances, V vertices, T triangles in P parts, S spheres, M materials, X textures, L lights, K of them punctual.
+    I instances, V vertices, T triangles in P parts, S spheres, M materials, X textures, O media, L lights, K of them
+    punctual.
     """
 
     bvh: Bvh
@@ -54,6 +66,9 @@ class CompiledScene(NamedTuple):
     material_flags: Array  # (M,) i32
     material: Array  # (M, COLUMNS) f32
     material_texture: Array  # (M, SLOTS) i32: rows of `texture`; -1 for none
+
+    medium: Array  # (O, MEDIUM_COLUMNS) f32: what light passes through, the world's first
+    material_medium: Array  # (M,) i32: the row of its inside; -1 where passing it does not change what one is in
 
     # (X, 9) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1), UV set, the row of the layer
     # above (-1: none), the operation by which it is a layer itself
@@ -120,6 +135,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "material_flags": ("<i4", ("M",)),
     "material": ("<f4", ("M", COLUMNS)),
     "material_texture": ("<i4", ("M", SLOTS)),
+    "medium": ("<f4", ("O", MEDIUM_COLUMNS)),
+    "material_medium": ("<i4", ("M",)),
     "texture": ("<i4", ("X", TEXTURE_COLUMNS)),
     "texture_transform": ("<f4", ("X", TRANSFORM_COLUMNS)),
     "light_primitive": ("<i4", ("L",)),
@@ -216,6 +233,7 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
         ("guide", 0, primitives),
         ("sun", 0, lengths["L"]),
         ("material_texture", -1, lengths["X"]),
+        ("material_medium", -1, lengths["O"]),
         ("environment_row_start", 0, lengths["H"]),
         ("environment_column_start", 0, lengths["W"]),
     ):
@@ -246,6 +264,8 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
     _check_motion(arrays, lengths)
     if min(lengths[letter] for letter in "NHWAB") < 1:
         raise SceneError("the BVH or the environment is empty")
+    if not 1 <= lengths["O"] <= MOST_MEDIA:
+        raise SceneError("there is no medium around the scene, or more than a path can tell apart")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
     leaves = ~children[children < 0]
     beyond = np.where(leaves & INSTANCE, lengths["I"], lengths["C"])

@@ -117,6 +117,8 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         material_flags=packed.material_flags,
         material=packed.material,
         material_texture=packed.material_texture,
+        medium=packed.medium,
+        material_medium=packed.material_medium,
         texture=packed.texture,
         texture_transform=packed.texture_transform,
         texel=packed.texel,

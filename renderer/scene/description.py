@@ -29,6 +29,7 @@ __all__ = [
     "LightKind",
     "Material",
     "MaterialKind",
+    "Medium",
     "Mesh",
     "SceneDescription",
     "Sky",
@@ -195,6 +196,19 @@ class Environment:
 
 
 @dataclass
+class Medium:
+    """What fills the world outside of everything: fog, haze, water. Of the inside of things their materials say the same.
+
+    sigma_a, sigma_s: what it absorbs and scatters, rgb per scene unit, from 0 to MOST_DENSE. g: Henyey-Greenstein's mean cosine,
+    -MOST_FORWARD ... MOST_FORWARD (renderer/scene/material.py).
+    """
+
+    sigma_a: Vec3 = (0.0, 0.0, 0.0)
+    sigma_s: Vec3 = (0.0, 0.0, 0.0)
+    g: float = 0.0
+
+
+@dataclass
 class Camera:
     """A named view. keys: as Instance.keys."""
 
@@ -222,6 +236,7 @@ class SceneDescription:
     textures: list[Texture] = field(default_factory=list)
     images: list[Image] = field(default_factory=list)
     environment: Environment | None = None
+    medium: Medium | None = None  # of the world, the camera in it unless it is inside of something
     cameras: list[Camera] = field(default_factory=list)
     up: Vec3 = (0.0, 1.0, 0.0)
     studio_for_accents: bool = False  # without environment and with weak lights, compiling adds the studio's

@@ -36,7 +36,17 @@ _MOST_PARTS = 64
 _MOST_SEEN = 10_000  # pieces
 _VERTICES = ("position", "normal", "tangent", "uv", "uv1", "color")
 _BENT = ("position", "normal", "tangent")  # what changes of a mesh that deforms
-_MATERIALS = ("material_kind", "material_flags", "material", "material_texture", "texture", "texture_transform", "key_texture")
+_MATERIALS = (
+    "material_kind",
+    "material_flags",
+    "material",
+    "material_texture",
+    "medium",
+    "material_medium",
+    "texture",
+    "texture_transform",
+    "key_texture",
+)
 _ENVIRONMENT = (
     "environment",
     "environment_marginal",

@@ -1,4 +1,4 @@
-"""A scene file's lights without a body, and its environment."""
+"""A scene file's lights without a body, its environment, and the medium around everything."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from renderer.scene.description import Environment, Light, SceneDescription, Sky, Vec3
+from renderer.scene.description import Environment, Light, Medium, SceneDescription, Sky, Vec3
 from renderer.scene.files import SceneFiles
 from renderer.scene.presets import light_by_name
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import color, radiance, vec3
 from renderer.scene.textures import TextureShelf
 
-__all__ = ["read_environment", "read_light"]
+__all__ = ["read_environment", "read_light", "read_medium"]
 
 _FIELDS = {
     "point": {"position", "radius", "facing"},
@@ -85,3 +85,8 @@ def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, 
         rotation=float(source.get("rotation", 0)),
         sky=None if fields is None else Sky(**fields),
     )
+
+
+def read_medium(source: dict[str, Any]) -> Medium:
+    """What is under `medium`."""
+    return Medium(radiance(source.get("sigma_a", 0)), radiance(source.get("sigma_s", 0)), float(source.get("g", 0)))
