@@ -14,6 +14,7 @@ from renderer.scene.readers.bumps import BumpMaps, rounded
 from renderer.scene.readers.coats import coat_over, pane_ior
 from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.mitsuba.document import Document, Element
+from renderer.scene.readers.mitsuba.media import Media
 from renderer.scene.readers.mitsuba.metals import CONDUCTORS
 from renderer.scene.readers.mitsuba.principled import principled
 from renderer.scene.readers.mitsuba.rough_coats import rough_coat
@@ -64,8 +65,8 @@ def _no_spans() -> None:
 class Bsdfs:
     """Adds materials to a description; the same BSDF with the same light gives the same number again."""
 
-    def __init__(self, document: Document, textures: Textures, description: SceneDescription) -> None:
-        self._document, self._textures, self._description = document, textures, description
+    def __init__(self, document: Document, textures: Textures, media: Media, description: SceneDescription) -> None:
+        self._document, self._textures, self._media, self._description = document, textures, media, description
         self._numbers: dict[tuple[Any, ...], int] = {}
         self._bumps = BumpMaps(textures.shelf, _LUMINANCE)
         self.by_vertices: set[int] = set()  # materials whose colour is that of a mesh's vertices
@@ -81,13 +82,18 @@ class Bsdfs:
         bumps = None if source is None else _bumps_within(source)
         found = None if bumps is None else spans()
         length = None if found is None else (rounded(found[0]), rounded(found[1]))
-        key = (id(source), id(emitter), length)
+        is_inside_out = source is not None and self._is_inside_out(source)
+        inside = self._media.inside(shape, is_inside_out)
+        key = (id(source), id(emitter), length, None if inside is None else (inside.sigma_a, inside.sigma_s, inside.g))
         if key not in self._numbers:
             self._textures.by_vertices = False
             grey = 0.0 if any(shape.of("emitter")) else 0.5  # what shines reflects nothing unless it says so
             made = self._made(source, 0) if source is not None else Material(base_color=(grey,) * 3)
             if bumps is not None and length is not None:
                 made = self._bumpy(bumps, made, length)
+            if source is not None and source.type == "null" and inside is not None:
+                made = Material(source.id or "null", "interface")
+            made = self._media.fill(made, inside, shape)
             if emitter is not None:
                 emission, texture = self._textures.color(emitter, "radiance", 1.0, is_light=True)
                 made = replace(made, emission=emission, emission_texture=texture)
@@ -95,7 +101,7 @@ class Bsdfs:
             self._numbers[key] = len(self._description.materials) - 1
             if self._textures.by_vertices:
                 self.by_vertices.add(self._numbers[key])
-            if source is not None and self._is_inside_out(source):
+            if is_inside_out:
                 self.inside_out.add(self._numbers[key])
         return self._numbers[key]
 

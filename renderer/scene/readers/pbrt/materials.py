@@ -22,7 +22,8 @@ from renderer.scene.readers.pbrt.coats import coat_of, metal_beneath, paint_bene
 from renderer.scene.readers.pbrt.conductors import absorbing, index_of, of_reflectance
 from renderer.scene.readers.pbrt.hair import hair
 from renderer.scene.readers.pbrt.mappings import Mapping
-from renderer.scene.readers.pbrt.notes import Notes
+from renderer.scene.readers.pbrt.media import Interface, Media, subsurface
+from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.textures import Textures, Varying
 
@@ -52,8 +53,8 @@ def is_nothing(source: Parameters | None) -> bool:
 class Materials:
     """Adds materials to a description; the same material with the same light and holes gives the same number again."""
 
-    def __init__(self, textures: Textures, description: SceneDescription, notes: Notes) -> None:
-        self._textures, self._description, self._notes = textures, description, notes
+    def __init__(self, textures: Textures, media: Media, description: SceneDescription, notes: Notes) -> None:
+        self._textures, self._media, self._description, self._notes = textures, media, description, notes
         self.named: dict[str, Parameters] = {}
         self._numbers: dict[tuple[Any, ...], int] = {}
         self._made: dict[int, Material] = {}
@@ -61,6 +62,10 @@ class Materials:
         self._heights: dict[int, Varying] = {}  # by the materials that have bumps of them
         self._bumps = BumpMaps(textures.shelf)
         self.mappings: dict[int, Mapping] = {}  # by the description's numbers of materials, whose textures do not lie by UVs
+
+    def bounds_media(self, between: Interface, place: Place) -> bool:
+        """Whether a surface that is not seen lies between two media."""
+        return self._media.bounds(between, place)
 
     def heights(self, source: Parameters | None) -> Varying | None:
         """By which texture a material's surface rises; None where it is smooth."""
@@ -70,17 +75,25 @@ class Materials:
         return self._heights.get(id(source))
 
     def number(
-        self, source: Parameters | None, emission: Emission, alpha: Varying, spans: tuple[float, float] | None = None
+        self,
+        source: Parameters | None,
+        emission: Emission,
+        alpha: Varying,
+        place: Place,
+        between: Interface = ("", ""),
+        spans: tuple[float, float] | None = None,
     ) -> int:
-        """The description's number of a material.
+        """The description's number of a material of a shape, which stands at a place of the file.
 
-        alpha: how much of the surface is there. spans: of a shape that has bumps, how long its coordinates are (bumps.py).
+        alpha: how much of the surface is there. between: the media inside and outside. spans: of a shape that has bumps, how
+        long its coordinates are (bumps.py).
         """
-        key = (id(source), emission, alpha, spans)
+        key = (id(source), emission, alpha, between, spans)
         if key not in self._numbers:
             made = Material(base_color=_HALF) if source is None else self.of(source, 0)
             if source is not None and spans is not None:
                 made = self._bumpy(source, made, spans)
+            made = self._media.fill(made, source, between, place)
             is_lamp = alpha.is_constant and alpha.value[0] <= 0
             made = replace(made, lamp=True, unseen=True) if is_lamp else self._cut(made, alpha, source)
             made = replace(made, emission=emission.radiance, emission_texture=emission.texture, double_sided=emission.both_sides)
@@ -115,6 +128,7 @@ class Materials:
             "thindielectric": self._glass,
             "diffusetransmission": self._leaf,
             "hair": self._hair,
+            "subsurface": self._subsurface,
         }.get(source.type)
         if source.type == "mix":
             return self._mix(source, depth)
@@ -258,6 +272,9 @@ class Materials:
     def _hair(self, source: Parameters) -> Material:
         return hair(source, self._textures, self._notes)
 
+    def _subsurface(self, source: Parameters) -> Material:
+        return replace(subsurface(source, self._textures, self._notes), **self._rough(source, ""))
+
     def _mix(self, source: Parameters, depth: int) -> Material:
         names = source.texts("materials")
         parts = [self.named.get(name) for name in names]
@@ -277,16 +294,11 @@ class Materials:
 
     def _nearest(self, source: Parameters) -> Material:
         """What pbrt renders and ours does not."""
-        if source.type == "subsurface":
-            color = self._textures.color(source, "reflectance", _HALF)
-            ior, _ = self._textures.colors.index(self._textures.index(source, "eta"))
-            self._notes.add(source.place, "Light below the surface of a subsurface material is not followed: rendered as paint")
-            made = replace(_painted(color), kind="metallic_roughness", ior=min(max(ior, 1.0), 4.0), **self._rough(source, ""))
-        else:
-            self._notes.add(source.place, f"{source} is not read: rendered as a grey matt surface")
-            made = Material(base_color=_HALF)
+        if is_nothing(source):
+            return Material(kind="interface")
+        self._notes.add(source.place, f"{source} is not read: rendered as a grey matt surface")
         source.used.update(source.values)
-        return made
+        return Material(base_color=_HALF)
 
     def _bent(self, source: Parameters, made: Material) -> Material:
         wanted = source.text("normalmap")

@@ -17,6 +17,7 @@ from renderer.scene.readers.pbrt.growth import Growth
 from renderer.scene.readers.pbrt.lights import Lights
 from renderer.scene.readers.pbrt.mappings import mapped
 from renderer.scene.readers.pbrt.materials import Emission, Materials, is_nothing
+from renderer.scene.readers.pbrt.media import Interface
 from renderer.scene.readers.pbrt.meshes import MESHES, mesh_of, turned, with_uvs
 from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.parameters import Parameters
@@ -39,6 +40,7 @@ class Looks(NamedTuple):
     material: Parameters | None
     area: Parameters | None  # of its light
     reverse: bool
+    medium: Interface = ("", "")  # what is inside of it, and outside
 
 
 class Part(NamedTuple):
@@ -112,9 +114,9 @@ class Shapes:
             source.used.update(source.values)
             self._notes.add(source.place, f"{source} is no shape that is read: it is left out")
             return
-        if is_nothing(looks.material):
+        if is_nothing(looks.material) and not self._materials.bounds_media(looks.medium, source.place):
             source.used.update(source.values)
-            self._notes.add(source.place, "A surface that only bounds a medium is not seen, and left out")
+            self._notes.add(source.place, "A surface without a material, and with no medium on either side, is left out")
             return
         if source.type in QUADRICS and float(np.linalg.det(looks.ctm[0][:3, :3])) < 0:
             self._note_mirrored(source, looks)
@@ -126,14 +128,14 @@ class Shapes:
             looks, alpha = looks._replace(material=None), _UNSEEN  # it is not met, and shines all the same
         if source.type == "curve":
             strand = strand_of(source, self._notes)
-            number = self._materials.number(looks.material, self._emission(looks, np.zeros(0)), alpha)
+            number = self._materials.number(looks.material, self._emission(looks, np.zeros(0)), alpha, source.place)
             key = number, looks.ctm[0].tobytes(), looks.ctm[1].tobytes()
             self._strands.setdefault(key, ([], looks.ctm))[0].append(strand)
             return
         radius = whole_sphere(source)
         mesh, areas = self._mesh(source, looks, radius)
         spans = self._spans(source, looks, mesh)
-        number = self._materials.number(looks.material, self._emission(looks, areas), alpha, spans)
+        number = self._materials.number(looks.material, self._emission(looks, areas), alpha, source.place, looks.medium, spans)
         if radius is not None and not looks.reverse and not self._is_textured(number) and self._is_round(looks.ctm):
             self._keep(Part(-1, looks.ctm, "sphere", radius, number))
             return
