@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from . import within
 from .cycles import tell_material
 from .looks import Look, brushed, look_of, told_by_ray, under_coat
 from .model import Material, Scene, TextureUse
@@ -68,6 +69,9 @@ class _Reader:
             self._extend("specular", specularFactor=0.0)
         else:
             self._shader(shader)
+        inside = within.filled(tree, self._lets_in(), self._warn)
+        if inside is not None:
+            self._more[within.MEDIUM] = inside
         self._look_for_others(tree)
         tell_pictures(tree, self._warn)
         tell_material(self._source, self._warn)
@@ -77,9 +81,12 @@ class _Reader:
 
     def _look_for_others(self, tree: Any) -> None:
         output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
-        for name in ("Volume", "Displacement"):
-            if output is not None and output.inputs[name].is_linked:
-                self._warn(f"its {name.lower()} is left out")
+        if output is not None and output.inputs["Displacement"].is_linked:
+            self._warn("its displacement is left out")
+
+    def _lets_in(self) -> bool:
+        """Whether light gets inside: through glass, as through what is clear."""
+        return self._more.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0) > 0
 
     def _warn(self, what: str) -> None:
         self._scene.warn(f"Material {self._name}: {what}.")
@@ -126,9 +133,8 @@ class _Reader:
         self._brushed(source, number(roughness.factor))
         self._film(source)
         self._normal(source.input("Normal"), self._said, "normalTexture")
-        for name, words in (("Subsurface Weight", "light beneath the surface"), ("Subsurface", "light beneath the surface")):
-            if _is_some(source.input(name)):
-                self._warn(f"{words} (subsurface) is left out")
+        if (beneath := within.subsurface(source)) is not None:
+            self._more[within.SUBSURFACE] = beneath
         if _is_some(source.input("Diffuse Roughness")):
             self._warn("its diffuse roughness is left out")
 

@@ -68,7 +68,7 @@ def modules_of(addon: Path) -> Any:
     return types.SimpleNamespace(
         **{
             name: importlib.import_module(f"{package}.{name}")
-            for name in ("cycles", "lights", "looks", "meshes", "nodes", "painted", "skies", "tubes", "unlike")
+            for name in ("cycles", "lights", "looks", "meshes", "nodes", "painted", "skies", "tubes", "unlike", "within")
         }
     )
 
@@ -84,9 +84,11 @@ class _Simplifier:
         nodes = self._modules.nodes
         source = nodes.output_of(self._tree)
         output = self._tree.get_output_node("CYCLES") or self._tree.get_output_node("ALL")
-        if source is None or output is None or source.node.type in ("EMISSION", "HOLDOUT"):
+        if output is None or (source is not None and source.node.type in ("EMISSION", "HOLDOUT")):
             return {}
         told: list[str] = []
+        if source is None:
+            return self._filled(False, told)
         self._modules.unlike.tell_pictures(self._tree, told.append)
         self._modules.cycles.tell_material(self._material, told.append)
         look = self._modules.looks.look_of(source, told.append)
@@ -106,7 +108,16 @@ class _Simplifier:
                 continue
             if at is not None:
                 self._set(entry, at, is_own)
-        return self._extensions(look)
+        through = nodes.constant(look.input("Transmission Weight"))
+        is_fed = through is None and look.input("Transmission Weight") is not None
+        inside = self._filled(is_fed or (isinstance(through, float) and through > 0), [])
+        return self._extensions(look) | inside
+
+    def _filled(self, lets_in: bool, told: list[str]) -> dict[str, Any]:
+        """What its volume fills it with."""
+        found = self._modules.within.filled(self._tree, lets_in, told.append)
+        self._notes += [f"Material {self._material.name}: {sentence}" for sentence in dict.fromkeys(told)]
+        return {} if found is None else {self._modules.within.MEDIUM: found}
 
     def _shine(self, principled: Any, look: Any) -> tuple[str, ...]:
         """Puts what feeds the strength of its emission into the picture of its colour; the inputs that this settles."""
@@ -134,6 +145,8 @@ class _Simplifier:
             return float(found) if isinstance(found, float) else default
 
         said: dict[str, Any] = {}
+        if (beneath := self._modules.within.subsurface(look)) is not None:
+            said[self._modules.within.SUBSURFACE] = beneath
         if (weight := number("Translucent Weight")) > 0:
             color = self._modules.nodes.constant(look.input("Translucent Color"))
             said["KHR_materials_diffuse_transmission"] = {

@@ -55,7 +55,7 @@ def mixed_color(said: Said, read: Read, names: Names, weight: float, default: Ve
     if share < 1:
         note = "Of the base colour and the colour beneath the surface of MaterialX, the one that there is more of is taken"
         read.network.notes.add(note, read.network.user)
-    return (under, 1.0) if share >= 0.5 else (color, weight)
+    return (under, 1.0) if share > 0.5 or (share == 0.5 and _varies(under)) else (color, weight)
 
 
 def scatter_beneath(said: Said, read: Read, names: Names) -> None:
