@@ -12,11 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from . import lights
-from .cycles import Flags, tell_passes, tell_settings
+from .cycles import Flags, tell_passes, tell_settings, tell_volumes
 from .lights import is_linked_to_lights
 from .meshes import Corners, extract, hair, shape, stretched
 from .model import Mesh, Node, Scene
 from .surfaces import Surfaces
+from .within import has_volumes
 from .world import Bake, read_world
 
 __all__ = ["Known", "beyond", "gather", "over_the_shutter"]
@@ -211,6 +212,8 @@ def gather(
     own = blender.rayfarm
     taken = {"is_clamped": own.clamp > 0, "has_filter": own.filter != FILTER}
     tell_settings(blender, depsgraph.view_layer, scene.tell, **taken)
+    if has_volumes(scene):
+        tell_volumes(blender, scene.tell)
     tell_passes(depsgraph.view_layer, scene.tell)
     found.flags.tell(scene.tell)
     for key in [key for key in known if key not in scene.meshes and key not in found.made]:

@@ -6,10 +6,11 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from .model import Scene
 from .nodes import constant, output_of
 from .volumes import Medium, medium_of, volume_of
 
-__all__ = ["MEDIUM", "SUBSURFACE", "filled", "subsurface", "world_medium"]
+__all__ = ["MEDIUM", "SUBSURFACE", "filled", "has_volumes", "subsurface", "world_medium"]
 
 Warn = Callable[[str], None]
 # Read by renderer/scene/readers/gltf/scatter.py.
@@ -67,6 +68,12 @@ def filled(tree: Any, lets_in: bool, warn: Warn) -> dict[str, Any] | None:
             warn("its volume is left out, as its surface lets no light in")
         return None
     return {**_written(found or Medium()), "isInterface": is_bare}
+
+
+def has_volumes(scene: Scene) -> bool:
+    """Whether light is scattered somewhere that is no surface."""
+    media = [material.gltf.get("extensions", {}).get(MEDIUM, {}) for material in scene.materials.values()]
+    return bool(scene.world.medium) or any(max(each.get("sigmaS", [0.0])) > 0 for each in media)
 
 
 def world_medium(tree: Any, warn: Warn) -> dict[str, Any] | None:
