@@ -47,7 +47,7 @@ __all__ = [
     "warm_up",
 ]
 
-PLAIN, FULL, MOVING = EDITIONS
+PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA = EDITIONS
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
@@ -198,7 +198,9 @@ def _check_pixel(settings: RenderSettings, x: int, y: int) -> None:
 def edition_for(settings: RenderSettings, scene: CompiledScene) -> str:
     """The edition of the kernel that renders the scene with these settings."""
     edition = edition_of(scene, len(settings.views) > 0)
-    return edition if edition == MOVING or has_editions(settings) else FULL
+    if settings.integrator in ("whitted", "ao"):  # which know nothing of media
+        edition = {MEDIA: FULL, MOVING_MEDIA: MOVING}.get(edition, edition)
+    return FULL if edition == PLAIN and not has_editions(settings) else edition
 
 
 def kernel_name(settings: RenderSettings | None = None, edition: str = PLAIN) -> str:

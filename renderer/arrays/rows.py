@@ -9,8 +9,8 @@ from __future__ import annotations
 PART_MATERIAL, PART_OBJECT, PART_SHINES = range(3)
 PART_COLUMNS = 3
 
-# Kinds: how a material scatters.
-DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYERED = range(8)
+# Kinds: how a material scatters. INTERFACE does not, and MEDIUM is no material's, but that of vertices within a medium.
+DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYERED, INTERFACE, MEDIUM = range(10)
 
 # Columns of `material`, float32.
 BASE = 0
@@ -114,4 +114,4 @@ SIGMA_A = 0  # three, per unit length
 SIGMA_S = 3
 PHASE_G = 6
 MEDIUM_COLUMNS = 8
-MOST_MEDIA = 1024  # a path keeps the numbers of three in a word (renderer/kernel/medium/nesting.py)
+MOST_MEDIA = 1024  # and one more than there are: a path keeps three in a word (renderer/kernel/medium/nesting.py)

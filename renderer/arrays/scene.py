@@ -264,7 +264,7 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
     _check_motion(arrays, lengths)
     if min(lengths[letter] for letter in "NHWAB") < 1:
         raise SceneError("the BVH or the environment is empty")
-    if not 1 <= lengths["O"] <= MOST_MEDIA:
+    if not 1 <= lengths["O"] < MOST_MEDIA:
         raise SceneError("there is no medium around the scene, or more than a path can tell apart")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
     leaves = ~children[children < 0]

@@ -51,9 +51,9 @@ def list_media(description: SceneDescription) -> Media:
             known[key] = len(found)
             found.append(own[i])
         of_material[i] = known[key]
-    if len(found) > rows.MOST_MEDIA:
+    if len(found) >= rows.MOST_MEDIA:
         raise SceneError(
-            f"The scene has {len(found)} different media; {rows.MOST_MEDIA} are the most. Let materials share theirs"
+            f"The scene has {len(found)} different media; {rows.MOST_MEDIA - 1} are the most. Let materials share theirs"
         )
     return Media(np.array(found, np.float32), of_material)
 

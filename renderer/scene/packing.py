@@ -25,7 +25,7 @@ _KINDS = {
     "conductor": rows.CONDUCTOR,
     "blinn_phong": rows.BLINN_PHONG,
     "unlit": rows.UNLIT,
-    "interface": rows.DIFFUSE,
+    "interface": rows.INTERFACE,
 }
 _TEXTURED = tuple(parameter for parameter in PARAMETERS if parameter.slot is not None)
 _SPECIAL = ("glass", "blinn_phong", "conductor", "interface")
