@@ -145,7 +145,7 @@ def beneath(weight: float = 0.5, method: str = "RANDOM_WALK", **more: Any) -> No
 def test_a_radius_is_four_pi_mean_free_paths() -> None:
     said, warnings = material(beneath())
     found = said["extensions"][SUBSURFACE]
-    assert found["subsurfaceRadius"] == pytest.approx([c * 0.5 / (4 * math.pi) for c in (1.0, 0.2, 0.1)])
+    assert found["subsurfaceRadius"] == pytest.approx([(1 - 0.3) * c * 0.5 / (4 * math.pi) for c in (1.0, 0.2, 0.1)])
     assert (found["subsurfaceFactor"], found["subsurfaceAnisotropy"]) == (0.5, 0.3)
     assert warnings == []
     assert SUBSURFACE not in material(beneath(0.0))[0].get("extensions", {})
@@ -156,7 +156,7 @@ def test_skins_radius_is_what_light_diffuses_by() -> None:
     found = material(beneath(method="RANDOM_WALK_SKIN"))[0]["extensions"][SUBSURFACE]
     inner = -1.44 / 1.4**2 + 0.71 / 1.4 + 0.668 + 0.0636 * 1.4
     for color, radius, path in zip((0.8, 0.5, 0.2), (0.5, 0.1, 0.05), found["subsurfaceRadius"], strict=True):
-        albedo = 1 - (path / radius) ** 2 / 3
+        albedo = 1 - (path / (1 - 0.3) / radius) ** 2 / 3
         root = math.sqrt(3 * (1 - albedo))
         seen = albedo / 2 * (1 + math.exp(-4 / 3 * (1 + inner) / (1 - inner) * root)) * math.exp(-root)
         assert seen == pytest.approx(color, abs=1e-4)
@@ -182,7 +182,7 @@ def test_the_node_of_subsurface_scattering_alone() -> None:
 def test_what_feeds_a_radius_is_named() -> None:
     node = linked(Node("TEX_NOISE", {}, ("Color",)), beneath(), "Subsurface Radius")
     said, warnings = material(node)
-    assert said["extensions"][SUBSURFACE]["subsurfaceRadius"][0] == pytest.approx(0.5 / (4 * math.pi))
+    assert said["extensions"][SUBSURFACE]["subsurfaceRadius"][0] == pytest.approx((1 - 0.3) * 0.5 / (4 * math.pi))
     assert any("subsurface radius is not taken over" in each for each in warnings)
 
 

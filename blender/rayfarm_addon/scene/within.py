@@ -22,8 +22,9 @@ LEAST, CLEAR = 1e-3, 0.999
 def subsurface(look: Any) -> dict[str, Any] | None:
     """The extension of a surface that lets diffuse light in; None of others.
 
-    Cycles takes a radius for 4 pi mean free paths; for skin, for what light diffuses by in a medium of its colour. Source:
-    intern/cycles/kernel/closure/bssrdf.h.
+    Cycles takes a radius for 4 pi mean free paths; for skin, for how far light diffuses in a medium of its colour: both of even
+    scattering, of which such as g has it takes 1 / (1 - g) times as much. Source: intern/cycles/kernel/closure/bssrdf.h and
+    kernel/integrator/subsurface_random_walk.h.
     """
     weight = _number(look, "Subsurface Weight", 0.0)
     if weight <= LEAST:
@@ -35,7 +36,8 @@ def subsurface(look: Any) -> dict[str, Any] | None:
         ior = min(max(_number(look, "Subsurface IOR", 1.4), 1.01), 3.8)
         color = _three(look, "Base Color", [0.8] * 3)
         path = [max(scale * r, 0.0) * math.sqrt(3 * (1 - albedo_of(c, ior))) for r, c in zip(radius, color, strict=True)]
-    return {"subsurfaceFactor": min(weight, 1.0), "subsurfaceRadius": path, "subsurfaceAnisotropy": g}
+    reduced = [(1 - g) * each for each in path]
+    return {"subsurfaceFactor": min(weight, 1.0), "subsurfaceRadius": reduced, "subsurfaceAnisotropy": g}
 
 
 def albedo_of(color: float, ior: float) -> float:

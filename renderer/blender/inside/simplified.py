@@ -88,15 +88,20 @@ class _Simplifier:
             return {}
         told: list[str] = []
         if source is None:
-            return self._filled(False, told)
+            inside = self._filled(False, told)
+            self._tell(told)
+            return inside
         self._modules.unlike.tell_pictures(self._tree, told.append)
         self._modules.cycles.tell_material(self._material, told.append)
         look = self._modules.looks.look_of(source, told.append)
         if look is None:
             return {}
+        through = nodes.constant(look.input("Transmission Weight"))
+        is_fed = through is None and look.input("Transmission Weight") is not None
+        inside = self._filled(is_fed or (isinstance(through, float) and through > 0), told)
         is_own = source.node.type == "BSDF_PRINCIPLED" and not source.groups
         principled = source.node if is_own else self._made(output)
-        self._notes += [f"Material {self._material.name}: {sentence}" for sentence in dict.fromkeys(told)]
+        self._tell(told)
         shines = self._shine(principled, look)
         for entry in list(principled.inputs):
             if entry.type == "SHADER" or entry.name in shines:
@@ -108,15 +113,14 @@ class _Simplifier:
                 continue
             if at is not None:
                 self._set(entry, at, is_own)
-        through = nodes.constant(look.input("Transmission Weight"))
-        is_fed = through is None and look.input("Transmission Weight") is not None
-        inside = self._filled(is_fed or (isinstance(through, float) and through > 0), [])
         return self._extensions(look) | inside
 
-    def _filled(self, lets_in: bool, told: list[str]) -> dict[str, Any]:
-        """What its volume fills it with."""
-        found = self._modules.within.filled(self._tree, lets_in, told.append)
+    def _tell(self, told: list[str]) -> None:
         self._notes += [f"Material {self._material.name}: {sentence}" for sentence in dict.fromkeys(told)]
+
+    def _filled(self, lets_in: bool, told: list[str]) -> dict[str, Any]:
+        """What its volume fills it with. told: gets sentences of what is left out."""
+        found = self._modules.within.filled(self._tree, lets_in, told.append)
         return {} if found is None else {self._modules.within.MEDIUM: found}
 
     def _shine(self, principled: Any, look: Any) -> tuple[str, ...]:

@@ -18,6 +18,8 @@ __all__ = ["attenuating", "diffuse_reflectance", "filled_with", "medium", "seen_
 F64 = npt.NDArray[np.float64]
 _LEAST_COLOR = 1e-6
 _MOST_ALBEDO = 1 - 1e-6
+# Van de Hulst: a half space of similarity s sends (1 - s) (1 - _A s) / (1 + _B s) of diffuse light back.
+_A, _B = 0.139, 1.17
 
 
 def medium(sigma_a: Iterable[float], sigma_s: Iterable[float], g: float = 0.0, scale: float = 1.0) -> Medium:
@@ -87,11 +89,12 @@ def seen_through_a_boundary(color: Vec3, path: Vec3, ior: float) -> Vec3:
 def _radius(albedo: F64, path: F64, ior: float) -> Vec3:
     """The mean free path of a walk without a boundary that light diffuses through as far as through this medium.
 
-    The walk's albedo is that of Chiang, Kutz and Burley, "Practical and controllable subsurface scattering for production path
-    tracing", 2016, eq. 3, for the colour that is seen; how far light diffuses, the root of 3 sigma_a (sigma_a + sigma_s').
+    The walk loses s^2 where it is scattered, s being the similarity of van de Hulst's half space of the colour that is seen
+    (renderer/kernel/medium/subsurface.py); how far light diffuses is the root of 3 sigma_a (sigma_a + sigma_s').
     """
     color = diffuse_reflectance(albedo, ior)
-    lost = np.exp(-5.09406 * color + 2.61188 * color**2 - 4.31805 * color**3)
+    linear = 1 + _A + _B * color
+    lost = ((linear - np.sqrt(linear**2 - 4 * _A * (1 - color))) / (2 * _A)) ** 2
     wider = np.where(albedo < _MOST_ALBEDO, np.sqrt(lost / np.maximum(1 - albedo, 1 - _MOST_ALBEDO)), 1.0)
     return unit_color(_vec(path * wider), MOST_DENSE)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import SceneError
+from renderer.kernel.medium.subsurface import albedo_of
 from renderer.scene.description import Medium
 from renderer.scene.readers.pbrt.hair import color_of, deviation
 from renderer.scene.readers.scattering import diffuse_reflectance
@@ -113,7 +114,7 @@ def test_subsurface_by_reflectance_looks_so_and_diffuses_as_far(pbrt):
     for color, path, radius in zip(made.base_color, (0.5, 1, 1.5), made.subsurface_radius, strict=True):
         albedos = np.linspace(0, 1, 100_001)
         albedo = np.interp(color, diffuse_reflectance(albedos, 1.33), albedos)
-        walk = 1 - math.exp(-5.09406 * color + 2.61188 * color**2 - 4.31805 * color**3)  # Chiang et al. 2016, eq. 3
+        walk = float(albedo_of.py_func((color,) * 3, 0.0)[0])
         assert radius / math.sqrt(3 * (1 - walk)) == pytest.approx(path / math.sqrt(3 * (1 - albedo)), rel=1e-3)
 
 
