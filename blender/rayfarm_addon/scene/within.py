@@ -10,7 +10,7 @@ from .model import Scene
 from .nodes import constant, output_of
 from .volumes import Medium, medium_of, volume_of
 
-__all__ = ["MEDIUM", "SUBSURFACE", "filled", "has_volumes", "subsurface", "world_medium"]
+__all__ = ["MEDIUM", "SUBSURFACE", "filled", "has_volumes", "scatters", "subsurface", "world_medium"]
 
 Warn = Callable[[str], None]
 # Read by renderer/scene/readers/gltf/scatter.py.
@@ -74,8 +74,12 @@ def filled(tree: Any, lets_in: bool, warn: Warn) -> dict[str, Any] | None:
 
 def has_volumes(scene: Scene) -> bool:
     """Whether light is scattered somewhere that is no surface."""
-    media = [material.gltf.get("extensions", {}).get(MEDIUM, {}) for material in scene.materials.values()]
-    return bool(scene.world.medium) or any(max(each.get("sigmaS", [0.0])) > 0 for each in media)
+    return bool(scene.world.medium) or any(scatters(each.gltf.get("extensions", {})) for each in scene.materials.values())
+
+
+def scatters(extensions: dict[str, Any]) -> bool:
+    """Whether a material's inside scatters light."""
+    return max(extensions.get(MEDIUM, {}).get("sigmaS", [0.0])) > 0
 
 
 def world_medium(tree: Any, warn: Warn) -> dict[str, Any] | None:

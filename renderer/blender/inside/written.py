@@ -68,11 +68,8 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
     cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(known, "lights", None), notes)
     seen = over_frames(scene, exposed, {**_named("camera", cameras.looks()), **_named("light", lights.looks())})
     scene.frame_set(frames[0])
-    within = getattr(known, "within", None)
-    medium = world_medium(scene.world, within, notes)
-    if within is not None and (
-        medium or any(max(each.get(within.MEDIUM, {}).get("sigmaS", [0.0])) > 0 for each in surfaces.values())
-    ):
+    medium = world_medium(scene.world, getattr(known, "within", None), notes)
+    if known is not None and (medium is not None or any(known.within.scatters(each) for each in surfaces.values())):
         known.cycles.tell_volumes(scene, notes.append)
     # Nothing that is infinitely far away is seen through a medium that fills the world.
     environment, suns = write_world(bpy, scene, out, getattr(known, "skies", None), notes) if medium is None else (None, [])
