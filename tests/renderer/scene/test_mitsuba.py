@@ -89,7 +89,7 @@ def test_a_spectrum_that_is_flat_is_grey_and_a_red_one_red() -> None:
 @pytest.mark.parametrize(
     ("inside", "sentence"),
     [
-        (BALL.format('<bsdf type="hair"/>'), r"bsdf \(hair\) is not read: rendered as a grey matt surface"),
+        (BALL.format('<bsdf type="hair"/>'), r"bsdf \(hair\) is rendered as a glossy surface in its colour"),
         (BALL.format('<bsdf type="normalmap"><bsdf type="diffuse"/></bsdf>'), "Normal maps are not darkened by a shadowing"),
         (BALL.format("") + '<shape type="sdfgrid"/>' * 2, r"sdfgrid.* left out \(2 times\)"),
         (BALL.format("") + '<emitter type="projector"/>', "projector.* no light that is read"),

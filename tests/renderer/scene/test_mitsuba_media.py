@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from renderer.scene.description import Material, Medium, SceneDescription
+from renderer.scene.readers.fibres import color_of
 from tests.renderer.scene.test_mitsuba import BALL, scene_of
 
 SMOKE = (
@@ -127,6 +128,19 @@ def test_the_sensors_medium_fills_the_world_unless_a_shape_around_it_is_filled_s
 )
 def test_what_is_not_taken_over_is_named(tmp_path: Path, inside: str, sentence: str) -> None:
     assert named(scene_of(tmp_path, inside, "0.6.0" if "dipole" in inside else "3.0.0"), sentence)
+
+
+@pytest.mark.parametrize(
+    ("said", "absorbed"),
+    [
+        ("", 1.3 * np.array([0.419, 0.697, 1.37]) + 0.2 * np.array([0.187, 0.4, 1.05])),
+        ('<rgb name="sigma_a" value="0.1 0.2 0.4"/><float name="scale" value="3"/>', np.array([0.3, 0.6, 1.2])),
+    ],
+)
+def test_hair_has_its_colour(tmp_path: Path, said: str, absorbed: np.ndarray) -> None:
+    made = of(scene_of(tmp_path, BALL.format(f'<bsdf type="hair">{said}</bsdf>')))[0]
+    np.testing.assert_allclose(made.base_color, color_of(absorbed, 0.3))
+    assert made.ior == pytest.approx(1.55 / 1.000277)
 
 
 def test_a_bump_map_becomes_slopes(tmp_path: Path) -> None:

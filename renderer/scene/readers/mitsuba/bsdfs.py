@@ -7,11 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from renderer.scene.description import Material, SceneDescription
 from renderer.scene.material import ALL_REFLECTING_IOR
 from renderer.scene.readers.brushed import brushed
 from renderer.scene.readers.bumps import BumpMaps, rounded
 from renderer.scene.readers.coats import coat_over, pane_ior
+from renderer.scene.readers.fibres import BROWN, color_of, fibre, pigments
 from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.media import Media
@@ -123,6 +126,7 @@ class Bsdfs:
             "principled": self._principled,
             "principledthin": self._principled,
             "phong": self._phong,
+            "hair": self._hair,
         }.get(source.type)
         name = source.id or source.type
         if make is not None:
@@ -231,6 +235,19 @@ class Bsdfs:
         exponent = min(max(source.number("exponent", 30.0), 0.0), 1e6)
         return Material(
             kind="blinn_phong", base_color=color, base_color_texture=texture, specular_color=shine, shininess=exponent
+        )
+
+    def _hair(self, source: Element) -> Material:
+        self._document.ignore(
+            f"{source.what} is rendered as a glossy surface in its colour: light does not go through its fibres"
+        )
+        source.used.add("scale_tilt")
+        along, around = (source.number(f"{name}_roughness", 0.3) for name in ("longitudinal", "azimuthal"))
+        absorbed = pigments(source.number("eumelanin", BROWN), source.number("pheomelanin", 0.2))
+        if source.get("sigma_a") is not None or source.child("sigma_a") is not None:
+            absorbed = source.number("scale", 1.0) * np.array(self._textures.color(source, "sigma_a", 0.0)[0])
+        return fibre(
+            color_of(absorbed, around), along, self._ior(source, "int_ior", "amber") / self._ior(source, "ext_ior", "air")
         )
 
     def _masked(self, source: Element, inner: Material) -> Material:
