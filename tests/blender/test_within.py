@@ -179,6 +179,25 @@ def test_the_node_of_subsurface_scattering_alone() -> None:
     assert warnings == []
 
 
+def test_hair_has_its_colour() -> None:
+    """Chiang et al. 2016: what is dyed so that it looks like a colour does look like it."""
+    said = {"Color": (0.1, 0.1, 0.1, 1.0), "Melanin": 0.0, "Melanin Redness": 0.5, "Tint": (0.6, 0.3, 0.1, 1.0)}
+    said |= {"Radial Roughness": 0.3, "Absorption Coefficient": (0.0, 0.0, 0.0)}
+
+    def seen(**changed: Any) -> Any:
+        node = Node("BSDF_HAIR_PRINCIPLED", {**said, **changed}, BSDF, parametrization=kind)
+        return material(node)[0]["pbrMetallicRoughness"]["baseColorFactor"][:3]
+
+    kind = "MELANIN"
+    assert seen() == pytest.approx([0.6, 0.3, 0.1])
+    brown = seen(Melanin=0.8, Tint=(1.0, 1.0, 1.0, 1.0))
+    assert 0.2 > brown[0] > brown[1] > brown[2] > 0
+    kind = "ABSORPTION"
+    assert seen() == [1, 1, 1]
+    kind = "COLOR"
+    assert seen() == [0.1, 0.1, 0.1]
+
+
 def test_what_feeds_a_radius_is_named() -> None:
     node = linked(Node("TEX_NOISE", {}, ("Color",)), beneath(), "Subsurface Radius")
     said, warnings = material(node)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from .fibres import hair_color
 from .nodes import At, Blend, Plain, Root, Source, constant, followed
 from .unlike import tell_shader, tell_surface
 
@@ -145,6 +146,7 @@ def _simple(source: Source, warn: Callable[[str], None]) -> Look | None:
         if kind != "BSDF_DIFFUSE":
             warn(f"its {source.node.bl_label or kind} is shown as matt")
         rough = {"Diffuse Roughness": at("Roughness")} if kind == "BSDF_DIFFUSE" else {}
+        color = hair_color(source) if kind == "BSDF_HAIR_PRINCIPLED" else color
         return _matt({"Base Color": color, "Normal": at("Normal"), **rough})
     if kind in ("BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"):
         if kind == "BSDF_METALLIC" and source.node.fresnel_type == "PHYSICAL_CONDUCTOR":

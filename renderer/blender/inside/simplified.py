@@ -84,10 +84,10 @@ class _Simplifier:
         nodes = self._modules.nodes
         source = nodes.output_of(self._tree)
         output = self._tree.get_output_node("CYCLES") or self._tree.get_output_node("ALL")
-        if output is None or (source is not None and source.node.type in ("EMISSION", "HOLDOUT")):
+        if output is None:
             return {}
         told: list[str] = []
-        if source is None:
+        if source is None or source.node.type in ("EMISSION", "HOLDOUT"):
             inside = self._filled(False, told)
             self._tell(told)
             return inside

@@ -130,6 +130,13 @@ def test_what_is_not_taken_over_is_named(tmp_path: Path, inside: str, sentence: 
     assert named(scene_of(tmp_path, inside, "0.6.0" if "dipole" in inside else "3.0.0"), sentence)
 
 
+def test_a_light_of_no_surface_is_a_lamp_without_a_body(tmp_path: Path) -> None:
+    found = scene_of(tmp_path, SMOKE + BALL.format(NULL + '<emitter type="area"/>' + within()))
+    made, medium = of(found)
+    assert (made.kind, made.lamp, medium) == ("diffuse", True, Medium())
+    assert min(made.emission) > 0
+
+
 @pytest.mark.parametrize(
     ("said", "absorbed"),
     [

@@ -51,6 +51,13 @@ def test_media_belong_to_blocks_and_the_same_on_both_sides_is_no_boundary(pbrt):
     assert any("Glass without a MediumInterface is clear inside" in warning for warning in found.warnings)
 
 
+def test_a_light_of_no_surface_is_a_lamp_without_a_body(pbrt):
+    found = pbrt('Material "interface" AreaLightSource "diffuse" "rgb L" [1 2 3]' + BALL)
+    (made,) = found.materials
+    assert (made.kind, made.lamp, made.unseen) == ("diffuse", True, False)
+    assert min(made.emission) > 0
+
+
 def test_a_hole_in_fog_is_a_boundary(pbrt):
     found = pbrt('MediumInterface "" "fog" Material "interface"' + BALL, FOG + 'MediumInterface "" "fog"\n' + RIGHT)
     (hole,) = found.spheres

@@ -94,7 +94,9 @@ class Bsdfs:
             made = self._made(source, 0) if source is not None else Material(base_color=(grey,) * 3)
             if bumps is not None and length is not None:
                 made = self._bumpy(bumps, made, length)
-            if source is not None and source.type == "null" and inside is not None:
+            if source is not None and source.type == "null" and emitter is not None:
+                made = Material(source.id or "null", base_color=(0.0, 0.0, 0.0), lamp=True)
+            elif source is not None and source.type == "null" and inside is not None:
                 made = Material(source.id or "null", "interface")
             made = self._media.fill(made, inside, shape)
             if emitter is not None:

@@ -93,6 +93,8 @@ class Materials:
             made = Material(base_color=_HALF) if source is None else self.of(source, 0)
             if source is not None and spans is not None:
                 made = self._bumpy(source, made, spans)
+            if is_nothing(source) and max(emission.radiance) > 0:
+                made = Material(base_color=_NO_LIGHT, lamp=True)
             made = self._media.fill(made, source, between, place)
             is_lamp = alpha.is_constant and alpha.value[0] <= 0
             made = replace(made, lamp=True, unseen=True) if is_lamp else self._cut(made, alpha, source)

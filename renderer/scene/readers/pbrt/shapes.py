@@ -114,7 +114,8 @@ class Shapes:
             source.used.update(source.values)
             self._notes.add(source.place, f"{source} is no shape that is read: it is left out")
             return
-        if is_nothing(looks.material) and not self._materials.bounds_media(looks.medium, source.place):
+        is_idle = looks.area is None and not self._materials.bounds_media(looks.medium, source.place)
+        if is_nothing(looks.material) and is_idle:
             source.used.update(source.values)
             self._notes.add(source.place, "A surface without a material, and with no medium on either side, is left out")
             return
