@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import bpy
 import numpy as np
-from blender_scenes import add, background, empty, lamp, look, principled, world_node
+from blender_scenes import add, background, empty, lamp, look, principled, smoke_filled, waxen, world_node
 
 Survey = tuple[Callable[[bpy.types.Scene], None], str, str]
 
@@ -246,38 +246,13 @@ def _foggy(scene: bpy.types.Scene) -> None:
     tree.links.new(fog.outputs[0], tree.nodes["World Output"].inputs["Volume"])
 
 
-def _filled(surface: str) -> Callable[[bpy.types.Scene], None]:
-    """Smoke in the place of a ball, or within glass."""
+def _changed(change: Callable[..., None], **values) -> Callable[[bpy.types.Scene], None]:
+    """With another material of the ball."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
         scene.cycles.volume_bounces = 12
-        tree = bpy.data.materials["red"].node_tree
-        shader = tree.nodes["Principled BSDF"]
-        if surface == "glass":
-            values = {"Base Color": (1, 1, 1, 1), "Transmission Weight": 1.0, "Roughness": 0.3, "IOR": 1.3}
-            for name, value in values.items():
-                shader.inputs[name].default_value = value
-        else:
-            tree.nodes.remove(shader)
-        smoke = tree.nodes.new("ShaderNodeVolumePrincipled")
-        smoke.inputs["Color"].default_value, smoke.inputs["Density"].default_value = (0.8, 0.5, 0.3, 1), 2.0
-        smoke.inputs["Anisotropy"].default_value = 0.3
-        tree.links.new(smoke.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
-
-    return build
-
-
-def _within(method: str) -> Callable[[bpy.types.Scene], None]:
-    """Light beneath a surface."""
-
-    def build(scene: bpy.types.Scene) -> None:
-        _plain(scene)
-        shader = bpy.data.materials["red"].node_tree.nodes["Principled BSDF"]
-        shader.subsurface_method = method
-        values = {"Subsurface Weight": 1.0, "Subsurface Radius": (1.0, 0.5, 0.3), "Subsurface Scale": 0.3}
-        for name, value in values.items():
-            shader.inputs[name].default_value = value
+        change(bpy.data.materials["red"].node_tree, **values)
 
     return build
 
@@ -382,10 +357,10 @@ SURVEY: dict[str, Survey] = {
     "light-nodes": (_lights_of_nodes, "nodes", "nodes"),
     "world-unseen": (_dark_world, "World", "World"),
     "world-volume": (_foggy, "volume", "volume"),
-    "volume": (_filled(""), "", ""),
-    "volume-in-glass": (_filled("glass"), "", ""),
-    "subsurface": (_within("RANDOM_WALK"), "", ""),
-    "subsurface-skin": (_within("RANDOM_WALK_SKIN"), "", ""),
+    "volume": (_changed(smoke_filled, surface=""), "", ""),
+    "volume-in-glass": (_changed(smoke_filled, surface="glass"), "", ""),
+    "subsurface": (_changed(waxen, method="RANDOM_WALK"), "", ""),
+    "subsurface-skin": (_changed(waxen, method="RANDOM_WALK_SKIN"), "", ""),
     "override": (_overridden, "", ""),
     "mirrored": (_mirrored, "", ""),
     "simplify": (_simplified, "", ""),

@@ -5,6 +5,7 @@ python blend_features.py FOLDER [NAME...]        run by a Python that has bpy
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -212,12 +213,26 @@ def marble(scene: Any) -> None:
     tree.links.new(stripes(tree, "sRGB").outputs[0], node.inputs["Color"])
 
 
+def dents(scene: Any) -> None:
+    """A displacement that moves no surface, of a thing that is scaled."""
+    ball, tree = stage(scene, Roughness=0.5)
+    node = tree.nodes.new("ShaderNodeTexImage")
+
+    def wave(x: float, y: float) -> tuple[float, float, float]:
+        return (0.5 + 0.25 * math.sin(12 * math.pi * x) + 0.25 * math.cos(8 * math.pi * y),) * 3
+
+    node.image = painted("heights", 256, 128, wave, space="Non-Color")
+    displacement = shader(tree, "ShaderNodeDisplacement", "Displacement", Scale=0.1)
+    tree.links.new(node.outputs[0], displacement.inputs["Height"])
+    ball.scale = (1.1, 1.1, 1.1)
+
+
 SCENES: dict[str, Callable[[Any], None]] = {
     each.__name__: each
     for each in (
         *(ior, tinted_glass, shining_mask, spaces, mask, mapped, multiplied, brushed_glossy),
         *(plain, of_each, lamps, sky),
-        *(smoke, ink, juice, fog, wax, skin, marble),
+        *(smoke, ink, juice, fog, wax, skin, marble, dents),
     )
 }
 

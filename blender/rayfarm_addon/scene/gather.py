@@ -50,14 +50,15 @@ Known = dict[str, tuple[Mesh, Corners] | None]
 
 
 class _Density:
-    """How long a mesh's surface is over a unit of a set of its UVs, at its place; None where it has no such set."""
+    """How long a mesh's surface is, at its place, over a unit of a set of its UVs, across and up; None: it has no such set."""
 
     def __init__(self, mesh: Mesh, place: F64) -> None:
-        self._mesh, self._place = mesh, place
+        self._mesh = mesh
+        self.scale = float(abs(np.linalg.det(place[:3, :3]))) ** (1 / 3)
 
-    def __call__(self, uv_set: int) -> float | None:
+    def __call__(self, uv_set: int) -> tuple[float, float] | None:
         found = stretched(self._mesh, uv_set)
-        return None if found is None else found * float(abs(np.linalg.det(self._place[:3, :3]))) ** (1 / 3)
+        return None if found is None else (found[0] * self.scale, found[1] * self.scale)
 
 
 class _Gathering:

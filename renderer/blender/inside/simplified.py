@@ -68,7 +68,19 @@ def modules_of(addon: Path) -> Any:
     return types.SimpleNamespace(
         **{
             name: importlib.import_module(f"{package}.{name}")
-            for name in ("cycles", "lights", "looks", "meshes", "nodes", "painted", "skies", "tubes", "unlike", "within")
+            for name in (
+                "cycles",
+                "displaced",
+                "lights",
+                "looks",
+                "meshes",
+                "nodes",
+                "painted",
+                "skies",
+                "tubes",
+                "unlike",
+                "within",
+            )
         }
     )
 
@@ -101,7 +113,6 @@ class _Simplifier:
         inside = self._filled(is_fed or (isinstance(through, float) and through > 0), told)
         is_own = source.node.type == "BSDF_PRINCIPLED" and not source.groups
         principled = source.node if is_own else self._made(output)
-        self._tell(told)
         shines = self._shine(principled, look)
         for entry in list(principled.inputs):
             if entry.type == "SHADER" or entry.name in shines:
@@ -113,6 +124,8 @@ class _Simplifier:
                 continue
             if at is not None:
                 self._set(entry, at, is_own)
+        self._displace(principled, told)
+        self._tell(told)
         return self._extensions(look) | inside
 
     def _tell(self, told: list[str]) -> None:
@@ -211,15 +224,31 @@ class _Simplifier:
         source = nodes.followed(at)[0]
         if source is None or source.node.type != "BUMP" or nodes.followed(source.input("Normal"))[0] is not None:
             return False
-        numbers = [nodes.constant(source.input(name)) for name in ("Strength", "Distance")]
-        density = _stretched(self._thing)
-        if density is None or not all(isinstance(each, float) for each in numbers):
+        return self._bend([entry], source)
+
+    def _displace(self, principled: Any, told: list[str]) -> None:
+        """Shows its displacement as bumps, where nothing else bends it."""
+        scale = abs(self._thing.matrix_world.determinant()) ** (1 / 3)
+        heights = self._modules.displaced.displaced(self._material, self._tree, scale, told.append)
+        if heights is None:
+            return
+        normal, coat = (principled.inputs.get(name) for name in ("Normal", "Coat Normal"))
+        if normal.is_linked:
+            told.append("its displacement is left out, as its normals are bent by another picture")
+        elif not self._bend([normal] if coat is None or coat.is_linked else [normal, coat], heights):
+            told.append("its displacement is left out; that of pictures that lie by UVs is shown as bumps")
+
+    def _bend(self, entries: list[Any], source: Any) -> bool:
+        """Whether a Bump node's heights are a picture, which bends these inputs now."""
+        numbers = [self._modules.nodes.constant(source.input(name)) for name in ("Strength", "Distance")]
+        spans = _stretched(self._thing, self._modules.meshes.spans)
+        if spans is None or not all(isinstance(each, float) for each in numbers):
             return False
         strength, distance = numbers
         bump = self._modules.painted.Bump(min(max(strength, 0.0), 1.0), -distance if source.node.invert else distance)
 
         def length(way: _Way) -> tuple[float, float] | None:
-            return None if 0 in way.scale else (density / abs(way.scale[0]), density / abs(way.scale[1]))
+            return None if 0 in way.scale else (spans[0] / abs(way.scale[0]), spans[1] / abs(way.scale[1]))
 
         found = self._painter.bumps(source.input("Height"), bump, length)
         if found is None:
@@ -227,7 +256,8 @@ class _Simplifier:
         node = self._tree.nodes.new("ShaderNodeNormalMap")
         painted, way = found
         self._tree.links.new(self._picture(node.inputs["Color"], painted, way, is_color=False), node.inputs["Color"])
-        self._tree.links.new(node.outputs["Normal"], entry)
+        for entry in entries:
+            self._tree.links.new(node.outputs["Normal"], entry)
         return True
 
     def _put(self, entry: Any, value: Any) -> None:
@@ -272,8 +302,8 @@ class _Simplifier:
         return _Way(found.node.name, found.output.identifier, node.extension, node.interpolation, scale)
 
 
-def _stretched(thing: Any) -> float | None:
-    """How long an object's surface is over a unit of its UVs, on average; None where it has none."""
+def _stretched(thing: Any, spans: Any) -> tuple[float, float] | None:
+    """How long an object's surface is over a unit of its UVs, across and up; None where it has none. spans: of the add-on's."""
     import numpy as np
 
     mesh = thing.data
@@ -290,8 +320,6 @@ def _stretched(thing: Any) -> float | None:
     layer.uv.foreach_get("vector", uv)
     loops = loops.reshape(-1, 3)[:20_000]
     at, laid = co.reshape(-1, 3)[corner[loops]], uv.reshape(-1, 2)[loops]
-    area = np.linalg.norm(np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]), axis=1).sum()
-    a, b = laid[:, 1] - laid[:, 0], laid[:, 2] - laid[:, 0]
-    covered = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
+    found = spans(at, laid)
     scale = abs(thing.matrix_world.determinant()) ** (1 / 3)
-    return float(np.sqrt(area / covered)) * scale if covered > 0 and area > 0 else None
+    return None if found is None else (found[0] * scale, found[1] * scale)

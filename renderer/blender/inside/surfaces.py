@@ -43,7 +43,7 @@ def note_surfaces(materials: list[Any], notes: list[str], is_read: bool) -> None
         name = f"Material {material.name}"
         if animated_paths(tree):
             notes.append(f"{name}: its nodes move with the frame in Blender, and are as at the first frame here")
-        if output.inputs["Displacement"].links:
+        if output.inputs["Displacement"].links and not is_read:
             notes.append(f"{name}: its displacement is not taken over; apply it as a modifier, or bake a normal map")
         if output.inputs["Volume"].links and not is_read:
             notes.append(f"{name}: its volume is not taken over")
