@@ -24,7 +24,7 @@ from renderer.kernel.integrators.record import (
     record_miss,
     record_surface,
 )
-from renderer.kernel.integrators.roulette import survival
+from renderer.kernel.integrators.roulette import IN_MEDIA, ON_SURFACES, survival
 from renderer.kernel.integrators.splitting import beside, of_branch, turned
 from renderer.kernel.integrators.state import (
     MAX_AGAIN,
@@ -290,6 +290,9 @@ def _bounce(scene, vertex, path, number, options, numbers, branches):
         wi, weight, pdf, eta2 = special_bounce(material, options.sampling, wo, numbers[2], u)
     weight, pdf = of_branch(weight, pdf, np.float32(branches))
     path = scattered(scene, vertex, path, number, wi, weight, pdf, eta2)
-    chance = survival(path.throughput, path.worth, np.float32(path.depth), options)
+    most = ON_SURFACES
+    if scene.has.media is not None and material.kind == MEDIUM:
+        most = IN_MEDIA
+    chance = survival(path.throughput, path.worth, np.float32(path.depth), options, most)
     goes_on = not (vec.maximum(path.throughput) <= _ZERO or numbers[3] >= chance)  # no number lives on
     return with_throughput(path, vec.scale(path.throughput, _ONE / chance)), goes_on

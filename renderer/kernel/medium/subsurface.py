@@ -38,12 +38,11 @@ _ROOT = np.int32(0)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 # Van de Hulst: a half-space of similarity s sends (1 - s) (1 - _A s) / (1 + _B s) of diffuse light back.
 _A, _B = np.float32(0.139), np.float32(1.17)
-_STEPS = 2048  # of a walk at most
+_STEPS = 1024  # of a walk at most: of a white body, one in fifty finds no way out until then
+_ONWARDS = 16  # steps after which which way light came from is forgotten
 WALK_BLOCK = 1 << 20  # the first block of numbers for walks: those of flights lie below
 _BLOCKS = np.uint32(2 * _STEPS)  # of each vertex: for its steps, and for what ends them
 _ROULETTE = np.uint32(_STEPS)
-_LONG = 64  # steps after which chance ends walks in any case,
-_MOST_OF_LONG = np.float32(0.97)  # each of which goes on with that chance at the most
 _LEAST = np.float32(1e-6)
 _YES, _NO = np.bool_(True), np.bool_(False)
 
@@ -107,6 +106,11 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
     o = departure(surface, False, d)
     own, worth = surface.object, _TWO / vec.maximum(throughput)
     for step in range(1, _STEPS):
+        if step == _ONWARDS:
+            # Who is scattered evenly, but so much less often, gets as far in the end (Wyman, Patterson & Wilson 1989).
+            evenly = vec.scale(sigma_s, _ONE - g)
+            sigma_t = vec.add(vec.sub(sigma_t, sigma_s), evenly)
+            sigma_s, g = evenly, _ZERO
         u = draw4(stream, np.uint32(first + np.uint32(step)))
         distance = flight_distance(sigma_t, throughput, (u[0], u[1]))
         left, so_far = distance, _ZERO
@@ -123,8 +127,8 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
             left -= hit.t
         throughput = carried(sigma_t, sigma_s, throughput, distance, _YES)
         o = vec.add(o, vec.scale(d, max(left, _ZERO)))
-        chance = min(worth * vec.maximum(throughput), _ONE if step < _LONG else _MOST_OF_LONG)
-        if vec.maximum(throughput) <= _ZERO:
+        chance = worth * vec.maximum(throughput)
+        if chance <= _ZERO:
             break
         if chance < _ONE:
             if draw1(stream, np.uint32(first + _ROULETTE + np.uint32(step))) >= chance:

@@ -9,7 +9,7 @@ import numpy as np
 from renderer.jit import device, out_of_line, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.record import AGAIN
-from renderer.kernel.integrators.roulette import survival, worth_after
+from renderer.kernel.integrators.roulette import IN_MEDIA, ON_SURFACES, survival, worth_after
 from renderer.kernel.integrators.splitting import beside, of_branch, turned
 from renderer.kernel.integrators.state import MAX_AGAIN
 from renderer.kernel.integrators.strategy import power_heuristic
@@ -224,7 +224,7 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
         depth = where(leaves(surface, reflected, d), depth + _ONE, depth)
         throughput = vec.mul(throughput, weight)
         worth = worth_after(ray[7], number, weight, eta2)
-        chance = survival(throughput, worth, depth, options)
+        chance = survival(throughput, worth, depth, options, ON_SURFACES if is_surface is not None else IN_MEDIA)
         # A throughput that is no number lives on, so that the film is told of it.
         goes_on = where(u[3] >= chance, -chance, chance)
         goes_on = where(number + _ONE - depth > _MOST_AGAIN, _AGAIN, goes_on)

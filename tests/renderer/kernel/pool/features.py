@@ -10,7 +10,18 @@ import numpy as np
 
 from renderer.arrays.scene import CompiledScene
 from renderer.scene.compile import compile_scene
-from renderer.scene.description import Environment, Image, Instance, Light, Material, Mesh, SceneDescription, Sphere, Texture
+from renderer.scene.description import (
+    Environment,
+    Image,
+    Instance,
+    Light,
+    Material,
+    Medium,
+    Mesh,
+    SceneDescription,
+    Sphere,
+    Texture,
+)
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import box, gray, icosphere, square
 
@@ -262,6 +273,24 @@ FEATURES: dict[str, Feature] = {
         lambda: sliding(Material(**PBR, **TEXTURED, **COATED, normal_texture=2, clearcoat_texture=1, **BLEND))
     ),
     "a camera that moves": _of(GRAY, views=tuple(replace(VIEW, eye=(x, 1.6, 5.0)) for x in (-0.3, 0.0, 0.4))),
+    # What light scatters in
+    "fog": _of(Material(kind="interface", sigma_a=(0.1, 0.2, 0.3), sigma_s=(1.0, 2.0, 3.0), g=0.4), max_depth=12),
+    "smoke around the camera": _of(
+        Material(kind="interface", sigma_a=gray(0.4), sigma_s=gray(1.0)), view=replace(VIEW, eye=(0.1, 0.8, 0.5))
+    ),
+    "milk in glass": _of(Material(**GLASS, sigma_s=(2.0, 3.0, 4.0), g=0.5), max_depth=12),
+    "rough glass in haze": _feature(
+        lambda: room(
+            Material(kind="glass", roughness=0.3, sigma_s=gray(1.0)),
+            medium=Medium(sigma_s=(0.05, 0.06, 0.08), g=0.3),
+            lights=[Light("spot", gray(90.0), (-2.0, 3.0, 1.0), (0.5, -1.0, 0.0), inner_cone=10.0, outer_cone=40.0)],
+        )
+    ),
+    "wax": _of(
+        Material(base_color=(0.8, 0.6, 0.4), subsurface=1.0, subsurface_radius=(0.2, 0.1, 0.05), subsurface_anisotropy=0.5)
+    ),
+    "skin": _of(Material(**PBR, **TEXTURED, **COATED, subsurface=0.7, subsurface_radius=(0.2, 0.1, 0.05), normal_texture=2)),
+    "fog that moves": _feature(lambda: moving(Material(kind="interface", sigma_s=gray(2.0)))),
 }
 
 
