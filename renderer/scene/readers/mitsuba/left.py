@@ -18,17 +18,8 @@ _IDLE = {
     "emitter": {"sampling_weight", "to_world"},
     "shape": {"silhouette_sampling_weight", "to_world", "flip_tex_coords", "face_normals", "flip_normals"},
     "texture": {"accel", "format"},
-    "medium": {
-        "sample_emitters",
-        "has_spectral_extinction",
-        "method",
-        "strategy",
-        "scale",
-        "sigma_a",
-        "sigma_s",
-        "sigma_t",
-        "albedo",
-    },
+    "medium": {"sample_emitters", "has_spectral_extinction", "method", "strategy"}
+    | {"scale", "sigma_a", "sigma_s", "sigma_t", "albedo"},  # of which two say all
     "phase": set(),
 }
 _NOTED_WHOLE = {"sunsky", "sky", "sun", "timed_sunsky"}
