@@ -20,7 +20,7 @@ _HIDDEN = rows.LAMP | rows.UNSEEN | rows.SHADELESS | rows.FACING
 _LAYERS = rows.DISPERSIVE | rows.ABSORBING
 _NOTHING: Any = None  # in the place of an array that the kernel need not know of
 _MEDIA = ("medium", "material_medium")
-_KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_texture")
+_KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_emission_frame", "key_texture")
 _LAYERED_KINDS = (rows.BLINN_PHONG, rows.LAYERED)
 
 

@@ -172,6 +172,7 @@ def _slices(arrays: dict[str, Array], cuts: Cuts) -> dict[str, dict[str, Array]]
     parts["lights of triangles"] = {"triangle_light": arrays["triangle_light"]}
     parts["materials"] = {n: arrays[n] for n in _MATERIALS}
     parts["textures"] = {"texel": arrays["texel"]}
+    parts["emission"] = {"emission": arrays["emission"]}
     parts["environment"] = {n: arrays[n] for n in _ENVIRONMENT}
     elsewhere = {n for part in parts.values() for n in part}
     parts["top"] |= {n: array for n, array in arrays.items() if n not in elsewhere}

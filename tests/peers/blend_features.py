@@ -147,6 +147,45 @@ def lamps(scene: Any) -> None:
     tree.links.new(body.outputs[0], tree.nodes["Emission"].inputs["Color"])
 
 
+def _shaded(thing: Any) -> Any:
+    thing.data.use_nodes = True
+    return thing.data.node_tree
+
+
+def profiles(scene: Any) -> None:
+    """A point and a spot by an IES profile that is another in each direction, of a file and of a text; turned."""
+    stage(scene, power=0.0)
+    text = bpy.data.texts.new("lamp.ies")
+    angles, planes = range(0, 91, 10), range(0, 361, 30)
+    rows = [" ".join(str(800 - 8 * v + 200 * (h % 360 < 100)) for v in angles) for h in planes]
+    head = f"IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 {len(angles)} {len(planes)} 1 2 0 0 0\n1 1 100\n"
+    text.write(head + " ".join(map(str, angles)) + "\n" + " ".join(map(str, planes)) + "\n" + "\n".join(rows) + "\n")
+    for kind, place, turn in (("POINT", (-1.2, -2.0, 2.5), (0.4, 0.3, 0.5)), ("SPOT", (1.5, -1.5, 2.5), (0.3, 0.4, 1.0))):
+        size = {"spot_size": 1.6, "spot_blend": 0.3} if kind == "SPOT" else {}
+        thing = lamp(kind, 60.0, place, shadow_soft_size=0.0, **size)
+        thing.rotation_euler = turn
+        tree = _shaded(thing)
+        node = tree.nodes.new("ShaderNodeTexIES")
+        node.mode, node.ies = "INTERNAL", text
+        tree.links.new(node.outputs[0], tree.nodes["Emission"].inputs["Strength"])
+
+
+def slides(scene: Any) -> None:
+    """A spot that throws a picture, one that is too wide for a lens, a point in colours."""
+    stage(scene, power=0.0, Roughness=0.8)
+    for kind, watts, place, turn, size in (
+        ("SPOT", 900.0, (1.0, -3.0, 3.5), (0.75, 0.1, 0.4), 0.8),
+        ("SPOT", 300.0, (-2.0, -1.0, 2.5), (0.2, -0.5, 0.0), 2.6),
+        ("POINT", 80.0, (0.0, -2.5, 1.5), (0.4, 0.0, 0.3), None),
+    ):
+        thing = lamp(kind, watts, place, shadow_soft_size=0.0, **({"spot_size": size, "spot_blend": 0.2} if size else {}))
+        thing.rotation_euler = turn
+        tree = _shaded(thing)
+        at, node = tree.nodes.new("ShaderNodeTexCoord"), stripes(tree, "sRGB")
+        tree.links.new(at.outputs["UV" if kind == "SPOT" else "Normal"], node.inputs["Vector"])
+        tree.links.new(node.outputs[0], tree.nodes["Emission"].inputs["Color"])
+
+
 def sky(scene: Any) -> None:
     """With a sun of half a degree."""
     stage(scene, power=0.0, Roughness=0.7)
@@ -231,7 +270,7 @@ SCENES: dict[str, Callable[[Any], None]] = {
     each.__name__: each
     for each in (
         *(ior, tinted_glass, shining_mask, spaces, mask, mapped, multiplied, brushed_glossy),
-        *(plain, of_each, lamps, sky),
+        *(plain, of_each, lamps, profiles, slides, sky),
         *(smoke, ink, juice, fog, wax, skin, marble, dents),
     )
 }

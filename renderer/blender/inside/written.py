@@ -65,7 +65,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
     note_rays(solid, layer, notes)
     _note_flags(scene, layer, shown, known, notes)
 
-    cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(known, "lights", None), notes)
+    cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(known, "lights", None), notes, out)
     seen = over_frames(scene, exposed, {**_named("camera", cameras.looks()), **_named("light", lights.looks())})
     scene.frame_set(frames[0])
     medium = world_medium(scene.world, getattr(known, "within", None), notes)

@@ -168,7 +168,8 @@ def test_what_moves_while_the_shutter_is_open(tmp_path):
     [
         ('Material "hair"' + BALL, "line 9: hair is rendered as a glossy surface"),
         ('Material "measured" "string filename" "a.bsdf"' + BALL, "line 9: material 'measured' is not read: .*grey matt"),
-        (BALL + '\nLightSource "projection" "string filename" "a.png"', "line 10: light 'projection' is no light"),
+        (BALL + '\nLightSource "beam" "string filename" "a.png"', "line 10: light 'beam' is no light"),
+        (BALL + '\nLightSource "projection"', "line 10: A projection light without a picture is left out"),
         (
             'Material "interface"\n' * 2 + BALL + '\nMaterial "diffuse"' + BALL,
             "line 11: A surface without a material, and with no",
