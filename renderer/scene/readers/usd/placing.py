@@ -164,6 +164,7 @@ class Placing:
 
     def _add(self, mesh: Mesh, surface: Surface, bends: bool = False, both: bool = False) -> int:
         """The number of a mesh of a surface."""
+        surface = self._surfaces.bumpy(surface, mesh)
         material = self._surfaces.material(surface)
         if material.transmission > 0 and not material.thin and not is_closed(mesh.positions, mesh.triangles):
             surface = self._surfaces.changed(surface, "pane", thin=True)
