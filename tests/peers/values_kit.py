@@ -359,6 +359,7 @@ ANIMATED: dict[str, tuple[str, Callable[..., None], dict[str, Any]]] = {
 STILL: dict[str, tuple[str, Callable[..., None], dict[str, Any]]] = {
     "obj": (".obj", lambda path, **more: bpy.ops.wm.obj_export(filepath=path, **more), {}),
     "obj-axes": (".obj", lambda path, **more: bpy.ops.wm.obj_export(filepath=path, **more), {"forward_axis": "Y", "up_axis": "Z"}),
+    "obj-physical": (".obj", lambda path, **more: bpy.ops.wm.obj_export(filepath=path, **more), {"export_pbr_extensions": True}),
     "ply": (".ply", lambda path, **more: bpy.ops.wm.ply_export(filepath=path, **more), {"forward_axis": "NEGATIVE_Z", "up_axis": "Y"}),
     "stl": (".stl", lambda path, **more: bpy.ops.wm.stl_export(filepath=path, **more), {"forward_axis": "NEGATIVE_Z", "up_axis": "Y"}),
     "stl-text": (".stl", lambda path, **more: bpy.ops.wm.stl_export(filepath=path, **more), {"ascii_format": True}),

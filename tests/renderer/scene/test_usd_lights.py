@@ -184,6 +184,18 @@ def test_lights_of_a_stage_that_blender_wrote_in_centimetres_are_as_bright_as_in
     assert shining(found).emission[0] == pytest.approx(3.0 / (4 * np.pi * 0.1**2))
 
 
+def test_what_carries_a_lamp_of_blenders_makes_it_no_larger(lit, tmp_path):
+    """As in Cycles; in other stages a radius is in the space of its prim."""
+    place = Gf.Matrix4d().SetScale(3.0)
+    assert lit("SphereLight", place=place, radius=0.1, intensity=3.0, normalize=True).spheres[0].radius == pytest.approx(0.3)
+    layer = Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda"))
+    layer.documentation = "Blender v4.5.15 LTS"
+    layer.Save()
+    found = read(tmp_path / "a.usda")
+    assert found.spheres[0].radius == pytest.approx(0.1)
+    assert shining(found).emission[0] == pytest.approx(3.0 / (4 * np.pi * 0.1**2))
+
+
 @pytest.mark.parametrize(("mode", "glow", "expected"), [
     ("materialGlowTintsLight", None, (6, 3, 1.5)), ("materialGlowTintsLight", (0.5, 1, 2), (3, 3, 3)),
     ("independent", (0.5, 1, 2), (6.5, 4, 3.5)), ("noMaterialResponse", (0.5, 1, 2), (6, 3, 1.5)),

@@ -109,7 +109,8 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
     x, y, z = (float(length) for length in lengths)
     if prim.IsA(UsdLux.SphereLight):
         sphere = UsdLux.SphereLight(prim)
-        radius = _number(sphere.GetRadiusAttr(), time) * (x * y * z) ** (1 / 3)
+        size = 1.0 if is_blenders(prim) else (x * y * z) ** (1 / 3)  # what carries Blender's lamps makes none larger
+        radius = _number(sphere.GetRadiusAttr(), time) * size
         area = 4 * math.pi * (radius or 1.0) ** 2
         found = _cone(prim, time, notes, True)
         if sphere.GetTreatAsPointAttr().Get(time) or radius <= 0:
