@@ -36,6 +36,9 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         assimp.read(files, main, description, moment, scale=1 / _metres(data))
         _set_lenses(description, own.lenses)
         _set_watts(description, own.lamps)
+        if own.by_blender:  # where surfaces shine to both sides
+            for material in description.materials[len(before["materials"]) :]:
+                material.double_sided = True
     except SceneError as refused:
         for name, value in before.items():
             setattr(description, name, value)
@@ -55,6 +58,7 @@ class _Own(NamedTuple):
 
     lenses: dict[str, _Lens]
     lamps: dict[str, _Lamp]
+    by_blender: bool
 
 
 def _own(data: bytes, main: str) -> _Own:
@@ -62,9 +66,10 @@ def _own(data: bytes, main: str) -> _Own:
     try:
         root = ElementTree.fromstring(data)
     except ElementTree.ParseError:
-        return _Own({}, {})
+        return _Own({}, {}, False)
     collada_nodes(root, main)
-    return _Own(_lenses(root), _lamps(root))
+    by_blender = (root.findtext(".//{*}asset/{*}contributor/{*}authoring_tool") or "").startswith("Blender")
+    return _Own(_lenses(root), _lamps(root), by_blender)
 
 
 class _Lens(NamedTuple):

@@ -128,6 +128,7 @@ def _blenders(said: _Statements, material: Material) -> None:
     """Blender's words for its principled surface, which its own reader takes as such: Ns says how rough it is, Ka how metallic
     where illum is 3, d how opaque; and Tf, if the extension is asked for, how much it transmits.
     """
+    material.double_sided = True  # what shines in Blender does to both sides
     material.kind, is_extended = "metallic_roughness", any(keyword in said.values for keyword in _PHYSICAL)
     roughness = unit(said.number("pr", 1 - math.sqrt(clamped(said.number("ns", 0.0), 0.0, _SMOOTHEST) / _SMOOTHEST)))
     _physical(said, material, roughness, said.color("ks", (0.5, 0.5, 0.5)))

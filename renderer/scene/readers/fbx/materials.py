@@ -82,6 +82,7 @@ class Materials:
 
     def _emission(self, said: _Said, material: Material) -> None:
         material.emission = said.color("emission_color", "emission_factor", (0.0, 0.0, 0.0), _MAX_RADIANCE)
+        material.double_sided = True  # FBX's surfaces have two sides, as those of the programs that write it
         texture = said.texture("emission_color", srgb=True)
         factor = said.value("emission_factor", 1.0)
         if texture is not None and factor > 0:
