@@ -29,9 +29,7 @@ def known_differences(scene: SceneDescription, other: str) -> list[str]:
             f"over facets has it; a white metal as rough is up to {_percent(max(metals.values()))} brighter here"
         )
     if glasses := _lost(scene, _is_glass):
-        found.append(
-            f"Rough glass ({_listed(glasses)}): the same; some percent brighter here, most where it is seen at an angle"
-        )
+        found.append(f"Rough glass ({_listed(glasses)}): the same; some percent brighter here, most where it is seen at an angle")
     if bumps := _bumps(scene) if any("shadowing function" in words for words in scene.warnings) else {}:
         found.append(
             f"Normal maps ({_listed(bumps)}): Mitsuba darkens them by its shadowing function; a "

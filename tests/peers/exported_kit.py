@@ -254,7 +254,7 @@ def texture(ball: Any) -> None:
 @material
 def texture_transform(ball: Any) -> None:
     tree = set_to(ball, Roughness=0.7)
-    node, mapping, at = shown(tree, squares("turned", 9, "sRGB")), tree.nodes.new("ShaderNodeMapping"), None
+    node, mapping = shown(tree, squares("turned", 9, "sRGB")), tree.nodes.new("ShaderNodeMapping")
     mapping.inputs["Location"].default_value = (0.1, 0.3, 0)
     mapping.inputs["Rotation"].default_value[2] = 0.5
     mapping.inputs["Scale"].default_value = (1.5, 0.7, 1)
@@ -321,7 +321,7 @@ def vertex_colors(ball: Any) -> None:
 
 @material
 def thin_film(ball: Any) -> None:
-    set_to(ball, Base_Color=(0.6, 0.6, 0.6, 1), Metallic=1.0, Roughness=0.2, Thin_Film_Thickness=420.0, Thin_Film_IOR=1.4)
+    set_to(ball, Base_Color=(0.1, 0.1, 0.1, 1), Roughness=0.2, IOR=1.5, Thin_Film_Thickness=420.0, Thin_Film_IOR=2.0)
 
 
 @material
@@ -345,7 +345,7 @@ def nodes(ball: Any) -> None:
 @material
 def open_shell(ball: Any) -> None:
     """Half a ball, whose inside is seen."""
-    tree = set_to(ball, Base_Color=(0.2, 0.5, 0.7, 1), Roughness=0.5)
+    set_to(ball, Base_Color=(0.2, 0.5, 0.7, 1), Roughness=0.5)
     mesh = ball.data
     keep = [p for p in mesh.polygons if p.center.y > -0.35]
     faces = [tuple(p.vertices) for p in keep]
@@ -356,7 +356,6 @@ def open_shell(ball: Any) -> None:
     half.update()
     ball.data = half
     ball.rotation_euler = (0, 0, 0)
-    assert tree
 
 
 @material

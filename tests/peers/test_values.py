@@ -76,7 +76,17 @@ KNOWN = {
     "gltf.glb": ("base_color", "metallic", "roughness", "opacity", "emission", "clearcoat", "clearcoat_roughness", "transmission")
     + ("sheen_roughness", "specular", "specular_color", "anisotropy"),
     "fbx.fbx": ("base_color", "metallic", "roughness", "opacity", "emission", "specular"),
-    "usd.usdc": ("base_color", "metallic", "roughness", "opacity", "emission", "specular", "ior", "clearcoat", "clearcoat_roughness"),
+    "usd.usdc": (
+        "base_color",
+        "metallic",
+        "roughness",
+        "opacity",
+        "emission",
+        "specular",
+        "ior",
+        "clearcoat",
+        "clearcoat_roughness",
+    ),
     "obj.obj": ("base_color", "metallic", "roughness", "opacity", "emission", "specular", "ior"),
     "obj-physical.obj": ("base_color", "metallic", "roughness", "opacity", "emission", "specular", "ior", "clearcoat")
     + ("clearcoat_roughness", "transmission", "anisotropy"),

@@ -184,7 +184,9 @@ def instances() -> None:
         bpy.context.scene.collection.objects.unlink(each)
         outer.objects.link(each)
     for i in range(3):
-        each = placed(f"tree {i}", None, location=(4 * i, 0, 0), rotation_euler=(0, 0.2 * i, 0.4), scale=(1, -1 if i == 1 else 1, 1))
+        each = placed(
+            f"tree {i}", None, location=(4 * i, 0, 0), rotation_euler=(0, 0.2 * i, 0.4), scale=(1, -1 if i == 1 else 1, 1)
+        )
         each.instance_type, each.instance_collection = "COLLECTION", outer
     moved(bpy.data.objects["tree 2"], "location", (8, 0, 0), (8, 1, 0), (8, 1, 2))
     shared = wedge("shared")

@@ -23,7 +23,11 @@ __all__ = ["read_mtl"]
 _AMBIENT = ("map_ka", "map_ao", "map_aat")
 _GLASS_MODELS = (4, 6, 7, 9)
 _MATTE_MODELS = (0, 1)
-_METAL_MODEL, _SMOOTHEST, _BLENDERS_COATS = 3, 1000.0, 4.0  # Blender's; its coats were a fourth as strong once, and are written so
+_METAL_MODEL, _SMOOTHEST, _BLENDERS_COATS = (
+    3,
+    1000.0,
+    4.0,
+)  # Blender's; its coats were a fourth as strong once, and are written so
 _BY_TABLE = {p.mtl.lower(): p for p in PARAMETERS if p.mtl}
 _BLENDERS = re.compile(r"# Blender \d+\.\d+")  # how files begin that Blender has written since 3.2
 _PHYSICAL = ("pr", "ps", "map_pr", "map_pm", *_BY_TABLE)  # what only a physically based material says
