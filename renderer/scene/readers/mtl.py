@@ -27,7 +27,7 @@ _METAL_MODEL, _SMOOTHEST, _BLENDERS_COATS = (
     3,
     1000.0,
     4.0,
-)  # Blender's; its coats were a fourth as strong once, and are written so
+)  # Blender's: coats as once, a fourth as strong
 _BY_TABLE = {p.mtl.lower(): p for p in PARAMETERS if p.mtl}
 _BLENDERS = re.compile(r"# Blender \d+\.\d+")  # how files begin that Blender has written since 3.2
 _PHYSICAL = ("pr", "ps", "map_pr", "map_pm", *_BY_TABLE)  # what only a physically based material says
