@@ -25,8 +25,8 @@ def known_differences(scene: SceneDescription, other: str) -> list[str]:
     found = []
     if metals := _lost(scene, _is_metal):
         found.append(
-            f"Rough metal ({_listed(metals)}): light that meets a second facet is lost in {other} and kept here, as a random walk "
-            f"over facets has it; a white metal as rough is up to {_percent(max(metals.values()))} brighter here"
+            f"Rough metal ({_listed(metals)}): light that meets a second facet is lost in {other} and kept here, as by a "
+            f"random walk over facets; a white metal as rough is up to {_percent(max(metals.values()))} brighter here"
         )
     if glasses := _lost(scene, _is_glass):
         found.append(f"Rough glass ({_listed(glasses)}): the same; some percent brighter here, most where it is seen at an angle")

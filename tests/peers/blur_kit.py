@@ -1,4 +1,4 @@
-"""A shot in which everything moves, as .blend and as Blender's exporters write it, and Cycles' pictures of it with an open shutter.
+"""A shot in which all moves, as .blend and as Blender's exporters write it, and Cycles' pictures of it with an open shutter.
 
     python blur_kit.py FOLDER SIZE SAMPLES MAX_DEPTH
 
@@ -62,7 +62,8 @@ WRITERS = {
         filepath=path, export_cameras=True, export_animation_mode="SCENE", export_force_sampling=True,
         export_optimize_animation_size=False, export_anim_scene_split_object=False,
     ),
-    "usdc": lambda path: bpy.ops.wm.usd_export(filepath=path, export_animation=True, export_shapekeys=True, convert_world_material=False),
+    "usdc": lambda path: bpy.ops.wm.usd_export(filepath=path, export_animation=True, export_shapekeys=True,
+        convert_world_material=False),
     "fbx": lambda path: bpy.ops.export_scene.fbx(
         filepath=path, bake_anim_use_nla_strips=False, bake_anim_use_all_actions=False, bake_anim_simplify_factor=0.0,
     ),

@@ -184,9 +184,8 @@ def instances() -> None:
         bpy.context.scene.collection.objects.unlink(each)
         outer.objects.link(each)
     for i in range(3):
-        each = placed(
-            f"tree {i}", None, location=(4 * i, 0, 0), rotation_euler=(0, 0.2 * i, 0.4), scale=(1, -1 if i == 1 else 1, 1)
-        )
+        scale = (1, -1 if i == 1 else 1, 1)
+        each = placed(f"tree {i}", None, location=(4 * i, 0, 0), rotation_euler=(0, 0.2 * i, 0.4), scale=scale)
         each.instance_type, each.instance_collection = "COLLECTION", outer
     moved(bpy.data.objects["tree 2"], "location", (8, 0, 0), (8, 1, 0), (8, 1, 2))
     shared = wedge("shared")
@@ -343,31 +342,45 @@ def _usd(path: str, **more: Any) -> None:
     bpy.ops.wm.usd_export(filepath=path, export_animation=True, export_armatures=True, export_shapekeys=True, **more)
 
 
-ANIMATED: dict[str, tuple[str, Callable[..., None], dict[str, Any]]] = {
+def _obj(path: str, **more: Any) -> None:
+    bpy.ops.wm.obj_export(filepath=path, **more)
+
+
+def _ply(path: str, **more: Any) -> None:
+    bpy.ops.wm.ply_export(filepath=path, **more)
+
+
+def _stl(path: str, **more: Any) -> None:
+    bpy.ops.wm.stl_export(filepath=path, **more)
+
+
+def _dae(path: str, **more: Any) -> None:
+    bpy.ops.wm.collada_export(filepath=path, **more)
+
+
+LIKE_OBJ = {"forward_axis": "NEGATIVE_Z", "up_axis": "Y"}
+BONES = {"primary_bone_axis": "X", "secondary_bone_axis": "Z"}
+TO_Y = {"convert_orientation": True, "export_global_forward_selection": "NEGATIVE_Z", "export_global_up_selection": "Y"}
+FILES: dict[str, tuple[str, Callable[..., None], dict[str, Any]]] = {
     "gltf": (".glb", _gltf, {}),
     "gltf-instanced": (".glb", _gltf, {"export_gpu_instances": True}),
     "gltf-separate": (".gltf", _gltf, {"export_format": "GLTF_SEPARATE"}),
     "fbx": (".fbx", _fbx, {}),
     "fbx-units": (".fbx", _fbx, {"apply_scale_options": "FBX_SCALE_UNITS"}),
     "fbx-all": (".fbx", _fbx, {"apply_scale_options": "FBX_SCALE_ALL", "add_leaf_bones": True}),
-    "fbx-axes": (".fbx", _fbx, {"axis_forward": "X", "axis_up": "Z", "global_scale": 1.0, "primary_bone_axis": "X", "secondary_bone_axis": "Z"}),
-    "fbx-baked": (".fbx", _fbx, {"bake_space_transform": True}),
+    "fbx-axes": (".fbx", _fbx, {"axis_forward": "X", "axis_up": "Z", **BONES}),
     "usd": (".usdc", _usd, {}),
     "usd-instanced": (".usda", _usd, {"use_instancing": True}),
     "usd-centimeters": (".usdc", _usd, {"convert_scene_units": "CENTIMETERS"}),
-    "usd-turned": (".usdc", _usd, {"convert_orientation": True, "export_global_forward_selection": "NEGATIVE_Z", "export_global_up_selection": "Y"}),
-    "usd-flat": (".usdc", _usd, {"merge_parent_xform": True}),
-}  # fmt: skip
-STILL: dict[str, tuple[str, Callable[..., None], dict[str, Any]]] = {
-    "obj": (".obj", lambda path, **more: bpy.ops.wm.obj_export(filepath=path, **more), {}),
-    "obj-axes": (".obj", lambda path, **more: bpy.ops.wm.obj_export(filepath=path, **more), {"forward_axis": "Y", "up_axis": "Z"}),
-    "obj-physical": (".obj", lambda path, **more: bpy.ops.wm.obj_export(filepath=path, **more), {"export_pbr_extensions": True}),
-    "ply": (".ply", lambda path, **more: bpy.ops.wm.ply_export(filepath=path, **more), {"forward_axis": "NEGATIVE_Z", "up_axis": "Y"}),
-    "stl": (".stl", lambda path, **more: bpy.ops.wm.stl_export(filepath=path, **more), {"forward_axis": "NEGATIVE_Z", "up_axis": "Y"}),
-    "stl-text": (".stl", lambda path, **more: bpy.ops.wm.stl_export(filepath=path, **more), {"ascii_format": True}),
-    "dae": (".dae", lambda path, **more: bpy.ops.wm.collada_export(filepath=path, **more), {}),
-}  # fmt: skip
-
+    "usd-turned": (".usdc", _usd, TO_Y),
+    "obj": (".obj", _obj, {}),
+    "obj-axes": (".obj", _obj, {"forward_axis": "Y", "up_axis": "Z"}),
+    "obj-physical": (".obj", _obj, {"export_pbr_extensions": True}),
+    "ply": (".ply", _ply, LIKE_OBJ),
+    "stl": (".stl", _stl, LIKE_OBJ),
+    "stl-text": (".stl", _stl, {"ascii_format": True}),
+    "dae": (".dae", _dae, {}),
+}
 CRASHES = {("rig", "ply")}  # Blender 4.5.4 itself, with a spoiled heap
 
 
@@ -385,7 +398,7 @@ def main(folder: Path, names: list[str]) -> None:
         found[name] = {frame: told(frame) for frame in FRAMES}
         if name == "paints":
             found[name]["materials"] = told_of_materials()
-        for kind, (suffix, write, options) in {**ANIMATED, **STILL}.items():
+        for kind, (suffix, write, options) in FILES.items():
             if (name, kind) in CRASHES:
                 continue
             bpy.ops.wm.open_mainfile(filepath=str(folder / f"{name}.blend"))

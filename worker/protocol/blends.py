@@ -15,8 +15,8 @@ __all__ = ["TAG", "WAITS", "blender_queue", "is_blend", "written_of"]
 
 TAG = "blender"  # which a worker's offer has where it has Blender
 WAITS = (
-    "Waits for a worker with Blender, which alone opens .blend and .abc files: none is connected. Start one: `rayfarm worker --blender`, "
-    f"or for a farm of this machine `rayfarm up --blender`. Or {WITHOUT_BLENDER}."
+    "Waits for a worker with Blender, which alone opens .blend and .abc files: none is connected. Start one: "
+    f"`rayfarm worker --blender`, or for a farm of this machine `rayfarm up --blender`. Or {WITHOUT_BLENDER}."
 )
 
 

@@ -1,4 +1,4 @@
-""".blend and Alembic files, which Blender itself opens: as a scene of ours that it writes in a process of its own (renderer/blender)."""
+""".blend and Alembic files, which Blender opens: as a scene of ours that it writes in a process of its own."""
 
 from __future__ import annotations
 

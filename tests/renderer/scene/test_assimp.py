@@ -97,12 +97,13 @@ def test_collada_with_all_that_it_has(scene):
 
 def test_collada_cameras_have_what_they_say(scene):
     """Also what assimp leaves out: how much an orthographic one shows, where what is near is cut away, and Blender's shift."""
+    wide, tall = "<aspect_ratio>1.6</aspect_ratio>", "<aspect_ratio>0.5</aspect_ratio>"
     shift = '<extra><technique profile="blender"><shiftx>0.1</shiftx><shifty>-0.2</shifty></technique></extra>'
     for optics, more, expected in (
         ("<perspective><yfov>40</yfov><znear>0.1</znear></perspective>", "", ("perspective", 40, 0.1, 0, 0)),
-        ("<perspective><xfov>60</xfov><aspect_ratio>1.6</aspect_ratio></perspective>", shift, ("perspective", 39.68, 0, 0.16, -0.32)),
-        ("<orthographic><xmag>3.5</xmag><aspect_ratio>1.6</aspect_ratio><znear>2</znear></orthographic>", "", ("orthographic", 4.375, 2, 0, 0)),
-        ("<orthographic><ymag>3</ymag><aspect_ratio>0.5</aspect_ratio></orthographic>", shift, ("orthographic", 6, 0, 0.1, -0.2)),
+        (f"<perspective><xfov>60</xfov>{wide}</perspective>", shift, ("perspective", 39.68, 0, 0.16, -0.32)),
+        (f"<orthographic><xmag>3.5</xmag>{wide}<znear>2</znear></orthographic>", "", ("orthographic", 4.375, 2, 0, 0)),
+        (f"<orthographic><ymag>3</ymag>{tall}</orthographic>", shift, ("orthographic", 6, 0, 0.1, -0.2)),
     ):  # fmt: skip
         said = f'<library_cameras><camera id="c"><optics><technique_common>{optics}</technique_common></optics>{more}</camera>'
         text = re.sub(r"<library_cameras>.*</camera>", said, collada())
