@@ -51,6 +51,7 @@ from worker.work.bounded import Bounds, run_bounded
 MEMORY = 1 << 30
 BLENDER_MEMORY = 8 << 30  # address space: Blender takes six before it has opened anything
 SECONDS = 30.0
+SLOW = 5.0
 PAGE = ROOT / "docs" / "reliability.md"
 BLEND = ".blend"
 
@@ -190,6 +191,8 @@ def main() -> int:
                 print(f"{number} {kind} {how}: {result['outcome']}: {result['sentence'][:300]}", flush=True)
                 if options.keep:
                     placed(options.keep / str(number), files)
+            elif seconds > SLOW:
+                print(f"{number} {kind} {how}: {result['outcome']} after {seconds:.1f} s", flush=True)
             if done % 250 == 0:
                 print(f"{done} done in {time.monotonic() - started:.0f} s", file=sys.stderr, flush=True)
         grown = psutil.Process().memory_info().rss - before
