@@ -5,7 +5,7 @@
 A file of one of the formats is drawn, with its textures and what else it names; one of them is damaged in a way that is drawn
 too, and the scene is read and compiled in a forked child with bounds on memory and time (worker/work/bounded.py). What may
 come of it: it is read (most damage is small), refused with a sentence of its reader's, refused by the net beneath all readers,
-too large, too slow, or the child crashes, as a library in C may: then the worker says so and goes on. --keep: a folder for the
+too large, too slow, or the child crashes, as a library in C may: then the worker says so and goes on. Seconds are the processor's. --keep: a folder for the
 files of the last four kinds. Each number of a campaign is drawn by itself, so that `--first N --count 1` does the N-th again.
 
 A child reads some files behind each other; one that is not plainly read or refused is read again by a child of its own, and what
@@ -59,6 +59,7 @@ BLEND = ".blend"
 def read(folder: Path, main: str) -> dict[str, Any]:
     """In the child."""
     reset_peak_memory()
+    begun = _used()
     try:
         if main.endswith(".zip"):
             folder, main = _expanded(folder / main, folder)
@@ -68,8 +69,14 @@ def read(folder: Path, main: str) -> dict[str, Any]:
     except (SceneError, FarmError) as error:
         sentence = str(error)
         found = {"outcome": _refusal(sentence), "sentence": sentence}
+    found["used"] = _used() - begun
     below = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024 if main.endswith(BLEND) else 0
     return found | {"memory": max(peak_memory(), below)}
+
+
+def _used() -> float:
+    """Seconds of the processor, with what this process has started."""
+    return sum(sum(resource.getrusage(whose)[:2]) for whose in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
 
 
 def _refusal(sentence: str) -> str:
@@ -186,6 +193,7 @@ def main() -> int:
         numbers = range(options.first, options.first + options.count)
         for done, (number, seconds, result) in enumerate(campaign.run(numbers, until), 1):
             kind, _, files, how = campaign.of(number)
+            seconds = result.get("used", seconds)  # by the clock where it did not come back: others may have had the processor
             found[kind].add(result["outcome"], seconds, result.get("memory", 0))
             if result["outcome"] not in ("read", "refused"):
                 print(f"{number} {kind} {how}: {result['outcome']}: {result['sentence'][:300]}", flush=True)

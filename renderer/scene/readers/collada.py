@@ -23,6 +23,7 @@ __all__ = ["read"]
 _ASPECT = 16 / 9  # of a camera that says neither its height nor its shape
 _FAR = 1e9
 _FALL = 0.75  # of Blender's blend: there its smooth step and our square send out as much
+_NO_INDEX = re.compile(r"\S*[^\d\s]\S*")
 _UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']{1,40})[\"']")
 
 
@@ -68,8 +69,20 @@ def _own(data: bytes, main: str) -> _Own:
     except ElementTree.ParseError:
         return _Own({}, {}, False)
     collada_nodes(root, main)
+    _refuse_odd_corners(root, main)
     by_blender = (root.findtext(".//{*}asset/{*}contributor/{*}authoring_tool") or "").startswith("Blender")
     return _Own(_lenses(root), _lamps(root), by_blender)
+
+
+def _refuse_odd_corners(root: ElementTree.Element, main: str) -> None:
+    """Raises SceneError where a list of corners holds what is no index: assimp takes half a minute to find no surface then."""
+    for corners in root.iter():
+        if str(corners.tag).endswith("}p") or corners.tag == "p":
+            odd = _NO_INDEX.search(corners.text or "")
+            if odd is not None:
+                raise SceneError(
+                    f"{main}: a list of corners (<p>) holds {odd[0][:20]!r}, which is no index; export the file again"
+                )
 
 
 class _Lens(NamedTuple):
