@@ -23,7 +23,7 @@ __all__ = ["read"]
 _ASPECT = 16 / 9  # of a camera that says neither its height nor its shape
 _FAR = 1e9
 _FALL = 0.75  # of Blender's blend: there its smooth step and our square send out as much
-_NO_INDEX = re.compile(r"\S*[^\d\s]\S*")
+_NO_INDEX = re.compile(r"[^0-9\s]")
 _UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']{1,40})[\"']")
 
 
@@ -78,11 +78,11 @@ def _refuse_odd_corners(root: ElementTree.Element, main: str) -> None:
     """Raises SceneError where a list of corners holds what is no index: assimp takes half a minute to find no surface then."""
     for corners in root.iter():
         if str(corners.tag).endswith("}p") or corners.tag == "p":
-            odd = _NO_INDEX.search(corners.text or "")
-            if odd is not None:
-                raise SceneError(
-                    f"{main}: a list of corners (<p>) holds {odd[0][:20]!r}, which is no index; export the file again"
-                )
+            text = corners.text or ""
+            if (odd := _NO_INDEX.search(text)) is not None:
+                before = text[: odd.start()]
+                word = (before[len(before.rstrip("0123456789")) :] + text[odd.start() :][:20]).split()[0][:20]
+                raise SceneError(f"{main}: a list of corners (<p>) holds {word!r}, which is no index; export the file again")
 
 
 class _Lens(NamedTuple):
