@@ -25,6 +25,7 @@ MOST_GROWN = 3.0  # times the shortest: who comes later waits for a slot so long
 FIRST_GUESS_S = 0.001  # of a core a batch: until some have come, a farm of thousands of slots must not begin with short ones
 FEW = 8  # batches or results: less say nothing
 AHEAD_S = 1.0
+UNTOLD_S = 1.25  # after a slot is done with its part of a tile: its machine reports it, and the service looks, once a second each
 SLOTS_ALONE = 32  # so many take batches of as many tiles
 MOST_OF_A_TILE = 8
 MOST_JOINT = 16
@@ -93,10 +94,13 @@ class Pace:
         self._grown_s = max(self._shortest_s, grown_s)
         return self._long_s(slots, self._grown_s)
 
-    def window(self, slots: int, per_slot: int) -> int:
+    def window(self, slots: int, per_slot: int, joint: bool = False) -> int:
         """How many messages may be out for so many slots: what waits behind those in hand is what they take within a second, so
-        that longer batches do not make who comes later wait longer."""
-        return slots + math.ceil(slots * (per_slot - 1) * min(1.0, AHEAD_S / self._long_s(slots, self._grown_s)))
+        that longer batches do not make who comes later wait longer.
+
+        joint: sums wait on their machines for those of other slots, so some batches count as in hand whose slots are free."""
+        ahead_s = AHEAD_S + (UNTOLD_S if joint and slots > SLOTS_ALONE else 0.0)
+        return slots + math.ceil(slots * (per_slot - 1) * min(1.0, ahead_s / self._long_s(slots, self._grown_s)))
 
     def _long_s(self, slots: int, shortest_s: float) -> float:
         cost_s = self.batch_cost_s or FIRST_GUESS_S

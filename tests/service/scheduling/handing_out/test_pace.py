@@ -43,6 +43,8 @@ def test_batches_grow_with_the_slots_and_with_what_a_result_costs(clock: Clock) 
     assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / SHARE)
     assert of.batch_s(100_000) == 10.0
     assert (of.window(100, 2), of.window(1000, 2), of.window(100_000, 2)) == (200, 1250, 110_000), "what is taken in a second"
+    assert of.window(1000, 2, joint=True) == 1000 + 250 + 313, "and what is done without anybody knowing yet"
+    assert of.window(32, 2, joint=True) == of.window(32, 2), "so few add up nothing"
     take_in(of, clock, 2, 0.4)
     assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / SHARE), "two results say nothing of what many cost"
 
