@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -52,6 +53,7 @@ class Pace:
         self._unread = 0
         self._size = 0.0
         self._grown_s = self._shortest_s  # of the batches handed out last
+        self._travels: deque[float] = deque(maxlen=2 * FEW)  # of the latest results, in seconds
         self._stretch = 1.0  # of batches, where results wait for other things than this thread's work: a disk, other programs
         self._busy_s = 0.0
         self._storing_s = 0.0  # by the wall's clock
@@ -84,6 +86,12 @@ class Pace:
         self._stretch = min(self._stretch * 1.2, MOST_STRETCH) if behind else max(self._stretch * 0.95, 1.0)
         self._busy_s, self._storing_s, self._results, self._batches, self._since = 0.0, 0.0, 0, 0, now
 
+    def travelled(self, seconds: float) -> None:
+        """A result was so long on its way, for which its slot waits: as long at least it shall render.
+
+        Of the latest, three in four were: a kernel that was compiled first, or one slow worker, says nothing about the line."""
+        self._travels.append(seconds)
+
     def batch_s(self, slots: int, spent_s: float = 0.0) -> float:
         """How long a batch is to take where so many slots work.
 
@@ -104,7 +112,8 @@ class Pace:
 
     def _long_s(self, slots: int, shortest_s: float) -> float:
         cost_s = self.batch_cost_s or FIRST_GUESS_S
-        return min(max(shortest_s, slots * cost_s / SHARE) * self._stretch, self._longest_s)
+        travel_s = sorted(self._travels)[len(self._travels) // 4] if len(self._travels) >= FEW else 0.0
+        return min(max(shortest_s, travel_s, slots * cost_s / SHARE) * self._stretch, self._longest_s)
 
     def of_a_tile(self, slots: int, joint: bool = False) -> int:
         """How many batches of a tile are handed out one after the other: they come back together, and are added up to one row.

@@ -215,6 +215,7 @@ class Scheduler:
         ended = self._end(job, lease)
         if ended is not None:  # whatever it says: it was not longer at it than it had it
             seconds = min(seconds, time.monotonic() - ended.issued + CLOCKS_S)
+            self._pace.travelled(ended.travelled_s(seconds))
         if ended is not None and ended.batch is not None and ended.batch != batch:
             job.lose(ended.batch)
         if ended is not None and batch is not None:
@@ -350,8 +351,7 @@ class Scheduler:
         trouble = job.trouble.setdefault(batch, Trouble())
         trouble.losses += fate.is_to_blame
         job.history.happened("lost", lease.holder or "")
-        known = ids(job=job.id, batch=lease.id, worker=lease.holder)
-        said = (job.id, lease.holder, batch, fate.value)
+        said, known = (job.id, lease.holder, batch, fate.value), ids(job=job.id, batch=lease.id, worker=lease.holder)
         log.info("job %s: a batch did not come back (%s, %s): %s; it is handed out again", *said, extra=known)
         job.history.log.say(f"that was {named(batch)} ({fate.value}), lost {trouble.losses} times so far")
         job.lose(batch)
