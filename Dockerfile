@@ -27,7 +27,8 @@ USER rayfarm
 ENV RAYFARM_DATA=/data RAYFARM_PRINT_LINK=true
 VOLUME /data
 EXPOSE 8000
-HEALTHCHECK --interval=2s --timeout=3s --start-period=30s --retries=15 CMD ["python3", "-IS", "service/healthy.py"]
+HEALTHCHECK --interval=2s --timeout=3s --start-period=30s --retries=15 \
+  CMD ["python3", "-IS", "service/healthy.py"]
 CMD ["python3", "-m", "service", "--host", "0.0.0.0", "--port", "8000"]
 
 FROM base AS worker
