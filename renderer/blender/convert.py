@@ -1,4 +1,4 @@
-"""Has Blender write what is in a .blend file as a scene of ours, in a process that is bounded and sees nothing else."""
+"""Has Blender write what is in a .blend or .abc file as a scene of ours, in a process that is bounded and sees nothing else."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class _SlowError(Exception):
 def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: int, seconds: float) -> str:
     """Writes blender-scene.yaml, and the files that it names, into the folder `out`; returns the name of the first.
 
-    folder: the .blend and the files that came along, which alone it may open; main: the name of the .blend in it.
+    folder: the file and those that came along, which alone it may open; main: its name in it.
     Raises SceneError with a sentence that begins with that name.
     """
     with tempfile.TemporaryDirectory(prefix="rayfarm-blender-") as name:

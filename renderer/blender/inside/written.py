@@ -33,10 +33,10 @@ LEFT_OUT = {
 MOST_NOTES = 100
 
 
-def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
+def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bool = True) -> list[str]:
     """Writes blender-scene.yaml, and what that names; returns what is not taken over, as it also stands there.
 
-    addon: as of `simplify`.
+    addon: as of `simplify`. has_settings: whether the file says how pictures are to be made; Alembic's do not.
     """
     scene = bpy.context.scene
     notes: list[str] = []
@@ -49,12 +49,12 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
     fps = float(scene.render.fps)
     frames = frames_of(bpy, scene)
     layer = bpy.context.view_layer
-    settings = settings_of(scene, layer)
+    settings = settings_of(scene, layer) if has_settings else {}
     exposed = exposed_over(frames, settings) if is_animated(bpy, scene) else frames
     scene.frame_set(frames[0])
     known = modules_of(addon) if addon is not None else None
     note_settings(bpy.data.scenes, scene, layer, notes, getattr(known, "cycles", None))
-    shown = hair_as_meshes(bpy, scene, prepare(bpy, scene, frames, notes), addon, notes)
+    shown = hair_as_meshes(bpy, scene, prepare(bpy, scene, frames, exposed, notes), addon, notes)
     _note_left_out(shown, notes)
     _note_hair(shown, notes)
     solid = [thing for thing in shown if thing.type in MESHES]

@@ -179,3 +179,11 @@ def test_textures_of_a_physical_materials_gloss_and_coat(scene, png):
     assert texel(shown.specular_texture)[3] == 64
     assert texel(shown.clearcoat_texture)[0] == 64
     assert shown.clearcoat == 1
+
+
+def test_blenders_highlights(scene):
+    """Its exporter writes half of the level, of which 0.5 are the 4 % that plastics reflect."""
+    text = fbx(material(30, "p", DiffuseColor=(0.3, 0.3, 0.3), SpecularFactor=0.175, ReflectionFactor=0.0), [(30, 20)])
+    text = text.replace("FBX SDK/FBX Plugins version 2020.3", "Blender (stable FBX IO) - 4.5.15 LTS - 5.13.1")
+    (found,) = scene("a.fbx", text).materials
+    assert (found.kind, found.specular) == ("metallic_roughness", pytest.approx(0.7))

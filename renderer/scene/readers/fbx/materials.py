@@ -23,7 +23,7 @@ from renderer.scene.textures import TextureShelf
 __all__ = ["Materials"]
 
 _UNKNOWN, _LAMBERT, _PHONG = 0, 1, 2
-_BLENDER = 11
+_BLENDER, _PLASTIC = 11, 0.25
 _BY_ABBE = (3, 4, 9)  # ufbx_shader_type: OSL's and Arnold's standard surface and OpenPBR give Abbe's number
 _MAX_RADIANCE = 1e9
 _MOST_SCATTER = 1e6
@@ -82,6 +82,7 @@ class Materials:
 
     def _emission(self, said: _Said, material: Material) -> None:
         material.emission = said.color("emission_color", "emission_factor", (0.0, 0.0, 0.0), _MAX_RADIANCE)
+        material.double_sided = True  # FBX's surfaces have two sides, as those of the programs that write it
         texture = said.texture("emission_color", srgb=True)
         factor = said.value("emission_factor", 1.0)
         if texture is not None and factor > 0:
@@ -126,7 +127,9 @@ class Materials:
         material.specular_texture = as_alpha(self._shelf, said.texture("specular_factor"))
         material.specular = 1.0 if material.specular_texture is not None else unit(said.value("specular_factor", 1.0))
         if said.source.shader == _BLENDER:
-            material.specular = unit(2 * material.specular)  # its exporter writes 0.5 for the 4 % that plastics reflect
+            # Its exporter writes 0.25 for the 4 % that plastics reflect, where ufbx has no term for it.
+            level = said.fbx_value("specular_factor", _PLASTIC) if material.specular_texture is None else _PLASTIC
+            material.specular = unit(level / _PLASTIC)
         material.specular_color_texture = said.texture("specular_color", srgb=True)
         if material.specular_color_texture is None:
             material.specular_color = said.color("specular_color", None, (1.0, 1.0, 1.0))

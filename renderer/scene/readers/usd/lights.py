@@ -13,13 +13,15 @@ from renderer.scene.material import Material
 from renderer.scene.matrices import Matrix
 from renderer.scene.readers.numbers import blended_cone
 from renderer.scene.readers.shapes import disk, lathe, quad
+from renderer.scene.readers.usd.blenders import is_blenders
 from renderer.scene.readers.usd.ies import Profiles
 from renderer.scene.readers.usd.notes import Notes
 
 __all__ = ["Lamp", "glow_of", "is_light", "lamp_of", "radiance_of"]
 
 _MOST = 1e9
-_BLENDERS_SUN = 4.0  # Blender writes a fourth of what its suns shine with, and its own reader knows that
+# Blender writes a fourth of what its suns shine with, and half of the angle that they span; its own reader knows that.
+_BLENDERS_SUN, _BLENDERS_ANGLE = 4.0, 2.0
 _TURN = np.diag([-1.0, 1.0, -1.0])  # ours face +Z, USD's lights shine along -Z, with a picture upright from there
 
 
@@ -77,7 +79,7 @@ def lamp_of(
     for Blender's: it writes in metres, whatever it scales the whole stage by. profiles: where IES profiles are read.
     One that the camera does not see is no body, either, as in Cycles.
     """
-    unit = 1.0 if _is_blenders(prim) else unit
+    unit = 1.0 if is_blenders(prim) else unit
     found = None
     if profiles is not None and (file := profiles.named(prim)) is not None:
         found = _with_profile(prim, world, name, unit, time, notes, profiles, file)
@@ -86,7 +88,7 @@ def lamp_of(
     if found is not None and found.material is not None:
         found.material.lamp = found.material.unseen = _is_unseen(prim, time)
     spot = found.light if found is not None and found.light is not None and found.light.kind == "spot" else None
-    if spot is not None and _is_blenders(prim):  # whose softness is its own blend, of the cosine
+    if spot is not None and is_blenders(prim):  # whose softness is its own blend, of the cosine
         spot.inner_cone, spot.falloff = blended_cone(spot.outer_cone, 1 - spot.inner_cone / spot.outer_cone), "smooth"
     return found
 
@@ -96,7 +98,7 @@ def _is_unseen(prim: Any, time: Any) -> bool:
     Omniverse's delegates read it."""
     told = prim.GetAttribute("inputs:visibleInPrimaryRay") or prim.GetAttribute("visibleInPrimaryRay")
     value = told.Get(time) if told else None
-    return _is_blenders(prim) if value is None else not value
+    return is_blenders(prim) if value is None else not value
 
 
 def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes) -> Lamp | None:
@@ -108,13 +110,15 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
         angle = min(max(_number(UsdLux.DistantLight(prim).GetAngleAttr(), time), 0.0), 180.0)
         cone = math.pi * math.sin(math.radians(angle / 2)) ** 2
         irradiance = radiance_of(light, time, cone) if cone > 0 else radiance_of(light, time)
-        r, g, b = (c * (cone or 1.0) * (_BLENDERS_SUN if _is_blenders(prim) else 1.0) for c in irradiance)
-        return Lamp(Light("directional", (r, g, b), direction=forward, angle=angle, name=name))
+        scale, wider = (_BLENDERS_SUN, _BLENDERS_ANGLE) if is_blenders(prim) else (1.0, 1.0)
+        r, g, b = (c * (cone or 1.0) * scale for c in irradiance)
+        return Lamp(Light("directional", (r, g, b), direction=forward, angle=min(angle * wider, 180.0), name=name))
     lengths = np.linalg.norm(world[:3, :3], axis=0) / unit
     x, y, z = (float(length) for length in lengths)
     if prim.IsA(UsdLux.SphereLight):
         sphere = UsdLux.SphereLight(prim)
-        radius = _number(sphere.GetRadiusAttr(), time) * (x * y * z) ** (1 / 3)
+        size = 1.0 if is_blenders(prim) else (x * y * z) ** (1 / 3)  # what carries Blender's lamps makes none larger
+        radius = _number(sphere.GetRadiusAttr(), time) * size
         area = 4 * math.pi * (radius or 1.0) ** 2
         found = _cone(prim, time, notes, True)
         if sphere.GetTreatAsPointAttr().Get(time) or radius <= 0:
@@ -196,11 +200,6 @@ def _number(attribute: Any, time: Any, default: float = 0.0) -> float:
     """A number at a time; the default where it is none, or not finite."""
     value = attribute.Get(time)
     return default if value is None or not math.isfinite(value) else float(value)
-
-
-def _is_blenders(prim: Any) -> bool:
-    """Whether Blender wrote the stage."""
-    return str(prim.GetStage().GetRootLayer().documentation or "").startswith("Blender v")
 
 
 def _shining(mesh: Mesh, light: Any, time: Any, area: float, name: str, image: Any) -> Lamp | None:
