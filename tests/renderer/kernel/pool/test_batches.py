@@ -17,7 +17,7 @@ from renderer.settings import Tile
 from tests.grids import grid
 from tests.renderer.kernel.pool.features import SIZE, made
 
-SCENES = ("metal and plastic", "half clear glass", "a coat on bumps")
+SCENES = ("metal and plastic", "half clear glass", "a coat on bumps", "fog", "skin")
 FIRST, COUNT = 5, 65  # sample numbers; not a multiple of what is asked for at once
 
 
@@ -40,7 +40,7 @@ def test_tiles_of_any_shape_make_the_same_film(name: str, width: int, height: in
     np.testing.assert_array_equal(sums, whole(name))
 
 
-@grid("name", SCENES, ordinary=("a coat on bumps",))
+@grid("name", SCENES, ordinary=("a coat on bumps", "fog"))
 @pytest.mark.parametrize("at_once", [1, 3, 64])
 def test_any_number_of_samples_at_once_makes_the_same_film(name: str, at_once: int) -> None:
     scene, settings = made(name)
