@@ -6,7 +6,8 @@ A file of one of the formats is drawn, with its textures and what else it names;
 too, and the scene is read and compiled in a forked child with bounds on memory and time (worker/work/bounded.py). What may
 come of it: it is read (most damage is small), refused with a sentence of its reader's, refused by the net beneath all readers,
 too large, too slow, or the child crashes, as a library in C may: then the worker says so and goes on. --keep: a folder for the
-files of the last four kinds. Seconds are the processor's. Each number of a campaign is drawn by itself, so that `--first N --count 1` does the N-th again.
+files of the last four kinds. Seconds are the processor's. Each number of a campaign is drawn by itself, so that
+`--first N --count 1` does the N-th again.
 
 A child reads some files behind each other; one that is not plainly read or refused is read again by a child of its own, and what
 comes of that counts. .blend files need a Python with bpy, named by RAYFARM_BPY_PYTHON; without one they are left out.
