@@ -21,24 +21,29 @@ COPY service service
 COPY scenes service/scenes
 COPY blender service/blender
 COPY web service/web
+# Into this folder no container may write: what is not compiled here, each start compiles again.
+RUN python3 -m compileall -q renderer worker service
 USER rayfarm
 ENV RAYFARM_DATA=/data RAYFARM_PRINT_LINK=true
 VOLUME /data
 EXPOSE 8000
-HEALTHCHECK --interval=5s --timeout=3s --start-period=30s --retries=6 \
-  CMD ["python3", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/readyz', timeout=2)"]
+HEALTHCHECK --interval=2s --timeout=3s --start-period=30s --retries=15 \
+  CMD ["python3", "-IS", "service/healthy.py"]
 CMD ["python3", "-m", "service", "--host", "0.0.0.0", "--port", "8000"]
 
 FROM base AS worker
 COPY worker/requirements.txt worker/requirements.txt
 RUN pip install --constraint constraints.txt --requirement worker/requirements.txt
 COPY renderer renderer
-COPY worker worker
 USER rayfarm
 # The kernels are compiled here, so that no container compiles them, for processors with AVX-512 (if this one has it) and without
 # it; the volume holds fetched scenes alone.
 RUN for avx512 in true false; do \
       RAYFARM_AVX512=$avx512 python3 -c "from renderer.render import EDITIONS, warm_up; [warm_up(edition=name) for name in EDITIONS]" || exit; \
     done && mkdir -p /home/rayfarm/.cache/rayfarm/blobs
+USER root
+COPY worker worker
+RUN python3 -m compileall -q renderer worker
+USER rayfarm
 VOLUME /home/rayfarm/.cache/rayfarm/blobs
 CMD ["python3", "-m", "worker", "--service", "http://service:8000"]

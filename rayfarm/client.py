@@ -29,7 +29,7 @@ from rayfarm.named_files import Files, by_name
 from renderer.errors import RayfarmError
 from renderer.frames import frame_text
 from worker.exchange.foreign import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
-from worker.exchange.trust import trust
+from worker.exchange.trust import as_needed, trust
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
@@ -90,7 +90,7 @@ class Client:
         self._verify = verify
         try:
             self._http = httpx.Client(
-                verify=verify,
+                verify=as_needed(verify, self.url),
                 base_url=self.url if is_address(self.url) else "",
                 timeout=httpx.Timeout(timeout_s, connect=5.0),
                 headers={"Authorization": f"Bearer {token}"} if token else {},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -24,6 +25,7 @@ def serve(arguments: Sequence[str]) -> None:
 
     Where it listens decides who is asked for a login and by which names it is reached, so the settings say the same.
     """
+    gc.disable()  # while modules come, as in service/standby.py
     Connection.most = most_connections()
     HTTP_PROTOCOLS["auto"] = f"{Connection.__module__}:{Connection.__qualname__}"
     where = argparse.ArgumentParser(add_help=False, allow_abbrev=False)

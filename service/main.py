@@ -65,6 +65,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             raise
         if health is not None:
             health.start(asyncio.get_running_loop())
+        gc.enable()
         gc.freeze()  # modules and routes: each full collection looked through them for 100 ms, while every request waited
         with _streams_end_with_the_server(life.close_streams):
             try:

@@ -7,10 +7,13 @@ keeps one spare that has done this already (rayfarm/local/supervisor.py), so tha
 
 from __future__ import annotations
 
+import gc
 import sys
 
-import service.main  # noqa: F401 - what takes so long
-from service.__main__ import serve
+gc.disable()  # while modules come: each collection looks through all that have come; service/main.py lets it begin
+
+import service.main  # noqa: E402, F401 - what takes so long
+from service.__main__ import serve  # noqa: E402
 
 if __name__ == "__main__":
     if sys.stdin.readline():  # else whoever would have said so is gone

@@ -21,6 +21,7 @@ import redis
 from celery import bootsteps
 from celery.worker.state import reserved_requests
 
+from worker.exchange.telling import Heard, Telling
 from worker.process import context
 from worker.protocol import vitals
 from worker.protocol.contract import (
@@ -28,17 +29,13 @@ from worker.protocol.contract import (
     HEARTBEAT_TTL_S,
     RENDER_BATCH,
     RENDER_BATCHES,
+    RESULTS,
     WorkerReport,
-    order_key,
-    prepare_queue,
-    render_queue,
     worker_key,
 )
 from worker.protocol.joint import RENDER_JOINTLY, help_queue
 from worker.protocol.lifeline import lifeline
-from worker.protocol.terms import OFFER_TTL_S, Offer, offer_key, terms_key
-from worker.protocol.vitals import LOG_TTL_S, VITALS_TTL_S, log_key, log_wanted_key, vitals_key
-from worker.telemetry.log_tail import LogTail
+from worker.protocol.vitals import LOG_TTL_S, VITALS_TTL_S, log_key, vitals_key
 from worker.work.jointly import ask_for_help
 
 __all__ = ["Heartbeat", "Reporter"]
@@ -46,6 +43,7 @@ __all__ = ["Heartbeat", "Reporter"]
 WATCHDOG_S = 60
 IDLE_LIMIT_S = 20.0
 VITALS_EVERY_S = 5.0
+AT_ONCE_S = 0.05  # for Redis' answer: on a slow line it is heard at the next beat
 
 log = logging.getLogger(__name__)
 
@@ -71,53 +69,6 @@ class Reporter:
         with contextlib.suppress(redis.RedisError):
             self.redis.delete(worker_key(name), help_queue(name))
 
-    def is_paused(self, name: str, before: bool) -> bool:
-        """Whether the service wants this worker to take no more tasks; as before where Redis does not say."""
-        try:
-            return bool(self.redis.exists(order_key(name)))
-        except redis.RedisError:
-            return before
-
-    def terms(self, name: str, before: bytes | None) -> bytes | None:
-        """What is asked of this worker; as before where Redis does not say."""
-        try:
-            found: Any = self.redis.get(terms_key(name))
-        except redis.RedisError:
-            return before
-        return None if found is None else bytes(found)
-
-    def tell_offer(self, name: str, offer: Offer) -> None:
-        """Write down what the worker offers."""
-        with contextlib.suppress(redis.RedisError):
-            self.redis.set(offer_key(name), offer.to_bytes(), ex=OFFER_TTL_S)
-
-    def tell_vitals(self, name: str) -> None:
-        """Write down how the machine is."""
-        if (found := vitals.look()) is not None:
-            with contextlib.suppress(redis.RedisError):
-                self.redis.set(vitals_key(name), found.to_bytes(), ex=VITALS_TTL_S)
-
-    def tell_log(self, name: str, tail: LogTail) -> None:
-        """Write down the end of the log, where somebody wants to read it."""
-        tail.trim()
-        with contextlib.suppress(redis.RedisError):
-            if self.redis.exists(log_wanted_key(name)):
-                self.redis.set(log_key(name), json.dumps(tail.lines()), ex=LOG_TTL_S)
-
-    def is_asked(self, name: str) -> bool:
-        """Whether a call for help waits for this worker's slots, or Redis does not say."""
-        try:
-            return bool(self.redis.exists(help_queue(name)))
-        except redis.RedisError:
-            return True
-
-    def waiting(self, kind: str) -> int:
-        """How many tasks wait for workers of this kind."""
-        try:
-            return sum(int(self.redis.llen(queue)) for queue in (prepare_queue(kind), render_queue(kind)))
-        except redis.RedisError:
-            return 0
-
 
 class Heartbeat(bootsteps.StartStopStep):
     """A step of Celery's consumer: beats from its event loop, and begins anew when it reconnects."""
@@ -127,11 +78,12 @@ class Heartbeat(bootsteps.StartStopStep):
     def __init__(self, consumer: Any, **kwargs: Any) -> None:
         super().__init__(consumer, **kwargs)
         self.worker = context.current()
-        self.reporter = Reporter(self.worker.redis_url)
+        self.telling = Telling(self.worker.redis_url)
+        self.heard = Heard(is_taken=False)  # the latest answer
         self.consumer = consumer
+        self.has_come = False
         self.is_paused = False
         self.served: tuple[str, ...] = ()  # queues of needs
-        self.asked: bytes | None = None
         self.said = ""  # of what is in the way, once
         self.timer: Any = None
         self.idle_since = time.monotonic()
@@ -151,39 +103,57 @@ class Heartbeat(bootsteps.StartStopStep):
 
     def beat(self) -> None:
         """Report, wind the watchdog, and look whether tasks pass this worker by."""
+        heard = self.telling.hear()  # over a slow line: of an earlier beat
+        self._tell()
+        if (heard := self.telling.hear(AT_ONCE_S) or heard) is not None:
+            self.heard = heard
+        before = self.is_paused, self.served
         self._keep()
         self._obey()
-        if self.worker.keeping is not None:
-            self.reporter.tell_offer(self.worker.name, self.worker.keeping.offer())
-        report = self.worker.report(self.is_paused)
-        if not self.reporter.beat(replace(report, in_hand=[*dict.fromkeys([*report.in_hand, *_taken()])])):
-            return
-        signal.alarm(WATCHDOG_S)  # not wound again: SIGALRM ends this process, and with it its children
-        now = time.monotonic()
-        if now - self.told > VITALS_EVERY_S:
+        if before != (self.is_paused, self.served):
+            self._tell()  # at once, and not with the next beat
+        if heard is not None and heard.is_taken:
+            self._go_on(heard)
+
+    def _tell(self) -> None:
+        worker, now = self.worker, time.monotonic()
+        report = worker.report(self.is_paused)
+        report = replace(report, in_hand=[*dict.fromkeys([*report.in_hand, *_taken()])])
+        more: list[tuple[Any, ...]] = []
+        if not self.has_come:  # the service shall look at it now, and not at its next look
+            self.has_come = True
+            more.append(("XADD", RESULTS, "*", "event", json.dumps({"type": "wake"})))
+        if now - self.told > VITALS_EVERY_S and (found := vitals.look()) is not None:
             self.told = now
-            self.reporter.tell_vitals(self.worker.name)
-        if self.worker.tail is not None:
-            self.reporter.tell_log(self.worker.name, self.worker.tail)
-        self._see_to_pieces(report)
-        if self.is_paused or any(report.current) or not self.reporter.waiting(self.worker.kind):
+            more.append(("SET", vitals_key(worker.name), found.to_bytes(), "EX", VITALS_TTL_S))
+        if worker.tail is not None:
+            worker.tail.trim()
+            if self.heard.is_log_wanted:
+                more.append(("SET", log_key(worker.name), json.dumps(worker.tail.lines()), "EX", LOG_TTL_S))
+        self.telling.tell(report, worker.keeping.offer() if worker.keeping is not None else None, more)
+
+    def _go_on(self, heard: Heard) -> None:
+        signal.alarm(WATCHDOG_S)  # not wound again: SIGALRM ends this process, and with it its children
+        report, now = self.worker.report(self.is_paused), time.monotonic()
+        self._see_to_pieces(report, heard)
+        if self.is_paused or any(report.current) or not heard.waiting:
             self.idle_since = now
         elif now - self.idle_since > IDLE_LIMIT_S:
             log.error("tasks wait but none arrives for %.0f s; starting over", IDLE_LIMIT_S)
             self.idle_since = now
             os.kill(os.getpid(), signal.SIGTERM)
 
-    def _see_to_pieces(self, report: WorkerReport) -> None:
+    def _see_to_pieces(self, report: WorkerReport, heard: Heard) -> None:
         """Let free slots look after what waits here, where nobody asks them to: who was to come may have been killed."""
         free = sum(not doing for doing in report.current)
-        if self.worker.pieces is not None and report.in_hand and free and not self.reporter.is_asked(self.worker.name):
+        if self.worker.pieces is not None and report.in_hand and free and not heard.is_asked:
             with contextlib.suppress(OSError):
                 ask_for_help(self.consumer.app, self.worker, min(free, max(self.worker.pieces.waiting(), 1)))
 
     def _obey(self) -> None:
         """Stop or begin to take tasks, as the service wants; what is in hand is finished in any case."""
         keeping = self.worker.keeping
-        wanted = (keeping is not None and keeping.why is not None) or self.reporter.is_paused(self.worker.name, self.is_paused)
+        wanted = (keeping is not None and keeping.why is not None) or self.heard.is_paused
         if wanted == self.is_paused:
             self._serve_needs(() if wanted or keeping is None else keeping.terms.queues)
             return
@@ -224,8 +194,7 @@ class Heartbeat(bootsteps.StartStopStep):
         """Do as is asked: what is in hand is finished in any case."""
         if (keeping := self.worker.keeping) is None:
             return
-        self.asked = self.reporter.terms(self.worker.name, self.asked)
-        keeping.ask(self.asked)
+        keeping.ask(self.heard.terms)
         keeping.look()
         # Tasks are acknowledged when they are done: so many that are not are as many as may be in hand.
         if missing := keeping.slots_now - self.consumer.qos.value:

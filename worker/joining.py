@@ -24,6 +24,7 @@ __all__ = ["Joined", "Joining", "check_redis", "free_name"]
 OF_NO_USE = (RefusedError, TokenError, NotAFarmError)
 FIRST_PAUSE_S = 0.2
 LAST_PAUSE_S = 3.0
+LONGER = 1.1  # each time: a service that starts with this worker answers after seconds, which shall not become twice as many
 
 log = logging.getLogger(__name__)
 
@@ -105,7 +106,7 @@ class Joining:
                     said = str(error)
                     self._say(f"waiting: {said}")
                 self._stop.wait(pause)
-                pause = min(pause * 1.5, LAST_PAUSE_S)
+                pause = min(pause * LONGER, LAST_PAUSE_S)
         return None
 
     def _join(self) -> Joined:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from fastapi import Depends, Query
 from sqlalchemy import ColumnElement, Select, case, false, func, or_, select
@@ -20,6 +21,9 @@ MOST_JOBS = 1000  # in one answer, or in one change of many
 MOST_WORDS = 8
 
 Order = Literal["newest", "oldest", "name", "priority", "state"]
+_SHOWN = [column for column in Job.__table__.columns if column.name != "history"]  # which is long, and not part of a list
+_Row = namedtuple("_Row", [column.name for column in _SHOWN])  # type: ignore[misc]
+_ID = _Row._fields.index("id")
 _STATES = ("running", "queued", "paused", "failed", "cancelled", "finished")  # what somebody may want to act upon comes first
 
 
@@ -51,11 +55,12 @@ class Chosen:
         return list(session.scalars(query.limit(limit).offset(offset)))
 
     def rows(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[Job]:
-        """Their rows, in order."""
+        """Their rows, in order, as tuples with the names of a Job's columns: a thousand objects that note each change take a
+        quarter of the time of a list."""
         ids = self.ids_in(order, session, limit, offset)  # by an index alone; sorting rows would mean to read them all
-        query = select(Job).where(Job.id.in_(ids))
-        found = {row.id: row for row in session.scalars(query)}
-        return [found[id] for id in ids if id in found]
+        query = select(*_SHOWN).where(Job.id.in_(ids))
+        found = {row[_ID]: _Row._make(row) for row in session.execute(query)}
+        return cast("list[Job]", [found[id] for id in ids if id in found])
 
     def _of(self, query: Select[Any]) -> Select[Any]:
         query = query.where(self.sight.clause(Job.project))

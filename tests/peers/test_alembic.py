@@ -1,4 +1,4 @@
-"""Alembic, which Blender opens for us, and meshes of .blend files that modifiers bend over time: each vertex is where Blender has it.
+"""Alembic, which Blender opens for us, and meshes of .blend files that modifiers bend: each vertex is where Blender has it.
 
 Needs a Python with bpy: `python3 farm.py peers` makes one.
 """

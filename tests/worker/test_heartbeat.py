@@ -8,9 +8,14 @@ from types import SimpleNamespace
 import pytest
 import redis
 
+from tests.slow_line import held_up
+from worker.exchange.telling import Heard, Telling
 from worker.heartbeat import Heartbeat, Reporter
 from worker.process import context
 from worker.protocol.contract import HEARTBEAT_TTL_S, WorkerReport, order_key, render_queue, worker_key
+from worker.protocol.joint import help_queue
+from worker.protocol.terms import Offer, offer_key, terms_key
+from worker.protocol.vitals import log_wanted_key
 
 
 def report(name: str, pid: int, host: str = "here") -> WorkerReport:
@@ -31,16 +36,56 @@ def test_a_worker_outlives_a_redis_that_is_away() -> None:
     reporter = Reporter("redis://127.0.0.1:9/0")
     assert not reporter.beat(report("a", 1))
     reporter.leave("a")
-    assert reporter.waiting("kind") == 0
 
 
-def test_what_waits_is_counted(redis_url: str, store: redis.Redis) -> None:
+def test_what_is_told_and_asked_at_a_beat_is_one_message(redis_url: str, store: redis.Redis) -> None:
+    telling, mine = Telling(redis_url), report("a", 1)
+    assert telling.hear() is None
     store.rpush(render_queue("kind"), b"1", b"2")
-    assert Reporter(redis_url).waiting("kind") == 2
+    telling.tell(mine, Offer(("gpu",), 8 << 30, 2, ""), [("SET", "also", "said")])
+    assert telling.hear(5.0) == Heard(True, is_asked=False, waiting=2)
+    assert WorkerReport.from_bytes(store.get(worker_key("a"))) == mine  # type: ignore[arg-type]
+    assert 0 < store.ttl(worker_key("a")) <= HEARTBEAT_TTL_S
+    assert Offer.from_bytes(store.get(offer_key("a"))).tags == ("gpu",)  # type: ignore[arg-type]
+    assert store.get("also") == b"said"
+    for key, value in ((order_key("a"), b"why"), (terms_key("a"), b"{}"), (log_wanted_key("a"), b"1")):
+        store.set(key, value)
+    store.rpush(help_queue("a"), b"1")
+    for _ in range(3):
+        telling.tell(mine, None, [])
+    heard = None
+    while telling._sent:
+        heard = telling.hear(5.0) or heard
+    assert heard == Heard(True, is_paused=True, terms=b"{}", is_log_wanted=True, waiting=2), "the latest of those that came"
+    store.delete(order_key("a"), terms_key("a"), log_wanted_key("a"), help_queue("a"), render_queue("kind"))
+    telling.close()
+
+
+def test_nobody_waits_for_an_answer_that_is_late(redis_url: str, store: redis.Redis) -> None:
+    """Else a few questions over a line of a second each way outlast the report."""
+    with held_up(redis_url, 0.4) as url:
+        telling, mine = Telling(url), report("slow", 1)
+        telling.tell(mine, None, [])
+        begun, heard = time.monotonic(), 0
+        for _ in range(20):
+            telling.tell(mine, None, [])
+            heard += telling.hear(0.01) is not None
+            time.sleep(0.05)
+        assert time.monotonic() - begun < 1.9, "it was not waited for"
+        assert heard > 5
+        assert store.exists(worker_key("slow"))
+        telling.close()
+
+
+def test_where_redis_is_away_nothing_is_heard() -> None:
+    telling = Telling("redis://127.0.0.1:9/0")
+    telling.tell(report("a", 1), None, [])
+    assert telling.hear(0.1) is None
+    telling.close()
 
 
 def test_what_redis_refuses_is_tried_again_at_the_next_beat_and_said_once(
-    redis_url: str, store: redis.Redis, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    redis_url: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     refusals = [redis.OutOfMemoryError("maxmemory"), redis.OutOfMemoryError("maxmemory")]
     taken: list[str] = []
@@ -62,7 +107,7 @@ def test_what_redis_refuses_is_tried_again_at_the_next_beat_and_said_once(
     assert not heartbeat.is_paused
     assert taken == ["render", "prepare"]
     assert sum("cannot be taken now: maxmemory" in line for line in caplog.messages) == 1
-    store.set(order_key("w"), "Paused by a test.")
+    heartbeat.heard = Heard(True, is_paused=True)
     heartbeat._obey()
     assert heartbeat.is_paused
     assert taken == []

@@ -19,7 +19,7 @@ from redis.connection import ConnectionPool
 
 from worker.exchange.errors import DamagedError, LinkError, NotAFarmError, RefusedError, TokenError
 from worker.exchange.foreign import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
-from worker.exchange.trust import trust
+from worker.exchange.trust import as_needed, trust
 from worker.protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 
 __all__ = ["FarmAnswer", "Link", "check_redis_url"]
@@ -72,7 +72,7 @@ class Link:
         if self._client is None:
             headers = {"Authorization": f"Bearer {self.token}"}
             try:
-                verify = trust()
+                verify = as_needed(trust(), self.service)
             except (OSError, ValueError) as error:
                 raise RefusedError(f"The farm's certificate cannot be read: {error}.") from None
             self._client = httpx.Client(

@@ -9,6 +9,7 @@ import redis
 from redis.backoff import ExponentialBackoff
 from redis.retry import Retry
 
+from worker.exchange.in_pieces import patient_redis
 from worker.protocol.contract import RESULTS, Result
 
 __all__ = ["ResultStream"]
@@ -17,6 +18,7 @@ __all__ = ["ResultStream"]
 # filling the broker's memory (a 64x64 batch packs to about 100 kB), and at last drop the result: it is handed out again.
 MAX_ENTRIES = 2000
 PATIENCE_S = 120.0
+LIMIT_S = 10.0  # within which some of a result gets through, or the connection is taken for broken
 
 log = logging.getLogger(__name__)
 
@@ -28,8 +30,8 @@ class ResultStream:
         self.max_entries = max_entries
         self.patience_s = patience_s
         self._length = max_entries  # of the stream as it was last seen
-        self.redis = redis.Redis.from_url(
-            redis_url, socket_timeout=10, socket_connect_timeout=5, retry=Retry(ExponentialBackoff(cap=0.5, base=0.05), 2)
+        self.redis = patient_redis(
+            redis_url, socket_timeout=LIMIT_S, socket_connect_timeout=5, retry=Retry(ExponentialBackoff(cap=0.5, base=0.05), 2)
         )
 
     def send(self, result: Result, patience_s: float | None = None) -> bool:

@@ -18,7 +18,7 @@ from .settings import note_settings, settings_of
 from .simplified import modules_of, simplify
 from .stills import as_stills
 from .surfaces import note_surfaces
-from .world import write_world
+from .world import world_medium, write_world
 
 __all__ = ["write_scene"]
 
@@ -61,14 +61,18 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     as_stills(bpy, _materials(solid), notes)
     surfaces = simplify(bpy, solid, addon, notes)
     bake(bpy, scene, solid, notes)
-    note_surfaces(_materials(solid), notes)
+    note_surfaces(_materials(solid), notes, known is not None)
     note_rays(solid, layer, notes)
     _note_flags(scene, layer, shown, known, notes)
 
-    cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(known, "lights", None), notes)
+    cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(known, "lights", None), notes, out)
     seen = over_frames(scene, exposed, {**_named("camera", cameras.looks()), **_named("light", lights.looks())})
     scene.frame_set(frames[0])
-    environment, suns = write_world(bpy, scene, out, getattr(known, "skies", None), notes)
+    medium = world_medium(scene.world, getattr(known, "within", None), notes)
+    if known is not None and (medium is not None or any(known.within.scatters(each) for each in surfaces.values())):
+        known.cycles.tell_volumes(scene, notes.append)
+    # Nothing that is infinitely far away is seen through a medium that fills the world.
+    environment, suns = write_world(bpy, scene, out, getattr(known, "skies", None), notes) if medium is None else (None, [])
     lamps, materials, shapes = lights.written(_of("light", seen), exposed, fps)
     if solid:
         taken = stand_ins(bpy, solid, addon)
@@ -83,7 +87,8 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
         "settings": settings,
         "notes": [note[:400] for note in _short(notes)],
         "cameras": cameras.written(_of("camera", seen), exposed, fps),
-        "environment": environment,
+        "environment": environment if medium is None else {"color": 0},
+        "medium": medium,
         "lights": [*lamps, *suns],
         "materials": materials,
         "shapes": shapes,

@@ -65,6 +65,11 @@ class Lease:
         patience = self.patience_s * (HELD_FACTOR if self.is_held else 1)
         return time.monotonic() - max(self.issued, self.waited) > patience
 
+    def travelled_s(self, seconds: float) -> float:
+        """How long its sums were on their way, as far as is known, where rendering them took so long. 0 for those that waited for
+        others on their machine, and for what came before anybody was seen with it."""
+        return 0.0 if self.is_joint or self.held_since is None else max(time.monotonic() - self.held_since - seconds, 0.0)
+
     def seen(self, is_seen: bool, end: Callable[[], Position]) -> None:
         """Note whether it waits or is worked on at this look. end: of the results; looked up after the look.
 

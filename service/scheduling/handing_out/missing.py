@@ -70,7 +70,8 @@ class Missing:
             is_gone = lease.unseen > 0 and lease.holder is not None and lease.holder not in roster.reports
             is_at_work = held.is_at_work(lease)
             lease.has_begun |= is_at_work
-            is_rendered = lease.is_joint and lease.has_begun and lease.is_held and not is_at_work
+            waits_here = lease.has_begun and lease.is_held and not is_at_work
+            is_rendered = lease.is_joint and (waits_here or held.is_at_site(lease))
             self._leases.looked_at(lease, is_gone and lease.holder in living, is_rendered)
             fate = self._fate(lease, is_gone, is_late)
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)

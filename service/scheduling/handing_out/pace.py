@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -25,6 +26,7 @@ MOST_GROWN = 3.0  # times the shortest: who comes later waits for a slot so long
 FIRST_GUESS_S = 0.001  # of a core a batch: until some have come, a farm of thousands of slots must not begin with short ones
 FEW = 8  # batches or results: less say nothing
 AHEAD_S = 1.0
+UNTOLD_S = 1.25  # after a slot is done with its part of a tile: its machine reports it, and the service looks, once a second each
 SLOTS_ALONE = 32  # so many take batches of as many tiles
 MOST_OF_A_TILE = 8
 MOST_JOINT = 16
@@ -51,6 +53,7 @@ class Pace:
         self._unread = 0
         self._size = 0.0
         self._grown_s = self._shortest_s  # of the batches handed out last
+        self._travels: deque[float] = deque(maxlen=2 * FEW)  # of the latest results, in seconds
         self._stretch = 1.0  # of batches, where results wait for other things than this thread's work: a disk, other programs
         self._busy_s = 0.0
         self._storing_s = 0.0  # by the wall's clock
@@ -83,6 +86,12 @@ class Pace:
         self._stretch = min(self._stretch * 1.2, MOST_STRETCH) if behind else max(self._stretch * 0.95, 1.0)
         self._busy_s, self._storing_s, self._results, self._batches, self._since = 0.0, 0.0, 0, 0, now
 
+    def travelled(self, seconds: float) -> None:
+        """A result was so long on its way, for which its slot waits: as long at least it shall render.
+
+        Of the latest, three in four were: a kernel that was compiled first, or one slow worker, says nothing about the line."""
+        self._travels.append(seconds)
+
     def batch_s(self, slots: int, spent_s: float = 0.0) -> float:
         """How long a batch is to take where so many slots work.
 
@@ -93,14 +102,18 @@ class Pace:
         self._grown_s = max(self._shortest_s, grown_s)
         return self._long_s(slots, self._grown_s)
 
-    def window(self, slots: int, per_slot: int) -> int:
+    def window(self, slots: int, per_slot: int, joint: bool = False) -> int:
         """How many messages may be out for so many slots: what waits behind those in hand is what they take within a second, so
-        that longer batches do not make who comes later wait longer."""
-        return slots + math.ceil(slots * (per_slot - 1) * min(1.0, AHEAD_S / self._long_s(slots, self._grown_s)))
+        that longer batches do not make who comes later wait longer.
+
+        joint: sums wait on their machines for those of other slots, so some batches count as in hand whose slots are free."""
+        ahead_s = AHEAD_S + (UNTOLD_S if joint and slots > SLOTS_ALONE else 0.0)
+        return slots + math.ceil(slots * (per_slot - 1) * min(1.0, ahead_s / self._long_s(slots, self._grown_s)))
 
     def _long_s(self, slots: int, shortest_s: float) -> float:
         cost_s = self.batch_cost_s or FIRST_GUESS_S
-        return min(max(shortest_s, slots * cost_s / SHARE) * self._stretch, self._longest_s)
+        travel_s = sorted(self._travels)[len(self._travels) // 4] if len(self._travels) >= FEW else 0.0
+        return min(max(shortest_s, travel_s, slots * cost_s / SHARE) * self._stretch, self._longest_s)
 
     def of_a_tile(self, slots: int, joint: bool = False) -> int:
         """How many batches of a tile are handed out one after the other: they come back together, and are added up to one row.

@@ -88,7 +88,7 @@ class Scheduler:
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
-            room = self._pace.room(self._pace.window(slots, self._settings.window_per_slot) - self.leases.turns(kind))
+            room = self._pace.room(self._window(slots, kind) - self.leases.turns(kind))
             turns = self.line_up.by_priority(kind) if room > 0 else {}
             if not turns:
                 continue
@@ -137,11 +137,14 @@ class Scheduler:
                 line.gave(job, taken, sum(lease.charged_s for lease in new))
         return handed_out
 
+    def _window(self, slots: int, kind: str) -> int:
+        return self._pace.window(slots, self._settings.window_per_slot, self._workers.roster.takes_joint(kind))
+
     def _pool(self, queue: str, kind: str, known: dict[str, Pool]) -> Pool:
         """The workers that serve a queue of needs."""
         if queue not in known:
             slots = self._workers.roster.serving(queue).get(kind, 0)
-            window = self._pace.window(slots, self._settings.window_per_slot) if slots else 0
+            window = self._window(slots, kind) if slots else 0
             known[queue] = Pool(slots, window - self.leases.waiting_in(queue))
         return known[queue]
 
@@ -212,6 +215,7 @@ class Scheduler:
         ended = self._end(job, lease)
         if ended is not None:  # whatever it says: it was not longer at it than it had it
             seconds = min(seconds, time.monotonic() - ended.issued + CLOCKS_S)
+            self._pace.travelled(ended.travelled_s(seconds))
         if ended is not None and ended.batch is not None and ended.batch != batch:
             job.lose(ended.batch)
         if ended is not None and batch is not None:
@@ -347,8 +351,7 @@ class Scheduler:
         trouble = job.trouble.setdefault(batch, Trouble())
         trouble.losses += fate.is_to_blame
         job.history.happened("lost", lease.holder or "")
-        known = ids(job=job.id, batch=lease.id, worker=lease.holder)
-        said = (job.id, lease.holder, batch, fate.value)
+        said, known = (job.id, lease.holder, batch, fate.value), ids(job=job.id, batch=lease.id, worker=lease.holder)
         log.info("job %s: a batch did not come back (%s, %s): %s; it is handed out again", *said, extra=known)
         job.history.log.say(f"that was {named(batch)} ({fate.value}), lost {trouble.losses} times so far")
         job.lose(batch)

@@ -71,7 +71,7 @@ class Sites:
         for needs in self.needs():
             queue = needs.queue(kind)
             if slots := self._workers.roster.serving(queue).get(kind, 0):
-                room = self._pace.window(slots, per_slot) - self._leases.waiting_in(queue)
+                room = self._pace.window(slots, per_slot, joint=True) - self._leases.waiting_in(queue)
                 found.append(Place(needs.tags[0].removeprefix(SITE), queue, slots, room))
         return found
 

@@ -219,7 +219,7 @@ def test_a_mesh_that_is_a_light_shines(tmp_path, mode, glow, expected, normalize
 
 
 LEFT_OUT = {  # what of a light is named, and in which sentence
-    "inputs:shaping:ies:file": (Sdf.AssetPath("a.ies"), "IES profiles of lights"),
+    "inputs:shaping:ies:file": (Sdf.AssetPath("a.ies"), "IES profiles that are not among the files"),
     "inputs:shaping:focus": (8.0, "The focus of lights"),
     "inputs:shadow:enable": (False, "Lights without shadows"),
     "inputs:shadow:color": (Gf.Vec3f(1, 0, 0), "Shadows of a colour"),

@@ -251,7 +251,7 @@ def test_a_standard_surface_of_materialx_says_what_ours_can(shaded):
         (0.25, 0.3, 1.7, 0.8, 0.1, 0.5, 0.25, 0, 2, 1, 0.5),
         atol=1e-6,
     )
-    assert any("Light beneath the surface of MaterialX is left out" in w for w in found.warnings)
+    assert any("Of the base colour and the colour beneath the surface of MaterialX" in w for w in found.warnings)
 
 
 def test_a_surface_of_another_renderer_is_drawn_in_the_display_colour(shaded):

@@ -6,10 +6,13 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 import redis
 
 from tests.helpers import running_redis
+from tests.slow_line import held_up
+from worker.exchange import results
 from worker.exchange.results import ResultStream
 from worker.protocol.contract import RESULTS, Result
 
@@ -34,6 +37,19 @@ def test_a_full_stream_is_waited_for_and_at_last_given_up(redis_url: str) -> Non
         store.delete(RESULTS)
         assert stream.send(Result({"type": "c"}))
         store.delete(RESULTS)
+
+
+def test_a_result_takes_as_long_as_a_slow_line_needs(redis_url: str, store: redis.Redis, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else none would ever arrive over a line that takes longer for it than a connection's time limit."""
+    monkeypatch.setattr(results, "LIMIT_S", 0.3)
+    store.delete(RESULTS)
+    with held_up(redis_url, rate=400e3) as url:
+        sums, begun = np.random.default_rng(1).bytes(400_000), time.monotonic()
+        assert ResultStream(url, patience_s=0.1).send(Result({"type": "a"}, sums))
+        assert time.monotonic() - begun > 3 * results.LIMIT_S
+    [(_, fields)] = store.xrange(RESULTS)  # type: ignore[misc]
+    assert Result.from_fields(fields).sums == sums  # type: ignore[arg-type]
+    store.delete(RESULTS)
 
 
 def test_a_result_outlives_a_restart_of_redis(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from worker.heartbeat import Heartbeat
 from worker.machine.family import family
 from worker.process import context, keeping
 from worker.process.keeping import Keeping, memory_limit
-from worker.protocol.contract import order_key
+from worker.protocol.contract import WorkerReport, order_key
 from worker.protocol.terms import Offer, Terms, offer_key, terms_key
 from worker.work.files import memory_budget
 
@@ -59,6 +59,16 @@ def heartbeat(redis_url: str, store: redis.Redis, monkeypatch: pytest.MonkeyPatc
 
 def ask(store: redis.Redis, heartbeat: Heartbeat, terms: Terms | bytes) -> Any:
     store.set(terms_key("w"), terms if isinstance(terms, bytes) else terms.to_bytes())
+    return beat(heartbeat)
+
+
+def beat(heartbeat: Heartbeat) -> Any:
+    kept = heartbeat.worker.keeping
+    assert kept is not None
+    heartbeat.telling.tell(WorkerReport("w", "host", 1, 4, "cpu", "k", "ready", 0.0), kept.offer(), [])
+    heard = heartbeat.telling.hear(5.0)
+    assert heard is not None
+    heartbeat.heard = heard
     heartbeat._keep()
     heartbeat._obey()
     return heartbeat.consumer
@@ -82,8 +92,7 @@ def test_slots_hours_and_queues_are_kept_at_the_next_beat(store: redis.Redis, he
     ask(store, heartbeat, Terms(queues=("needs-b",)))
     assert sorted(consumer.taken) == ["needs-b", "prepare", "render"]
     store.delete(terms_key("w"))
-    heartbeat._keep()
-    heartbeat._obey()
+    beat(heartbeat)
     assert (kept.asked, consumer.taken) == (Terms(), ["render", "prepare"])
 
 
@@ -95,7 +104,7 @@ def test_what_makes_no_sense_is_left_out_and_said(store: redis.Redis, heartbeat:
         ask(store, heartbeat, wrong)
         assert kept.trouble
         assert kept.slots_now == 2, "as before"
-    heartbeat.reporter.tell_offer("w", kept.offer())
+    beat(heartbeat)
     assert Offer.from_bytes(store.get(offer_key("w"))) == kept.offer()  # type: ignore[arg-type]
     ask(store, heartbeat, b'{"slots": 3, "of_another_release": 1}')
     assert (kept.slots_now, kept.trouble) == (3, None)

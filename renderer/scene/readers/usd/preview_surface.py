@@ -68,9 +68,6 @@ def read_preview_surface(shader: Any, read: Read) -> None:
         _transparent(material, unit(opacity.number(1.0)))
     else:
         fill_opacity(read, opacity, threshold, diffuse.taken)
-    displaced = network.input(shader, "displacement")
-    if displaced.taken is not None or displaced.number(0.0) != 0:
-        network.notes.add("Displacement is not drawn; left out of materials", network.user)
 
 
 def fill_base(read: Read, given: Input, default: Vec3) -> None:

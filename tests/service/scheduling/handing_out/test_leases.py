@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import random
+from types import SimpleNamespace
+
+import pytest
 
 from service.scheduling.handing_out.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.jobs.plan import Range
@@ -50,3 +53,13 @@ def test_what_is_counted_as_it_changes_is_what_there_is() -> None:
         for kind in "kl":
             assert leases.turns(kind) == leases.waiting_in(kind) == len({lease.turn for lease in out if lease.kind == kind})
         assert len(leases) == len(there)
+
+
+def test_how_long_sums_travel_is_told_by_when_somebody_had_the_batch(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 100.0
+    monkeypatch.setattr("service.scheduling.handing_out.leases.time", SimpleNamespace(monotonic=lambda: now))
+    alone, joint = (Lease("job", "kind", Range(0, 0, 1), 30.0, is_joint=is_joint) for is_joint in (False, True))
+    assert alone.travelled_s(0.5) == 0.0, "it came before anybody was seen with it"
+    alone.held_since = joint.held_since = 101.0
+    now = 108.0
+    assert (alone.travelled_s(2.0), alone.travelled_s(9.0), joint.travelled_s(2.0)) == (5.0, 0.0, 0.0)

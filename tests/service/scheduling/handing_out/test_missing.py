@@ -14,6 +14,7 @@ from service.scheduling.handing_out.leases import Lease, Leases
 from service.scheduling.handing_out.missing import STRAGGLER_S, Fate, Missing
 from service.scheduling.jobs.plan import Range
 from worker.protocol.contract import WorkerReport
+from worker.protocol.site import SiteReport
 
 PATIENCE_S = 30.0
 
@@ -27,6 +28,7 @@ class World:
             monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: self.now))
         self.waiting: set[str] = set()
         self.reports: dict[str, WorkerReport] = {}
+        self.sites: dict[str, SiteReport] = {}
         self.living: set[str] = set()  # as Redis knows
         self.late = False
         self.read = True
@@ -51,7 +53,7 @@ class World:
 
     def look(self, seconds: float = 1.0) -> dict[str, Fate]:
         self.now += seconds
-        self.workers.roster = Roster(dict(self.reports))
+        self.workers.roster = Roster(dict(self.reports), sites=self.sites)
         results: Any = SimpleNamespace(end=lambda: (1, 0), has_read=lambda position: self.read)
         return {lease.id: fate for lease, fate in self.missing.look(self.jobs, results)}
 
@@ -163,4 +165,16 @@ def test_what_is_rendered_and_waits_for_the_others_of_its_run_takes_no_slot(worl
     work_on()
     assert world.leases.turns("kind") == 0
     world.leases.arrived(first)
+    assert world.leases.turns("kind") == 0
+
+
+def test_what_waits_at_a_site_for_the_others_of_its_run_takes_no_slot(world: World) -> None:
+    lease = Lease("job", "kind", Range(0, 0, 1), PATIENCE_S, 10.0, issued=world.now, queue="q", is_joint=True)
+    world.leases.add(lease)
+    world.works("m", lease)
+    assert not world.look()
+    assert world.leases.turns("kind") == 1
+    world.works("m")
+    world.sites = {"attic": SiteReport("attic", "host", 1, "127.0.0.1", 8010, 0.0, in_hand=[lease.id])}
+    assert not world.look()
     assert world.leases.turns("kind") == 0

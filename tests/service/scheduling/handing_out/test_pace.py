@@ -43,6 +43,8 @@ def test_batches_grow_with_the_slots_and_with_what_a_result_costs(clock: Clock) 
     assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / SHARE)
     assert of.batch_s(100_000) == 10.0
     assert (of.window(100, 2), of.window(1000, 2), of.window(100_000, 2)) == (200, 1250, 110_000), "what is taken in a second"
+    assert of.window(1000, 2, joint=True) == 1000 + 250 + 313, "and what is done without anybody knowing yet"
+    assert of.window(32, 2, joint=True) == of.window(32, 2), "so few add up nothing"
     take_in(of, clock, 2, 0.4)
     assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / SHARE), "two results say nothing of what many cost"
 
@@ -108,3 +110,15 @@ def test_a_burst_is_no_backlog_where_it_is_taken_in_at_once(clock: Clock) -> Non
         clock.now += 1.0
         of.took_in(10, 160, seconds)
         assert (of.batch_s(1) > 0.5) == longer
+
+
+def test_batches_take_as_long_as_their_results_travel(clock: Clock) -> None:
+    """Over a bad line a slot would else spend its time with sending."""
+    of = Pace(0.5, 10.0, 1 << 20)
+    for seconds in (30.0, 30.0, 0.0, 0.0, 0.1, 0.0, 30.0, 0.0, 0.0):
+        of.travelled(seconds)
+        assert of.batch_s(2) == 0.5, "a few have waited for a kernel"
+    for seconds, longer in ((4.0, 4.0), (71.0, 10.0), (0.0, 0.5)):
+        for _ in range(16):
+            of.travelled(seconds)
+        assert of.batch_s(2) == longer

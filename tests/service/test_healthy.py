@@ -1,0 +1,42 @@
+"""What a container's health check asks, as it is asked there: by a program that imports next to nothing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from http.server import BaseHTTPRequestHandler, HTTPServer
+
+import pytest
+
+from tests.helpers import ROOT
+
+
+class Answers(BaseHTTPRequestHandler):
+    status = 200
+
+    def do_GET(self) -> None:
+        self.send_response(self.status if self.path == "/readyz" else 404)
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+def is_healthy(port: int) -> bool:
+    asked = subprocess.run([sys.executable, "-IS", str(ROOT / "service" / "healthy.py"), str(port)], check=False)
+    return asked.returncode == 0
+
+
+@pytest.mark.parametrize("status", [200, 503])
+def test_a_service_is_healthy_once_it_is_ready(status: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Answers, "status", status)
+    with HTTPServer(("127.0.0.1", 0), Answers) as server:
+        threading.Thread(target=server.handle_request, daemon=True).start()
+        assert is_healthy(server.server_port) == (status == 200)
+
+
+def test_where_nothing_answers_it_is_not() -> None:
+    with HTTPServer(("127.0.0.1", 0), Answers, bind_and_activate=False) as server:
+        server.server_bind()
+        assert not is_healthy(server.server_port)

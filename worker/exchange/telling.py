@@ -1,0 +1,116 @@
+"""What a worker tells Redis at each of its beats, and what it asks there: all in one message, whose answer nobody waits for.
+
+A beat belongs to the event loop that fetches the worker's tasks. Over a line on which each answer takes a second, six questions
+one after the other take longer than a report lasts, and no task would be fetched meanwhile.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import redis
+from redis.connection import ConnectionInterface
+
+from worker.protocol.contract import HEARTBEAT_TTL_S, WorkerReport, order_key, prepare_queue, render_queue, worker_key
+from worker.protocol.joint import help_queue
+from worker.protocol.lifeline import lifeline
+from worker.protocol.terms import OFFER_TTL_S, Offer, offer_key, terms_key
+from worker.protocol.vitals import log_wanted_key
+
+__all__ = ["Heard", "Telling"]
+
+ANSWER_S = 15.0  # for which an answer is waited for: then the connection is taken for broken
+CONNECT_S = 5.0
+
+_AWAY = (redis.RedisError, OSError)
+
+
+@dataclass(frozen=True)
+class Heard:
+    """Redis' answer. is_taken: whether it has taken the report; is_asked: whether a call for help waits for the worker's slots;
+    waiting: tasks for workers of its kind."""
+
+    is_taken: bool
+    is_paused: bool = False
+    terms: bytes | None = None
+    is_log_wanted: bool = False
+    is_asked: bool = True
+    waiting: int = 0
+
+
+class Telling:
+    """A connection of its own. Nothing is raised where Redis is away: the worker outlives it."""
+
+    def __init__(self, redis_url: str) -> None:
+        self._redis = redis.Redis.from_url(redis_url, socket_timeout=CONNECT_S, socket_connect_timeout=CONNECT_S)
+        self._connection: ConnectionInterface | None = None
+        self._sent: deque[tuple[float, int]] = deque()  # what is not answered: when it was sent, and how many commands
+
+    def tell(self, report: WorkerReport, offer: Offer | None, more: list[tuple[Any, ...]]) -> None:
+        """Send a report. offer: what the worker offers, where it says so. more: other commands, whose answers do not matter."""
+        name, kind = report.name, report.kind
+        commands: list[tuple[Any, ...]] = [
+            ("CLIENT", "SETNAME", lifeline(name)),  # each time: the connection may be a new one
+            ("SET", worker_key(name), report.to_bytes(), "EX", HEARTBEAT_TTL_S),
+            ("EXISTS", order_key(name)),
+            ("GET", terms_key(name)),
+            ("EXISTS", log_wanted_key(name)),
+            ("EXISTS", help_queue(name)),
+            ("LLEN", prepare_queue(kind)),
+            ("LLEN", render_queue(kind)),
+        ]
+        if offer is not None:
+            commands.append(("SET", offer_key(name), offer.to_bytes(), "EX", OFFER_TTL_S))
+        commands += more
+        if self._sent and time.monotonic() - self._sent[0][0] > ANSWER_S:
+            self.close()
+        try:
+            if self._connection is None:
+                self._connection = self._redis.connection_pool.make_connection()
+                self._connection.connect()
+            connection = self._connection
+            connection.send_packed_command(connection.pack_commands(commands), check_health=False)
+            self._sent.append((time.monotonic(), len(commands)))
+        except _AWAY:
+            self.close()
+
+    def hear(self, patience_s: float = 0.0) -> Heard | None:
+        """The latest answer that came; None where none did. patience_s: how long one is waited for, if any is to come."""
+        heard: Heard | None = None
+        try:
+            while self._connection is not None and self._sent and self._connection.can_read(0.0 if heard else patience_s):
+                answers = [self._answer(self._connection) for _ in range(self._sent[0][1])]
+                self._sent.popleft()
+                heard = _understood(answers)
+        except _AWAY:
+            self.close()
+        return heard
+
+    def close(self) -> None:
+        """Close the connection, with all that is not answered."""
+        connection, self._connection = self._connection, None
+        self._sent.clear()
+        if connection is not None:
+            connection.disconnect()
+
+    @staticmethod
+    def _answer(connection: ConnectionInterface) -> Any:
+        try:
+            return connection.read_response(disable_decoding=True)
+        except redis.ResponseError as error:  # Redis is full, or something has another type
+            return error
+
+
+def _understood(answers: list[Any]) -> Heard:
+    _, taken, order, terms, log, asked, *waiting = answers[:8]
+    return Heard(
+        is_taken=taken == b"OK",
+        is_paused=order == 1,
+        terms=terms if isinstance(terms, bytes) else None,
+        is_log_wanted=log == 1,
+        is_asked=asked != 0,
+        waiting=sum(many for many in waiting if isinstance(many, int)),
+    )
