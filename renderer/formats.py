@@ -9,7 +9,7 @@ from renderer.errors import SceneError
 
 __all__ = [
     "ARCHIVE_SUFFIXES",
-    "BLENDER",
+    "BY_BLENDER",
     "FOREIGN",
     "FORMATS",
     "LONG_TAIL",
@@ -54,6 +54,7 @@ FORMATS = (
     Format(".xml", "mitsuba", is_mesh_file=False, names_files=True),
     Format(".dae", "collada", names_files=True, moves=True),
     Format(".blend", "blend", is_mesh_file=False, names_files=True, moves=True),
+    Format(".abc", "blend", is_mesh_file=False, moves=True),
     Format(".obj", "obj", names_files=True),
     Format(".3mf", "threemf"),
     Format(".ply", "ply", names_files=True),
@@ -66,22 +67,20 @@ SCENE_SUFFIXES = tuple(format.suffix for format in FORMATS)
 ARCHIVE_SUFFIXES = (".zip",)
 NAMING_SUFFIXES = (*(format.suffix for format in FORMATS if format.names_files), ".mtl", ".mtlx")
 
-# Blender itself opens its files, where it is: renderer/blender. Else this helps.
-BLENDER = ".blend"
+# Blender itself opens its files and Alembic's, where it is: renderer/blender. Else this helps.
+BY_BLENDER = tuple(format.suffix for format in FORMATS if format.reader == "blend")
 WITHOUT_BLENDER = (
     'in Blender, choose File > Export > glTF 2.0, with "Punctual Lights" and "Cameras" ticked, and give what that writes'
 )
 
 # What other programs keep their scenes in, and how to get out of each what can be read.
 _UNPACK = "Unpack it, and give the folder or a .zip of it"
-_BY_BLENDER = "In Blender, choose File > Import for it, then File > Export > glTF 2.0"
 FOREIGN = {
     ".max": "In 3ds Max, choose File > Export > glTF (2023 and later)",
     ".c4d": "In Cinema 4D, choose File > Export > glTF",
     **dict.fromkeys((".ma", ".mb"), "In Maya, choose File > Export All, and FBX there"),
     ".skp": "In SketchUp, choose File > Export > 3D Model, and COLLADA (.dae) or glTF there",
     **dict.fromkeys((".step", ".stp", ".iges", ".igs"), "Export STL or glTF from the CAD program"),
-    ".abc": _BY_BLENDER.replace("for it", "> Alembic"),
     **dict.fromkeys((".rar", ".7z", ".tar", ".gz"), _UNPACK),
 }
 

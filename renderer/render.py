@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
@@ -47,9 +47,11 @@ __all__ = [
     "warm_up",
 ]
 
-PLAIN, FULL, MOVING = EDITIONS
+PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA = EDITIONS
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
+_LAST_TILES = 2  # for each thread: of so many the samples are cut into
+_CUTS = 4  # parts, so that the threads come to an end together
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 _NO_LOG = np.empty((0, record.COLUMNS))
 
@@ -133,8 +135,8 @@ def render_frame(
 
     def render(tile: Tile, first: int, count: int) -> int:
         batch, rays = _render(prepared, settings, tile, first, count)
-        sums[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += batch.sums
         with lock:
+            sums[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += batch.sums
             stats.rays += rays
             stats.samples += count * tile.w * tile.h
             stats.bad_count += batch.bad_count
@@ -147,7 +149,7 @@ def render_frame(
             count = min(_SAMPLES_AT_ONCE, spp - first)
             if stop is not None or time_limit is not None:
                 count = min(max(first, 1), count)
-            waiting = [pool.submit(render, tile, first, count) for tile in tiles]
+            waiting = [pool.submit(render, *batch) for batch in _batches(tiles, first, count, threads)]
             try:
                 for future in waiting:
                     done += future.result()
@@ -160,6 +162,17 @@ def render_frame(
             if (stop is not None and stop(sums)) or (time_limit is not None and time.perf_counter() - begin >= time_limit):
                 break
     return sums
+
+
+def _batches(tiles: list[Tile], first: int, count: int, threads: int) -> Iterator[tuple[Tile, int, int]]:
+    """Of these samples of all tiles, as (tile, first, count): in smaller parts towards the end."""
+    whole = max(0, len(tiles) - _LAST_TILES * threads)
+    for tile in tiles[:whole]:
+        yield tile, first, count
+    part = -(-count // _CUTS)
+    for begin in range(first, first + count, part):
+        for tile in tiles[whole:]:
+            yield tile, begin, min(part, first + count - begin)
 
 
 def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sample: int) -> Replay:
@@ -198,7 +211,9 @@ def _check_pixel(settings: RenderSettings, x: int, y: int) -> None:
 def edition_for(settings: RenderSettings, scene: CompiledScene) -> str:
     """The edition of the kernel that renders the scene with these settings."""
     edition = edition_of(scene, len(settings.views) > 0)
-    return edition if edition == MOVING or has_editions(settings) else FULL
+    if settings.integrator in ("whitted", "ao"):  # which know nothing of media
+        edition = {MEDIA: FULL, MOVING_MEDIA: MOVING}.get(edition, edition)
+    return FULL if edition == PLAIN and not has_editions(settings) else edition
 
 
 def kernel_name(settings: RenderSettings | None = None, edition: str = PLAIN) -> str:

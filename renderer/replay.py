@@ -39,15 +39,15 @@ class Lamp(NamedTuple):
 class Vertex(NamedTuple):
     """What a path's ray met. Colours are linear Rec.709, places in world space."""
 
-    kind: str  # surface; passed: one that its alpha let the ray through; missed: the environment
-    object: int | None  # numbers, as in the film less one; None where nothing was met
+    kind: str  # surface; passed: one that its alpha let the ray through; medium: a point in one; missed: the environment
+    object: int | None  # numbers, as in the film less one; None where no surface was met
     material: int | None
     distance: float  # from the last vertex
     # Per steradian, with which the BSDF gave the direction, or one of two where the path had split; None: the camera's, a single
     # one, or not weighed.
     pdf: float | None
     point: Vec3 | None  # None where nothing was met
-    normal: Vec3 | None  # unit, on the viewer's side, before any normal map
+    normal: Vec3 | None  # unit, on the viewer's side, before any normal map; None where no surface was met
     direction: Vec3  # unit, in which the ray came
     throughput: Vec3  # what radiance from here counts
     emitted: Vec3  # the radiance that the vertex's own light adds to the sample
@@ -71,7 +71,8 @@ class Replay(NamedTuple):
     time: float = 0.0  # of the shutter, 0 ... 1; 0 where nothing moves or it is not told
 
 
-_KINDS = {record.SURFACE: "surface", record.PASSED: "passed", record.MISSED: "missed"}
+_KINDS = {record.SURFACE: "surface", record.PASSED: "passed", record.MISSED: "missed", record.IN_MEDIUM: "medium"}
+_BODIES = (record.SURFACE, record.PASSED)
 
 
 def _vec(row: npt.NDArray[np.float64], column: int) -> Vec3:
@@ -92,12 +93,12 @@ def _vertex(row: npt.NDArray[np.float64]) -> Vertex:
         lamp=_lamp(row) if met and row[record.LAMP_PDF] > 0 else None,
         survival=abs(end) if is_told == record.SCATTERED and end not in (0.0, record.AGAIN) else None,
         kind=_KINDS[kind],
-        object=int(row[record.OBJECT]) - 1 if met else None,
-        material=int(row[record.MATERIAL]) - 1 if met else None,
+        object=int(row[record.OBJECT]) - 1 if kind in _BODIES else None,
+        material=int(row[record.MATERIAL]) - 1 if kind in _BODIES else None,
         distance=float(row[record.DISTANCE]),
         pdf=float(row[record.PDF]) if row[record.PDF] > 0 else None,
         point=_vec(row, record.POINT) if met else None,
-        normal=_vec(row, record.NORMAL) if met else None,
+        normal=_vec(row, record.NORMAL) if kind in _BODIES else None,
         direction=_vec(row, record.DIRECTION),
         throughput=_vec(row, record.THROUGHPUT),
         emitted=(float(own[0]), float(own[1]), float(own[2])),
@@ -138,6 +139,6 @@ def read_log(batch: BatchSums, film_exponent: int, max_depth: int, log: npt.NDAr
         red, green, blue = (float(v) * 2.0**-film_exponent for v in batch.sums[COLOR, 0, 0])
         value = (red, green, blue)
     rows = [row for row in log if row[record.KIND] != record.UNSEEN]
-    surfaces = sum(row[record.KIND] == record.SURFACE for row in rows)
-    end = _end(rows[-1], surfaces >= max_depth) if rows else None
+    scattering = sum(row[record.KIND] in (record.SURFACE, record.IN_MEDIUM) for row in rows)
+    end = _end(rows[-1], scattering >= max_depth) if rows else None
     return Replay(value, [_vertex(row) for row in rows], end, float(rows[0][record.TIME]) if rows else 0.0)

@@ -17,7 +17,6 @@ import numpy.typing as npt
 
 from renderer import jit
 from renderer.arrays.edition import only
-from renderer.arrays.has import EDITIONS
 from renderer.arrays.scene import example
 from renderer.bvh.traverse import new_stack
 from renderer.kernel.camera import axes_of, camera_frame
@@ -31,7 +30,7 @@ __all__ = ["load_kernel", "motion_vectors"]
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 
-_MOVING = list(EDITIONS)[-1]
+_MOVING = "moving"
 _KERNEL = "vectors"
 _ROWS = 16  # of pixels: a part of the work
 _FURTHEST = 1e7  # pixels

@@ -46,12 +46,11 @@ def compiling_beside() -> Iterator[None]:
 
 def wait_for_farms() -> None:
     """Until all that farms render with is compiled, where that process does it: else who waits for a picture waits for it too."""
-    from renderer.arrays.has import EDITIONS
     from renderer.jit import cache_folder
-    from renderer.render import kernel_name
+    from renderer.render import FULL, MOVING, PLAIN, kernel_name
 
     compiler = int(os.environ.get(COMPILER, "0"))
-    wanted = [cache_folder() / f"{kernel_name(edition=edition)}.done" for edition in EDITIONS]
+    wanted = [cache_folder() / f"{kernel_name(edition=edition)}.done" for edition in (PLAIN, FULL, MOVING)]
     while compiler and not all(done.exists() for done in wanted) and _runs(compiler):
         time.sleep(0.2)
 
@@ -89,7 +88,7 @@ def ready_first() -> Iterator[None]:
 
 def main() -> None:
     """What farms begin with; then, side by side, what farms want next and what else the tests render with."""
-    from renderer.render import FULL, MOVING, PLAIN, warm_up
+    from renderer.render import FULL, MEDIA, MOVING, PLAIN, warm_up
     from renderer.settings import RenderSettings, View
 
     gc.disable()  # a twelfth of the time, and what compiles has next to none
@@ -103,6 +102,7 @@ def main() -> None:
         warm_up(replace(settings, integrator="ao"), FULL)
         os._exit(0)
     warm_up(settings, FULL)
+    warm_up(settings, MEDIA)
     warm_up(replace(settings, sampling="light"), FULL)
     warm_up(replace(settings, integrator="whitted"), FULL)
     os.waitpid(child, 0)

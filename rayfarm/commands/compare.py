@@ -59,15 +59,17 @@ def compare(
     suffix = scene.suffix.lower()
     if suffix not in (".xml", ".pbrt"):
         raise CommandError(f"{scene.name} is not a Mitsuba or pbrt scene; those are .xml and .pbrt files")
-    name = "pbrt" if suffix == ".pbrt" else "Mitsuba"
+    peer_name = "pbrt" if suffix == ".pbrt" else "Mitsuba"
     if output is not None:
         if output.suffix.lower() != ".png":
             raise CommandError(f"{output.name}: what is written is a .png; end the name so")
         check_writable(output)
-    peer = _pbrt(scene) if name == "pbrt" else _mitsuba()
+    peer = _pbrt(scene) if peer_name == "pbrt" else _mitsuba()
     import numpy as np
 
     from rayfarm.library.render import render
+    from rayfarm.unlike import known_differences
+    from renderer.scene.load import read
 
     with warnings.catch_warnings(record=True) as notes:
         warnings.simplefilter("always")
@@ -75,13 +77,13 @@ def compare(
     for note in notes:
         err.print(f"note: {note.message}", markup=False, soft_wrap=True)
     with bar() as progress:
-        progress.add_task(f"{name} is rendering", total=None)
-        theirs = _of_pbrt(peer, scene, spp) if name == "pbrt" else _theirs(peer, scene, spp)
+        progress.add_task(f"{peer_name} is rendering", total=None)
+        theirs = _of_pbrt(peer, scene, spp) if peer_name == "pbrt" else _theirs(peer, scene, spp)
     if theirs.shape != ours.shape:
         sizes = [f"{each.shape[1]}x{each.shape[0]}" for each in (theirs, ours)]
-        raise CommandError(f"{name}'s picture is {sizes[0]}, and ours {sizes[1]}")
+        raise CommandError(f"{peer_name}'s picture is {sizes[0]}, and ours {sizes[1]}")
     ratio = ours.mean() / max(theirs.mean(), 1e-12)
-    out.print(f"mean        {ours.mean():.5g} of Rayfarm, {theirs.mean():.5g} of {name}: {ratio - 1:+.2%}")
+    out.print(f"mean        {ours.mean():.5g} of Rayfarm, {theirs.mean():.5g} of {peer_name}: {ratio - 1:+.2%}")
     for name, a, b in zip(("red", "green", "blue"), ours.mean((0, 1)), theirs.mean((0, 1)), strict=True):
         out.print(f"  {name:<9} {a:.5g}, {b:.5g}: {a / max(b, 1e-12) - 1:+.2%}")
     blocks = _blocks(ours, theirs)
@@ -92,6 +94,8 @@ def compare(
     )
     relative = ((ours - theirs) ** 2 / (theirs**2 + 1e-2)).mean()
     out.print(f"relMSE      {relative:.4g}; of noise alone it falls as samples grow")
+    for reason in known_differences(read(scene.parent, scene.name), peer_name):
+        out.print(f"known: {reason}.", markup=False, soft_wrap=True)
     if output is not None:
         write(output, _side_by_side(ours, theirs, exposure))
         err.print(f"{output} written", markup=False, soft_wrap=True)

@@ -18,7 +18,7 @@ from renderer.errors import SceneError
 
 __all__ = ["as_files"]
 
-_NAMING = ("file", "image")  # keys whose value is a file's name
+_NAMING = ("file", "image", "picture", "profile")  # keys whose value is a file's name
 
 
 @contextlib.contextmanager

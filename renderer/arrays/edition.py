@@ -19,7 +19,8 @@ _TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANS
 _HIDDEN = rows.LAMP | rows.UNSEEN | rows.SHADELESS | rows.FACING
 _LAYERS = rows.DISPERSIVE | rows.ABSORBING
 _NOTHING: Any = None  # in the place of an array that the kernel need not know of
-_KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_texture")
+_MEDIA = ("medium", "material_medium")
+_KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_emission_frame", "key_texture")
 _LAYERED_KINDS = (rows.BLINN_PHONG, rows.LAYERED)
 
 
@@ -35,6 +36,7 @@ def edition_of(scene: CompiledScene, camera_moves: bool = False) -> str:
         "layers": bool(flags & _LAYERS) or bool(np.isin(scene.material_kind, _LAYERED_KINDS).any()),
         "instances": len(scene.to_world) > 0,
         "motion": camera_moves or _moves(scene),
+        "media": bool(flags & rows.SCATTERS_WITHIN) or len(scene.medium) > 1 or bool(scene.medium.any()),
     }
     wanted = {part for part, needed in needs.items() if needed}
     return next(name for name, has in EDITIONS.items() if all(getattr(has, part) for part in wanted))
@@ -46,6 +48,8 @@ def only(scene: CompiledScene, edition: str) -> CompiledScene:
     bvh = scene.bvh._replace(instances=has.instances)
     if has.textures is None:
         bvh = bvh._replace(begin=_NOTHING)
+    if has.media is None:
+        scene = scene._replace(**dict.fromkeys(_MEDIA, _NOTHING))
     if has.motion is None:
         scene = scene._replace(**dict.fromkeys(_KEYS, _NOTHING))
         bvh = bvh._replace(**dict.fromkeys(("motion", "instance_motion", "keyed"), _NOTHING))

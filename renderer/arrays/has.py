@@ -19,13 +19,16 @@ class Has(NamedTuple):
     layers: Any  # materials of many properties, what they absorb, and how they spread colours
     instances: Any
     motion: Any  # while the shutter is open: of the camera, or of anything else
+    media: Any  # that scatter, or are bounded by no surface; and what goes on beneath some
 
 
-# From what compiles and runs fastest to what does all. One for every set of parts would be 16, each compiled when it is first
+# From what compiles and runs fastest to what does all. One for every set of parts would be 64, each compiled when it is first
 # wanted, and somebody waits for each.
 EDITIONS = {
-    "plain": Has(None, None, None, None, None),
-    "full": Has(True, True, True, True, None),
-    "moving": Has(True, True, True, True, True),
+    "plain": Has(None, None, None, None, None, None),
+    "full": Has(True, True, True, True, None, None),
+    "moving": Has(True, True, True, True, True, None),
+    "media": Has(True, True, True, True, None, True),
+    "moving-media": Has(True, True, True, True, True, True),
 }
 EVERYTHING = EDITIONS["full"]  # of what stands still

@@ -1,5 +1,6 @@
 """Where each property of a material stands in the compiled scene's rows: the columns of `material`, the slots of
-`material_texture`, the bits of `material_flags`; and what the rows of textures hold. Colours take three columns from theirs on.
+`material_texture`, the bits of `material_flags`; and what the rows of textures and media hold. Colours take three columns from
+theirs on.
 """
 
 from __future__ import annotations
@@ -8,8 +9,8 @@ from __future__ import annotations
 PART_MATERIAL, PART_OBJECT, PART_SHINES = range(3)
 PART_COLUMNS = 3
 
-# Kinds: how a material scatters.
-DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYERED = range(8)
+# Kinds: how a material scatters. INTERFACE does not, and MEDIUM is no material's, but that of vertices within a medium.
+DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYERED, INTERFACE, MEDIUM = range(10)
 
 # Columns of `material`, float32.
 BASE = 0
@@ -43,7 +44,10 @@ K = 43
 SHININESS = 46
 F0 = 47  # a dielectric's reflectance at normal incidence
 MEAN_FRESNEL = 50  # a conductor's, over the cosine-weighted hemisphere
-COLUMNS = 53
+SUBSURFACE = 53
+SUBSURFACE_RADIUS = 54
+SUBSURFACE_ANISOTROPY = 57
+COLUMNS = 58
 
 # What renderer/kernel/material/layers.py adds to a row where it looks up a material's textures.
 COAT_NORMAL = COLUMNS  # in the shading frame
@@ -102,4 +106,12 @@ LAMP = 1024  # rays that meet it take its light and go on, and it casts no shado
 UNSEEN = 2048  # by the camera
 SHADELESS = 4096  # no shadow ray meets it
 FACING = 8192  # a sphere's light is that of a disk through its middle which faces whoever looks
+SCATTERS_WITHIN = 16384  # some of its diffuse light goes through its inside: subsurface
 TRANSPARENT = MASKED | BLENDED
+
+# Columns of `medium`, float32.
+SIGMA_A = 0  # three, per unit length
+SIGMA_S = 3
+PHASE_G = 6
+MEDIUM_COLUMNS = 8
+MOST_MEDIA = 1024  # and one more than there are: a path keeps three in a word (renderer/kernel/medium/nesting.py)

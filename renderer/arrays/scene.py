@@ -14,7 +14,18 @@ import numpy.typing as npt
 
 from renderer.arrays.has import EVERYTHING, Has
 from renderer.arrays.light_rows import CHILD, LIGHT_ROWS, LIGHT_WIDTH, PARALLELOGRAM
-from renderer.arrays.rows import ABOVE, COLUMNS, PART_MATERIAL, PART_SHINES, SLOTS, TEXTURE_COLUMNS, TEXTURED, TRANSFORM_COLUMNS
+from renderer.arrays.rows import (
+    ABOVE,
+    COLUMNS,
+    MEDIUM_COLUMNS,
+    MOST_MEDIA,
+    PART_MATERIAL,
+    PART_SHINES,
+    SLOTS,
+    TEXTURE_COLUMNS,
+    TEXTURED,
+    TRANSFORM_COLUMNS,
+)
 from renderer.bvh.layout import INSTANCE, KEY_COLUMNS, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.errors import SceneError
 
@@ -26,7 +37,8 @@ Array = npt.NDArray[Any]
 class CompiledScene(NamedTuple):
     """What the kernel reads.
 
-    I instances, V vertices, T triangles in P parts, S spheres, M materials, X textures, L lights, K of them punctual.
+    I instances, V vertices, T triangles in P parts, S spheres, M materials, X textures, m media, L lights, K of them
+    punctual.
     """
 
     bvh: Bvh
@@ -55,6 +67,9 @@ class CompiledScene(NamedTuple):
     material: Array  # (M, COLUMNS) f32
     material_texture: Array  # (M, SLOTS) i32: rows of `texture`; -1 for none
 
+    medium: Array  # (m, MEDIUM_COLUMNS) f32: what light passes through, the world's first
+    material_medium: Array  # (M,) i32: the row of its inside; -1 where passing it does not change what one is in
+
     # (X, 9) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1), UV set, the row of the layer
     # above (-1: none), the operation by which it is a layer itself
     texture: Array
@@ -70,6 +85,13 @@ class CompiledScene(NamedTuple):
     sun: Array  # (U,) i32: the lights that are suns, which rays meet
     punctual_kind: Array  # (K,) i32: renderer.kernel.light.punctual's POINT, SPOT, DIRECTIONAL, SUN
     punctual: Array  # (K, 12) f32: renderer/scene/punctual.py
+    # What lights without a body send into each direction (renderer/kernel/light/emission_map.py). Of E maps: the first texel,
+    # width, height, kind; how their coordinates become columns and lines (scale and offset of each), and the first and the last
+    # column and line that are lit; linear light.
+    emission_map: Array  # (E, 4) i32
+    emission_window: Array  # (E, 8) f32
+    emission: Array  # (e, 3) f32
+    emission_frame: Array  # (K, 4) f32: unit vector r, and the light's map, -1 for none; no rows where no light has one
 
     environment: Array  # (H, W, 3) f32 radiance, colour and strength multiplied in; (1, 1, 3) if constant, zeros if none
     environment_marginal: Array  # (H + 1,) f32: cdf over rows: weight (renderer/scene/lights.py) times solid angle
@@ -87,6 +109,7 @@ class CompiledScene(NamedTuple):
     key_normal: Array = np.zeros((0, 3), np.float32)  # (D, 3) f32
     key_sphere: Array = np.zeros((0, 4), np.float32)  # (Z, 4) f32
     key_punctual: Array = np.zeros((0, 12), np.float32)  # (J, 12) f32: rows of `punctual`, light by light
+    key_emission_frame: Array = np.zeros((0, 4), np.float32)  # (J, 4) f32: rows of `emission_frame`, light by light
     key_texture: Array = np.zeros((0, 6), np.float32)  # (F, 6) f32: matrices of `texture_transform`, texture by texture
 
     has: Has = EVERYTHING  # which parts of the kernel the scene needs
@@ -120,6 +143,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "material_flags": ("<i4", ("M",)),
     "material": ("<f4", ("M", COLUMNS)),
     "material_texture": ("<i4", ("M", SLOTS)),
+    "medium": ("<f4", ("m", MEDIUM_COLUMNS)),
+    "material_medium": ("<i4", ("M",)),
     "texture": ("<i4", ("X", TEXTURE_COLUMNS)),
     "texture_transform": ("<f4", ("X", TRANSFORM_COLUMNS)),
     "light_primitive": ("<i4", ("L",)),
@@ -131,6 +156,9 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "sun": ("<i4", ("U",)),
     "punctual_kind": ("<i4", ("K",)),
     "punctual": ("<f4", ("K", 12)),
+    "emission_map": ("<i4", ("E", 4)),
+    "emission_window": ("<f4", ("E", 8)),
+    "emission_frame": ("<f4", ("K?", 4)),
     "environment": ("<f4", ("H", "W", 3)),
     "environment_marginal": ("<f4", ("H+1",)),
     "environment_conditional": ("<f4", ("H", "W+1")),
@@ -146,7 +174,9 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "key_normal": ("<f4", ("D", 3)),
     "key_sphere": ("<f4", ("Z", 4)),
     "key_punctual": ("<f4", ("J", 12)),
+    "key_emission_frame": ("<f4", ("J?", 4)),
     "key_texture": ("<f4", ("F", 6)),
+    "emission": ("<f4", ("e", 3)),
     "texel": ("|u1", ("Q", 4)),
 }
 
@@ -216,6 +246,7 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
         ("guide", 0, primitives),
         ("sun", 0, lengths["L"]),
         ("material_texture", -1, lengths["X"]),
+        ("material_medium", -1, lengths["m"]),
         ("environment_row_start", 0, lengths["H"]),
         ("environment_column_start", 0, lengths["W"]),
     ):
@@ -236,6 +267,13 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
         and (texture[:, 0] + texture[:, 1] * texture[:, 2]).max() <= lengths["Q"]
     ):
         raise SceneError("a texture reaches beyond the texels")
+    maps = arrays["emission_map"].astype(np.int64)
+    if len(maps) and not (
+        maps.min() >= 0 and maps[:, 1:3].min() > 0 and (maps[:, 0] + maps[:, 1] * maps[:, 2]).max() <= lengths["O"]
+    ):
+        raise SceneError("a light's map reaches beyond its texels")
+    for name in ("emission_frame", "key_emission_frame"):
+        _check_range(f"{name}'s map", arrays[name][:, 3].astype(np.int64), -1, lengths["E"])
     above = texture[:, ABOVE]
     if not ((above == -1) | ((above > np.arange(len(above))) & (above < len(above)))).all():
         raise SceneError("a texture's layer is not further on in the list of textures")
@@ -246,6 +284,8 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
     _check_motion(arrays, lengths)
     if min(lengths[letter] for letter in "NHWAB") < 1:
         raise SceneError("the BVH or the environment is empty")
+    if not 1 <= lengths["m"] < MOST_MEDIA:
+        raise SceneError("there is no medium around the scene, or more than a path can tell apart")
     children = arrays["bvh.node"][:, NODE_ROWS - 1].view("<i4")
     leaves = ~children[children < 0]
     beyond = np.where(leaves & INSTANCE, lengths["I"], lengths["C"])

@@ -1,4 +1,4 @@
-""".blend files: Blender opens them, in a process of its own that can do little harm, and writes what is read here.
+""".blend and Alembic files: Blender opens them, in a process of its own that can do little harm, and writes what is read here.
 
 program.py   finds Blender: a program, or a Python that has it as a module
 convert.py   has it write a scene of ours, and says what came of it

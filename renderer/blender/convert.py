@@ -1,4 +1,4 @@
-"""Has Blender write what is in a .blend file as a scene of ours, in a process that is bounded and sees nothing else."""
+"""Has Blender write what is in a .blend or .abc file as a scene of ours, in a process that is bounded and sees nothing else."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SCRIPT = HERE / "inside" / "export.py"
 # Blender's add-on, whose modules know shaders: at the top of a clone, in the service's package where Rayfarm is installed.
 _ABOVE = HERE.parents[1]
 _ADDONS = tuple(place / "blender" / "rayfarm_addon" for place in (_ABOVE, _ABOVE / "service"))
-WRITTEN = ("blender-scene.yaml", "blender-scene.glb", "blender-world.exr")
+WRITTEN = ("blender-scene.yaml", "blender-scene.glb", "blender-world.exr", "blender-lamp-*.exr")
 OWN_MEMORY = 6 << 30  # address space that Blender takes before it has opened anything
 MOST_BYTES = 8 << 30
 LAST_WORDS = 600
@@ -42,7 +42,7 @@ class _SlowError(Exception):
 def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: int, seconds: float) -> str:
     """Writes blender-scene.yaml, and the files that it names, into the folder `out`; returns the name of the first.
 
-    folder: the .blend and the files that came along, which alone it may open; main: the name of the .blend in it.
+    folder: the file and those that came along, which alone it may open; main: its name in it.
     Raises SceneError with a sentence that begins with that name.
     """
     with tempfile.TemporaryDirectory(prefix="rayfarm-blender-") as name:
@@ -68,10 +68,9 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
             ) from None
         if "error" in report:
             raise SceneError(f"{main}: {report['error']}.")
-        for each in WRITTEN:
-            path = work / each
+        for path in sorted(found for each in WRITTEN for found in work.glob(each)):
             if path.is_file() and not path.is_symlink():
-                shutil.move(path, out / each)
+                shutil.move(path, out / path.name)
     return WRITTEN[0]
 
 

@@ -33,6 +33,7 @@ from renderer.kernel.integrators.path import trace_path
 from renderer.kernel.integrators.record import COLUMNS
 from renderer.kernel.integrators.transport import FIRST_HIT_SLOTS, TIME_BLOCK, first_hit
 from renderer.kernel.integrators.whitted import trace_whitted
+from renderer.kernel.medium.around import nest_of_camera
 from renderer.kernel.options import is_special, kernel_options
 from renderer.kernel.pool.trace import Part, pool_for, render_with_pool, stages
 from renderer.kernel.sampling.filter import filter_offset
@@ -49,6 +50,7 @@ MAX_BAD = 64  # bad samples that are reported; further ones are only counted
 _COLOR, _COLOR_HALF, _ALBEDO, _NORMAL = COLOR.start, COLOR_HALF.start, ALBEDO.start, NORMAL.start
 _POSITION = POSITION.start
 _TIME = np.uint32(TIME_BLOCK)
+_ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _NOTHING = (np.int64(0), np.int64(0), np.int64(0))
 
@@ -111,6 +113,7 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
     rays = 0
     scale = options.scale
     hit = local_floats(FIRST_HIT_SLOTS)
+    nest = nest_of_camera(scene, stack, camera)
     for y in range(sums.shape[1]):
         for x in range(sums.shape[2]):
             pixel = pixel_key(x0 + x, y0 + y)
@@ -124,7 +127,7 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
                 o, d, start = _ray(camera, film_x, film_y, (u[2], u[3]), time)
                 u = draw_film(Stream(options.sampler, options.seed, pixel, np.uint32(sample + 1)))  # in good time, as in path.py
                 stream = Stream(options.sampler, options.seed, pixel, np.uint32(sample))
-                radiance, met = trace(scene, stack, o, d, time, options, stream, log, hit)
+                radiance, met = trace(scene, stack, o, d, time, nest, options, stream, log, hit)
                 rays += met
                 base, upright, place, distance, object_number, material_number = first_hit(hit)
                 finite = vec.is_finite(radiance) and vec.is_finite(upright) and vec.is_finite(base)
@@ -140,7 +143,7 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
                 albedo = _sum3(albedo, _fixed3(base, scale))
                 normal = _sum3(normal, _fixed3(upright, scale))
                 position = _sum3(position, _fixed3(place, scale))
-                depth += fixed(distance + start if object_number != 0 else distance, scale)
+                depth += fixed(distance + start if distance > _ZERO else distance, scale)
                 samples += 1
                 if sample == 0:  # numbers cannot be averaged, so one sample has the say
                     object_id = np.int64(object_number)

@@ -15,6 +15,7 @@ from renderer.bvh.without import leave_out
 from renderer.kernel.light.punctual import SUN, SUN_UNSEEN
 from renderer.scene import over_the_shutter
 from renderer.scene.description import I32, Camera, SceneDescription
+from renderer.scene.emission_maps import maps_of, tabulate_emission
 from renderer.scene.emitters import emitting_triangles, sends_evenly
 from renderer.scene.environment import (
     EnvironmentTables,
@@ -71,7 +72,9 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     say("packing textures", 0.25)
     packed = stood.packed
     say("listing lights", 0.4)
-    punctual = tabulate_punctual(description.lights, stood.bounds)
+    maps = maps_of(description.lights)
+    emission = kept.recall("emission", lambda: maps, lambda: tabulate_emission(maps))
+    punctual = tabulate_punctual(description.lights, stood.bounds, maps, emission)
     double_sided = np.array([m.double_sided for m in description.materials], bool)
     emitters = emitting_triangles(packed, geometry)
     sphere_keys = over_the_shutter.sphere_keys(description, stood.spheres[stood.still_spheres :])
@@ -117,6 +120,8 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         material_flags=packed.material_flags,
         material=packed.material,
         material_texture=packed.material_texture,
+        medium=packed.medium,
+        material_medium=packed.material_medium,
         texture=packed.texture,
         texture_transform=packed.texture_transform,
         texel=packed.texel,
@@ -135,6 +140,10 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         sun=_suns(lights.primitive, punctual.kind, len(joined.triangle) + len(sphere)),
         punctual_kind=punctual.kind,
         punctual=punctual.row,
+        emission_map=emission.map,
+        emission_window=emission.window,
+        emission=emission.texel,
+        emission_frame=punctual.frame,
         environment=environment.radiance,
         **search,
         environment_frame=environment.frame(chance),
@@ -143,10 +152,11 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         key_normal=geometry.keys[:, 1].reshape(-1, 3),
         key_sphere=sphere_keys.reshape(-1, 4),
         key_punctual=over_the_shutter.punctual_keys(description.lights),
+        key_emission_frame=over_the_shutter.emission_frame_keys(description.lights, maps),
         key_texture=packed.key_texture,
     )
     kept.lights_power = lights.power
-    kept.cuts = _cuts(stood, laid, (environment, search))
+    kept.cuts = _cuts(stood, laid, (environment, search), emission)
     scene = seal(arrays, _to_check(stood, laid, arrays, kept))
     say("done", 1.0)
     return scene
@@ -162,7 +172,7 @@ def _image_of(description: SceneDescription) -> np.ndarray | None:
     return None if source is None or source.image is None else description.images[source.image].pixels
 
 
-def _cuts(stood: Stood, laid: Laid, environment: tuple[object, ...]) -> Cuts:
+def _cuts(stood: Stood, laid: Laid, environment: tuple[object, ...], emission: object) -> Cuts:
     still, bodies, _ = stood.sections
     joined = stood.joined
     geometry = joined.geometry
@@ -173,6 +183,7 @@ def _cuts(stood: Stood, laid: Laid, environment: tuple[object, ...]) -> Cuts:
         "bodies": (still, bodies, laid.kept[1], *where),
         "materials": (stood.packed,),
         "textures": (stood.packed,),
+        "emission": (emission,),
         "environment": environment,
     }
     return Cuts(joined.first_vertex, joined.first_triangle, laid.node, laid.packet, heads)

@@ -21,6 +21,8 @@ __all__ = [
     "AlphaMode",
     "Blend",
     "Camera",
+    "EmissionKind",
+    "EmissionMap",
     "Environment",
     "Falloff",
     "Image",
@@ -29,6 +31,7 @@ __all__ = [
     "LightKind",
     "Material",
     "MaterialKind",
+    "Medium",
     "Mesh",
     "SceneDescription",
     "Sky",
@@ -46,6 +49,7 @@ I32 = npt.NDArray[np.int32]
 LightKind = Literal["point", "spot", "directional"]
 Falloff = Literal["squared", "smooth", "linear", "smooth angle"]
 Seen = Literal["never", "mirrored", "always"]
+EmissionKind = Literal["sphere", "window", "screen"]
 Wrap = Literal["repeat", "mirror", "clamp"]
 TexelFilter = Literal["linear", "nearest"]
 Blend = Literal["over", "multiply", "add", "subtract", "divide", "screen", "signed_add", "darken", "lighten", "difference"]
@@ -139,12 +143,29 @@ class Sphere:
     keys: tuple[tuple[Vec3, float], ...] = ()  # centres and radii, as Instance.keys
 
 
+@dataclass(frozen=True, eq=False)
+class EmissionMap:
+    """What multiplies a light's intensity, direction by direction: renderer/kernel/light/emission_map.py has the coordinates.
+
+    edges: left, right, top, bottom, in radians of a sphere, where left and right are 2 pi apart and top is at 0 or more; of a
+    window or a screen in the plane at the distance 1, to the right and up. Beyond top and bottom, left and right it is dark.
+    """
+
+    kind: EmissionKind
+    values: F32  # (h, w, 3) linear, 0 or more, rows from the top
+    edges: tuple[float, float, float, float]
+    # Of a sphere: whether its first and last row lie at the edges and its first column at the left one, instead of each in the
+    # middle of its share.
+    at_edges: bool = False
+
+
 @dataclass
 class Light:
     """A light without a body: seen by what it lights, never by a ray that happens to meet it, but for a sun.
 
     intensity: radiant intensity (point, spot: radiance units times area) or irradiance at normal incidence (directional).
     radius (point, spot) and angle (directional: the degrees it spans, 0.53 for the sun) soften its shadows.
+    emission (point, spot): multiplies it; its axis is `direction`, and `up` what is up in it, as far as it is across that.
     """
 
     kind: LightKind
@@ -158,6 +179,8 @@ class Light:
     falloff: Falloff = "squared"  # between them: renderer/kernel/light/punctual.py
     facing: bool = False  # point, spot: the radius is that of a disk which faces what it lights, not of a sphere
     seen: Seen = "never"  # directional, with an angle: whether rays meet its disk; mirrored: all but the camera's
+    emission: EmissionMap | None = None
+    up: Vec3 = (0.0, 1.0, 0.0)
     name: str = "light"
     keys: tuple[Light, ...] = ()  # as Instance.keys
 
@@ -195,6 +218,19 @@ class Environment:
 
 
 @dataclass
+class Medium:
+    """What fills the world outside of everything: fog, haze, water. Of the inside of things their materials say the same.
+
+    sigma_a, sigma_s: what it absorbs and scatters, rgb per scene unit, from 0 to MOST_DENSE. g: Henyey-Greenstein's mean cosine,
+    -MOST_FORWARD ... MOST_FORWARD (renderer/scene/material.py).
+    """
+
+    sigma_a: Vec3 = (0.0, 0.0, 0.0)
+    sigma_s: Vec3 = (0.0, 0.0, 0.0)
+    g: float = 0.0
+
+
+@dataclass
 class Camera:
     """A named view. keys: as Instance.keys."""
 
@@ -222,6 +258,7 @@ class SceneDescription:
     textures: list[Texture] = field(default_factory=list)
     images: list[Image] = field(default_factory=list)
     environment: Environment | None = None
+    medium: Medium | None = None  # of the world, the camera in it unless it is inside of something
     cameras: list[Camera] = field(default_factory=list)
     up: Vec3 = (0.0, 1.0, 0.0)
     studio_for_accents: bool = False  # without environment and with weak lights, compiling adds the studio's

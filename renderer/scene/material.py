@@ -14,6 +14,7 @@ from renderer.errors import SceneError
 from renderer.scene.parameters import (
     EVERY_KIND,
     PRINCIPLED,
+    SURFACES,
     MaterialKind,
     choice,
     color,
@@ -25,13 +26,15 @@ from renderer.scene.parameters import (
 )
 from renderer.settings import Vec3
 
-__all__ = ["ALL_REFLECTING_IOR", "PARAMETERS", "AlphaMode", "Material", "check"]
+__all__ = ["ALL_REFLECTING_IOR", "MOST_DENSE", "MOST_FORWARD", "PARAMETERS", "AlphaMode", "Material", "check"]
 
 AlphaMode = Literal["opaque", "mask", "blend"]
 
 _ROUGH = ("glass", "conductor", *PRINCIPLED)
 _BRUSHED = ("conductor", *PRINCIPLED)
 _REFRACTS = ("glass", *PRINCIPLED)
+_BOUNDS = (*_REFRACTS, "interface")
+_MATT = ("diffuse", *PRINCIPLED)
 _METAL = ("conductor",)
 _PHONG = ("blinn_phong",)
 
@@ -46,6 +49,8 @@ _FILM = "KHR_materials_iridescence."
 _DISPERSION = "KHR_materials_dispersion."
 _DIFFUSE = "KHR_materials_diffuse_transmission."
 
+MOST_DENSE = 1e9  # of what media absorb or scatter, per scene unit
+MOST_FORWARD = 0.999  # a phase function's g, and its negative
 ALL_REFLECTING_IOR = 1000.0  # by which normal incidence reflects 0.996
 
 
@@ -55,9 +60,10 @@ class Material:
 
     Textures multiply their factors, in glTF's packing; the channel is named beside each. The kinds use what they know:
 
-    diffuse: base_color. mirror: base_color. glass: base_color, ior, roughness, dispersion, attenuation. conductor: eta, k,
-    roughness, anisotropy. blinn_phong: base_color (kd), specular_color (ks), shininess. unlit: base_color is what is seen.
-    metallic_roughness: all from metallic to diffuse_transmission_color, as glTF 2.0 and its KHR_materials extensions say.
+    diffuse: base_color, subsurface. mirror: base_color. glass: base_color, ior, roughness, dispersion, attenuation, sigma_a,
+    sigma_s, g. conductor: eta, k, roughness, anisotropy. blinn_phong: base_color (kd), specular_color (ks), shininess. unlit:
+    base_color is what is seen. metallic_roughness: all from metallic to subsurface_anisotropy, as glTF 2.0 and its KHR_materials
+    extensions say where they do. interface: no surface at all, but the boundary of a medium: attenuation, sigma_a, sigma_s, g.
 
     emission: radiance; emission_texture multiplies it. It leaves the front face (counter-clockwise side, or a sphere's
     outside), and the back face too where `double_sided`. Scattering is the same from both sides in any case.
@@ -65,32 +71,32 @@ class Material:
     """
 
     name: str = "default"
-    kind: MaterialKind = choice("diffuse", EVERY_KIND)
+    kind: MaterialKind = choice("diffuse", EVERY_KIND, EVERY_KIND)
     """Found by the other fields unless given."""
-    base_color: Vec3 = color(0.8, rows.BASE, in_file="color", kinds=EVERY_KIND)
+    base_color: Vec3 = color(0.8, rows.BASE, in_file="color", kinds=SURFACES)
     base_color_texture: int | None = texture(
-        rows.BASE_TEXTURE, in_file="texture", kinds=EVERY_KIND, srgb=True, gltf=_PBR + "baseColorTexture"
+        rows.BASE_TEXTURE, in_file="texture", kinds=SURFACES, srgb=True, gltf=_PBR + "baseColorTexture"
     )
     """Multiplies the colour; its alpha the opacity."""
-    opacity: float = number(1.0, rows.OPACITY, kinds=EVERY_KIND)  # times the base colour texture's alpha and the vertex colour's
+    opacity: float = number(1.0, rows.OPACITY, kinds=SURFACES)  # times the base colour texture's alpha and the vertex colour's
     alpha_mode: AlphaMode = choice("opaque", get_args(AlphaMode))
     """blend where opacity is below 1, unless given."""
-    alpha_cutoff: float = number(0.5, rows.ALPHA_CUTOFF, high=2.0, kinds=EVERY_KIND, gltf="alphaCutoff")
+    alpha_cutoff: float = number(0.5, rows.ALPHA_CUTOFF, high=2.0, kinds=SURFACES, gltf="alphaCutoff")
     """What mask lets stand."""
-    normal_texture: int | None = texture(rows.NORMAL_TEXTURE, kinds=EVERY_KIND, layered=False, gltf="normalTexture")
-    normal_scale: float = number(1.0, rows.NORMAL_SCALE, -100.0, 100.0, EVERY_KIND, gltf="normalTexture.scale")
-    emission: Vec3 = color(0.0, high=1e9, kinds=EVERY_KIND, form="radiance")
+    normal_texture: int | None = texture(rows.NORMAL_TEXTURE, kinds=SURFACES, layered=False, gltf="normalTexture")
+    normal_scale: float = number(1.0, rows.NORMAL_SCALE, -100.0, 100.0, SURFACES, gltf="normalTexture.scale")
+    emission: Vec3 = color(0.0, high=1e9, kinds=SURFACES, form="radiance")
     """Radiance: what has some is a light."""
-    emission_texture: int | None = texture(None, kinds=EVERY_KIND, srgb=True)
-    double_sided: bool = flag(rows.DOUBLE_SIDED, EVERY_KIND, gltf="doubleSided")
+    emission_texture: int | None = texture(None, kinds=SURFACES, srgb=True)
+    double_sided: bool = flag(rows.DOUBLE_SIDED, SURFACES, gltf="doubleSided")
     """Whether the back shines too."""
-    lamp: bool = flag(kinds=EVERY_KIND)
+    lamp: bool = flag(kinds=SURFACES)
     """A light and no body: what meets it takes its light and goes on, and it casts no shadow."""
-    unseen: bool = flag(kinds=EVERY_KIND)
+    unseen: bool = flag(kinds=SURFACES)
     """The camera sees what is behind it; all else does see it."""
-    shadeless: bool = flag(kinds=EVERY_KIND)
+    shadeless: bool = flag(kinds=SURFACES)
     """It casts no shadow on what lights shine on; all else does see it."""
-    facing: bool = flag(kinds=EVERY_KIND)
+    facing: bool = flag(kinds=SURFACES)
     """A sphere's light is that of a disk through its middle which faces whoever looks: Cycles' soft falloff."""
     metallic: float = number(0.0, rows.METALLIC, gltf=_PBR + "metallicFactor", mtl="Pm")
     roughness: float | None = number(None, kinds=_ROUGH, gltf=_PBR + "roughnessFactor")
@@ -132,9 +138,15 @@ class Material:
     """Red."""
     thin: bool = flag(kinds=_REFRACTS)
     """A pane, which does not refract."""
-    attenuation_color: Vec3 = color(1.0, kinds=_REFRACTS, gltf=_VOLUME + "attenuationColor")
+    attenuation_color: Vec3 = color(1.0, kinds=_BOUNDS, gltf=_VOLUME + "attenuationColor")
     """What is left of white after attenuation_distance."""
-    attenuation_distance: float = number(math.inf, high=math.inf, above=True, kinds=_REFRACTS)
+    attenuation_distance: float = number(math.inf, high=math.inf, above=True, kinds=_BOUNDS)
+    sigma_a: Vec3 = color(0.0, high=MOST_DENSE, kinds=_BOUNDS, form="triple")
+    """What the inside absorbs, per scene unit; beside what attenuation_color says."""
+    sigma_s: Vec3 = color(0.0, high=MOST_DENSE, kinds=_BOUNDS, form="triple")
+    """What the inside scatters, per scene unit."""
+    g: float = number(0.0, None, -MOST_FORWARD, MOST_FORWARD, _BOUNDS)
+    """The mean cosine by which the inside scatters: Henyey-Greenstein's; 0 evenly, above 0 onwards, below 0 back."""
     dispersion: float = number(0.0, rows.DISPERSION, high=20.0, kinds=_REFRACTS, gltf=_DISPERSION + "dispersion")
     """20 / Abbe number."""
     anisotropy: float = number(0.0, rows.ANISOTROPY, kinds=_BRUSHED, gltf=_BRUSH + "anisotropyStrength", mtl="aniso")
@@ -163,6 +175,12 @@ class Material:
     diffuse_transmission_color_texture: int | None = texture(
         rows.DIFFUSE_TRANSMISSION_COLOR_TEXTURE, srgb=True, gltf=_DIFFUSE + "diffuseTransmissionColorTexture"
     )
+    subsurface: float = number(0.0, rows.SUBSURFACE, kinds=_MATT)
+    """How much of the diffuse light goes through the inside, and comes out beside."""
+    subsurface_radius: Vec3 = color(1.0, rows.SUBSURFACE_RADIUS, MOST_DENSE, _MATT, form="triple")
+    """How far red, green and blue go there before they are scattered, on average, in scene units."""
+    subsurface_anisotropy: float = number(0.0, rows.SUBSURFACE_ANISOTROPY, -MOST_FORWARD, MOST_FORWARD, _MATT)
+    """As g, of subsurface."""
     eta: Vec3 = color(0.0, rows.ETA, 100.0, _METAL, form="triple")
     """A conductor's index of refraction is eta + i k, at the primaries."""
     k: Vec3 = color(1.0, rows.K, 1e6, _METAL, form="triple")

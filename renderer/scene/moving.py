@@ -132,7 +132,7 @@ _CHANGES = "the mesh {}, whose triangles change"
 _STILL = {
     "materials": ("materials",),
     "pictures": ("images",),
-    "the environment": ("environment",),
+    "the environment": ("environment", "medium"),
 }
 
 

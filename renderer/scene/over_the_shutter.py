@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,12 @@ import numpy.typing as npt
 from renderer.bvh.layout import KEY_COLUMNS
 from renderer.bvh.rigid import motion_keys
 from renderer.bvh.transforms import stretches
-from renderer.scene.description import F32, Light, SceneDescription
+from renderer.scene.description import F32, EmissionMap, Light, SceneDescription
+from renderer.scene.emission_maps import emission_frames
 from renderer.scene.geometry import Placement, keys_step
 from renderer.scene.punctual import light_rows, shines
 
-__all__ = ["instance_keys", "punctual_keys", "sphere_keys", "stretches_of"]
+__all__ = ["emission_frame_keys", "instance_keys", "punctual_keys", "sphere_keys", "stretches_of"]
 
 F64 = npt.NDArray[np.float64]
 
@@ -58,6 +60,16 @@ def sphere_keys(description: SceneDescription, numbers: Sequence[int]) -> F32:
 
 def punctual_keys(lights: Sequence[Light]) -> F32:
     """(J, 12) the rows of the lights that shine, those of each at all keys one behind the other; none where all stand still."""
+    return np.array([row for over in _over_keys(lights) for row in light_rows(over)], np.float32).reshape(-1, 12)
+
+
+def emission_frame_keys(lights: Sequence[Light], maps: Sequence[EmissionMap]) -> F32:
+    """(J, 4) their rows of `emission_frames` likewise; none where there are no maps."""
+    return emission_frames([each for over in _over_keys(lights) for each in over], maps)
+
+
+def _over_keys(lights: Sequence[Light]) -> list[Sequence[Light]]:
+    """Each light that shines, at all keys; its map is that of the middle."""
     lights = [light for light in lights if shines(light)]
     keys = max((len(light.keys) for light in lights), default=0)
-    return np.array([row for light in lights for row in light_rows(light.keys or (light,) * keys)], np.float32).reshape(-1, 12)
+    return [[replace(each, emission=light.emission) for each in light.keys] or [light] * keys for light in lights]

@@ -12,6 +12,7 @@ from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.luminance import luminance
 from renderer.scene.description import F32, I32, Material, SceneDescription
 from renderer.scene.material import PARAMETERS, check
+from renderer.scene.media import absorption, list_media
 from renderer.scene.texels import MAX_EMISSION, Texels
 
 __all__ = ["Packed", "conductor_reflectance", "pack"]
@@ -24,12 +25,12 @@ _KINDS = {
     "conductor": rows.CONDUCTOR,
     "blinn_phong": rows.BLINN_PHONG,
     "unlit": rows.UNLIT,
+    "interface": rows.INTERFACE,
 }
 _TEXTURED = tuple(parameter for parameter in PARAMETERS if parameter.slot is not None)
-_SPECIAL = ("glass", "blinn_phong", "conductor")
+_SPECIAL = ("glass", "blinn_phong", "conductor", "interface")
 _SMOOTH = ("glass", "conductor")  # where no roughness is given
 _LEAST_BRUSHED = 0.031  # more than `SMOOTH_GLASS`; its square is less than `MIN_ALPHA`
-_LEAST_COLOR = 1e-6  # what volumes leave of light at least, so that absorption stays finite
 
 
 class Packed(NamedTuple):
@@ -39,6 +40,8 @@ class Packed(NamedTuple):
     material_flags: I32
     material: F32
     material_texture: I32
+    medium: F32
+    material_medium: I32
     texture: I32
     texture_transform: F32
     texel: np.ndarray
@@ -58,7 +61,7 @@ def pack(description: SceneDescription) -> Packed:
     flags = np.zeros(count, np.int32)
     for m in description.materials:
         check(m)
-    absorption = _absorption(description.materials)
+    absorbing = absorption(description.materials)
     emissions = np.zeros((count, 3))
     textures = np.full((count, rows.SLOTS), -1, np.int32)
     emitted = np.zeros(count)
@@ -72,7 +75,7 @@ def pack(description: SceneDescription) -> Packed:
                     f"Material {m.name}: its {parameter.name} has layers, which that slot does not take; give it one texture"
                 )
             textures[i, parameter.slot] = texels.add(index)[0]
-        emission = np.array(m.emission, np.float64)
+        emission = np.array(m.emission if m.kind != "interface" else (0.0, 0.0, 0.0), np.float64)
         emitted[i] = luminance(emission)
         if m.emission_texture is not None and emitted[i] > 0:
             row, scale = texels.add(m.emission_texture, light=True)
@@ -83,9 +86,10 @@ def pack(description: SceneDescription) -> Packed:
             emitted[i] *= 2
         kinds[i] = _kind(m)
         emissions[i] = emission
-        flags[i] = _flags(m, [row for row in textures[i].tolist() if row >= 0], texels, bool(absorption[i].any()))
-    columns = _columns(description.materials, emissions, absorption)
-    return Packed(kinds, flags, columns, textures, *texels.arrays(), texels.keys(), emitted)
+        flags[i] = _flags(m, [row for row in textures[i].tolist() if row >= 0], texels, bool(absorbing[i].any()))
+    columns = _columns(description.materials, emissions, absorbing)
+    medium, material_medium = list_media(description)
+    return Packed(kinds, flags, columns, textures, medium, material_medium, *texels.arrays(), texels.keys(), emitted)
 
 
 def _roughness(m: Material) -> float:
@@ -107,7 +111,7 @@ def _kind(m: Material) -> int:
     if m.kind == "glass":
         return rows.GLASS if _roughness(m) <= SMOOTH_GLASS and not m.thin else rows.LAYERED
     if m.kind == "metallic_roughness":
-        layers = m.clearcoat, m.diffuse_transmission, m.iridescence, m.anisotropy, *m.sheen_color
+        layers = m.clearcoat, m.diffuse_transmission, m.iridescence, m.anisotropy, m.subsurface, *m.sheen_color
         textured = m.specular_texture is not None or m.specular_color_texture is not None
         if not any(layers) and m.transmission == 1 and m.metallic == 0 and _roughness(m) <= SMOOTH_GLASS and not m.thin:
             return rows.GLASS if m.transmission_texture is None else rows.LAYERED
@@ -125,7 +129,7 @@ def _flags(m: Material, used: list[int], texels: Texels, absorbs: bool) -> int:
         rows.NORMAL_MAPPED: m.normal_texture is not None,
         rows.NEEDS_TANGENT: mapped or m.anisotropy != 0,
         rows.MASKED: m.alpha_mode == "mask",
-        rows.BLENDED: m.alpha_mode == "blend",
+        rows.BLENDED: m.alpha_mode == "blend" or m.kind == "interface",
         rows.THIN: m.thin,
         rows.DISPERSIVE: transmits and m.dispersion > 0 and not m.thin,
         rows.TRANSMITS: _kind(m) == rows.LAYERED and (transmits or (principled and m.diffuse_transmission > 0)),
@@ -134,11 +138,12 @@ def _flags(m: Material, used: list[int], texels: Texels, absorbs: bool) -> int:
         rows.SHADELESS: m.shadeless,
         rows.FACING: m.facing and m.emission_texture is None,
         rows.ABSORBING: transmits and not m.thin and absorbs,
+        rows.SCATTERS_WITHIN: m.kind in ("diffuse", "metallic_roughness") and m.subsurface > 0,
     }
     return sum(bit for bit, is_set in flags.items() if is_set)
 
 
-def _columns(materials: list[Material], emission: np.ndarray, absorption: np.ndarray) -> F32:
+def _columns(materials: list[Material], emission: np.ndarray, absorbing: np.ndarray) -> F32:
     """(M, COLUMNS), a column of all materials after the other: files have a hundred thousand of them."""
     found = np.zeros((len(materials), rows.COLUMNS), np.float32)
 
@@ -153,7 +158,7 @@ def _columns(materials: list[Material], emission: np.ndarray, absorption: np.nda
             put(parameter.column, [getattr(m, parameter.name) for m in materials])
     put(rows.EMISSION, emission)
     put(rows.ROUGHNESS, [_own_roughness(m) for m in materials])
-    put(rows.ABSORPTION, absorption)
+    put(rows.ABSORPTION, absorbing)
     turned = [m.anisotropy_rotation for m in materials]
     put(rows.ROTATION, [(np.cos(angle), np.sin(angle)) if angle else (1.0, 0.0) for angle in turned])
     put(rows.F0, [_at_normal_incidence(m) for m in materials])
@@ -184,15 +189,10 @@ def _fill(row: F32, m: Material) -> None:
         share = 1 / max(most, 1.0)  # no surface reflects more than arrives
         put(rows.BASE, *(c * share for c in m.base_color))
         put(rows.SPECULAR_COLOR, *(c * share for c in m.specular_color))
+    if m.kind == "interface":
+        put(rows.OPACITY, 0.0)  # all of light passes as if it were not there
     if m.kind == "conductor":
         put(rows.MEAN_FRESNEL, *_mean_reflectance(m))
-
-
-def _absorption(materials: list[Material]) -> np.ndarray:
-    """(M, 3) per unit length, of the inside: what leaves attenuation_color of white after attenuation_distance."""
-    color = np.array([m.attenuation_color for m in materials], np.float64).reshape(-1, 3)
-    distance = np.array([m.attenuation_distance for m in materials], np.float64)
-    return -np.log(np.clip(color, _LEAST_COLOR, 1.0)) / np.maximum(distance, 1e-30)[:, None]
 
 
 def conductor_reflectance(cosine: np.ndarray, eta: float, k: float) -> np.ndarray:

@@ -14,6 +14,7 @@ from typing import Any, Literal, get_args
 __all__ = [
     "EVERY_KIND",
     "PRINCIPLED",
+    "SURFACES",
     "MaterialKind",
     "Parameter",
     "choice",
@@ -25,12 +26,13 @@ __all__ = [
     "values",
 ]
 
-MaterialKind = Literal["diffuse", "mirror", "glass", "conductor", "blinn_phong", "unlit", "metallic_roughness"]
+MaterialKind = Literal["diffuse", "mirror", "glass", "conductor", "blinn_phong", "unlit", "metallic_roughness", "interface"]
 
 Form = Literal["number", "flag", "choice", "color", "radiance", "triple", "pair", "degrees", "texture"]
 
 PRINCIPLED: tuple[str, ...] = ("metallic_roughness",)
 EVERY_KIND: tuple[str, ...] = get_args(MaterialKind)
+SURFACES: tuple[str, ...] = tuple(kind for kind in EVERY_KIND if kind != "interface")  # the kinds that are seen
 
 _KEY = "parameter"
 
@@ -110,9 +112,9 @@ def flag(column: int | None = None, kinds: tuple[str, ...] = PRINCIPLED, **more:
     return _field("flag", False, None, kinds, column=column, **more)
 
 
-def choice(default: str, choices: tuple[str, ...], **more: Any) -> Any:
-    """One of some names. All kinds know it."""
-    return _field("choice", default, None, EVERY_KIND, choices=choices, **more)
+def choice(default: str, choices: tuple[str, ...], kinds: tuple[str, ...] = SURFACES, **more: Any) -> Any:
+    """One of some names."""
+    return _field("choice", default, None, kinds, choices=choices, **more)
 
 
 def color(

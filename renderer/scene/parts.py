@@ -36,7 +36,17 @@ _MOST_PARTS = 64
 _MOST_SEEN = 10_000  # pieces
 _VERTICES = ("position", "normal", "tangent", "uv", "uv1", "color")
 _BENT = ("position", "normal", "tangent")  # what changes of a mesh that deforms
-_MATERIALS = ("material_kind", "material_flags", "material", "material_texture", "texture", "texture_transform", "key_texture")
+_MATERIALS = (
+    "material_kind",
+    "material_flags",
+    "material",
+    "material_texture",
+    "medium",
+    "material_medium",
+    "texture",
+    "texture_transform",
+    "key_texture",
+)
 _ENVIRONMENT = (
     "environment",
     "environment_marginal",
@@ -162,6 +172,7 @@ def _slices(arrays: dict[str, Array], cuts: Cuts) -> dict[str, dict[str, Array]]
     parts["lights of triangles"] = {"triangle_light": arrays["triangle_light"]}
     parts["materials"] = {n: arrays[n] for n in _MATERIALS}
     parts["textures"] = {"texel": arrays["texel"]}
+    parts["emission"] = {"emission": arrays["emission"]}
     parts["environment"] = {n: arrays[n] for n in _ENVIRONMENT}
     elsewhere = {n for part in parts.values() for n in part}
     parts["top"] |= {n: array for n, array in arrays.items() if n not in elsewhere}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -19,7 +20,8 @@ from renderer.kernel.light.punctual import (
     SUN_UNSEEN,
 )
 from renderer.luminance import REC_709
-from renderer.scene.description import F32, I32, Light
+from renderer.scene.description import F32, I32, EmissionMap, Light
+from renderer.scene.emission_maps import NO_EMISSION, EmissionTables, emission_frames
 from renderer.scene.light_tree import LightBounds
 
 __all__ = ["Punctual", "light_rows", "shines", "tabulate_punctual"]
@@ -31,6 +33,7 @@ _MAX_INTENSITY = 1e15
 _MAX_RADIANCE = 1e30  # what needs more is so small that it may as well have no extent
 _LEAST_STEP = 1e-3  # KHR_lights_punctual's, between the cosines of the two cones
 _HARD = 1e-5  # the least step of the others
+_LEAST_CONE = 1e-6  # steradians
 
 
 class Punctual(NamedTuple):
@@ -42,18 +45,36 @@ class Punctual(NamedTuple):
 
     kind: I32  # (K,)
     row: F32  # (K, 12)
+    frame: F32  # (K, 4), or no rows: as `emission_frames` gives them
     power: np.ndarray  # (K,) float64, luminance; of a directional one, what the scene's bounding sphere catches
     bounds: LightBounds  # for the tree of lights
 
 
-def tabulate_punctual(lights: list[Light], bounds: F32) -> Punctual:
-    """The lights that shine at all. Raises SceneError where a number of theirs means nothing."""
+class _Sent(NamedTuple):
+    """What is sent out by a light, of its map."""
+
+    flux: np.ndarray  # (3,) of the intensity 1
+    reach: float  # radians from its axis, beyond which it is dark
+
+
+def tabulate_punctual(
+    lights: Sequence[Light], bounds: F32, maps: Sequence[EmissionMap] = (), tables: EmissionTables = NO_EMISSION
+) -> Punctual:
+    """The lights that shine at all. maps: all that they have, tabulated. Raises SceneError where a number means nothing."""
     lights = [light for light in lights if shines(light)]
     kind = np.array([_kind(light) for light in lights], np.int32)
     row = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)
     scene_radius = 0.5 * float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0]))
-    power = np.array([max(_power(each, scene_radius) for each in (light, *light.keys)) for light in lights], np.float64)
-    return Punctual(kind, row.astype(np.float32), power, _over(lights, _bounds(lights)))
+    number = {id(each): k for k, each in enumerate(maps)}
+    sent = [None if light.emission is None else _sent(tables, number[id(light.emission)]) for light in lights]
+    told = zip(lights, sent, strict=True)
+    power = np.array([max(_power(each, scene_radius, s) for each in (light, *light.keys)) for light, s in told], np.float64)
+    found = _over(lights, sent, _bounds(lights, sent))
+    return Punctual(kind, row.astype(np.float32), emission_frames(lights, maps), power, found)
+
+
+def _sent(tables: EmissionTables, number: int) -> _Sent:
+    return _Sent(tables.flux[number], float(tables.reach[number]))
 
 
 def _kind(light: Light) -> int:
@@ -83,7 +104,9 @@ def _check(light: Light) -> bool:
         raise SceneError(f"The light {light.name!r} has a number that is infinite or none; give it a sane one")
     if not all(0 <= c <= _MAX_INTENSITY for c in light.intensity):
         raise SceneError(f"The light {light.name!r} has the intensity {light.intensity}; it lies between 0 and 1e15")
-    if light.kind != "point" and not any(light.direction):
+    if light.emission is not None and light.kind == "directional":
+        raise SceneError(f"The light {light.name!r} is far away and has a picture or a profile; only points and spots have one")
+    if (light.kind != "point" or light.emission is not None) and not any(light.direction):
         raise SceneError(f"The light {light.name!r} has no direction; give it the one in which it shines")
     if not 0 <= light.radius <= 1e15:
         raise SceneError(f"The light {light.name!r} has the radius {light.radius:g}; it lies between 0 and 1e15")
@@ -127,30 +150,43 @@ def _row(light: Light) -> tuple[float, ...]:
     return (*place, *direction, *value, extent, scale, -outer * scale)
 
 
-def _bounds(lights: list[Light]) -> LightBounds:
-    """Points shine all around, spots up to their outer cone, distant lights within half their angle."""
+def _bounds(lights: Sequence[Light], sent: Sequence[_Sent | None]) -> LightBounds:
+    """Points shine all around, spots up to their outer cone, distant lights within half their angle; maps may end before."""
     direction = np.array([light.direction for light in lights], np.float64).reshape(-1, 3)
     direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-300)
     place = np.array([light.position for light in lights], np.float64).reshape(-1, 3)
     distant = np.array([light.kind == "directional" for light in lights], bool)
-    spread = {"point": lambda light: 180.0, "spot": lambda light: light.outer_cone, "directional": lambda light: light.angle / 2}
     return LightBounds(
         center=np.where(distant[:, None], direction, place),
         radius=np.array([-1.0 if light.kind == "directional" else light.radius for light in lights]),
         axis=np.where(direction.any(axis=1, keepdims=True), direction, (0.0, 0.0, 1.0)),
-        spread=np.radians([spread[light.kind](light) for light in lights]),
+        spread=np.array([_spread(*each) for each in zip(lights, sent, strict=True)]),
         reach=np.zeros(len(lights)),
-        intensity=np.array([_luminance(light) for light in lights]),
+        intensity=np.array([_mean_intensity(*each) for each in zip(lights, sent, strict=True)]),
         both=np.zeros(len(lights)),
     )
 
 
-def _over(lights: list[Light], bounds: LightBounds) -> LightBounds:
+def _spread(light: Light, sent: _Sent | None) -> float:
+    """Radians."""
+    own = {"point": 180.0, "spot": light.outer_cone, "directional": light.angle / 2}[light.kind]
+    return math.radians(own) if sent is None else min(math.radians(own), sent.reach)
+
+
+def _mean_intensity(light: Light, sent: _Sent | None) -> float:
+    """Luminance; of a map as if it sent into its whole cone alike."""
+    if sent is None:
+        return _luminance(light)
+    cone = 4 * math.pi * math.sin(_spread(light, sent) / 2) ** 2
+    return float(np.dot(light.intensity * sent.flux, REC_709)) / max(cone, _LEAST_CONE)
+
+
+def _over(lights: Sequence[Light], sent: Sequence[_Sent | None], bounds: LightBounds) -> LightBounds:
     """The bounds, grown to what the lights are while the shutter is open."""
     for i, light in enumerate(lights):
         if not light.keys:
             continue
-        own = _bounds(list(light.keys))
+        own = _bounds(light.keys, [sent[i]] * len(light.keys))
         distant = light.kind == "directional"
         middle = bounds.center[i] if distant else (own.center.min(axis=0) + own.center.max(axis=0)) / 2
         apart = np.linalg.norm(own.center - middle, axis=1)
@@ -166,7 +202,9 @@ def _luminance(light: Light) -> float:
     return float(np.dot(light.intensity, REC_709))
 
 
-def _power(light: Light, scene_radius: float) -> float:
+def _power(light: Light, scene_radius: float, sent: _Sent | None) -> float:
+    if sent is not None:
+        return float(np.dot(light.intensity * sent.flux, REC_709))
     intensity = _luminance(light)
     if light.kind == "directional":
         return np.pi * scene_radius**2 * intensity

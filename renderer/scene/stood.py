@@ -76,7 +76,7 @@ def stand(description: SceneDescription, team: Team, kept: Kept) -> Stood:
     loose = make_loose(description, sharing, objects, team)
     packed = kept.recall(
         "packed",
-        lambda: (description.materials, description.textures, [image.pixels for image in description.images]),
+        lambda: (description.materials, description.medium, description.textures, [image.pixels for image in description.images]),
         lambda: pack(description),
         token,
     )

@@ -6,7 +6,8 @@ A file of one of the formats is drawn, with its textures and what else it names;
 too, and the scene is read and compiled in a forked child with bounds on memory and time (worker/work/bounded.py). What may
 come of it: it is read (most damage is small), refused with a sentence of its reader's, refused by the net beneath all readers,
 too large, too slow, or the child crashes, as a library in C may: then the worker says so and goes on. --keep: a folder for the
-files of the last four kinds. Each number of a campaign is drawn by itself, so that `--first N --count 1` does the N-th again.
+files of the last four kinds. Seconds are the processor's. Each number of a campaign is drawn by itself, so that
+`--first N --count 1` does the N-th again.
 
 A child reads some files behind each other; one that is not plainly read or refused is read again by a child of its own, and what
 comes of that counts. .blend files need a Python with bpy, named by RAYFARM_BPY_PYTHON; without one they are left out.
@@ -51,6 +52,7 @@ from worker.work.bounded import Bounds, run_bounded
 MEMORY = 1 << 30
 BLENDER_MEMORY = 8 << 30  # address space: Blender takes six before it has opened anything
 SECONDS = 30.0
+SLOW = 5.0
 PAGE = ROOT / "docs" / "reliability.md"
 BLEND = ".blend"
 
@@ -58,6 +60,7 @@ BLEND = ".blend"
 def read(folder: Path, main: str) -> dict[str, Any]:
     """In the child."""
     reset_peak_memory()
+    begun = _used()
     try:
         if main.endswith(".zip"):
             folder, main = _expanded(folder / main, folder)
@@ -67,8 +70,14 @@ def read(folder: Path, main: str) -> dict[str, Any]:
     except (SceneError, FarmError) as error:
         sentence = str(error)
         found = {"outcome": _refusal(sentence), "sentence": sentence}
+    found["used"] = _used() - begun
     below = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024 if main.endswith(BLEND) else 0
     return found | {"memory": max(peak_memory(), below)}
+
+
+def _used() -> float:
+    """Seconds of the processor, with what this process has started."""
+    return sum(sum(resource.getrusage(whose)[:2]) for whose in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
 
 
 def _refusal(sentence: str) -> str:
@@ -185,11 +194,14 @@ def main() -> int:
         numbers = range(options.first, options.first + options.count)
         for done, (number, seconds, result) in enumerate(campaign.run(numbers, until), 1):
             kind, _, files, how = campaign.of(number)
+            seconds = result.get("used", seconds)  # by the clock where it did not come back: others may have had the processor
             found[kind].add(result["outcome"], seconds, result.get("memory", 0))
             if result["outcome"] not in ("read", "refused"):
                 print(f"{number} {kind} {how}: {result['outcome']}: {result['sentence'][:300]}", flush=True)
                 if options.keep:
                     placed(options.keep / str(number), files)
+            elif seconds > SLOW:
+                print(f"{number} {kind} {how}: {result['outcome']} after {seconds:.1f} s", flush=True)
             if done % 250 == 0:
                 print(f"{done} done in {time.monotonic() - started:.0f} s", file=sys.stderr, flush=True)
         grown = psutil.Process().memory_info().rss - before

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 import mathutils
 import numpy as np
@@ -154,3 +156,27 @@ def leaves(scene: bpy.types.Scene) -> None:
         shown.rotation_euler = (0.1 * i, 0, 0.3 * i)
         shown.scale = (1, 1, 0.6 + 0.1 * i)
         scene.collection.objects.link(shown)
+
+
+def smoke_filled(tree: Any, surface: str) -> None:
+    """Smoke in the place of a thing, or within its glass."""
+    shader = tree.nodes["Principled BSDF"]
+    if surface == "glass":
+        _set(shader, Base_Color=(1, 1, 1, 1), Transmission_Weight=1.0, Roughness=0.3, IOR=1.3)
+    else:
+        tree.nodes.remove(shader)
+    smoke = tree.nodes.new("ShaderNodeVolumePrincipled")
+    _set(smoke, Color=(0.8, 0.5, 0.3, 1), Density=2.0, Anisotropy=0.3)
+    tree.links.new(smoke.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+
+
+def waxen(tree: Any, method: str) -> None:
+    """Light beneath a thing's surface."""
+    shader = tree.nodes["Principled BSDF"]
+    shader.subsurface_method = method
+    _set(shader, Subsurface_Weight=1.0, Subsurface_Radius=(1.0, 0.5, 0.3), Subsurface_Scale=0.3)
+
+
+def _set(node: Any, **values: Any) -> None:
+    for name, value in values.items():
+        node.inputs[name.replace("_", " ")].default_value = value

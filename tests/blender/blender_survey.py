@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import bpy
 import numpy as np
-from blender_scenes import add, background, empty, lamp, look, principled, world_node
+from blender_scenes import add, background, empty, lamp, look, principled, smoke_filled, waxen, world_node
 
 Survey = tuple[Callable[[bpy.types.Scene], None], str, str]
 
@@ -246,6 +246,17 @@ def _foggy(scene: bpy.types.Scene) -> None:
     tree.links.new(fog.outputs[0], tree.nodes["World Output"].inputs["Volume"])
 
 
+def _changed(change: Callable[..., None], **values) -> Callable[[bpy.types.Scene], None]:
+    """With another material of the ball."""
+
+    def build(scene: bpy.types.Scene) -> None:
+        _plain(scene)
+        scene.cycles.volume_bounces = 12
+        change(bpy.data.materials["red"].node_tree, **values)
+
+    return build
+
+
 def _overridden(scene: bpy.types.Scene) -> None:
     """All in clay, as the view layer says."""
     _plain(scene)
@@ -346,6 +357,10 @@ SURVEY: dict[str, Survey] = {
     "light-nodes": (_lights_of_nodes, "nodes", "nodes"),
     "world-unseen": (_dark_world, "World", "World"),
     "world-volume": (_foggy, "volume", "volume"),
+    "volume": (_changed(smoke_filled, surface=""), "", ""),
+    "volume-in-glass": (_changed(smoke_filled, surface="glass"), "", ""),
+    "subsurface": (_changed(waxen, method="RANDOM_WALK"), "", ""),
+    "subsurface-skin": (_changed(waxen, method="RANDOM_WALK_SKIN"), "", ""),
     "override": (_overridden, "", ""),
     "mirrored": (_mirrored, "", ""),
     "simplify": (_simplified, "", ""),

@@ -126,7 +126,7 @@ def test_heights_become_slopes() -> None:
     values = Values(Scene(), "paint", set())
     from blender.rayfarm_addon.scene.nodes import followed
 
-    found = values.bumps(followed(at(bump))[0], lambda uv_set: 4.0)
+    found = values.bumps(followed(at(bump))[0], lambda uv_set: (4.0, 1.0))
     assert found is not None
     normal = found.image.texels[1, 3, :3] * 2 - 1
     slope = 0.5 * (1 / 8) / 0.5

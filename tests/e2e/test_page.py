@@ -136,9 +136,9 @@ def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watche
     alert.get_by_role("button", name="Dismiss").click()
     expect(alert).to_have_count(0)
 
-    drop(page, "house.abc", b"Ogawa")
-    expect(alert).to_contain_text("house.abc cannot be read here")
-    expect(alert).to_contain_text("File > Export > glTF 2.0")
+    drop(page, "house.c4d", b"QC4DC4D6")
+    expect(alert).to_contain_text("house.c4d cannot be read here")
+    expect(alert).to_contain_text("File > Export > glTF")
     alert.get_by_role("button", name="Dismiss").click()
 
     # While the service does not answer, and when an upload breaks off, the same files are tried again.

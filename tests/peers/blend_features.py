@@ -1,10 +1,11 @@
 """Small scenes, each of one thing that was otherwise here than in Cycles, as .blend files with Cycles' pictures beside them.
 
-python blend_features.py FOLDER         run by a Python that has bpy
+python blend_features.py FOLDER [NAME...]        run by a Python that has bpy
 """
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -146,6 +147,45 @@ def lamps(scene: Any) -> None:
     tree.links.new(body.outputs[0], tree.nodes["Emission"].inputs["Color"])
 
 
+def _shaded(thing: Any) -> Any:
+    thing.data.use_nodes = True
+    return thing.data.node_tree
+
+
+def profiles(scene: Any) -> None:
+    """A point and a spot by an IES profile that is another in each direction, of a file and of a text; turned."""
+    stage(scene, power=0.0)
+    text = bpy.data.texts.new("lamp.ies")
+    angles, planes = range(0, 91, 10), range(0, 361, 30)
+    rows = [" ".join(str(800 - 8 * v + 200 * (h % 360 < 100)) for v in angles) for h in planes]
+    head = f"IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 {len(angles)} {len(planes)} 1 2 0 0 0\n1 1 100\n"
+    text.write(head + " ".join(map(str, angles)) + "\n" + " ".join(map(str, planes)) + "\n" + "\n".join(rows) + "\n")
+    for kind, place, turn in (("POINT", (-1.2, -2.0, 2.5), (0.4, 0.3, 0.5)), ("SPOT", (1.5, -1.5, 2.5), (0.3, 0.4, 1.0))):
+        size = {"spot_size": 1.6, "spot_blend": 0.3} if kind == "SPOT" else {}
+        thing = lamp(kind, 60.0, place, shadow_soft_size=0.0, **size)
+        thing.rotation_euler = turn
+        tree = _shaded(thing)
+        node = tree.nodes.new("ShaderNodeTexIES")
+        node.mode, node.ies = "INTERNAL", text
+        tree.links.new(node.outputs[0], tree.nodes["Emission"].inputs["Strength"])
+
+
+def slides(scene: Any) -> None:
+    """A spot that throws a picture, one that is too wide for a lens, a point in colours."""
+    stage(scene, power=0.0, Roughness=0.8)
+    for kind, watts, place, turn, size in (
+        ("SPOT", 900.0, (1.0, -3.0, 3.5), (0.75, 0.1, 0.4), 0.8),
+        ("SPOT", 300.0, (-2.0, -1.0, 2.5), (0.2, -0.5, 0.0), 2.6),
+        ("POINT", 80.0, (0.0, -2.5, 1.5), (0.4, 0.0, 0.3), None),
+    ):
+        thing = lamp(kind, watts, place, shadow_soft_size=0.0, **({"spot_size": size, "spot_blend": 0.2} if size else {}))
+        thing.rotation_euler = turn
+        tree = _shaded(thing)
+        at, node = tree.nodes.new("ShaderNodeTexCoord"), stripes(tree, "sRGB")
+        tree.links.new(at.outputs["UV" if kind == "SPOT" else "Normal"], node.inputs["Vector"])
+        tree.links.new(node.outputs[0], tree.nodes["Emission"].inputs["Color"])
+
+
 def sky(scene: Any) -> None:
     """With a sun of half a degree."""
     stage(scene, power=0.0, Roughness=0.7)
@@ -154,18 +194,93 @@ def sky(scene: Any) -> None:
     background(scene).inputs["Strength"].default_value = 0.05
 
 
+def shader(tree: Any, kind: str, into: str, **values: Any) -> Any:
+    """A node that feeds an input of the material's output."""
+    node = tree.nodes.new(kind)
+    for name, value in values.items():
+        node.inputs[name.replace("_", " ")].default_value = value
+    tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs[into])
+    return node
+
+
+def smoke(scene: Any) -> None:
+    """A volume without a surface, which scatters onwards."""
+    _, tree = stage(scene)
+    tree.nodes.remove(tree.nodes[SHADER])
+    shader(tree, "ShaderNodeVolumeScatter", "Volume", Color=(0.9, 0.7, 0.4, 1), Density=1.2, Anisotropy=0.4)
+
+
+def ink(scene: Any) -> None:
+    """A volume that absorbs, beneath a surface that is clear."""
+    _, tree = stage(scene)
+    shader(tree, "ShaderNodeBsdfTransparent", "Surface")
+    shader(tree, "ShaderNodeVolumeAbsorption", "Volume", Color=(0.8, 0.4, 0.1, 1), Density=1.5)
+
+
+def juice(scene: Any) -> None:
+    """A volume within glass."""
+    _, tree = stage(scene, Base_Color=(1, 1, 1, 1), Roughness=0.2, Transmission_Weight=1.0, IOR=1.33)
+    values = {"Color": (0.6, 0.3, 0.1, 1), "Density": 2.0, "Anisotropy": -0.3, "Absorption_Color": (0.5, 0.2, 0.1, 1)}
+    shader(tree, "ShaderNodeVolumePrincipled", "Volume", **values)
+
+
+def fog(scene: Any) -> None:
+    """A volume that fills the world: what lies behind it is not seen."""
+    stage(scene, Roughness=0.7)
+    tree = scene.world.node_tree
+    node = tree.nodes.new("ShaderNodeVolumeScatter")
+    node.inputs["Density"].default_value, node.inputs["Anisotropy"].default_value = 0.08, 0.2
+    tree.links.new(node.outputs[0], tree.nodes["World Output"].inputs["Volume"])
+
+
+def wax(scene: Any) -> None:
+    values = {"Subsurface_Weight": 1.0, "Subsurface_Radius": (1.0, 0.5, 0.25), "Subsurface_Scale": 1.5}
+    stage(scene, Roughness=0.6, **values)
+
+
+def skin(scene: Any) -> None:
+    values = {"Subsurface_Weight": 0.7, "Subsurface_Radius": (1.0, 0.4, 0.2), "Subsurface_Scale": 0.2}
+    _, tree = stage(scene, Base_Color=(0.8, 0.5, 0.35, 1), Roughness=0.6, **values)
+    tree.nodes[SHADER].subsurface_method = "RANDOM_WALK_SKIN"
+
+
+def marble(scene: Any) -> None:
+    """By the node of subsurface scattering alone, in the colours of a picture."""
+    _, tree = stage(scene)
+    values = {"Scale": 1.0, "Radius": (1.0, 1.0, 1.0)}
+    node = shader(tree, "ShaderNodeSubsurfaceScattering", "Surface", **values)
+    tree.links.new(stripes(tree, "sRGB").outputs[0], node.inputs["Color"])
+
+
+def dents(scene: Any) -> None:
+    """A displacement that moves no surface, of a thing that is scaled."""
+    ball, tree = stage(scene, Roughness=0.5)
+    node = tree.nodes.new("ShaderNodeTexImage")
+
+    def wave(x: float, y: float) -> tuple[float, float, float]:
+        return (0.5 + 0.25 * math.sin(12 * math.pi * x) + 0.25 * math.cos(8 * math.pi * y),) * 3
+
+    node.image = painted("heights", 256, 128, wave, space="Non-Color")
+    displacement = shader(tree, "ShaderNodeDisplacement", "Displacement", Scale=0.1)
+    tree.links.new(node.outputs[0], displacement.inputs["Height"])
+    ball.scale = (1.1, 1.1, 1.1)
+
+
 SCENES: dict[str, Callable[[Any], None]] = {
     each.__name__: each
     for each in (
         *(ior, tinted_glass, shining_mask, spaces, mask, mapped, multiplied, brushed_glossy),
-        *(plain, of_each, lamps, sky),
+        *(plain, of_each, lamps, profiles, slides, sky),
+        *(smoke, ink, juice, fog, wax, skin, marble, dents),
     )
 }
 
 
-def main(folder: Path) -> None:
+def main(folder: Path, names: list[str]) -> None:
     """The command."""
     for name, build in SCENES.items():
+        if names and name not in names:
+            continue
         scene = empty()
         build(scene)
         render, cycles = scene.render, scene.cycles
@@ -173,7 +288,7 @@ def main(folder: Path) -> None:
         cycles.device, cycles.samples, cycles.use_adaptive_sampling, cycles.use_denoising = "CPU", SAMPLES, False, False
         cycles.pixel_filter_type, cycles.filter_width = "BOX", 1.0
         cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = BOUNCES
-        cycles.transparent_max_bounces = 64
+        cycles.transparent_max_bounces, cycles.volume_bounces = 64, BOUNCES
         cycles.blur_glossy = cycles.sample_clamp_indirect = cycles.sample_clamp_direct = cycles.light_sampling_threshold = 0.0
         bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{name}.blend"), copy=True, compress=False)
         render.filepath = str(folder / f"{name}.exr")
@@ -181,4 +296,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]).resolve())
+    main(Path(sys.argv[1]).resolve(), sys.argv[2:])

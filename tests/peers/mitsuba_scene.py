@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.scene.description import Environment, Image, Light, Material, Mesh, SceneDescription, Texture
+from renderer.scene.description import Environment, Image, Light, Material, Medium, Mesh, SceneDescription, Texture
 from renderer.settings import RenderSettings
 
 __all__ = ["mitsuba_dict"]
@@ -26,11 +26,18 @@ def mitsuba_dict(mi: Any, description: SceneDescription, settings: RenderSetting
 
     mi: the mitsuba module with its variant set. Raises ValueError for what Mitsuba has no twin of.
     """
+    scatters = description.medium is not None or any(_is_filled(material) for material in description.materials)
     made: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": settings.max_depth, "rr_depth": 1000},
+        "integrator": {
+            "type": "volpathmis" if scatters else "path",
+            "max_depth": settings.max_depth,
+            "rr_depth": 1000,
+        },
         "sensor": _sensor(mi, settings),
     }
+    if description.medium is not None:
+        made["sensor"]["medium"] = _medium(description.medium)
     bsdfs = [_bsdf(mi, description, material) for material in description.materials]
     meshes = [_write_ply(mesh, folder / f"mesh{i}.ply") for i, mesh in enumerate(description.meshes)]
     uses = [0] * len(meshes)
@@ -65,6 +72,23 @@ def mitsuba_dict(mi: Any, description: SceneDescription, settings: RenderSetting
     if description.environment is not None:
         made["environment"] = _environment(mi, description, description.environment)
     return made
+
+
+def _is_filled(material: Material) -> bool:
+    return max(material.sigma_a) > 0 or max(material.sigma_s) > 0
+
+
+def _medium(medium: Material | Medium) -> dict[str, Any]:
+    """Theirs takes colours up to 1 and a factor."""
+    scattered = np.array(medium.sigma_s, float)
+    total = scattered + np.array(medium.sigma_a, float)
+    return {
+        "type": "homogeneous",
+        "albedo": _rgb(tuple(scattered / np.maximum(total, 1e-30))),
+        "sigma_t": _rgb(tuple(total / total.max())),
+        "scale": float(total.max()),
+        "phase": {"type": "hg", "g": medium.g},
+    }
 
 
 def _rgb(color: tuple[float, ...]) -> dict[str, Any]:
@@ -124,6 +148,9 @@ def _shape(mi: Any, description: SceneDescription, bsdfs: list[Any], path: Path,
 
 
 def _emitter(mi: Any, description: SceneDescription, material: Material) -> dict[str, Any]:
+    """What a shape is besides its surface: a light, or the boundary of a medium."""
+    if _is_filled(material):
+        return {"interior": _medium(material)}
     if max(material.emission) <= 0:
         return {}
     if material.double_sided:
@@ -173,6 +200,8 @@ def _base(mi: Any, description: SceneDescription, material: Material) -> dict[st
 
 
 def _bsdf(mi: Any, description: SceneDescription, material: Material) -> dict[str, Any]:
+    if material.kind == "interface":
+        return {"type": "null"}
     bsdf = _scattering(mi, description, material)
     if material.normal_texture is not None:
         if material.normal_scale != 1.0:

@@ -133,7 +133,7 @@ def shot(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Shot:
 def test_what_is_not_taken_over_is_named(shot: Shot) -> None:
     found = shot.at(Moment(1))
     said = " ".join(found.warnings)
-    assert "Material odd: its displacement is not taken over" in said
+    assert "Material odd: its displacement is left out" in said
     assert "Noise" not in said
     assert "Point clouds that are instanced or made by geometry nodes are not taken over: strewn" in said
 

@@ -12,6 +12,7 @@ from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from tests.grids import grid
 from tests.peers.compare import assert_same_picture
+from tests.peers.media import MEDIA
 from tests.peers.mitsuba_scene import mitsuba_dict
 from tests.peers.scenes import SCENES
 
@@ -29,9 +30,18 @@ def mi():
 
 @grid("name", SCENES, ordinary=("cornell_box", "mirror_and_glass", "textured_light", "instances"))
 def test_the_same_picture(name, mi, tmp_path):
-    description, settings = SCENES[name]()
-    their_scene = mi.load_dict(mitsuba_dict(mi, description, settings, tmp_path))
-    theirs = [np.array(mi.render(their_scene, spp=SPP, seed=1 + i)) for i in range(BATCHES)]
+    judge(mi, SCENES[name](), SPP, tmp_path)
+
+
+@grid("name", MEDIA, ordinary=("smoke_that_scatters_onwards",))
+def test_the_same_picture_of_what_light_scatters_in(name, mi, tmp_path):
+    judge(mi, MEDIA[name](), 96 if name == "haze_with_a_spot" else 32, tmp_path)
+
+
+def judge(mi, case, spp, folder):
+    description, settings = case
+    their_scene = mi.load_dict(mitsuba_dict(mi, description, settings, folder))
+    theirs = [np.array(mi.render(their_scene, spp=spp, seed=1 + i)) for i in range(BATCHES)]
     our_scene = compile_scene(description)
-    ours = [mean(render_frame(our_scene, replace(settings, seed=1 + i), SPP), settings.film_exponent) for i in range(BATCHES)]
+    ours = [mean(render_frame(our_scene, replace(settings, seed=1 + i), spp), settings.film_exponent) for i in range(BATCHES)]
     print(assert_same_picture(np.stack(ours).astype(float), np.stack(theirs).astype(float)))

@@ -22,6 +22,15 @@ from tests.peers.test_mitsuba_files import write_files
 from tests.renderer.scene.pbrt_files import SQUARE
 
 BATCHES = 16
+CUBE = (
+    "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
+    "element face 12\nproperty list uchar int vertex_indices\nend_header\n"
+    + "".join(f"{x} {y} {z}\n" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))
+    + "".join(
+        f"3 {a} {b} {c}\n3 {a} {c} {d}\n"
+        for a, b, c, d in ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    )
+)
 SPP = 16
 XML = """<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="5"/></integrator>
 <sensor type="SENSOR"><float name="fov" value="36.87"/><string name="fov_axis" value="y"/>LENS
@@ -99,7 +108,36 @@ Material "coateddiffuse" "rgb reflectance" [.6 .3 .1] "float thickness" 0 "integ
 Translate -.8 0 .5 Rotate 40 0 1 0 Scale .5 .5 .5 Shape "plymesh" "string filename" "m.ply"
 """
 )
+_FILLED = """<medium type="homogeneous" name="{}"><rgb name="albedo" value="{}"/><float name="sigma_t" value="{}"/>
+<phase type="hg"><float name="g" value="{}"/></phase></medium>"""
+MEDIA = (
+    XML.replace("SENSOR", "perspective").replace("LENS", "").replace('"path"', '"volpath"').replace('value="5"', 'value="32"')
+    + f"""<emitter type="constant"><rgb name="radiance" value="0.3 0.4 0.5"/></emitter>
+<shape type="rectangle">
+<transform name="to_world"><scale value="3"/><rotate x="1" angle="-90"/><translate y="-0.6"/></transform>
+<ref id="white"/></shape>
+<shape type="sphere"><point name="center" value="-0.5 0 0"/><float name="radius" value="0.5"/>
+<bsdf type="dielectric"><float name="int_ior" value="1.4"/><float name="ext_ior" value="1"/></bsdf>
+{_FILLED.format("interior", "0.95 0.9 0.6", 5, 0.3)}</shape>
+<shape type="ply"><string name="filename" value="cube.ply"/>
+<transform name="to_world"><scale value="0.4"/><rotate y="1" angle="30"/><translate x="0.8"/></transform>
+<bsdf type="null"/>{_FILLED.format("interior", "0.9 0.5 0.25", 4, -0.4)}</shape></scene>"""
+)
+PBRT_MEDIA = (
+    HEAD.replace("LENS", "").replace('"path" "integer maxdepth" 4', '"volpath" "integer maxdepth" 31')
+    + f"""LightSource "infinite" "rgb L" [.3 .4 .5]
+NamedMaterial "white" AttributeBegin Translate 0 -.6 0 Rotate -90 1 0 0 Scale 3 3 3 {SQUARE} AttributeEnd
+MakeNamedMedium "milk" "string type" "homogeneous" "rgb sigma_a" [.25 .5 2] "rgb sigma_s" [4.75 4.5 3] "float g" .3
+MakeNamedMedium "smoke" "string type" "homogeneous" "rgb sigma_a" [.2 1 1.5] "rgb sigma_s" [1.8 1 .5] "float scale" 2
+"float g" -.4
+AttributeBegin Translate -.5 0 0 MediumInterface "milk" "" Material "dielectric" "float eta" 1.4
+Shape "sphere" "float radius" .5 AttributeEnd
+AttributeBegin Translate .8 0 0 Rotate 30 0 1 0 Scale .4 .4 .4 MediumInterface "smoke" "" Material "interface"
+Shape "plymesh" "string filename" "cube.ply" AttributeEnd
+"""
+)
 SCENES = {
+    "media": (MEDIA, PBRT_MEDIA),
     "a box, textured, glass and metal": (BOX, PBRT_BOX),
     "files of meshes, a lens, lights without a body": (OPEN, PBRT_OPEN),
 }
@@ -110,6 +148,7 @@ def test_the_same_picture_of_a_scene_in_both_formats(name: str, tmp_path: Path) 
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
     write_files(tmp_path)
+    (tmp_path / "cube.ply").write_text(CUBE)
     xml, pbrt = SCENES[name]
     (tmp_path / "scene.xml").write_text(xml)
     (tmp_path / "scene.pbrt").write_text(pbrt)

@@ -30,6 +30,13 @@ def test_names_in_urls_are_understood(tmp_path: Path) -> None:
     assert set(belonging(tmp_path / "scene.gltf")) == {"scene.gltf", "a b.bin"}
 
 
+def test_profiles_and_pictures_of_lights_are_taken_along(tmp_path: Path) -> None:
+    for name in ("lamp.ies", "slide.png", "other.ies"):
+        (tmp_path / name).write_bytes(b"\0")
+    (tmp_path / "a.yaml").write_text("lights: [{profile: lamp.ies}, {picture: slide.png}]\n")
+    assert set(belonging(tmp_path / "a.yaml")) == {"a.yaml", "lamp.ies", "slide.png"}
+
+
 def test_a_folder_is_taken_whole_but_for_junk(room: Path) -> None:
     (room / ".DS_Store").touch()
     assert set(belonging(room)) == {"room.obj", "room.mtl", "textures/old floor.png", "diary.txt", "other.obj"}

@@ -21,7 +21,7 @@ def test_the_kind_that_says_most_wins_then_the_shallowest():
 
 
 def test_another_programs_file_is_answered_by_the_export_that_helps():
-    for name, says in (("a.abc", "File > Export > glTF 2.0"), ("deep/A.MAX", "glTF"), ("a.7z", "Unpack")):
+    for name, says in (("a.skp", "COLLADA"), ("deep/A.MAX", "glTF"), ("a.7z", "Unpack")):
         with pytest.raises(SceneError, match=f"{name} cannot be read here.*{says}"):
             pick_main(["readme.txt", name])
     assert pick_main(["a.blend", "a.glb"])[0] == "a.glb"

@@ -8,21 +8,21 @@ from __future__ import annotations
 from pathlib import PurePosixPath
 from typing import Any
 
-from renderer.formats import BLENDER, WITHOUT_BLENDER
+from renderer.formats import BY_BLENDER, WITHOUT_BLENDER
 from worker.protocol.contract import BlobRef, prepare_queue
 
 __all__ = ["TAG", "WAITS", "blender_queue", "is_blend", "written_of"]
 
 TAG = "blender"  # which a worker's offer has where it has Blender
 WAITS = (
-    "Waits for a worker with Blender, which alone opens .blend files: none is connected. Start one: `rayfarm worker --blender`, "
-    f"or for a farm of this machine `rayfarm up --blender`. Or {WITHOUT_BLENDER}."
+    "Waits for a worker with Blender, which alone opens .blend and .abc files: none is connected. Start one: "
+    f"`rayfarm worker --blender`, or for a farm of this machine `rayfarm up --blender`. Or {WITHOUT_BLENDER}."
 )
 
 
 def is_blend(main: str) -> bool:
     """Whether Blender has to open a scene's main file."""
-    return PurePosixPath(main).suffix.lower() == BLENDER
+    return PurePosixPath(main).suffix.lower() in BY_BLENDER
 
 
 def blender_queue(kind: str) -> str:

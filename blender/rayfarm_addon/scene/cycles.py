@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-__all__ = ["Flags", "takes_time", "tell_material", "tell_passes", "tell_settings"]
+__all__ = ["Flags", "takes_time", "tell_material", "tell_passes", "tell_settings", "tell_volumes"]
 
 Warn = Callable[[str], None]
 ENGINES = ("CYCLES", "RAYFARM")  # for others Cycles' settings mean nothing
@@ -123,6 +123,14 @@ def tell_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_filt
         told = cycles.pixel_filter_type.replace("_", "-").title()
         if told == "Gaussian" or (told == "Blackman-Harris" and abs(cycles.filter_width - USUAL_WIDTH) > NEAR):
             warn(f"The pixel filter is Blackman-Harris, {USUAL_WIDTH:g} pixels wide, not {told}, {cycles.filter_width:g} wide")
+
+
+def tell_volumes(scene: Any, warn: Warn) -> None:
+    """Of a scene in which light is scattered in volumes."""
+    most = getattr(getattr(scene, "cycles", None), "volume_bounces", FEW)
+    if scene.render.engine in ENGINES and most < FEW:
+        times = f"{most + 1} times" if most else "once"
+        warn(f"Light is scattered in volumes as often as it bounces, not {times} at most (Volume is {most} in Blender)")
 
 
 class Flags:

@@ -39,6 +39,7 @@ def scene_files(scene: Scene) -> Files:
     said |= {"lights": scene.lights} if scene.lights else {}
     said |= {"materials": scene.lamp_materials} if scene.lamp_materials else {}
     said |= {"cameras": scene.cameras} if scene.cameras else {}
+    said |= {"medium": world.medium} if world.medium else {}
     files[MAIN] = json.dumps(said, separators=(",", ":")).encode()
     return files
 

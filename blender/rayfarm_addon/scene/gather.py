@@ -12,11 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from . import lights
-from .cycles import Flags, tell_passes, tell_settings
+from .cycles import Flags, tell_passes, tell_settings, tell_volumes
 from .lights import is_linked_to_lights
 from .meshes import Corners, extract, hair, shape, stretched
 from .model import Mesh, Node, Scene
 from .surfaces import Surfaces
+from .within import has_volumes
 from .world import Bake, read_world
 
 __all__ = ["Known", "beyond", "gather", "over_the_shutter"]
@@ -49,14 +50,15 @@ Known = dict[str, tuple[Mesh, Corners] | None]
 
 
 class _Density:
-    """How long a mesh's surface is over a unit of a set of its UVs, at its place; None where it has no such set."""
+    """How long a mesh's surface is, at its place, over a unit of a set of its UVs, across and up; None: it has no such set."""
 
     def __init__(self, mesh: Mesh, place: F64) -> None:
-        self._mesh, self._place = mesh, place
+        self._mesh = mesh
+        self.scale = float(abs(np.linalg.det(place[:3, :3]))) ** (1 / 3)
 
-    def __call__(self, uv_set: int) -> float | None:
+    def __call__(self, uv_set: int) -> tuple[float, float] | None:
         found = stretched(self._mesh, uv_set)
-        return None if found is None else found * float(abs(np.linalg.det(self._place[:3, :3]))) ** (1 / 3)
+        return None if found is None else (found[0] * self.scale, found[1] * self.scale)
 
 
 class _Gathering:
@@ -211,6 +213,8 @@ def gather(
     own = blender.rayfarm
     taken = {"is_clamped": own.clamp > 0, "has_filter": own.filter != FILTER}
     tell_settings(blender, depsgraph.view_layer, scene.tell, **taken)
+    if has_volumes(scene):
+        tell_volumes(blender, scene.tell)
     tell_passes(depsgraph.view_layer, scene.tell)
     found.flags.tell(scene.tell)
     for key in [key for key in known if key not in scene.meshes and key not in found.made]:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from .fibres import hair_color
 from .nodes import At, Blend, Plain, Root, Source, constant, followed
 from .unlike import tell_shader, tell_surface
 
@@ -135,12 +136,17 @@ def _look_of(source: Source | None, warn: Callable[[str], None]) -> Look | None:
 def _simple(source: Source, warn: Callable[[str], None]) -> Look | None:
     kind, at = source.node.type, source.input
     if kind == "BSDF_PRINCIPLED":
-        return Look(_let_through(at), at)
+        return Look(_let_through(at) | _is_skin(getattr(source.node, "subsurface_method", "")), at)
     color = at("Color", "Base Color")
-    if kind in ("BSDF_DIFFUSE", "SUBSURFACE_SCATTERING", "BSDF_TOON", "BSDF_HAIR", "BSDF_HAIR_PRINCIPLED"):
+    if kind == "SUBSURFACE_SCATTERING":
+        inside = {f"Subsurface {name}": at(name) for name in ("Radius", "Scale", "Anisotropy", "IOR")}
+        inside |= _is_skin(getattr(source.node, "falloff", ""))
+        return _matt({"Base Color": color, "Normal": at("Normal"), "Subsurface Weight": Plain(1.0), **inside})
+    if kind in ("BSDF_DIFFUSE", "BSDF_TOON", "BSDF_HAIR", "BSDF_HAIR_PRINCIPLED"):
         if kind != "BSDF_DIFFUSE":
             warn(f"its {source.node.bl_label or kind} is shown as matt")
         rough = {"Diffuse Roughness": at("Roughness")} if kind == "BSDF_DIFFUSE" else {}
+        color = hair_color(source) if kind == "BSDF_HAIR_PRINCIPLED" else color
         return _matt({"Base Color": color, "Normal": at("Normal"), **rough})
     if kind in ("BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"):
         if kind == "BSDF_METALLIC" and source.node.fresnel_type == "PHYSICAL_CONDUCTOR":
@@ -160,6 +166,11 @@ def _simple(source: Source, warn: Callable[[str], None]) -> Look | None:
     if kind == "EMISSION":
         return _matt({"Base Color": BLACK, "Emission Color": color, "Emission Strength": at("Strength")})
     return None
+
+
+def _is_skin(method: str) -> dict[str, Any]:
+    """How a radius is meant."""
+    return {"Subsurface Skin": Plain(float(method == "RANDOM_WALK_SKIN"))}
 
 
 def _let_through(at: Callable[..., Any]) -> dict[str, Any]:
@@ -302,6 +313,10 @@ class _Mix(Look):
                 return a
         if names[0] == "Translucent Color":  # where there is none, it means nothing
             none = [constant(each.input("Translucent Weight")) in (None, 0.0) for each in (self._first, self._second)]
+            if none[0] != none[1]:
+                return b if none[0] else a
+        if names[0].startswith("Subsurface ") and names[0] != "Subsurface Weight":  # likewise
+            none = [constant(each.input("Subsurface Weight")) in (None, 0.0) for each in (self._first, self._second)]
             if none[0] != none[1]:
                 return b if none[0] else a
         if names[0] == "Base Color":  # of light that is let through, the weight is the share

@@ -11,11 +11,12 @@ import numpy.typing as npt
 from .model import Mesh
 from .tubes import MOST_POINTS, tubes
 
-__all__ = ["Corners", "extract", "hair", "shape", "stretched"]
+__all__ = ["Corners", "extract", "hair", "shape", "spans", "stretched"]
 
 F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
 MOST_MEASURED = 20_000  # triangles
+LEAST_COVERED = 1e-15  # of UVs, by a triangle whose coordinates say something
 TRIANGLE = 12  # bytes
 
 
@@ -74,16 +75,27 @@ def shape(source: Any, corners: Corners) -> tuple[F32, F32 | None] | None:
     return _positions(source)[corners.vertex], _normals(source, corners.domain, corners.vertex, corners.corner)
 
 
-def stretched(mesh: Mesh, uv_set: int) -> float | None:
-    """How long the surface is over a unit of its UVs, on average; None where it has none."""
+def stretched(mesh: Mesh, uv_set: int) -> tuple[float, float] | None:
+    """How long the surface is over a unit of its UVs, across and up, on average; None where it has none."""
     if uv_set >= len(mesh.uvs):
         return None
     corners = np.concatenate([part for _, part in mesh.parts]).reshape(-1, 3)[:MOST_MEASURED]
-    at, uv = mesh.positions[corners].astype(np.float64), mesh.uvs[uv_set][corners].astype(np.float64)
-    area = np.linalg.norm(np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]), axis=1).sum()
+    return spans(mesh.positions[corners].astype(np.float64), mesh.uvs[uv_set][corners].astype(np.float64))
+
+
+def spans(at: npt.NDArray[np.float64], uv: npt.NDArray[np.float64]) -> tuple[float, float] | None:
+    """The same of triangles' corners (T, 3, 3) and their UVs (T, 3, 2), each by its area."""
+    p, q = at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]
     a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
-    covered = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
-    return float(np.sqrt(area / covered)) if covered > 0 and area > 0 else None
+    covered = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    area = np.linalg.norm(np.cross(p, q), axis=1)
+    is_sound = (np.abs(covered) > LEAST_COVERED) & (area > 0)
+    if not is_sound.any():
+        return None
+    p, q, a, b, covered, area = (each[is_sound] for each in (p, q, a, b, covered, area))
+    across = np.linalg.norm(p * b[:, 1:] - q * a[:, 1:], axis=1) / np.abs(covered)
+    up = np.linalg.norm(q * a[:, :1] - p * b[:, :1], axis=1) / np.abs(covered)
+    return float(np.average(across, weights=area)), float(np.average(up, weights=area))
 
 
 def _taken(collection: Any, name: str, count: int, kind: Any) -> npt.NDArray[Any]:

@@ -94,6 +94,7 @@ class World:
     sky: dict[str, Any] | None = None  # as a scene file has it, whose it is: no request says as much
     strength: float = 1.0
     rotation: float = 0.0
+    medium: dict[str, Any] | None = None  # what fills it, as a scene file has it
 
 
 @dataclass

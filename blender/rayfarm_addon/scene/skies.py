@@ -28,6 +28,9 @@ def photographed(bpy: Any, world: Any, folder: Path, width: int) -> dict[str, An
 
     That is a direction towards it and its irradiance, of Blender's axes, and the angle that it takes, in radians.
     """
+    for output in [node for node in world.node_tree.nodes if node.type == "OUTPUT_WORLD"]:
+        for link in list(output.inputs["Volume"].links):  # what fills the world would hide it
+            world.node_tree.links.remove(link)
     sky = _sky_with_a_sun(world)
     studio = _Studio(bpy, world)
     sun = None

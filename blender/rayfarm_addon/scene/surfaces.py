@@ -7,12 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from . import within
 from .cycles import tell_material
+from .displaced import displaced
 from .looks import Look, brushed, look_of, told_by_ray, under_coat
 from .model import Material, Scene, TextureUse
 from .nodes import At, Product, Source, constant, followed, output_of
 from .pictures import Pictures
-from .textures import Value, Values
+from .textures import Value, Values, as_list, number, one_minus
 from .unlike import has_film, tell_pictures
 
 __all__ = ["Surfaces"]
@@ -22,7 +24,7 @@ NEUTRAL = 0.5  # of "Specular IOR Level", by which the index of refraction alone
 SHARP = 1e-3
 
 
-Density = Callable[[int], float | None]
+Density = Callable[[int], tuple[float, float] | None]
 
 
 def _unknown(_: int) -> None:
@@ -68,18 +70,35 @@ class _Reader:
             self._extend("specular", specularFactor=0.0)
         else:
             self._shader(shader)
-        self._look_for_others(tree)
+        inside = within.filled(tree, self._lets_in(), self._warn)
+        if inside is not None:
+            self._more[within.MEDIUM] = inside
+        self._displace(tree)
         tell_pictures(tree, self._warn)
         tell_material(self._source, self._warn)
         if self._more:
             self._said["extensions"] = self._more
         return self._said
 
-    def _look_for_others(self, tree: Any) -> None:
-        output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
-        for name in ("Volume", "Displacement"):
-            if output is not None and output.inputs[name].is_linked:
-                self._warn(f"its {name.lower()} is left out")
+    def _displace(self, tree: Any) -> None:
+        heights = displaced(self._source, tree, getattr(self._density, "scale", 1.0), self._warn)
+        if heights is None:
+            return
+        if "normalTexture" in self._said:
+            self._warn("its displacement is left out, as its normals are bent by another picture")
+            return
+        found = self._values.bumps(heights, self._density)
+        picture = None if found is None else self._pictures.used(found, False)
+        if picture is None:
+            self._warn("its displacement is left out; that of pictures that lie by UVs is shown as bumps")
+            return
+        self._said["normalTexture"] = replace(picture, strength=1.0)
+        if (coat := self._more.get("KHR_materials_clearcoat")) is not None:
+            coat.setdefault("clearcoatNormalTexture", replace(picture, strength=1.0))
+
+    def _lets_in(self) -> bool:
+        """Whether light gets inside: through glass, as through what is clear."""
+        return self._more.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0) > 0
 
     def _warn(self, what: str) -> None:
         self._scene.warn(f"Material {self._name}: {what}.")
@@ -126,9 +145,8 @@ class _Reader:
         self._brushed(source, number(roughness.factor))
         self._film(source)
         self._normal(source.input("Normal"), self._said, "normalTexture")
-        for name, words in (("Subsurface Weight", "light beneath the surface"), ("Subsurface", "light beneath the surface")):
-            if _is_some(source.input(name)):
-                self._warn(f"{words} (subsurface) is left out")
+        if (beneath := within.subsurface(source)) is not None:
+            self._more[within.SUBSURFACE] = beneath
         if _is_some(source.input("Diffuse Roughness")):
             self._warn("its diffuse roughness is left out")
 
@@ -315,7 +333,7 @@ class _Reader:
             if solid is not None:
                 share = self._values.read(source.at(0), 0.5, "mix")
                 self._shader(solid)
-                self._see_through(share if clear[0] else _one_minus(share))
+                self._see_through(share if clear[0] else one_minus(share))
                 return
         look = look_of(source, self._warn)
         if look is not None:
@@ -365,22 +383,6 @@ class _Reader:
             picture = self._pictures.packed([(value, channel)], value, as_color)
         if picture is not None:
             self._more.setdefault(extension, {})[name] = picture
-
-
-def number(value: Any) -> float:
-    """A number; of a colour its mean."""
-    return sum(value) / len(value) if isinstance(value, list) else float(value)
-
-
-def as_list(value: Any) -> list[float]:
-    """A colour; of a number grey."""
-    return value if isinstance(value, list) else [float(value)] * 3
-
-
-def _one_minus(value: Value) -> Value:
-    if value.image is None:
-        return Value(1 - number(value.factor))
-    return replace(value, inverted=not value.inverted)
 
 
 def _is_some(at: At | None) -> bool:

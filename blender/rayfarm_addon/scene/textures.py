@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from .displaced import Heights
 from .model import Scene, TextureUse
 from .nodes import At, Source, constant, followed
 from .painted import Bump, Painter
 
-__all__ = ["GREY", "Value", "Values"]
+__all__ = ["GREY", "Value", "Values", "as_list", "number", "one_minus"]
 
 WHITE = [1.0, 1.0, 1.0]
 WRAPS = {"REPEAT": "repeat", "EXTEND": "clamp", "CLIP": "clamp", "MIRROR": "mirror"}
@@ -32,6 +33,23 @@ class Value:
     channel: int | None = None
     inverted: bool = False
     vertex: str | None = None
+
+
+def number(value: Any) -> float:
+    """A number; of a colour its mean."""
+    return sum(value) / len(value) if isinstance(value, list) else float(value)
+
+
+def as_list(value: Any) -> list[float]:
+    """A colour; of a number grey."""
+    return value if isinstance(value, list) else [float(value)] * 3
+
+
+def one_minus(value: Value) -> Value:
+    """A number's complement."""
+    if value.image is None:
+        return Value(1 - number(value.factor))
+    return replace(value, inverted=not value.inverted)
 
 
 class Values:
@@ -64,8 +82,8 @@ class Values:
         own = getattr(getattr(at, "socket", None), "default_value", default)
         return Value(default if own is None else [float(c) for c in own][:3] if hasattr(own, "__len__") else float(own))
 
-    def bumps(self, source: Source, density: Callable[[int], float | None]) -> Value | None:
-        """The normal map of a Bump node whose height is a picture. density: the surface's length over a unit of a set of UVs."""
+    def bumps(self, source: Source | Heights, density: Callable[[int], tuple[float, float] | None]) -> Value | None:
+        """The normal map of a Bump node whose height is a picture. density: as of `stretched`."""
         numbers = [constant(source.input(name)) for name in ("Strength", "Distance")]
         if any(not isinstance(each, float) for each in numbers):
             return None
@@ -73,7 +91,7 @@ class Values:
 
         def length(use: TextureUse) -> tuple[float, float] | None:
             whole = density(use.uv_set)
-            return None if not whole or 0 in use.scale else (whole / abs(use.scale[0]), whole / abs(use.scale[1]))
+            return None if not whole or 0 in use.scale else (whole[0] / abs(use.scale[0]), whole[1] / abs(use.scale[1]))
 
         bump = Bump(min(max(strength, 0.0), 1.0), -distance if source.node.invert else distance)
         found = self._painter.bumps(source.input("Height"), bump, length)

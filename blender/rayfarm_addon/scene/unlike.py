@@ -20,6 +20,12 @@ NUMBERS = {
     "Thin Film Thickness": "thin film's thickness",
     "Thin Film IOR": "thin film's index of refraction",
 }
+WITHIN = {
+    "Subsurface Weight": "subsurface weight",
+    "Subsurface Radius": "subsurface radius",
+    "Subsurface Scale": "subsurface scale",
+    "Subsurface Anisotropy": "subsurface anisotropy",
+}
 PALE = 0.9
 NEAR = 0.01
 FILMS_ON_METALS = (5, 0)  # since when Cycles puts thin films on metals
@@ -37,7 +43,8 @@ def tell_surface(look: Any, warn: Warn) -> None:
         found = constant(look.input(name))
         return found if isinstance(found, float) else default
 
-    for name, words in NUMBERS.items():
+    is_within = constant(look.input("Subsurface Weight")) not in (None, 0.0) or _is_fed(look.input("Subsurface Weight"))
+    for name, words in (NUMBERS | WITHIN if is_within else NUMBERS).items():
         at = look.input(name)
         if at is not None and constant(at) is None:
             warn(f"what feeds its {words} is not taken over; a plain number stands for it")
@@ -93,6 +100,10 @@ def has_film(look: Any) -> bool:
     except ImportError:  # nodes are read without Blender in tests
         return False
     return bool(bpy.app.version[:2] >= FILMS_ON_METALS)
+
+
+def _is_fed(at: Any) -> bool:
+    return at is not None and constant(at) is None
 
 
 def _is_tinted(at: Any, least: float) -> bool:

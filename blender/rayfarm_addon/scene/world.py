@@ -17,6 +17,7 @@ from .looks import told_by_ray
 from .model import Image, Scene, World, up
 from .nodes import At, Source, constant, followed, output_of
 from .painted import Painter
+from .within import world_medium
 
 __all__ = ["Bake", "read_world"]
 
@@ -47,6 +48,9 @@ def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
     if not world.use_nodes or world.node_tree is None:
         return World([float(c) for c in world.color])
     _tell(scene, world)
+    inside = world_medium(world.node_tree, lambda what: scene.warn(f"World: {what}."))
+    if inside is not None:  # nothing that is infinitely far away is seen through it
+        return World([0.0] * 3, medium=inside)
     top = output_of(world.node_tree)
     if bake is not None and top is not None and not _is_known(scene, top) and (made := bake(world)) is not None:
         return _baked(scene, world, *made)
@@ -107,9 +111,6 @@ def _tell(scene: Scene, world: Any) -> None:
     hidden = [words for kind, words in RAYS.items() if not getattr(getattr(world, "cycles_visibility", None), kind, True)]
     if hidden:
         scene.warn(f"World: is seen {', '.join(hidden)} here, though not in Blender.")
-    output = world.node_tree.get_output_node("CYCLES") or world.node_tree.get_output_node("ALL")
-    if output is not None and output.inputs["Volume"].is_linked:
-        scene.warn("World: its volume is left out.")
 
 
 def _background(scene: Scene, source: Source | None) -> Source | None:

@@ -1,4 +1,5 @@
-"""Opens a .blend file with its scripts off, and writes what is in it as a scene that Rayfarm reads. Run by Blender's Python:
+"""Opens a .blend file with its scripts off, or an Alembic file, and writes what is in it as a scene that Rayfarm reads.
+Run by Blender's Python:
 
     python export.py JOB        where Python has Blender as a module
     blender --background --factory-startup --disable-autoexec --python export.py -- JOB
@@ -25,6 +26,7 @@ if __name__ == "__main__":  # run as a file: the others beside it are a package 
 
 from .untrusted import DamagedError, safe_copy
 
+ALEMBIC = ".abc"
 COPIES = ".copies"
 NOWHERE = "//missing-files/"
 MOST_FILES = 20_000
@@ -107,15 +109,35 @@ def copied(job: dict[str, Any]) -> Path:
 
 def opened(path: Path) -> Any:
     """bpy, with the file open. Its settings are the factory's, as its home is empty. Raises DamagedError."""
+    bpy = _started()
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        raise DamagedError(f"cannot be opened by Blender {bpy.app.version_string} ({_reason(error)})") from None
+    return bpy
+
+
+def imported(path: Path) -> Any:
+    """bpy, with an Alembic file in an empty scene. Raises DamagedError."""
+    bpy = _started()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    try:
+        # Not in a job: that would be done when Blender has nothing else to do, which here it never has.
+        bpy.ops.wm.alembic_import(filepath=str(path), as_background_job=False, set_frame_range=True)
+    except RuntimeError as error:
+        raise DamagedError(f"cannot be opened by Blender {bpy.app.version_string} ({_reason(error)})") from None
+    if not bpy.context.scene.objects:
+        raise DamagedError("holds nothing that Blender shows; is it whole?")
+    bpy.context.scene.name = path.stem
+    return bpy
+
+
+def _started() -> Any:
     import bpy
 
     if bpy.app.version[:2] < LEAST:
         raise DamagedError(f"is opened by Blender {LEAST[0]}.{LEAST[1]} and later, and this worker's is {bpy.app.version_string}")
     bpy.context.preferences.filepaths.use_scripts_auto_execute = False
-    try:
-        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
-    except RuntimeError as error:
-        raise DamagedError(f"cannot be opened by Blender {bpy.app.version_string} ({_reason(error)})") from None
     return bpy
 
 
@@ -125,11 +147,13 @@ def _reason(error: Exception) -> str:
 
 def main(job: dict[str, Any]) -> dict[str, Any]:
     """What is to be said of it."""
-    bpy = opened(copied(job))
+    source = Path(job["folder"]).resolve() / job["main"]
+    is_blend = source.suffix.lower() != ALEMBIC
+    bpy = opened(copied(job)) if is_blend else imported(source)
     from .written import write_scene
 
     addon = job.get("addon")
-    notes = write_scene(bpy, Path(job["out"]), Path(addon) if addon else None)
+    notes = write_scene(bpy, Path(job["out"]), Path(addon) if addon else None, has_settings=is_blend)
     return {"main": "blender-scene.yaml", "version": bpy.app.version_string, "notes": len(notes)}
 
 

@@ -73,7 +73,9 @@ def is_animated(bpy: Any, scene: Any) -> bool:
     )
     if any(modifier.type in moving for thing in scene.objects for modifier in thing.modifiers):
         return True
-    return any(constraint.type == "FOLLOW_PATH" for thing in scene.objects for constraint in thing.constraints)
+    return any(
+        constraint.type in ("FOLLOW_PATH", "TRANSFORM_CACHE") for thing in scene.objects for constraint in thing.constraints
+    )
 
 
 def animated_paths(block: Any) -> list[str]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from .cameras import to_ours
 from .keys import keyed
+from .thrown import Thrown, is_thrown, moves, photographed
 
 __all__ = ["Lights", "is_linked_to_lights"]
 
@@ -15,22 +17,40 @@ AREA = 1 / math.pi  # radiance of an area light of one watt and one square metre
 MOST = 1e9
 WIDE = 0.1  # a ball, whose cone has no one edge
 LEAST = 1e-4  # of a point's radius
+MOST_PICTURES = 64  # of what lamps throw: each takes a second or two
 RAYS = {"diffuse": "what is matt", "glossy": "what is glossy", "transmission": "glass"}
 
 
 class Lights:
-    """The scene's lights: suns, spots and points without a size are lights, all others shapes that shine and stop nothing."""
+    """The scene's lights: suns, spots, points without a size or whose nodes shape their light are lights, all others shapes that
+    shine and stop nothing.
+    """
 
-    def __init__(self, bpy: Any, scene: Any, known: Any, notes: list[str]) -> None:
-        """known: the add-on's module of lamps; None where that is not here."""
+    def __init__(self, bpy: Any, scene: Any, known: Any, notes: list[str], out: Path) -> None:
+        """known: the add-on's module of lamps; None where that is not here. out: for pictures of what lamps throw."""
         import mathutils
 
         self._bpy, self._math, self._known = bpy, mathutils, known
         lights = [thing for thing in scene.objects if thing.type == "LIGHT" and not thing.hide_render]
         self._all = sorted((thing for thing in lights if not _is_portal(thing.data)), key=lambda thing: thing.name)
         self._turns: dict[str, Any] = {}
+        self._thrown: dict[str, Thrown] = {}
+        self._throw(out)
         for thing in lights:
             self._note(thing, notes)
+
+    def _throw(self, out: Path) -> None:
+        """Takes the pictures of what lamps throw, one of each lamp's data."""
+        taken: dict[str, Thrown] = {}
+        for thing in self._all:
+            data = thing.data
+            is_odd = self._known is not None and data.use_nodes and data.node_tree is not None and self._of_nodes(data) is None
+            if is_odd and is_thrown(self._bpy, data):
+                if data.name not in taken and len(taken) == MOST_PICTURES:
+                    continue
+                if data.name not in taken:
+                    taken[data.name] = photographed(self._bpy, thing, out, f"blender-lamp-{len(taken)}.exr")
+                self._thrown[thing.name] = taken[data.name]
 
     def looks(self) -> dict[str, Any]:
         """By name, what says how a light is now."""
@@ -46,7 +66,7 @@ class Lights:
             said: dict[str, Any] = {name: keyed([each[name] for each in values], frames, fps) for name in values[0]}
             name = thing.name[:200]
             if "emission" not in said:
-                lights.append({"name": name, **_kind(thing), **said})
+                lights.append({"name": name, **_kind(thing, self._thrown.get(thing.name)), **said})
                 continue
             material = f"light {name}"
             materials[material] = {"color": 0, "emission": said["emission"], "lamp": True}
@@ -81,12 +101,15 @@ class Lights:
         if data.type == "AREA":
             return self._area(thing.name, data, world, scale, watts)
         radius = data.shadow_soft_size
-        if data.type == "POINT" and thing.data.shadow_soft_size > LEAST:
+        thrown = self._thrown.get(thing.name)
+        if data.type == "POINT" and thing.data.shadow_soft_size > LEAST and thrown is None:
             radius = max(radius, LEAST)
             radiance = [min(c / (4 * math.pi**2 * radius**2), MOST) for c in watts]
             return {"emission": radiance, "center": to_ours(world.translation), "radius": radius}
         found = {"intensity": [c / (4 * math.pi) for c in watts], "position": to_ours(world.translation), "radius": radius}
-        if data.type == "SPOT":
+        if thrown is not None:
+            found |= {"direction": forward, "up": to_ours((world.to_3x3() @ self._math.Vector((0, 1, 0))).normalized())}
+        if data.type == "SPOT" and (thrown is None or thrown.is_window):
             outer = min(data.spot_size / 2, math.radians(89.9))
             edge = math.cos(outer)
             inner = math.acos(min(edge + (1 - edge) * data.spot_blend, 1.0))
@@ -130,7 +153,12 @@ class Lights:
 
     def _note(self, thing: Any, notes: list[str]) -> None:
         data, name = thing.data, f"Light {thing.name}"
-        if data.use_nodes and data.node_tree is not None and self._of_nodes(data) is None:
+        if thing.name in self._thrown:
+            if data.type == "POINT" and data.shadow_soft_size > LEAST:
+                notes.append(f"{name}: is not seen in mirrors, as its nodes send another light into each direction")
+            if moves(data):
+                notes.append(f"{name}: its nodes move with the frame in Blender, and are as at the first frame here")
+        elif data.use_nodes and data.node_tree is not None and self._of_nodes(data) is None:
             notes.append(f"{name}: its nodes are not taken over; it shines in its own colour")
         if data.type == "SPOT" and data.shadow_soft_size > WIDE and not getattr(data, "use_soft_falloff", True):
             notes.append(f"{name}: its cone is that of a point, though in Blender that of a ball")
@@ -156,13 +184,16 @@ def _is_portal(data: Any) -> bool:
     return data.type == "AREA" and bool(getattr(getattr(data, "cycles", None), "is_portal", False))
 
 
-def _kind(thing: Any) -> dict[str, Any]:
+def _kind(thing: Any, thrown: Thrown | None) -> dict[str, Any]:
     data = thing.data
     if data.type == "SUN":
         seen = {"seen": "always" if getattr(thing, "visible_camera", True) else "mirrored"} if data.angle > 0 else {}
         return {"type": "directional", **seen}
     facing = {"facing": True} if getattr(data, "use_soft_falloff", False) else {}
-    return {"type": "spot", "falloff": "smooth", **facing} if data.type == "SPOT" else {"type": "point"}
+    if thrown is not None and not thrown.is_window:
+        return {"type": "point", "picture": thrown.file, **facing}
+    picture = {"picture": thrown.file} if thrown is not None else {}
+    return {"type": "spot", "falloff": "smooth", **facing, **picture} if data.type == "SPOT" else {"type": "point"}
 
 
 def _area_of(data: Any, scale: Any) -> float:

@@ -5,17 +5,20 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from .bending import Bending, without_bones
 from .instances import VISIBLE, instances_as_objects
 from .keys import animated_paths
 
 __all__ = ["VISIBLE", "prepare"]
 
 GREY = 0.8
-NEAR = 1e-5  # of a coordinate: what is less is rounding's
 
 
-def prepare(bpy: Any, scene: Any, frames: list[int], notes: list[str]) -> list[Any]:
-    """Makes the open scene so, at its present frame, the first of `frames`. Returns the objects that are shown."""
+def prepare(bpy: Any, scene: Any, frames: list[int], exposed: list[int], notes: list[str]) -> list[Any]:
+    """Makes the open scene so, at its present frame, the first of `frames`. Returns the objects that are shown.
+
+    exposed: the frames that are seen, and those beside them while a shutter is open.
+    """
     _as_rendered(bpy, scene)
     bpy.context.view_layer.update()
     blinking = sorted(thing.name for thing in scene.objects if any(path == "hide_render" for path in animated_paths(thing)))
@@ -29,7 +32,7 @@ def prepare(bpy: Any, scene: Any, frames: list[int], notes: list[str]) -> list[A
             shown.remove(name)
             bpy.data.objects.remove(scene.objects[name])
     instances_as_objects(bpy, scene, shown, frames, notes)
-    _modifiers(bpy, scene, shown, frames, notes)
+    _modifiers(bpy, scene, shown, frames, exposed, notes)
     for thing in scene.objects:
         thing.hide_render = thing.name not in shown and thing.type not in ("EMPTY", "ARMATURE")
     found = [thing for thing in scene.objects if thing.name in shown]
@@ -130,9 +133,13 @@ def _is_within(collection: Any, hidden: set[str], scene: Any) -> bool:
     return bool(parents) and all(_is_within(parent, hidden, scene) for parent in parents)
 
 
-def _modifiers(bpy: Any, scene: Any, shown: set[str], frames: list[int], notes: list[str]) -> None:
-    """Applies all modifiers but armatures, which the exporter knows as skins; shape keys stand in the way of others."""
-    keyed, moving = [], _restless(bpy, scene, shown, frames)
+def _modifiers(bpy: Any, scene: Any, shown: set[str], frames: list[int], exposed: list[int], notes: list[str]) -> None:
+    """Applies all modifiers but armatures, which the exporter knows as skins; shape keys stand in the way of others, and take
+    the place of those that bend a mesh over time.
+    """
+    keyed = []
+    bending = Bending(bpy, scene, shown, exposed if len(frames) > 1 else frames)
+    scene.frame_set(frames[0])
     for name in sorted(shown):
         thing = scene.objects[name]
         modifiers = [each for each in thing.modifiers if each.show_viewport and each.type not in ("ARMATURE", "PARTICLE_SYSTEM")]
@@ -141,56 +148,21 @@ def _modifiers(bpy: Any, scene: Any, shown: set[str], frames: list[int], notes: 
         if thing.data.shape_keys is not None and len(thing.data.shape_keys.key_blocks) > 1:
             keyed.append(name)
             continue
-        bent = [each for each in thing.modifiers if each.type == "ARMATURE" and each.show_viewport]
-        for each in bent:
-            each.show_viewport = False
-        graph = bpy.context.evaluated_depsgraph_get()
-        thing.data = bpy.data.meshes.new_from_object(thing.evaluated_get(graph), preserve_all_data_layers=True, depsgraph=graph)
+        with without_bones([thing]):
+            graph = bpy.context.evaluated_depsgraph_get()
+            shape = bpy.data.meshes.new_from_object(thing.evaluated_get(graph), preserve_all_data_layers=True, depsgraph=graph)
+        thing.data = shape
         for each in list(thing.modifiers):
             if each.type not in ("ARMATURE",):
                 thing.modifiers.remove(each)
-        for each in bent:
-            each.show_viewport = True
+        bending.into_keys(thing)
     if keyed:
         notes.append(f"{_listed(keyed)}: modifiers beside shape keys are not taken over; apply one of both")
-    if moving:
-        notes.append(f"{_listed(moving)}: what modifiers make stands still as at the first frame; bake it to shape keys")
-
-
-def _restless(bpy: Any, scene: Any, shown: set[str], frames: list[int]) -> list[str]:
-    """The names of meshes of which modifiers make others at the first, the middle and the last frame; bones aside."""
-    names = [
-        name
-        for name in sorted(shown)
-        if scene.objects[name].type == "MESH" and any(each.type != "ARMATURE" for each in scene.objects[name].modifiers)
-    ]
-    if len(frames) < 2 or not names:
-        return []
-    bent = [each for name in names for each in scene.objects[name].modifiers if each.type == "ARMATURE" and each.show_viewport]
-    for each in bent:
-        each.show_viewport = False
-    first: dict[str, Any] = {}
-    found = set()
-    for frame in dict.fromkeys((frames[0], frames[len(frames) // 2], frames[-1])):
-        scene.frame_set(frame)
-        graph = bpy.context.evaluated_depsgraph_get()
-        for name in names:
-            points = _points(scene.objects[name].evaluated_get(graph).data)
-            before = first.setdefault(name, points)
-            if len(before) != len(points) or (len(points) and abs(before - points).max() > NEAR * max(1.0, abs(before).max())):
-                found.add(name)
-    for each in bent:
-        each.show_viewport = True
-    scene.frame_set(frames[0])
-    return sorted(found)
-
-
-def _points(mesh: Any) -> Any:
-    import numpy as np
-
-    points = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", points)
-    return points
+    if bending.left:
+        notes.append(
+            f"{_listed(bending.left)}: what modifiers make stands still as at the first frame, as it has other corners at other "
+            "frames, or too many of them"
+        )
 
 
 def _listed(names: list[str]) -> str:

@@ -68,7 +68,19 @@ def modules_of(addon: Path) -> Any:
     return types.SimpleNamespace(
         **{
             name: importlib.import_module(f"{package}.{name}")
-            for name in ("cycles", "lights", "looks", "meshes", "nodes", "painted", "skies", "tubes", "unlike")
+            for name in (
+                "cycles",
+                "displaced",
+                "lights",
+                "looks",
+                "meshes",
+                "nodes",
+                "painted",
+                "skies",
+                "tubes",
+                "unlike",
+                "within",
+            )
         }
     )
 
@@ -84,17 +96,23 @@ class _Simplifier:
         nodes = self._modules.nodes
         source = nodes.output_of(self._tree)
         output = self._tree.get_output_node("CYCLES") or self._tree.get_output_node("ALL")
-        if source is None or output is None or source.node.type in ("EMISSION", "HOLDOUT"):
+        if output is None:
             return {}
         told: list[str] = []
+        if source is None or source.node.type in ("EMISSION", "HOLDOUT"):
+            inside = self._filled(False, told)
+            self._tell(told)
+            return inside
         self._modules.unlike.tell_pictures(self._tree, told.append)
         self._modules.cycles.tell_material(self._material, told.append)
         look = self._modules.looks.look_of(source, told.append)
         if look is None:
             return {}
+        through = nodes.constant(look.input("Transmission Weight"))
+        is_fed = through is None and look.input("Transmission Weight") is not None
+        inside = self._filled(is_fed or (isinstance(through, float) and through > 0), told)
         is_own = source.node.type == "BSDF_PRINCIPLED" and not source.groups
         principled = source.node if is_own else self._made(output)
-        self._notes += [f"Material {self._material.name}: {sentence}" for sentence in dict.fromkeys(told)]
         shines = self._shine(principled, look)
         for entry in list(principled.inputs):
             if entry.type == "SHADER" or entry.name in shines:
@@ -106,7 +124,17 @@ class _Simplifier:
                 continue
             if at is not None:
                 self._set(entry, at, is_own)
-        return self._extensions(look)
+        self._displace(principled, told)
+        self._tell(told)
+        return self._extensions(look) | inside
+
+    def _tell(self, told: list[str]) -> None:
+        self._notes += [f"Material {self._material.name}: {sentence}" for sentence in dict.fromkeys(told)]
+
+    def _filled(self, lets_in: bool, told: list[str]) -> dict[str, Any]:
+        """What its volume fills it with. told: gets sentences of what is left out."""
+        found = self._modules.within.filled(self._tree, lets_in, told.append)
+        return {} if found is None else {self._modules.within.MEDIUM: found}
 
     def _shine(self, principled: Any, look: Any) -> tuple[str, ...]:
         """Puts what feeds the strength of its emission into the picture of its colour; the inputs that this settles."""
@@ -134,6 +162,8 @@ class _Simplifier:
             return float(found) if isinstance(found, float) else default
 
         said: dict[str, Any] = {}
+        if (beneath := self._modules.within.subsurface(look)) is not None:
+            said[self._modules.within.SUBSURFACE] = beneath
         if (weight := number("Translucent Weight")) > 0:
             color = self._modules.nodes.constant(look.input("Translucent Color"))
             said["KHR_materials_diffuse_transmission"] = {
@@ -194,15 +224,31 @@ class _Simplifier:
         source = nodes.followed(at)[0]
         if source is None or source.node.type != "BUMP" or nodes.followed(source.input("Normal"))[0] is not None:
             return False
-        numbers = [nodes.constant(source.input(name)) for name in ("Strength", "Distance")]
-        density = _stretched(self._thing)
-        if density is None or not all(isinstance(each, float) for each in numbers):
+        return self._bend([entry], source)
+
+    def _displace(self, principled: Any, told: list[str]) -> None:
+        """Shows its displacement as bumps, where nothing else bends it."""
+        scale = abs(self._thing.matrix_world.determinant()) ** (1 / 3)
+        heights = self._modules.displaced.displaced(self._material, self._tree, scale, told.append)
+        if heights is None:
+            return
+        normal, coat = (principled.inputs.get(name) for name in ("Normal", "Coat Normal"))
+        if normal.is_linked:
+            told.append("its displacement is left out, as its normals are bent by another picture")
+        elif not self._bend([normal] if coat is None or coat.is_linked else [normal, coat], heights):
+            told.append("its displacement is left out; that of pictures that lie by UVs is shown as bumps")
+
+    def _bend(self, entries: list[Any], source: Any) -> bool:
+        """Whether a Bump node's heights are a picture, which bends these inputs now."""
+        numbers = [self._modules.nodes.constant(source.input(name)) for name in ("Strength", "Distance")]
+        spans = _stretched(self._thing, self._modules.meshes.spans)
+        if spans is None or not all(isinstance(each, float) for each in numbers):
             return False
         strength, distance = numbers
         bump = self._modules.painted.Bump(min(max(strength, 0.0), 1.0), -distance if source.node.invert else distance)
 
         def length(way: _Way) -> tuple[float, float] | None:
-            return None if 0 in way.scale else (density / abs(way.scale[0]), density / abs(way.scale[1]))
+            return None if 0 in way.scale else (spans[0] / abs(way.scale[0]), spans[1] / abs(way.scale[1]))
 
         found = self._painter.bumps(source.input("Height"), bump, length)
         if found is None:
@@ -210,7 +256,8 @@ class _Simplifier:
         node = self._tree.nodes.new("ShaderNodeNormalMap")
         painted, way = found
         self._tree.links.new(self._picture(node.inputs["Color"], painted, way, is_color=False), node.inputs["Color"])
-        self._tree.links.new(node.outputs["Normal"], entry)
+        for entry in entries:
+            self._tree.links.new(node.outputs["Normal"], entry)
         return True
 
     def _put(self, entry: Any, value: Any) -> None:
@@ -255,8 +302,8 @@ class _Simplifier:
         return _Way(found.node.name, found.output.identifier, node.extension, node.interpolation, scale)
 
 
-def _stretched(thing: Any) -> float | None:
-    """How long an object's surface is over a unit of its UVs, on average; None where it has none."""
+def _stretched(thing: Any, spans: Any) -> tuple[float, float] | None:
+    """How long an object's surface is over a unit of its UVs, across and up; None where it has none. spans: of the add-on's."""
     import numpy as np
 
     mesh = thing.data
@@ -273,8 +320,6 @@ def _stretched(thing: Any) -> float | None:
     layer.uv.foreach_get("vector", uv)
     loops = loops.reshape(-1, 3)[:20_000]
     at, laid = co.reshape(-1, 3)[corner[loops]], uv.reshape(-1, 2)[loops]
-    area = np.linalg.norm(np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]), axis=1).sum()
-    a, b = laid[:, 1] - laid[:, 0], laid[:, 2] - laid[:, 0]
-    covered = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
+    found = spans(at, laid)
     scale = abs(thing.matrix_world.determinant()) ** (1 / 3)
-    return float(np.sqrt(area / covered)) * scale if covered > 0 and area > 0 else None
+    return None if found is None else (found[0] * scale, found[1] * scale)

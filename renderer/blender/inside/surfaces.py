@@ -27,14 +27,14 @@ FOLLOWED = {
 }
 SURFACES = {"BSDF_PRINCIPLED", "EMISSION", "BACKGROUND"}
 UNKNOWN = {
-    "Subsurface Weight": "subsurface scattering",
     "Diffuse Roughness": "rough diffuse (Oren-Nayar)",
 }
+UNKNOWN_ALONE = {"Subsurface Weight": "subsurface scattering"}
 MOST_NODES = 10_000
 
 
-def note_surfaces(materials: list[Any], notes: list[str]) -> None:
-    """materials: those that the scene shows."""
+def note_surfaces(materials: list[Any], notes: list[str], is_read: bool) -> None:
+    """materials: those that the scene shows. is_read: whether what is inside of them is, by the add-on's modules."""
     for material in materials:
         tree = material.node_tree if material.use_nodes else None
         output = _output(tree) if tree is not None else None
@@ -43,9 +43,9 @@ def note_surfaces(materials: list[Any], notes: list[str]) -> None:
         name = f"Material {material.name}"
         if animated_paths(tree):
             notes.append(f"{name}: its nodes move with the frame in Blender, and are as at the first frame here")
-        if output.inputs["Displacement"].links:
+        if output.inputs["Displacement"].links and not is_read:
             notes.append(f"{name}: its displacement is not taken over; apply it as a modifier, or bake a normal map")
-        if output.inputs["Volume"].links:
+        if output.inputs["Volume"].links and not is_read:
             notes.append(f"{name}: its volume is not taken over")
         if not output.inputs["Surface"].links:
             continue
@@ -55,7 +55,8 @@ def note_surfaces(materials: list[Any], notes: list[str]) -> None:
                 f"{name}: its surface is a {_called(surface)}, of which glTF has the nearest that it knows: use a Principled BSDF"
             )
         if surface.type == "BSDF_PRINCIPLED":
-            lost = [words for entry, words in UNKNOWN.items() if _is_used(surface.inputs.get(entry))]
+            unknown = UNKNOWN if is_read else UNKNOWN | UNKNOWN_ALONE
+            lost = [words for entry, words in unknown.items() if _is_used(surface.inputs.get(entry))]
             if lost:
                 notes.append(f"{name}: {' and '.join(lost)} {'is' if len(lost) == 1 else 'are'} not taken over")
         odd = sorted({_called(node) for node in _behind(surface) if node.type not in FOLLOWED | SURFACES})

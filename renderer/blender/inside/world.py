@@ -9,7 +9,7 @@ from typing import Any
 from .cameras import to_ours
 from .keys import animated_paths, rounded
 
-__all__ = ["write_world"]
+__all__ = ["world_medium", "write_world"]
 
 WIDTH, MOST_WIDTH = 2048, 8192
 # By kind, whether the world is there for rays; and how that is said.
@@ -42,9 +42,6 @@ def write_world(
     nodes = world.node_tree.nodes
     if any(node.type == "LIGHT_PATH" for node in nodes):
         notes.append("World: lights as the camera sees it; by its nodes it shows the camera something else than it lights with")
-    output = next((node for node in nodes if node.type == "OUTPUT_WORLD" and node.is_active_output), None)
-    if output is not None and output.inputs["Volume"].links:
-        notes.append("World: its volume is not taken over")
     if "cycles" not in bpy.context.preferences.addons or skies is None:
         notes.append("World: its nodes are not taken over, as this Blender has no Cycles")
         return None, []
@@ -53,6 +50,22 @@ def write_world(
     sun = skies.photographed(bpy, world, out, max(width, 64))
     (out / skies.PICTURE).rename(out / "blender-world.exr")
     return {"image": "blender-world.exr"}, [] if sun is None else [_light(world, sun)]
+
+
+def world_medium(world: Any, within: Any, notes: list[str]) -> dict[str, Any] | None:
+    """What fills the world, as the scene file has it; None where it is clear.
+
+    within: the add-on's module of that name; None where that is not here.
+    """
+    tree = world.node_tree if world is not None and world.use_nodes else None
+    output = None if tree is None else next((n for n in tree.nodes if n.type == "OUTPUT_WORLD" and n.is_active_output), None)
+    if output is None or not output.inputs["Volume"].links:
+        return None
+    if within is None:
+        notes.append("World: its volume is not taken over")
+        return None
+    found: dict[str, Any] | None = within.world_medium(tree, lambda what: notes.append(f"World: {what}"))
+    return found
 
 
 def _light(world: Any, sun: dict[str, Any]) -> dict[str, Any]:
@@ -75,7 +88,7 @@ def _plain(world: Any) -> list[float] | None:
     if output is None or not output.inputs["Surface"].links:
         return [0.0, 0.0, 0.0]
     node = output.inputs["Surface"].links[0].from_node
-    if node.type != "BACKGROUND" or any(entry.links for entry in node.inputs) or output.inputs["Volume"].links:
+    if node.type != "BACKGROUND" or any(entry.links for entry in node.inputs):
         return None
     strength = float(node.inputs["Strength"].default_value)
     return [max(float(c) * strength, 0.0) for c in node.inputs["Color"].default_value[:3]]

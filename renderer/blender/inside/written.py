@@ -18,7 +18,7 @@ from .settings import note_settings, settings_of
 from .simplified import modules_of, simplify
 from .stills import as_stills
 from .surfaces import note_surfaces
-from .world import write_world
+from .world import world_medium, write_world
 
 __all__ = ["write_scene"]
 
@@ -33,10 +33,10 @@ LEFT_OUT = {
 MOST_NOTES = 100
 
 
-def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
+def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bool = True) -> list[str]:
     """Writes blender-scene.yaml, and what that names; returns what is not taken over, as it also stands there.
 
-    addon: as of `simplify`.
+    addon: as of `simplify`. has_settings: whether the file says how pictures are to be made; Alembic's do not.
     """
     scene = bpy.context.scene
     notes: list[str] = []
@@ -49,26 +49,30 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
     fps = float(scene.render.fps)
     frames = frames_of(bpy, scene)
     layer = bpy.context.view_layer
-    settings = settings_of(scene, layer)
+    settings = settings_of(scene, layer) if has_settings else {}
     exposed = exposed_over(frames, settings) if is_animated(bpy, scene) else frames
     scene.frame_set(frames[0])
     known = modules_of(addon) if addon is not None else None
     note_settings(bpy.data.scenes, scene, layer, notes, getattr(known, "cycles", None))
-    shown = hair_as_meshes(bpy, scene, prepare(bpy, scene, frames, notes), addon, notes)
+    shown = hair_as_meshes(bpy, scene, prepare(bpy, scene, frames, exposed, notes), addon, notes)
     _note_left_out(shown, notes)
     _note_hair(shown, notes)
     solid = [thing for thing in shown if thing.type in MESHES]
     as_stills(bpy, _materials(solid), notes)
     surfaces = simplify(bpy, solid, addon, notes)
     bake(bpy, scene, solid, notes)
-    note_surfaces(_materials(solid), notes)
+    note_surfaces(_materials(solid), notes, known is not None)
     note_rays(solid, layer, notes)
     _note_flags(scene, layer, shown, known, notes)
 
-    cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(known, "lights", None), notes)
+    cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(known, "lights", None), notes, out)
     seen = over_frames(scene, exposed, {**_named("camera", cameras.looks()), **_named("light", lights.looks())})
     scene.frame_set(frames[0])
-    environment, suns = write_world(bpy, scene, out, getattr(known, "skies", None), notes)
+    medium = world_medium(scene.world, getattr(known, "within", None), notes)
+    if known is not None and (medium is not None or any(known.within.scatters(each) for each in surfaces.values())):
+        known.cycles.tell_volumes(scene, notes.append)
+    # Nothing that is infinitely far away is seen through a medium that fills the world.
+    environment, suns = write_world(bpy, scene, out, getattr(known, "skies", None), notes) if medium is None else (None, [])
     lamps, materials, shapes = lights.written(_of("light", seen), exposed, fps)
     if solid:
         taken = stand_ins(bpy, solid, addon)
@@ -83,7 +87,8 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None) -> list[str]:
         "settings": settings,
         "notes": [note[:400] for note in _short(notes)],
         "cameras": cameras.written(_of("camera", seen), exposed, fps),
-        "environment": environment,
+        "environment": environment if medium is None else {"color": 0},
+        "medium": medium,
         "lights": [*lamps, *suns],
         "materials": materials,
         "shapes": shapes,

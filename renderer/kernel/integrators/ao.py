@@ -28,14 +28,14 @@ _WHITE = (_ONE, _ONE, _ONE)
 
 
 @template
-def trace_ao(scene, stack, o, d, time, options, stream, log, first):
+def trace_ao(scene, stack, o, d, time, nest, options, stream, log, first):
     """As `trace_path` of path.py: 1 where nothing is within options.ao_distance in a cosine-weighted direction.
 
     What the camera sees of the world itself is white. An expectation of 1 for a convex body, of 1 - D^2 / 4 within the unit
     sphere at distance D up to 2.
     """
     forget_first_hit(first)
-    path = camera_path(o, d)
+    path = camera_path(o, d, None)
     radiance = _WHITE
     depth = _ZERO
     rays = 0

@@ -9,29 +9,41 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arrays.rows import UNLIT
+from renderer.arrays.rows import MEDIUM, UNLIT
 from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
+from renderer.kernel.integrators.inside import fly, may_go_within, scattered_within, vertex_in_medium
 from renderer.kernel.integrators.mixture import mixture_bounce
-from renderer.kernel.integrators.record import DIRECT, EMITTED, record_beside, record_light, record_miss, record_surface
-from renderer.kernel.integrators.roulette import survival
+from renderer.kernel.integrators.record import (
+    DIRECT,
+    EMITTED,
+    record_beside,
+    record_light,
+    record_medium,
+    record_miss,
+    record_surface,
+)
+from renderer.kernel.integrators.roulette import IN_MEDIA, ON_SURFACES, survival
 from renderer.kernel.integrators.splitting import beside, of_branch, turned
 from renderer.kernel.integrators.state import (
     MAX_AGAIN,
+    beyond,
     camera_path,
     scattered,
     vertex_at,
+    with_nest,
     with_origin,
     with_radiance,
     with_throughput,
 )
 from renderer.kernel.integrators.strategy import heuristic_weight, mistaken, share_of_light, special_bounce
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, limited, reach
-from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
+from renderer.kernel.integrators.visibility import MAX_PASSED, light_left, transmittance
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light, sun_seen
 from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular
+from renderer.kernel.medium.nesting import crossed
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
 from renderer.kernel.surface.departure import departure
@@ -44,18 +56,19 @@ _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _ROOT = np.int32(0)
+_NO = np.bool_(False)
 
 
 @template
-def trace_path(scene, stack, o, d, time, options, stream, log, first):
+def trace_path(scene, stack, o, d, time, nest, options, stream, log, first):
     """The path of one sample of one pixel, from the ray o + t d on, d unit: (radiance, number of rays).
 
     first: (FIRST_HIT_SLOTS,), filled with what `first_hit` of transport.py reads.
-    time: of the shutter, 0 ... 1; None where nothing moves. options: renderer.kernel.options.Options; log: rows for record.py,
-    none in pictures.
+    time: of the shutter, 0 ... 1; None where nothing moves. nest: the camera's (kernel/medium/nesting.py); None where there are
+    no media. options: renderer.kernel.options.Options; log: rows for record.py, none in pictures.
     """
     forget_first_hit(first)
-    path, number, passed, rays = camera_path(o, d), 0, 0, 0
+    path, number, passed, rays = camera_path(o, d, nest), 0, 0, 0
     light, told = _BLACK, log
     while True:
         path, splits, other, passed, more = _follow(scene, stack, path, number, passed, time, options, stream, told, first)
@@ -87,7 +100,11 @@ def _follow(scene, stack, path, number, passed, time, options, stream, log, firs
         hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time, root)
         rays += 1
         row = number + passed
-        if hit.primitive == NO_PRIMITIVE:
+        drifts = _NO
+        if scene.has.media is not None:
+            path, drift = fly(scene, path, hit.t, stream, row)
+            drifts = drift.scatters
+        if hit.primitive == NO_PRIMITIVE and not drifts:
             if row < len(log):
                 record_miss(log, row, path)
             path = _add_environment(scene, path, number, options)
@@ -96,32 +113,42 @@ def _follow(scene, stack, path, number, passed, time, options, stream, log, firs
                 record_light(log, row, EMITTED, path.radiance)
             break
 
-        surface = surface_at(scene, path.o, path.d, hit)
-        through, throughput = reach(scene, surface, path, options, stream, row, time)
-        path = with_throughput(path, throughput)
-        if row < len(log):
-            record_surface(log, row, surface, through, hit.t, path)
-        if is_lamp(scene, surface.material) or not through:
-            path = _add_emission(scene, surface, path, number, options, time)
-        if through:
+        if scene.has.media is not None and drifts:
+            vertex = vertex_in_medium(scene, path, drift, layers)
             if row < len(log):
-                record_light(log, row, EMITTED, path.radiance)
-            passed += 1
-            if passed == MAX_PASSED:
-                break
-            path = with_origin(path, departure(surface, False, path.d))
-            continue
-
-        vertex, path = vertex_at(scene, surface, path, stream, number, layers, time)
+                record_medium(log, row, vertex.surface.point, drift.distance, path)
+        else:
+            surface = surface_at(scene, path.o, path.d, hit)
+            through, throughput = reach(scene, surface, path, options, stream, row, time)
+            path = with_throughput(path, throughput)
+            if row < len(log):
+                record_surface(log, row, surface, through, hit.t, path)
+            if is_lamp(scene, surface.material) or not through:
+                path = _add_emission(scene, surface, path, number, options, time)
+            if through:
+                if row < len(log):
+                    record_light(log, row, EMITTED, path.radiance)
+                passed += 1
+                if passed == MAX_PASSED:
+                    break
+                path = _past(scene, surface, path)
+                continue
+            vertex, path = vertex_at(scene, surface, path, stream, number, layers, time)
         if number == 0:
-            distance = hit.t if passed == 0 else vec.length(vec.sub(surface.point, path.vertex))
-            keep_first_hit(first, surface, vertex.material.base, vertex.frame[2], distance)
+            distance = hit.t
+            if scene.has.media is not None:
+                distance = drift.distance
+            _keep_first(first, vertex, path, distance, passed)
         if vertex.material.kind == UNLIT:
             path = _add(path, vertex.material.base, 1, options)
         if row < len(log):
             record_light(log, row, EMITTED, path.radiance)
         if path.depth + 1 >= options.max_depth or vertex.material.kind == UNLIT:
             break
+        if scene.has.media is not None and may_go_within(scene, vertex):
+            vertex, path = scattered_within(scene, stack, vertex, path, stream, number, time)
+            if vec.maximum(path.throughput) <= _ZERO:
+                break
 
         if lit and not is_specular(vertex.material):
             path, shadow_rays = _add_direct(scene, stack, vertex, path, number, options, stream, for_light, time)
@@ -142,6 +169,25 @@ def _follow(scene, stack, path, number, passed, time, options, stream, log, firs
         if number - path.depth > MAX_AGAIN:
             break
     return path, splits, other, passed_before, rays
+
+
+@template
+def _past(scene, surface, path):
+    """The path beyond a surface that it passes as if it were not there."""
+    if scene.has.media is not None:
+        path = with_nest(path, crossed(scene, path.nest, surface.material, surface.front))
+    return with_origin(path, departure(surface, False, path.d))
+
+
+@template
+def _keep_first(first, vertex, path, distance, passed):
+    """Writes down the path's first vertex: what scatters in a medium has no normal."""
+    normal = vertex.frame[2]
+    if vertex.material.kind == MEDIUM:
+        normal = _BLACK
+    if passed > 0:
+        distance = vec.length(vec.sub(vertex.surface.point, path.vertex))
+    keep_first_hit(first, vertex.surface, vertex.material.base, normal, distance)
 
 
 @template
@@ -216,13 +262,18 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, ti
             if vec.maximum(f) > _ZERO:
                 start = departure(surface, wi[2] > _ZERO, light.direction)
                 rays += 1
-                weight = transmittance(scene, stack, start, light.end, options.transparent, time) / light.pdf
+                radiance, weight = light.radiance, _ONE / light.pdf
+                if scene.has.media is not None:
+                    nest = path.nest if wi[2] > _ZERO else beyond(scene, vertex, path.nest)
+                    radiance = vec.mul(radiance, light_left(scene, stack, start, light.end, nest, time))
+                else:
+                    weight = transmittance(scene, stack, start, light.end, options.transparent, time) / light.pdf
                 if weight > _ZERO:
                     found_by = np.float32(options.splitting if number == 0 else 1) * scatter_pdf
                     weight *= share_of_light(options, light.pdf, found_by, light.alone) / np.float32(count)
                     if options.mistake != NO_MISTAKE:
                         weight *= mistaken(options.mistake, surface.point, light.end)
-                    path = _add(path, vec.scale(vec.mul(f, light.radiance), weight), 2, options)
+                    path = _add(path, vec.scale(vec.mul(f, radiance), weight), 2, options)
     return path, rays
 
 
@@ -238,7 +289,10 @@ def _bounce(scene, vertex, path, number, options, numbers, branches):
     else:
         wi, weight, pdf, eta2 = special_bounce(material, options.sampling, wo, numbers[2], u)
     weight, pdf = of_branch(weight, pdf, np.float32(branches))
-    path = scattered(vertex, path, number, wi, weight, pdf, eta2)
-    chance = survival(path.throughput, path.worth, np.float32(path.depth), options)
+    path = scattered(scene, vertex, path, number, wi, weight, pdf, eta2)
+    most = ON_SURFACES
+    if scene.has.media is not None and material.kind == MEDIUM:
+        most = IN_MEDIA
+    chance = survival(path.throughput, path.worth, np.float32(path.depth), options, most)
     goes_on = not (vec.maximum(path.throughput) <= _ZERO or numbers[3] >= chance)  # no number lives on
     return with_throughput(path, vec.scale(path.throughput, _ONE / chance)), goes_on

@@ -15,18 +15,20 @@ __all__ = [
     "COLUMNS",
     "DIRECT",
     "EMITTED",
+    "IN_MEDIUM",
     "MISSED",
     "PASSED",
     "SURFACE",
     "UNSEEN",
     "record_beside",
     "record_light",
+    "record_medium",
     "record_miss",
     "record_surface",
 ]
 
 # Kinds of rows. UNSEEN: none written.
-UNSEEN, SURFACE, PASSED, MISSED = range(4)
+UNSEEN, SURFACE, PASSED, MISSED, IN_MEDIUM = range(5)
 
 # Columns, float64.
 KIND, OBJECT, MATERIAL, DISTANCE, PDF = range(5)
@@ -69,6 +71,14 @@ def record_surface(log, row, surface, through, distance, path):
 
 
 @device
+def record_medium(log, row, point, distance, path):
+    """The point in a medium where a path is scattered, so far along its ray; its throughput is that on arrival."""
+    log[row, OBJECT] = 0
+    log[row, MATERIAL] = 0
+    _record(log, row, np.int64(IN_MEDIUM), distance, point, path.d, path)
+
+
+@device
 def record_miss(log, row, path):
     """The environment, which a path's ray met."""
     log[row, OBJECT] = 0
@@ -90,7 +100,7 @@ def record_beside(log, radiance):
     """What the branch has brought that begins beside the recorded one, at its first vertex (splitting.py)."""
     out_of_line()
     for row in range(len(log)):
-        if log[row, KIND] == SURFACE:
+        if log[row, KIND] == SURFACE or log[row, KIND] == IN_MEDIUM:
             for i in range(3):
                 log[row, BESIDE + i] = radiance[i]
             break

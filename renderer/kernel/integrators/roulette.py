@@ -16,14 +16,17 @@ from renderer.kernel import vec
 from renderer.settings import MAX_FLOOR
 from renderer.wide.values import where
 
-__all__ = ["survival", "worth_after"]
+__all__ = ["IN_MEDIA", "ON_SURFACES", "survival", "worth_after"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _GENEROUS = np.float32(1.4)
 _SHORT = np.float32(3.0)  # segments that every path may have: what is dark there may still see what is bright
 _LONG = np.float32(8.0)  # segments from which on nothing goes on for certain, that paths in white rooms end
-_MOST_OF_LONG = np.float32(MAX_FLOOR)
+ON_SURFACES = np.float32(MAX_FLOOR)  # the most chance that it has then,
+IN_MEDIA = np.float32(
+    0.99
+)  # where hundreds of white vertices in a row are nothing rare, and 0.95 each would make sparks of light
 _LEAST = np.float32(1e-12)
 
 
@@ -38,9 +41,12 @@ def worth_after(worth, number, weight, eta2):
 
 
 @device
-def survival(throughput, worth, depth, options):
-    """The chance with which a path goes on that has `depth` segments behind it, a float; worth: of `worth_after`."""
-    most = where(depth < _LONG, _ONE, _MOST_OF_LONG)
+def survival(throughput, worth, depth, options, most_of_long=ON_SURFACES):
+    """The chance with which a path goes on that has `depth` segments behind it, a float; worth: of `worth_after`.
+
+    most_of_long: by where its vertex is, ON_SURFACES or IN_MEDIA.
+    """
+    most = where(depth < _LONG, _ONE, most_of_long)
     by_throughput = min(max(_GENEROUS * vec.maximum(throughput) * worth, options.roulette_floor), most)
     chance = where(depth < _SHORT, _ONE, by_throughput)
     return where(options.roulette > _ZERO, options.roulette, chance)

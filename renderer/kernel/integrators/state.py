@@ -6,12 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from renderer.arrays.rows import MEDIUM
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.integrators.roulette import worth_after
 from renderer.kernel.integrators.transport import one_color
 from renderer.kernel.material.material import Material, fetch_material, transmits
 from renderer.kernel.material.normal_map import shading_frame
+from renderer.kernel.medium.nesting import crossed
 from renderer.kernel.surface.departure import departure, leaves
 from renderer.kernel.surface.surface import Surface
 
@@ -19,9 +21,11 @@ __all__ = [
     "MAX_AGAIN",
     "Path",
     "Vertex",
+    "beyond",
     "camera_path",
     "scattered",
     "vertex_at",
+    "with_nest",
     "with_origin",
     "with_radiance",
     "with_throughput",
@@ -48,6 +52,7 @@ class Path(NamedTuple):
     radiance: tuple[float, float, float]  # found so far
     worth: float  # what a unit of its throughput is worth to the pixel: of roulette.py
     depth: int  # segments behind it that count
+    nest: Any  # the media that it is in (kernel/medium/nesting.py); None where there are none
 
 
 class Vertex(NamedTuple):
@@ -61,27 +66,41 @@ class Vertex(NamedTuple):
 
 
 @device
-def camera_path(o, d):
+def camera_path(o, d, nest):
     """A path that leaves the camera's point o in the unit direction d."""
-    return Path(o, d, o, _EVERY_SIDE, _ZERO, _WHITE, _BLACK, _ONE, _NONE)
+    return Path(o, d, o, _EVERY_SIDE, _ZERO, _WHITE, _BLACK, _ONE, _NONE, nest)
 
 
 @device
 def with_origin(path, o):
     """The path, its ray starting at o."""
-    return Path(o, path.d, path.vertex, path.normal, path.pdf, path.throughput, path.radiance, path.worth, path.depth)
+    return Path(o, path.d, path.vertex, path.normal, path.pdf, path.throughput, path.radiance, path.worth, path.depth, path.nest)
 
 
 @device
 def with_throughput(path, throughput):
     """The path with another throughput."""
-    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, throughput, path.radiance, path.worth, path.depth)
+    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, throughput, path.radiance, path.worth, path.depth, path.nest)
 
 
 @device
 def with_radiance(path, radiance):
     """The path with another radiance."""
-    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, path.throughput, radiance, path.worth, path.depth)
+    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, path.throughput, radiance, path.worth, path.depth, path.nest)
+
+
+@device
+def with_nest(path, nest):
+    """The path in other media."""
+    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, path.throughput, path.radiance, path.worth, path.depth, nest)
+
+
+@device
+def beyond(scene, vertex, nest):
+    """The nest of what goes through the vertex's surface; None where there are no media."""
+    if scene.has.media is not None and vertex.material.kind != MEDIUM:
+        nest = crossed(scene, nest, vertex.surface.material, vertex.surface.front)
+    return nest
 
 
 @device
@@ -102,7 +121,7 @@ def vertex_at(scene, surface, path, stream, number, layers, time):
 
 
 @device
-def scattered(vertex, path, number, wi, weight, pdf, eta2):
+def scattered(scene, vertex, path, number, wi, weight, pdf, eta2):
     """The path after its vertex has scattered it into wi, of its frame. weight, pdf, eta2: as `sample_material` gives them;
     number: how many vertices it had before.
 
@@ -122,4 +141,5 @@ def scattered(vertex, path, number, wi, weight, pdf, eta2):
         path.radiance,
         worth_after(path.worth, np.float32(number), weight, eta2),
         path.depth + 1 if leaves(vertex.surface, reflected, d) else path.depth,
+        path.nest if reflected else beyond(scene, vertex, path.nest),
     )

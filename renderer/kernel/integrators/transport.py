@@ -105,6 +105,8 @@ def _attenuated(scene, material, throughput, start, end):
     """What is left of the throughput on the way from start to end, through the inside of a material: Beer's law."""
     if scene.has.layers is None or scene.material_flags[material] & ABSORBING == 0:
         return throughput
+    if scene.has.media is not None:
+        return throughput  # flights have seen to it
     return absorbed(throughput, absorption(scene, material), start, end)
 
 

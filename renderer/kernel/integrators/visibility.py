@@ -10,13 +10,16 @@ from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit, shadow_roo
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material.material import opacity
+from renderer.kernel.medium.flight import left_after
+from renderer.kernel.medium.nesting import coefficients, crossed
 from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import surface_at
 
-__all__ = ["MAX_PASSED", "transmittance"]
+__all__ = ["MAX_PASSED", "light_left", "transmittance"]
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
+_BLACK = (_ZERO, _ZERO, _ZERO)
 MAX_PASSED = 256  # surfaces that light passes by their alpha; what lies behind more of them is dark
 
 
@@ -42,6 +45,37 @@ def _through(scene, stack, start, end, time):
             return _ZERO
         o = departure(surface, False, d)
     return _ZERO
+
+
+@subroutine
+def light_left(scene, stack, start, end, nest, time):
+    """What is left of light, rgb 0 ... 1, between two points: surfaces let some pass by their alpha, media take theirs.
+
+    nest: that the first point is in (kernel/medium/nesting.py); time: as of `closest_hit`.
+    """
+    out_of_line()
+    left = (_ONE, _ONE, _ONE)
+    o = start
+    way = vec.sub(end, start)
+    for _ in range(MAX_PASSED):
+        rest = vec.sub(end, o)
+        if not vec.dot(rest, way) > _ZERO:
+            return left
+        distance = math.sqrt(vec.dot(rest, rest))
+        d = vec.scale(rest, _ONE / distance)
+        hit = closest_hit(scene.bvh, stack, o, d, distance, time, shadow_root(scene.bvh))
+        sigma_t, _, _ = coefficients(scene, nest)
+        left = vec.mul(left, left_after(sigma_t, hit.t))
+        if hit.primitive == NO_PRIMITIVE:
+            return left
+        surface = surface_at(scene, o, d, hit)
+        faint = _ONE - opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], time)
+        left = vec.scale(left, faint)
+        if not vec.maximum(left) > _ZERO:
+            return _BLACK
+        nest = crossed(scene, nest, surface.material, surface.front)
+        o = departure(surface, False, d)
+    return _BLACK
 
 
 @device

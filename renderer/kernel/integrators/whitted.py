@@ -122,10 +122,13 @@ def _add(path, light):
 
 
 @template
-def trace_whitted(scene, stack, o, d, time, options, stream, log, first):
-    """As renderer.kernel.integrators.path.trace_path. options.max_depth counts the segments between camera and last surface."""
+def trace_whitted(scene, stack, o, d, time, nest, options, stream, log, first):
+    """As renderer.kernel.integrators.path.trace_path. options.max_depth counts the segments between camera and last surface.
+
+    What scatters within media is left out.
+    """
     forget_first_hit(first)
-    path = camera_path(o, d)
+    path = camera_path(o, d, None)
     rays = 0
     number = 0  # of the vertex that the ray is on its way to
     passed = 0
@@ -188,7 +191,7 @@ def trace_whitted(scene, stack, o, d, time, options, stream, log, first):
         wi, weight, pdf, eta2 = sample_material(material, vertex.wo, numbers[2], (numbers[0], numbers[1]))
         if pdf > _ZERO and not _is_mirror(material):
             break
-        path = scattered(vertex, path, number, wi, weight, _ZERO, eta2)
+        path = scattered(scene, vertex, path, number, wi, weight, _ZERO, eta2)
         if vec.maximum(path.throughput) <= _ZERO:
             break
         number += 1

@@ -16,6 +16,7 @@ from renderer.arrays.rows import PART_COLUMNS, PART_MATERIAL, TEXTURED
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import columns, row
+from renderer.kernel.light.emission_map import emission_towards, moving_emission_towards
 from renderer.kernel.light.environment import choose, environment_light, environment_radiance, sample_environment
 from renderer.kernel.light.light_sample import LightSample, either, emitted, if_found, nothing
 from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
@@ -162,10 +163,22 @@ def _is_parallelogram(scene, light):
 
 @device
 def _sample_alone(scene, number, wanted, p, u, time):
-    """As `sample_punctual`, for the lanes where it is `wanted`."""
+    """As `sample_punctual`, for the lanes where it is `wanted`, and with what the light's map makes of it."""
     if time is not None and len(scene.key_punctual) > 0:
-        return each_lane(sample_moving_punctual, wanted, (scene.punctual_kind, scene.key_punctual, number, p, u, time))
-    return each_lane(sample_punctual, wanted, (scene.punctual_kind, scene.punctual, number, p, u))
+        sample = each_lane(sample_moving_punctual, wanted, (scene.punctual_kind, scene.key_punctual, number, p, u, time))
+    else:
+        sample = each_lane(sample_punctual, wanted, (scene.punctual_kind, scene.punctual, number, p, u))
+    if len(scene.emission_frame) == 0:
+        return sample
+    w, end, radiance, density = sample
+    return w, end, vec.mul(radiance, _emission(scene, number, wanted, p, w, time)), density
+
+
+@device
+def _emission(scene, number, wanted, p, w, time):
+    if time is not None and len(scene.key_emission_frame) > 0:
+        return each_lane(moving_emission_towards, wanted, (scene, number, p, w, time))
+    return each_lane(emission_towards, wanted, (scene, number, p, w))
 
 
 @device

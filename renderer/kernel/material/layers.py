@@ -83,6 +83,21 @@ def _resolve_layers(textures, base, metallic, pane, m):
     m[COAT_NORMAL + 2] = _ONE
     if textures.has.textures is not None:
         _look_up(textures, m)
+    if textures.has.media is not None and m[rows.SUBSURFACE] > _ZERO:
+        _leave_to_inside(m)
+
+
+@device
+def _leave_to_inside(m):
+    """What goes through the inside of the light that would be scattered diffusely (kernel/medium/subsurface.py) goes below the
+    surface without coming out there. SUBSURFACE becomes its share of all diffuse light.
+    """
+    below = m[rows.DIFFUSE_TRANSMISSION]
+    inside = (_ONE - below) * m[rows.SUBSURFACE]
+    there = below / (below + inside)
+    m[rows.SUBSURFACE] = inside
+    m[rows.DIFFUSE_TRANSMISSION] = below + inside
+    _multiply(m, rows.DIFFUSE_TRANSMISSION_COLOR, (there, there, there))
 
 
 @subroutine

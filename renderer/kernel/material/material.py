@@ -1,7 +1,7 @@
 """What a surface is made of, and the one place where the models are told apart.
 
-To add a model: a file in bsdf/, a number in rows.py, a branch in `eval_material` and `sample_material` (or their `rare` halves),
-the list of renderer/kernel/pool/surfaces.py for its vertices, and its name in renderer/scene/parameters.py and packing.py.
+To add a model: a file in bsdf/, a number in rows.py, a branch in `eval_material` and `sample_material` (or in rare.py), the list
+of renderer/kernel/pool/surfaces.py for its vertices, and its name in renderer/scene/parameters.py and packing.py.
 """
 
 from __future__ import annotations
@@ -13,9 +13,6 @@ import numpy as np
 from renderer.arrays import rows
 from renderer.arrays.has import Has
 from renderer.arrays.rows import (
-    ALPHA_X,
-    ALPHA_Y,
-    BLINN_PHONG,
     COAT_NORMAL,
     COLUMNS,
     CONDUCTOR,
@@ -28,19 +25,17 @@ from renderer.arrays.rows import (
     SLOTS,
     UNLIT,
 )
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, subroutine
 from renderer.kernel import vec
-from renderer.kernel.bsdf.blinn_phong import eval_and_pdf_blinn_phong, sample_blinn_phong
-from renderer.kernel.bsdf.conductor import eval_and_pdf_conductor, sample_conductor, sample_smooth_conductor
 from renderer.kernel.bsdf.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
 from renderer.kernel.bsdf.glass import sample_glass
-from renderer.kernel.bsdf.layered import eval_and_pdf_layered, sample_layered
 from renderer.kernel.bsdf.metallic_roughness import eval_and_pdf_metallic_roughness, sample_metallic_roughness
 from renderer.kernel.bsdf.mirror import sample_mirror
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.kernel.fetch import columns
 from renderer.kernel.material.layers import Textures, resolve
 from renderer.kernel.material.normal_map import coat_normal
+from renderer.kernel.material.rare import eval_rare, sample_rare
 from renderer.kernel.material.texture import sample_texture
 from renderer.wide.lanes import each_lane
 from renderer.wide.values import any_of, as_wide, lookup, u32, where, where3
@@ -54,7 +49,6 @@ __all__ = [
     "disperse",
     "emission",
     "eval_material",
-    "eval_rare",
     "fetch_material",
     "is_lamp",
     "is_specular",
@@ -62,7 +56,6 @@ __all__ = [
     "look_up_layers",
     "opacity",
     "sample_material",
-    "sample_rare",
     "texture_factors",
     "transmits",
 ]
@@ -297,71 +290,6 @@ def is_specular(material):
     if material.kind == CONDUCTOR:
         return material.roughness <= SMOOTH_GLASS
     return material.kind == MIRROR or material.kind == GLASS
-
-
-@device
-def _conductor(m):
-    """A conductor's properties: eta, k, mean Fresnel, roughness and both alphas."""
-    return (
-        (m[rows.ETA], m[rows.ETA + 1], m[rows.ETA + 2]),
-        (m[rows.K], m[rows.K + 1], m[rows.K + 2]),
-        (m[rows.MEAN_FRESNEL], m[rows.MEAN_FRESNEL + 1], m[rows.MEAN_FRESNEL + 2]),
-        m[rows.ROUGHNESS],
-        m[ALPHA_X],
-        m[ALPHA_Y],
-    )
-
-
-@device
-def _turned(m, w, sign):
-    """w turned about the normal by the anisotropy's angle: into its frame (1) or back (-1)."""
-    c, s = m[rows.ROTATION], sign * m[rows.ROTATION + 1]
-    return c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]
-
-
-@device
-def _kd_ks(m):
-    return (
-        (m[rows.BASE], m[rows.BASE + 1], m[rows.BASE + 2]),
-        (m[rows.SPECULAR_COLOR], m[rows.SPECULAR_COLOR + 1], m[rows.SPECULAR_COLOR + 2]),
-    )
-
-
-@subroutine
-def eval_rare(has, kind, m, eta, wo, wi):
-    """As `eval_material`, of the rarer kinds, from their looked-up properties m."""
-    out_of_line()
-    if has.layers is not None and kind == LAYERED:
-        return eval_and_pdf_layered(m, eta, wo, wi)
-    if kind == CONDUCTOR:
-        index, k, mean, roughness, alpha_x, alpha_y = _conductor(m)
-        o, i = _turned(m, wo, _ONE), _turned(m, wi, _ONE)
-        return eval_and_pdf_conductor(index, k, mean, roughness, alpha_x, alpha_y, o, i)
-    if has.layers is not None and kind == BLINN_PHONG:
-        kd, ks = _kd_ks(m)
-        return eval_and_pdf_blinn_phong(kd, ks, m[rows.SHININESS], wo, wi)
-    return _BLACK, _ZERO
-
-
-@subroutine
-def sample_rare(has, kind, m, eta, wo, choose, u):
-    """As `sample_material`, of the rarer kinds, from their looked-up properties m."""
-    out_of_line()
-    if has.layers is not None and kind == LAYERED:
-        return sample_layered(m, eta, wo, choose, u)
-    if kind == CONDUCTOR:
-        index, k, mean, roughness, alpha_x, alpha_y = _conductor(m)
-        if roughness <= SMOOTH_GLASS:
-            wi, weight = sample_smooth_conductor(index, k, wo)
-            return wi, weight, _ZERO, _ONE
-        o = _turned(m, wo, _ONE)
-        i, weight, pdf = sample_conductor(index, k, mean, roughness, alpha_x, alpha_y, o, choose, u)
-        return _turned(m, i, -_ONE), weight, pdf, _ONE
-    if has.layers is not None and kind == BLINN_PHONG:
-        kd, ks = _kd_ks(m)
-        wi, weight, pdf = sample_blinn_phong(kd, ks, m[rows.SHININESS], wo, choose, u)
-        return wi, weight, pdf, _ONE
-    return (_ZERO, _ZERO, _ONE), _BLACK, _ZERO, _ONE
 
 
 @device

@@ -11,10 +11,10 @@ from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.camera import camera_ray, moving_ray
 from renderer.kernel.integrators.transport import TIME_BLOCK
 from renderer.kernel.pool.lists import ACTIVE, DONE, append, eight, length, pad, row
-from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, MAPPED, PATHS, PLACE, RAY, SAMPLE, at, read, write
+from renderer.kernel.pool.rows import CARRIED, FIRST, FRAME, HIT, MAPPED, NEST, PATHS, PLACE, RAY, SAMPLE, at, read, write
 from renderer.kernel.sampling.filter import filter_offset
 from renderer.kernel.sampling.sampler import Stream, draw4, draw_film, pixel_key
-from renderer.wide.values import as_floats, as_ints, nil, to_float
+from renderer.wide.values import as_floats, as_ints, as_wide, nil, to_float
 
 __all__ = ["Next", "begin"]
 
@@ -55,10 +55,11 @@ def _number(pool, lists, count, following, width, height, batch):
 
 
 @subroutine
-def begin(pool, lists, following, width, height, camera, options, batch, motion):
+def begin(pool, lists, following, width, height, camera, options, batch, motion, nest):
     """Begins paths in rows that are done, for as long as there are samples: which one is next.
 
-    motion: None where nothing moves while the shutter is open (renderer/arrays/has.py).
+    motion: None where nothing moves while the shutter is open (renderer/arrays/has.py). nest: the media that the camera is in,
+    None where there are none.
     """
     out_of_line()
     left = ((height - following.y) * width - following.x) * batch.count - (following.sample - batch.first)
@@ -92,4 +93,6 @@ def begin(pool, lists, following, width, height, camera, options, batch, motion)
         write(pool, rows, FIRST, nothing)
         write(pool, rows, FIRST + np.uintp(8), nothing)
         write(pool, rows, MAPPED, nothing)
+        if nest is not None:
+            write(pool, rows, NEST, (as_floats(as_wide(nest, none)), none, none, none, none, none, none, none))
     return following

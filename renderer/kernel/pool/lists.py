@@ -17,6 +17,7 @@ __all__ = [
     "CONDUCTOR",
     "DIFFUSE",
     "DONE",
+    "DRIFTING",
     "ENDED",
     "LISTS",
     "LIST_SIZE",
@@ -34,6 +35,7 @@ __all__ = [
     "SPHERES",
     "TRIANGLES",
     "WAITING",
+    "WITHIN",
     "append",
     "clear",
     "cut",
@@ -52,7 +54,9 @@ SCATTERING = RARE_SPECULAR
 ACTIVE, TRIANGLES, SPHERES, MISSED, LIT, PASSED, DONE = (np.uintp(which) for which in range(SCATTERING + 1, SCATTERING + 8))
 # Rays on their way through the tree, by what they are to look into next: a node, a packet of triangles, anything else.
 NODES, PACKETS, OTHERS, ENDED, WAITING = (np.uintp(which) for which in range(SCATTERING + 8, SCATTERING + 13))
-LISTS = SCATTERING + 13
+# Where there are media: vertices in one, which are to scatter too, and those that may go on inside of what they have met.
+DRIFTING, WITHIN = (np.uintp(which) for which in range(SCATTERING + 13, SCATTERING + 15))
+LISTS = SCATTERING + 15
 LIST_SIZE = ROWS + 8  # its length, the numbers, and room for the last one's repetition
 _SIZE = np.uintp(LIST_SIZE)
 _ONE = np.uintp(1)

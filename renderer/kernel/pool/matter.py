@@ -113,7 +113,7 @@ def passes(scene, surface, stream, row, options, time):
 @device
 def attenuated(scene, surface, through, throughput, pool, rows):
     """The throughput after the way from the last vertex to the surface, through the inside of what it is the surface of."""
-    if scene.has.layers is not None:
+    if scene.has.layers is not None and scene.has.media is None:  # else flights have seen to it
         inside = not_(surface.front | through) & _flagged(scene, surface.material, _ABSORBING)
         if any_of(inside):
             taken = columns(scene.material, surface.material, COLUMNS, ABSORPTION, 3)

@@ -9,10 +9,13 @@ from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, shadow_root
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.integrators.transport import limited
-from renderer.kernel.integrators.visibility import transmittance
+from renderer.kernel.integrators.visibility import light_left, transmittance
+from renderer.kernel.medium.flight import left_after
+from renderer.kernel.medium.nesting import coefficients
 from renderer.kernel.pool.lists import (
     ACTIVE,
     DONE,
+    DRIFTING,
     ENDED,
     MISSED,
     NODES,
@@ -34,7 +37,7 @@ from renderer.kernel.pool.rows import CARRIED, HIT, LAMP, RAY, SHADOW, at, few, 
 from renderer.kernel.pool.shade import walk_in_shade
 from renderer.kernel.pool.walk import walk
 from renderer.kernel.pool.ways import BEST, BLOCKED, set_out, three, whole
-from renderer.wide.values import nil, where, where3
+from renderer.wide.values import as_ints, nil, u32, where, where3
 
 __all__ = ["bring_light", "meet", "see_lights"]
 
@@ -42,7 +45,7 @@ _ZERO = np.float32(0.0)
 _INF = np.float32(np.inf)
 _PRIMITIVE, _INSTANCE = HIT + np.uintp(3), HIT + np.uintp(4)
 _NUMBER = CARRIED + np.uintp(7)
-_SEGMENTS = LAMP + np.uintp(3)
+_SEGMENTS, _BEGINS_IN = LAMP + np.uintp(3), LAMP + np.uintp(6)
 _END, _WAITS, _GOES_ON = SHADOW + np.uintp(3), SHADOW + np.uintp(6), SHADOW + np.uintp(7)
 
 
@@ -92,11 +95,25 @@ def _light_through(scene, alone, pool, lists, options):
     for k in range(length(lists, WAITING)):
         path = row(lists, WAITING, k)
         start, end, time = three(pool, at(path, SHADOW)), three(pool, at(path, _END)), time_of(scene.has.motion, pool, path)
-        share = transmittance(scene, alone, start, end, True, time)
+        brought = three(pool, at(path, LAMP))
+        if scene.has.media is not None:
+            share = light_left(scene, alone, start, end, u32(load_int(pool, at(path, _BEGINS_IN))), time)
+            brought, share = vec.mul(brought, share), vec.maximum(share)
+        else:
+            share = transmittance(scene, alone, start, end, True, time)
+            brought = vec.scale(brought, share)
         if share > _ZERO:
-            brought = limited(vec.scale(three(pool, at(path, LAMP)), share), pool[at(path, _SEGMENTS)], options.clamp)
+            brought = limited(brought, pool[at(path, _SEGMENTS)], options.clamp)
             for c in range(3):
                 pool[at(path, CARRIED + np.uintp(c))] += brought[c]
+
+
+@device
+def _left(scene, pool, rows):
+    """What is left of the light of eight shadow rays that meet nothing, and so stay in the medium that they begin in."""
+    way = read(pool, rows, SHADOW)
+    sigma_t, _, _ = coefficients(scene, as_ints(few(pool, rows, _BEGINS_IN, 1)[0]))
+    return left_after(sigma_t, vec.length(vec.sub((way[3], way[4], way[5]), (way[0], way[1], way[2]))))
 
 
 @device
@@ -122,6 +139,8 @@ def _light(scene, alone, stack, pool, lists, options):
         r, g, b, segments = few(pool, rows, LAMP, 4)
         carried, blocked = read(pool, rows, CARRIED), few(pool, rows, BLOCKED, 1)[0]
         none = nil(r)
+        if scene.has.media is not None:
+            r, g, b = vec.mul((r, g, b), _left(scene, pool, rows))
         brought = where3(blocked != _ZERO, (none, none, none), limited((r, g, b), segments, options.clamp))
         radiance = vec.add((carried[0], carried[1], carried[2]), brought)
         write(pool, rows, CARRIED, (*radiance, carried[3], carried[4], carried[5], carried[6], carried[7]))
@@ -137,6 +156,24 @@ def bring_light(scene, alone, stack, pool, lists, options):
         _light(scene, alone, stack, pool, lists, options)
 
 
+@device
+def _go_on(pool, lists, which):
+    """Lists the vertices of a list by whether they wait for light, and whether their paths go on or are done."""
+    waiting, active, done = np.uintp(length(lists, WAITING)), np.uintp(length(lists, ACTIVE)), np.uintp(length(lists, DONE))
+    for k in range(length(lists, which)):
+        path = row(lists, which, k)
+        put(lists, WAITING, waiting, path)
+        put(lists, ACTIVE, active, path)
+        put(lists, DONE, done, path)
+        goes_on = not (pool[at(path, _GOES_ON)] <= _ZERO)  # no number lives on
+        waiting += np.uintp(pool[at(path, _WAITS)] != _ZERO)
+        active += np.uintp(goes_on)
+        done += np.uintp(not goes_on)
+    cut(lists, WAITING, waiting)
+    cut(lists, ACTIVE, active)
+    cut(lists, DONE, done)
+
+
 @subroutine
 def see_lights(scene, alone, stack, pool, lists, options):
     """Casts the shadow rays of the vertices that have one, and adds what lights them: how many.
@@ -144,20 +181,12 @@ def see_lights(scene, alone, stack, pool, lists, options):
     Paths that go on join the active ones, the others are done.
     """
     out_of_line()
-    waiting, active, done = np.uintp(0), np.uintp(length(lists, ACTIVE)), np.uintp(length(lists, DONE))
+    cut(lists, WAITING, np.uintp(0))
     for which in range(SCATTERING):
-        for k in range(length(lists, which)):
-            path = row(lists, which, k)
-            put(lists, WAITING, waiting, path)
-            put(lists, ACTIVE, active, path)
-            put(lists, DONE, done, path)
-            goes_on = not (pool[at(path, _GOES_ON)] <= _ZERO)  # no number lives on
-            waiting += np.uintp(pool[at(path, _WAITS)] != _ZERO)
-            active += np.uintp(goes_on)
-            done += np.uintp(not goes_on)
-    cut(lists, WAITING, waiting)
-    cut(lists, ACTIVE, active)
-    cut(lists, DONE, done)
+        _go_on(pool, lists, np.uintp(which))
+    if scene.has.media is not None:
+        _go_on(pool, lists, DRIFTING)
+    waiting = np.uintp(length(lists, WAITING))
     for k in range(length(lists, PASSED)):
         append(lists, ACTIVE, row(lists, PASSED, k))
     bring_light(scene, alone, stack, pool, lists, options)

@@ -22,7 +22,13 @@ from renderer.kernel.bsdf.metallic_roughness import eval_and_pdf_metallic_roughn
 from renderer.kernel.bsdf.microfacet import MIN_ALPHA
 from renderer.kernel.bsdf.mirror import sample_mirror
 from renderer.kernel.fetch import columns
-from renderer.kernel.material.material import eval_rare, look_up_layers, sample_rare
+from renderer.kernel.material.material import look_up_layers
+from renderer.kernel.material.rare import eval_rare, sample_rare
+from renderer.kernel.medium.henyey_greenstein import (
+    eval_henyey_greenstein,
+    pdf_henyey_greenstein,
+    sample_henyey_greenstein,
+)
 from renderer.wide.lanes import each_lane
 from renderer.wide.values import any_of, lookup, nil, u32, where, where3
 
@@ -30,6 +36,7 @@ __all__ = [
     "Matter",
     "answer_conductor",
     "answer_diffuse",
+    "answer_in_medium",
     "answer_metallic_roughness",
     "answer_rare",
     "answer_specular",
@@ -141,6 +148,16 @@ def answer_conductor(scene, m, wo, wi, choose, u):
     f, light_pdf = eval_and_pdf_conductor(eta, k, mean, roughness, alpha, alpha, wo, wi)
     on, weight, pdf = sample_conductor(eta, k, mean, roughness, alpha, alpha, wo, choose, u)
     return f, light_pdf, on, weight, pdf, nil(choose) + _ONE
+
+
+@device
+def answer_in_medium(scene, m, wo, wi, choose, u):
+    """That of a vertex in a medium, whose g is in roughness' place."""
+    one = nil(choose) + _ONE
+    phase = eval_henyey_greenstein(m.roughness, wi)
+    on = sample_henyey_greenstein(m.roughness, u)
+    pdf = pdf_henyey_greenstein(m.roughness, on)
+    return (phase, phase, phase), pdf_henyey_greenstein(m.roughness, wi), on, (one, one, one), pdf, one
 
 
 @subroutine

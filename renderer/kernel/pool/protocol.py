@@ -19,14 +19,15 @@ from renderer.kernel.integrators.record import (
     TIME,
     TOLD,
     record_light,
+    record_medium,
     record_miss,
     record_surface,
 )
 from renderer.kernel.integrators.state import Path
-from renderer.kernel.pool.lists import ACTIVE, LIT, MISSED, SCATTERING, length, row
+from renderer.kernel.pool.lists import ACTIVE, DRIFTING, LIT, MISSED, SCATTERING, WITHIN, length, row
 from renderer.kernel.pool.rows import CARRIED, FRAME, HIT, LAMP, PLACE, RAY, SAMPLE, SHADOW
 from renderer.kernel.pool.ways import three
-from renderer.kernel.surface.surface import NO_LIGHT, Surface
+from renderer.kernel.surface.surface import NO_LIGHT, NO_OBJECT, Surface
 from renderer.wide.values import u32
 
 __all__ = ["followed", "record_arrival", "record_departure"]
@@ -54,6 +55,7 @@ def _path(pool, radiance):
         radiance,
         pool[RAY + np.uintp(7)],
         np.int64(pool[CARRIED + np.uintp(3)]),
+        None,
     )
 
 
@@ -107,6 +109,8 @@ def record_arrival(pool, lists, log, number, passed, before):
     path = _path(pool, before)
     if _is_on(lists, MISSED):
         record_miss(log, number, path)
+    elif u32(load_int(pool, HIT + np.uintp(6))) == NO_OBJECT:
+        record_medium(log, number, three(pool, PLACE), pool[HIT], path)
     else:
         through = pool[_PASSED] != passed
         point = three(pool, RAY) if through else three(pool, PLACE)  # where it goes on from: beside what it passed
@@ -124,6 +128,7 @@ def record_departure(pool, lists, log, number, lit):
     scattered = False
     for which in range(SCATTERING):
         scattered |= _is_on(lists, which)
+    scattered |= _is_on(lists, DRIFTING) or _is_on(lists, WITHIN)
     if scattered:
         log[number, TOLD] = SCATTERED
         log[number, SURVIVAL] = pool[SHADOW + np.uintp(7)]

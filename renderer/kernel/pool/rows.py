@@ -23,6 +23,7 @@ __all__ = [
     "LAMP",
     "MAPPED",
     "MATTER",
+    "NEST",
     "PATHS",
     "PLACE",
     "RAY",
@@ -61,7 +62,7 @@ BRANCHES = np.uintp(31)
 PLACE = np.uintp(32)  # the vertex: point 3, error, geometric normal 3, front + 2 smooth
 FRAME = np.uintp(40)  # its shading normal 3, lift 3, material, the list that it is on (lists.py)
 LAMP = np.uintp(48)  # towards the light 3, pdf, radiance 3, how many of the surface's directions might have found it; then what a
-# shadow ray brings 3, by how many segments, its share, pdf
+# shadow ray brings 3, by how many segments, its share, pdf, what it begins in
 SHADOW = np.uintp(
     56
 )  # the shadow ray's start 3 and end 3, whether it is to be cast, whether the path goes on (above 0: by which chance)
@@ -72,6 +73,8 @@ AXES = np.uintp(88)  # the frame to scatter in: s 3, t 3; second texture coordin
 MAPPED = np.uintp(96)  # its n 3, and the normal that lights count on the side of 3
 # Of the ray that is on its way through the tree (ways.py), three groups:
 WAY = np.uintp(104)
+# Only where there are media: what the path is in (kernel/medium/nesting.py). Of a vertex in one, MATTER's roughness is the g.
+NEST = np.uintp(128)
 ROW = np.uintp(136)  # no power of two, which would put all rows' groups into the same cache sets
 
 

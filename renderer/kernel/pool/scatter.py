@@ -9,14 +9,16 @@ import numpy as np
 from renderer.jit import device, out_of_line, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.record import AGAIN
-from renderer.kernel.integrators.roulette import survival, worth_after
+from renderer.kernel.integrators.roulette import IN_MEDIA, ON_SURFACES, survival, worth_after
 from renderer.kernel.integrators.splitting import beside, of_branch, turned
 from renderer.kernel.integrators.state import MAX_AGAIN
 from renderer.kernel.integrators.strategy import power_heuristic
+from renderer.kernel.medium.nesting import crossed
 from renderer.kernel.pool.lists import (
     ACTIVE,
     CONDUCTOR,
     DIFFUSE,
+    DRIFTING,
     METALLIC_ROUGHNESS,
     NODES,
     RARE,
@@ -34,6 +36,7 @@ from renderer.kernel.pool.models import (
     Matter,
     answer_conductor,
     answer_diffuse,
+    answer_in_medium,
     answer_metallic_roughness,
     answer_rare,
     answer_specular,
@@ -47,6 +50,7 @@ from renderer.kernel.pool.rows import (
     LAMP,
     MAPPED,
     MATTER,
+    NEST,
     PATHS,
     PLACE,
     RAY,
@@ -170,8 +174,10 @@ def _list_branches(pool, lists, which):
 
 
 @template
-def _scatter(scene, pool, lists, which, answer, is_lit, options, lit, second):
-    """answer: of models.py; is_lit: None where light sampling finds nothing; lit, second: as in `scatter`."""
+def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit, second):
+    """answer: of models.py; is_lit: None where light sampling finds nothing; is_surface: None in a medium; lit, second: as in
+    `scatter`.
+    """
     taken = _splitting(pool, lists, which) if second else which
     for k in range(0, pad(lists, taken), 8):
         rows = eight(lists, taken, k)
@@ -182,6 +188,11 @@ def _scatter(scene, pool, lists, which, answer, is_lit, options, lit, second):
         m = _matter(scene, pool, rows, surface)
         s, t, n = m.frame
         throughput, none = (tx, ty, tz), nil(depth)
+        if scene.has.media is not None:
+            nest = as_ints(few(pool, rows, NEST, 1)[0])
+            through = nest
+            if is_surface is not None:
+                through = crossed(scene, nest, surface.material, surface.front)
         wo = vec.to_local(s, t, n, (-ray[3], -ray[4], -ray[5]))
         towards, light_pdf, light = (lamp[0], lamp[1], lamp[2]), lamp[3], (lamp[4], lamp[5], lamp[6])
         wi = vec.to_local(s, t, n, towards)
@@ -205,12 +216,15 @@ def _scatter(scene, pool, lists, which, answer, is_lit, options, lit, second):
             start, end = departure(surface, wi[2] > _ZERO, towards), few(pool, rows, _END, 3)
             seen = (light_pdf > _ZERO) & (vec.maximum(light) > _ZERO) & (vec.maximum(f) > _ZERO)
             waits = where(seen, _ONE, none)
-            write(pool, rows, LAMP, (*brought, depth + _TWO, balance, light_pdf, none, none))
+            begins_in = none
+            if scene.has.media is not None:
+                begins_in = as_floats(where(wi[2] > _ZERO, nest, through))
+            write(pool, rows, LAMP, (*brought, depth + _TWO, balance, light_pdf, begins_in, none))
 
         depth = where(leaves(surface, reflected, d), depth + _ONE, depth)
         throughput = vec.mul(throughput, weight)
         worth = worth_after(ray[7], number, weight, eta2)
-        chance = survival(throughput, worth, depth, options)
+        chance = survival(throughput, worth, depth, options, ON_SURFACES if is_surface is not None else IN_MEDIA)
         # A throughput that is no number lives on, so that the film is told of it.
         goes_on = where(u[3] >= chance, -chance, chance)
         goes_on = where(number + _ONE - depth > _MOST_AGAIN, _AGAIN, goes_on)
@@ -220,6 +234,9 @@ def _scatter(scene, pool, lists, which, answer, is_lit, options, lit, second):
             _keep_vertices(scene, pool, rows, stream, place, frame)
             rows = rows + _SECOND
             rx = ry = rz = none
+        if scene.has.media is not None:
+            goes_in = as_floats(where(reflected, nest, through))
+            write(pool, rows, NEST, (goes_in, none, none, none, none, none, none, none))
         write(pool, rows, RAY, (*o, *d, pdf, worth))
         write(pool, rows, CARRIED, (rx, ry, rz, depth, *throughput, number + _ONE))
         write(pool, rows, SHADOW, (*start, *end, waits, goes_on))
@@ -230,31 +247,37 @@ def _scatter(scene, pool, lists, which, answer, is_lit, options, lit, second):
 @subroutine
 def _scatter_diffuse(scene, pool, lists, options, lit, second):
     out_of_line()
-    _scatter(scene, pool, lists, _DIFFUSE, answer_diffuse, True, options, lit, second)
+    _scatter(scene, pool, lists, _DIFFUSE, answer_diffuse, True, True, options, lit, second)
 
 
 @subroutine
 def _scatter_specular(scene, pool, lists, options, lit, second):
     out_of_line()
-    _scatter(scene, pool, lists, _SPECULAR, answer_specular, None, options, lit, False)
+    _scatter(scene, pool, lists, _SPECULAR, answer_specular, None, True, options, lit, False)
 
 
 @subroutine
 def _scatter_metallic_roughness(scene, pool, lists, options, lit, second):
     out_of_line()
-    _scatter(scene, pool, lists, _METALLIC_ROUGHNESS, answer_metallic_roughness, True, options, lit, second)
+    _scatter(scene, pool, lists, _METALLIC_ROUGHNESS, answer_metallic_roughness, True, True, options, lit, second)
 
 
 @subroutine
 def _scatter_conductor(scene, pool, lists, options, lit, second):
     out_of_line()
-    _scatter(scene, pool, lists, _CONDUCTOR, answer_conductor, True, options, lit, second)
+    _scatter(scene, pool, lists, _CONDUCTOR, answer_conductor, True, True, options, lit, second)
 
 
 @subroutine
 def _scatter_rare(scene, pool, lists, options, lit, second):
     out_of_line()
-    _scatter(scene, pool, lists, _RARE, answer_rare, True, options, lit, second)
+    _scatter(scene, pool, lists, _RARE, answer_rare, True, True, options, lit, second)
+
+
+@subroutine
+def _scatter_in_medium(scene, pool, lists, options, lit, second):
+    out_of_line()
+    _scatter(scene, pool, lists, DRIFTING, answer_in_medium, True, None, options, lit, second)
 
 
 @subroutine
@@ -267,6 +290,8 @@ def scatter(scene, pool, lists, options, lit, second):
     out_of_line()
     if scene.has.layers is not None and length(lists, _RARE) > 0:
         _scatter_rare(scene, pool, lists, options, lit, second)
+    if scene.has.media is not None and length(lists, DRIFTING) > 0:
+        _scatter_in_medium(scene, pool, lists, options, lit, second)
     if length(lists, _DIFFUSE) > 0:
         _scatter_diffuse(scene, pool, lists, options, lit, second)
     if length(lists, _SPECULAR) > 0 and not second:
@@ -280,4 +305,5 @@ def scatter(scene, pool, lists, options, lit, second):
 def kinds_of_scattering(has: Any) -> list[Any]:
     """What `scatter` calls, with its own arguments, for scenes that have that: what takes longest to compile first."""
     rare = [_scatter_rare] if has.layers is not None else []
-    return [*rare, _scatter_metallic_roughness, _scatter_conductor, _scatter_specular, _scatter_diffuse]
+    in_medium = [_scatter_in_medium] if has.media is not None else []
+    return [*rare, *in_medium, _scatter_metallic_roughness, _scatter_conductor, _scatter_specular, _scatter_diffuse]

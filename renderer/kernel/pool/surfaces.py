@@ -15,6 +15,7 @@ from renderer.kernel.integrators.visibility import MAX_PASSED
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sun_seen
 from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import emission
+from renderer.kernel.medium.nesting import crossed
 from renderer.kernel.pool.lists import (
     CONDUCTOR,
     DIFFUSE,
@@ -29,6 +30,7 @@ from renderer.kernel.pool.lists import (
     SPECULAR,
     SPHERES,
     TRIANGLES,
+    WITHIN,
     append,
     clear,
     eight,
@@ -44,6 +46,7 @@ from renderer.kernel.pool.rows import (
     HIT,
     LAMP,
     MAPPED,
+    NEST,
     PLACE,
     RAY,
     SPARE,
@@ -69,7 +72,8 @@ _DIFFUSE, _METALLIC_ROUGHNESS, _CONDUCTOR = (
     np.uint32(kind) for kind in (kinds.DIFFUSE, kinds.METALLIC_ROUGHNESS, kinds.CONDUCTOR)
 )
 _LAYERED, _BLINN_PHONG, _UNLIT = (np.uint32(kind) for kind in (kinds.LAYERED, kinds.BLINN_PHONG, kinds.UNLIT))
-_NEEDS_TANGENT = np.uint32(kinds.NEEDS_TANGENT)
+_NEEDS_TANGENT, _SCATTERS_WITHIN = np.uint32(kinds.NEEDS_TANGENT), np.uint32(kinds.SCATTERS_WITHIN)
+_TO_WITHIN = np.float32(WITHIN)
 _TO_DIFFUSE, _TO_SPECULAR, _TO_METALLIC_ROUGHNESS, _TO_CONDUCTOR, _TO_RARE, _TO_RARE_SPECULAR = (
     np.float32(which) for which in (DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE, RARE_SPECULAR)
 )
@@ -206,14 +210,23 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
             _keep_first(scene, pool, rows, first, surface, base, n, hit.t, passed)
 
         over = unlit | (depth + _ONE >= np.float32(options.max_depth))
-        which_next = where(over, _OVER, _list_of(scene, surface.material, kind, roughness))
+        which_next = _list_of(scene, surface.material, kind, roughness)
+        if scene.has.media is not None:
+            within = (u32(lookup(scene.material_flags, surface.material)) & _SCATTERS_WITHIN) != _NONE
+            which_next = where(within, _TO_WITHIN, which_next)
+        which_next = where(over, _OVER, which_next)
         point = surface.point
         if scene.has.textures is not None and any_of(through):
             passed = where(through, passed + _ONE, passed)
             which_next = where(through, where(passed >= _MOST_PASSED, _OVER, _THROUGH), which_next)
             write(pool, rows, RAY, (*where3(through, departure(surface, pdf != pdf, d), o), *d, pdf, ray[7]))
             point = where3(through, few(pool, rows, PLACE, 3), point)  # the last vertex stays
-        if scene.has.textures is not None or is_recorded:
+            if scene.has.media is not None:
+                nest = as_ints(few(pool, rows, NEST, 1)[0])
+                goes_in = where(through, crossed(scene, nest, surface.material, surface.front), nest)
+                none = nil(pdf)
+                write(pool, rows, NEST, (as_floats(goes_in), none, none, none, none, none, none, none))
+        if scene.has.textures is not None or is_recorded:  # and bodies that light goes through ask for their numbers
             write(
                 pool,
                 rows,
@@ -238,6 +251,8 @@ def arrive(scene, pool, lists, options, is_recorded):
         clear(lists, which)
     clear(lists, LIT)
     clear(lists, PASSED)
+    if scene.has.media is not None:
+        clear(lists, WITHIN)
     for which in (TRIANGLES, SPHERES):
         if length(lists, which) > 0:
             _arrive(scene, pool, lists, which, options, is_recorded)

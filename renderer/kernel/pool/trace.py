@@ -11,7 +11,9 @@ from numba import typeof, types
 from renderer.bvh.traverse import new_stack
 from renderer.jit import template
 from renderer.kernel.integrators.record import DIRECT, record_beside, record_light
+from renderer.kernel.medium.around import nest_of_camera
 from renderer.kernel.pool.begin import Next, begin
+from renderer.kernel.pool.fly import fly, list_drifting
 from renderer.kernel.pool.keep import SUMS, keep, unfold
 from renderer.kernel.pool.lamps import choose_lamps
 from renderer.kernel.pool.lists import ACTIVE, DONE, LIST_SIZE, LISTS, append, clear, length
@@ -21,6 +23,7 @@ from renderer.kernel.pool.rows import CARRIED, PATHS, ROW, ROWS, at, line_floats
 from renderer.kernel.pool.scatter import kinds_of_scattering, scatter
 from renderer.kernel.pool.surfaces import arrive, miss
 from renderer.kernel.pool.ways import new_ways, three
+from renderer.kernel.pool.within import scatter_within
 
 __all__ = ["Part", "Pool", "pool_for", "render_with_pool", "stages"]
 
@@ -68,8 +71,9 @@ def render_with_pool(scene, pool, camera, options, batch, output):
     for k in range(PATHS):
         append(lists, DONE, k)
     following = Next(np.int64(0), np.int64(0), np.int64(batch.first))
+    nest = nest_of_camera(scene, pool.alone, camera)
     while width * height * batch.count > 0:
-        following = begin(paths, lists, following, width, height, camera, options, batch, scene.has.motion)
+        following = begin(paths, lists, following, width, height, camera, options, batch, scene.has.motion, nest)
         if length(lists, ACTIVE) == 0:
             break
         clear(lists, DONE)
@@ -77,10 +81,15 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         before = three(paths, CARRIED)
         rays += length(lists, ACTIVE)
         meet(scene, pool.alone, pool.stack, paths, lists)
+        if scene.has.media is not None:
+            fly(scene, paths, lists, options)
         miss(scene, paths, lists, options, len(log) > 0)
         arrive(scene, paths, lists, options, len(log) > 0)
         if row < len(log):
             record_arrival(paths, lists, log, row, passed, before)
+        if scene.has.media is not None:
+            list_drifting(lists)
+            scatter_within(scene, pool.alone, paths, lists, options)
         if lit:
             choose_lamps(scene, paths, lists, options)
         clear(lists, ACTIVE)
@@ -105,16 +114,19 @@ def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, b
     alone, stack, paths, lists, film = map(typeof, pool)
     view, asked, wanted, lit = typeof(camera), typeof(options), typeof(batch), types.boolean
     following = typeof(Next(np.int64(0), np.int64(0), np.int64(0)))
+    in_media = [(fly, (scene, paths, lists, asked)), (scatter_within, (scene, alone, paths, lists, asked))] if has.media else []
+    nest = types.uint32 if has.media else types.none
     bad, scale, number = typeof(output.bad), typeof(options.scale), types.int64
     scattering = [(each, (scene, paths, lists, asked, lit, lit)) for each in kinds_of_scattering(has)]
     return [
         (arrive, (scene, paths, lists, asked, lit)),
         (meet, (scene, alone, stack, paths, lists)),
         *scattering,
+        *in_media,
         (choose_lamps, (scene, paths, lists, asked)),
         (miss, (scene, paths, lists, asked, lit)),
         (bring_light, (scene, alone, stack, paths, lists, asked)),
         (see_lights, (scene, alone, stack, paths, lists, asked)),
-        (begin, (paths, lists, following, number, number, view, asked, wanted, typeof(has.motion))),
+        (begin, (paths, lists, following, number, number, view, asked, wanted, typeof(has.motion), nest)),
         (keep, (paths, lists, film, scale, number, wanted, bad, number)),
     ]

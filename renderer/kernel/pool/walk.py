@@ -121,6 +121,20 @@ def _choose(node, stack, top, limit):
     return child, select(rest > limit, top - LEVEL, top), over
 
 
+@device
+def _send_on(bvh, pool, stack, lists, which, count):
+    """Sends the first `count` rays of a list, whose length no longer counts, on to the nearest child that waits on their stacks.
+
+    A loop of its own: how many entries a ray drops cannot be foretold, and where the processor guesses wrong it loses this little
+    work, not what it has begun of the next rays' boxes and triangles.
+    """
+    for k in range(count):
+        number = row(lists, which, k)
+        path = at(number, np.uintp(0))
+        child, top, over = _choose(bvh.node, stack, word(pool, path + TOP), key_limit(pool[path + BEST]))
+        go_on(bvh, pool, lists, number, path, child, top, over)
+
+
 @subroutine
 def _look_into_nodes(bvh, pool, stack, lists):
     out_of_line()
@@ -128,8 +142,7 @@ def _look_into_nodes(bvh, pool, stack, lists):
     count = length(lists, NODES)
     clear(lists, NODES)
     for k in range(count):
-        number = row(lists, NODES, k)
-        path = at(number, np.uintp(0))
+        path = at(row(lists, NODES, k), np.uintp(0))
         this = load_int(pool, path + CHILD)
         best = pool[path + BEST]
         met, distance = boxes(node, np.uintp(np.uint32(this)) * _NODE, pool, path, best)
@@ -140,9 +153,8 @@ def _look_into_nodes(bvh, pool, stack, lists):
         store(stack, above, keys)
         store_int(stack, above + _W, key)
         store_int(stack, above + _W + _1, this)
-        limit = key_limit(best)
-        child, top, over = _choose(node, stack, select(key <= limit, above, top), limit)
-        go_on(bvh, pool, lists, number, path, child, top, over)
+        store_int(pool, path + TOP, np.int32(select(key <= key_limit(best), above, top)))
+    _send_on(bvh, pool, stack, lists, NODES, count)
 
 
 @device
@@ -182,8 +194,7 @@ def _look_into_packets(bvh, motion, alone, pool, stack, lists):
         store_int(pool, path + _PRIMITIVE, select(nearer, found, load_int(pool, path + _PRIMITIVE)))
         if bvh.instances is not None:
             store_int(pool, path + _INSTANCE, select(nearer, NO_PRIMITIVE, load_int(pool, path + _INSTANCE)))
-        child, top, over = _choose(bvh.node, stack, word(pool, path + TOP), key_limit(best))
-        go_on(bvh, pool, lists, number, path, child, top, over)
+    _send_on(bvh, pool, stack, lists, PACKETS, count)
 
 
 @device

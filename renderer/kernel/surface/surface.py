@@ -21,6 +21,7 @@ from renderer.wide.values import any_of, double, lookup, nil, not_, single, u32,
 
 __all__ = [
     "NO_LIGHT",
+    "NO_OBJECT",
     "Surface",
     "moving_triangle_point",
     "shines",
@@ -38,7 +39,7 @@ _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _INV_PI = np.float32(1.0 / math.pi)
 _INV_2PI = np.float32(0.5 / math.pi)
-NO_LIGHT = np.uint32(0xFFFFFFFF)
+NO_LIGHT = NO_OBJECT = np.uint32(0xFFFFFFFF)
 _NOTHING = np.uint32(0)
 _DIFFUSE = np.uint32(DIFFUSE)
 _TEXTURED = np.uint32(TEXTURED)

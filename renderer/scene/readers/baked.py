@@ -22,8 +22,10 @@ class Grid(NamedTuple):
     v: F64
 
     def moved(self, transform: UvTransform) -> tuple[F64, F64]:
-        """The UVs after a texture's transform."""
+        """The UVs after a texture's transform; of one that does not turn them a single row and a single column."""
         a, b, c, d, e, f = transform
+        if b == d == 0:
+            return a * self.u[:1] + c, e * self.v[:, :1] + f
         return a * self.u + b * self.v + c, d * self.u + e * self.v + f
 
 

@@ -1,4 +1,4 @@
-""".blend files, which Blender itself opens: as a scene of ours that it writes in a process of its own (renderer/blender)."""
+""".blend and Alembic files, which Blender opens: as a scene of ours that it writes in a process of its own."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class _Written:
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
-    """Adds what a .blend file shows at a moment to the description. Raises SceneError."""
+    """Adds what such a file shows at a moment to the description. Raises SceneError."""
     written = files.recall(("blend", main), lambda: _Written(files, main))
     written.files.read_anew()
     yaml.read(written.files, written.main, description, moment)

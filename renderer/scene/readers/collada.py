@@ -16,11 +16,14 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers import assimp
 from renderer.scene.readers.spread import collada_nodes
 from renderer.scene.readers.xml import refuse_entities
+from renderer.view import MAX_SHIFT
 
 __all__ = ["read"]
 
 _ASPECT = 16 / 9  # of a camera that says neither its height nor its shape
+_FAR = 1e9
 _FALL = 0.75  # of Blender's blend: there its smooth step and our square send out as much
+_NO_INDEX = re.compile(r"[^0-9\s]")
 _UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']{1,40})[\"']")
 
 
@@ -34,6 +37,9 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         assimp.read(files, main, description, moment, scale=1 / _metres(data))
         _set_lenses(description, own.lenses)
         _set_watts(description, own.lamps)
+        if own.by_blender:  # where surfaces shine to both sides
+            for material in description.materials[len(before["materials"]) :]:
+                material.double_sided = True
     except SceneError as refused:
         for name, value in before.items():
             setattr(description, name, value)
@@ -51,8 +57,9 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
 class _Own(NamedTuple):
     """What is read of a file beside assimp, by the nodes' names and ids."""
 
-    lenses: dict[str, float]
+    lenses: dict[str, _Lens]
     lamps: dict[str, _Lamp]
+    by_blender: bool
 
 
 def _own(data: bytes, main: str) -> _Own:
@@ -60,37 +67,86 @@ def _own(data: bytes, main: str) -> _Own:
     try:
         root = ElementTree.fromstring(data)
     except ElementTree.ParseError:
-        return _Own({}, {})
+        return _Own({}, {}, False)
     collada_nodes(root, main)
-    return _Own(_lenses(root), _lamps(root))
+    _refuse_odd_corners(root, main)
+    by_blender = (root.findtext(".//{*}asset/{*}contributor/{*}authoring_tool") or "").startswith("Blender")
+    return _Own(_lenses(root), _lamps(root), by_blender)
 
 
-def _set_lenses(description: SceneDescription, lenses: dict[str, float]) -> None:
-    """Gives cameras their vertical fields of view: assimp takes the degrees of some for radians."""
+def _refuse_odd_corners(root: ElementTree.Element, main: str) -> None:
+    """Raises SceneError where a list of corners holds what is no index: assimp takes half a minute to find no surface then."""
+    for corners in root.iter():
+        if str(corners.tag).endswith("}p") or corners.tag == "p":
+            text = corners.text or ""
+            if (odd := _NO_INDEX.search(text)) is not None:
+                before = text[: odd.start()]
+                word = (before[len(before.rstrip("0123456789")) :] + text[odd.start() :][:20]).split()[0][:20]
+                raise SceneError(f"{main}: a list of corners (<p>) holds {word!r}, which is no index; export the file again")
+
+
+class _Lens(NamedTuple):
+    """What a camera says. fov: vertical, degrees; height: of an orthographic picture; shifts in heights of the picture."""
+
+    fov: float | None
+    height: float | None
+    near: float
+    shift_x: float
+    shift_y: float
+
+
+def _set_lenses(description: SceneDescription, lenses: dict[str, _Lens]) -> None:
+    """Gives cameras what they say: assimp takes the degrees of some for radians, and leaves out the rest."""
     for i, camera in enumerate(description.cameras):
-        fov = lenses.get(camera.name)
-        if fov is not None and camera.view.projection == "perspective":
-            description.cameras[i] = replace(camera, view=replace(camera.view, fov=fov))
+        if (lens := lenses.get(camera.name)) is None:
+            continue
+        view = replace(camera.view, near=lens.near, shift_x=lens.shift_x, shift_y=lens.shift_y)
+        if lens.height is not None:
+            view = replace(view, projection="orthographic", height=lens.height)
+        elif lens.fov is not None and view.projection == "perspective":
+            view = replace(view, fov=lens.fov)
+        description.cameras[i] = replace(camera, view=view)
 
 
-def _lenses(root: ElementTree.Element) -> dict[str, float]:
-    """The vertical fields of view, in degrees, of the cameras on nodes, by the nodes' names and ids."""
+def _lenses(root: ElementTree.Element) -> dict[str, _Lens]:
+    """Those of the cameras on nodes, by the nodes' names and ids."""
     by_id = {}
     for camera in root.iterfind(".//{*}library_cameras/{*}camera"):
-        said = {key: _number(camera.findtext(f".//{{*}}perspective/{{*}}{key}")) for key in ("xfov", "yfov", "aspect_ratio")}
-        wide, high, aspect = said["xfov"], said["yfov"], said["aspect_ratio"] or _ASPECT
-        if high is None and wide is not None:
-            high = math.degrees(2 * math.atan(math.tan(math.radians(wide) / 2) / aspect))
-        if high is not None:
-            by_id[camera.get("id")] = min(max(high, 0.01), 179.0)
+        if (lens := _lens(camera)) is not None:
+            by_id[camera.get("id")] = lens
     found = {}
     for node in root.iterfind(".//{*}node"):
         used = node.find("{*}instance_camera")
-        fov = None if used is None else by_id.get((used.get("url") or "")[1:])
+        lens = None if used is None else by_id.get((used.get("url") or "")[1:])
         for name in (node.get("id"), node.get("name")):
-            if fov is not None and name:
-                found[name] = fov
+            if lens is not None and name:
+                found[name] = lens
     return found
+
+
+def _lens(camera: ElementTree.Element) -> _Lens | None:
+    fov = height = None
+    optics = camera.find(".//{*}perspective")
+    if optics is not None:
+        wide, high, aspect = (_number(optics.findtext(f"{{*}}{key}")) for key in ("xfov", "yfov", "aspect_ratio"))
+        if high is None and wide is not None:
+            high = math.degrees(2 * math.atan(math.tan(math.radians(wide) / 2) / (aspect or _ASPECT)))
+        fov = None if high is None else min(max(high, 0.01), 179.0)
+    elif (optics := camera.find(".//{*}orthographic")) is not None:
+        # Halves of what is seen, as glTF took them over.
+        wide, high, aspect = (_number(optics.findtext(f"{{*}}{key}"), below=_FAR) for key in ("xmag", "ymag", "aspect_ratio"))
+        if high is None and wide is not None:
+            high = wide / (aspect or _ASPECT)
+        height = None if high is None else 2 * high
+    if optics is None or (fov is None and height is None):
+        return None
+    near = _number(optics.findtext("{*}znear"), below=_FAR) or 0.0
+    own = camera.find("{*}extra/{*}technique[@profile='blender']")
+    shifts = [0.0, 0.0]
+    if own is not None:  # in sides of the picture, the longer of the two
+        said = (_number(own.findtext(f"{{*}}{key}"), -MAX_SHIFT, MAX_SHIFT) or 0.0 for key in ("shiftx", "shifty"))
+        shifts = [min(max(each * max(aspect or _ASPECT, 1.0), -MAX_SHIFT), MAX_SHIFT) for each in said]
+    return _Lens(fov, height, near, shifts[0], shifts[1])
 
 
 class _Lamp(NamedTuple):

@@ -8,6 +8,8 @@ Blender and others write.
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable
 
 from renderer.scene.description import Vec3
 from renderer.scene.files import SceneFiles
@@ -21,7 +23,13 @@ __all__ = ["read_mtl"]
 _AMBIENT = ("map_ka", "map_ao", "map_aat")
 _GLASS_MODELS = (4, 6, 7, 9)
 _MATTE_MODELS = (0, 1)
+_METAL_MODEL, _SMOOTHEST, _BLENDERS_COATS = (
+    3,
+    1000.0,
+    4.0,
+)  # Blender's: coats as once, a fourth as strong
 _BY_TABLE = {p.mtl.lower(): p for p in PARAMETERS if p.mtl}
+_BLENDERS = re.compile(r"# Blender \d+\.\d+")  # how files begin that Blender has written since 3.2
 _PHYSICAL = ("pr", "ps", "map_pr", "map_pm", *_BY_TABLE)  # what only a physically based material says
 
 
@@ -37,7 +45,8 @@ def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Mat
             current = found.setdefault(value, _Statements(value, name, shelf))
         elif current is not None and keyword and not keyword.startswith("#"):
             current.values[keyword.lower()] = value
-    return {material: _material(statements) for material, statements in found.items()}
+    shade = _blenders if _BLENDERS.match(text) else _choose
+    return {material: _material(statements, shade) for material, statements in found.items()}
 
 
 class _Statements:
@@ -88,9 +97,8 @@ class _Statements:
         return [keyword for keyword in maps if keyword not in self._asked]
 
 
-def _material(said: _Statements) -> Material:
-    diffuse, specular = said.color("kd", (0.8, 0.8, 0.8)), said.color("ks", (0.0, 0.0, 0.0))
-    shininess = max(said.number("ns", 0.0), 0.0)
+def _material(said: _Statements, shade: Callable[[_Statements, Material], None]) -> Material:
+    diffuse = said.color("kd", (0.8, 0.8, 0.8))
     material = Material(said.name, base_color=diffuse, emission=said.color("ke", (0.0, 0.0, 0.0), high=1e9))
     material.base_color_texture = said.texture("map_kd", srgb=True)
     if material.base_color_texture is not None and max(diffuse) == 0:
@@ -100,18 +108,44 @@ def _material(said: _Statements) -> Material:
     if material.emission_texture is not None and max(material.emission) == 0:
         material.emission = (1.0, 1.0, 1.0)
     _normals(said, material)
-    # Phong's exponent to GGX roughness: alpha^2 = 2 / (n + 2), roughness = sqrt(alpha). Source: Walter et al. 2007, Karis 2013.
-    roughness = unit(said.number("pr", (2 / (shininess + 2)) ** 0.25))
     index = clamped(said.number("ni", 1.5), 1.0, 5.0)
     material.ior = index if index > 1.0 else 1.5  # exporters write 1 for what they do not know
-    _choose_kind(said, material, specular, shininess)
-    if material.kind == "metallic_roughness":
-        _physical(said, material, roughness, specular)
+    shade(said, material)
     if material.kind not in ("glass", "mirror"):
         _opacity(said, material)
     if left := said.unread():
         said.shelf.warn_of_surface(f"Material {said.name}: not read and left out: the textures of {', '.join(left)}.")
     return material
+
+
+def _choose(said: _Statements, material: Material) -> None:
+    """The nearest surface to what Phong's model says, or to its physically based extension."""
+    specular, shininess = said.color("ks", (0.0, 0.0, 0.0)), max(said.number("ns", 0.0), 0.0)
+    # Phong's exponent to GGX roughness: alpha^2 = 2 / (n + 2), roughness = sqrt(alpha). Source: Walter et al. 2007, Karis 2013.
+    roughness = unit(said.number("pr", (2 / (shininess + 2)) ** 0.25))
+    _choose_kind(said, material, specular, shininess)
+    if material.kind == "metallic_roughness":
+        _physical(said, material, roughness, specular)
+
+
+def _blenders(said: _Statements, material: Material) -> None:
+    """Blender's words for its principled surface, which its own reader takes as such: Ns says how rough it is, Ka how metallic
+    where illum is 3, d how opaque; and Tf, if the extension is asked for, how much it transmits.
+    """
+    material.double_sided = True  # what shines in Blender does to both sides
+    material.kind, is_extended = "metallic_roughness", any(keyword in said.values for keyword in _PHYSICAL)
+    roughness = unit(said.number("pr", 1 - math.sqrt(clamped(said.number("ns", 0.0), 0.0, _SMOOTHEST) / _SMOOTHEST)))
+    _physical(said, material, roughness, said.color("ks", (0.5, 0.5, 0.5)))
+    rough, metal = said.texture("map_pr", "map_ns"), said.texture("map_pm", "map_refl")
+    if not is_extended:
+        material.metallic = sum(said.color("ka", (1.0, 1.0, 1.0))) / 3 if said.number("illum", 2) == _METAL_MODEL else 0.0
+    if rough is not None or metal is not None:
+        material.metallic_roughness_texture = with_roughness_and_metal(said.shelf, rough, metal)
+        material.roughness = 1.0 if rough is not None else roughness
+        material.metallic = 1.0 if metal is not None else material.metallic
+    if is_extended:
+        material.clearcoat = unit(said.number("pc", 0.0) / _BLENDERS_COATS)
+        material.transmission = unit(max(said.color("tf", (0.0, 0.0, 0.0))))
 
 
 def _decal(said: _Statements, material: Material, color: Vec3) -> None:

@@ -1,6 +1,7 @@
 """What assimp reads for us: Collada with all that it has, and small files of older programs."""
 
 import math
+import re
 import struct
 
 import numpy as np
@@ -92,6 +93,33 @@ def test_collada_with_all_that_it_has(scene):
     assert lights["day"].intensity == pytest.approx([math.pi, math.pi / 2, 0])
     assert lights["bulb"].position == pytest.approx((0, 3, 0))
     assert lights["bulb"].intensity == pytest.approx([2 * math.pi] * 3)
+
+
+def test_collada_cameras_have_what_they_say(scene):
+    """Also what assimp leaves out: how much an orthographic one shows, where what is near is cut away, and Blender's shift."""
+    wide, tall = "<aspect_ratio>1.6</aspect_ratio>", "<aspect_ratio>0.5</aspect_ratio>"
+    shift = '<extra><technique profile="blender"><shiftx>0.1</shiftx><shifty>-0.2</shifty></technique></extra>'
+    for optics, more, expected in (
+        ("<perspective><yfov>40</yfov><znear>0.1</znear></perspective>", "", ("perspective", 40, 0.1, 0, 0)),
+        (f"<perspective><xfov>60</xfov>{wide}</perspective>", shift, ("perspective", 39.68, 0, 0.16, -0.32)),
+        (f"<orthographic><xmag>3.5</xmag>{wide}<znear>2</znear></orthographic>", "", ("orthographic", 4.375, 2, 0, 0)),
+        (f"<orthographic><ymag>3</ymag>{tall}</orthographic>", shift, ("orthographic", 6, 0, 0.1, -0.2)),
+    ):  # fmt: skip
+        said = f'<library_cameras><camera id="c"><optics><technique_common>{optics}</technique_common></optics>{more}</camera>'
+        text = re.sub(r"<library_cameras>.*</camera>", said, collada())
+        (camera,) = scene("a.dae", text).cameras
+        view = camera.view
+        size = view.height if view.projection == "orthographic" else view.fov
+        got = view.projection, round(size, 3), view.near, view.shift_x, view.shift_y
+        assert got == (expected[0], *(pytest.approx(each, abs=1e-2) for each in expected[1:])), optics
+
+
+@pytest.mark.parametrize("odd", ["-0.7994", "1e9", "-1", "x"])
+def test_corners_that_are_no_indices_are_refused_before_assimp_looks_for_them(scene, odd):
+    with pytest.raises(
+        SceneError, match=f"a.dae: a list of corners .<p>. holds '{odd}', which is no index; export the file again"
+    ):
+        scene("a.dae", collada().replace("<p>0 1 2</p>", f"<p>0 1 {odd}</p>"))
 
 
 def test_collada_moves(scene):

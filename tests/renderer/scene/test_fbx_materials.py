@@ -1,5 +1,7 @@
 """FBX's materials, of files in text as other programs write them."""
 
+import math
+
 import pytest
 
 from tests.renderer.scene.fbx_text import arnold, fbx, material, texture
@@ -52,7 +54,42 @@ def test_arnolds_standard_surface(scene):
     found = description.materials[0]
     assert (found.roughness, found.metallic, found.transmission) == pytest.approx((0.3, 0.75, 0.25))
     assert found.emission == pytest.approx((2, 1, 0))
-    assert "Material m: not read and left out: light beneath the surface." in description.warnings
+    assert (found.subsurface, found.subsurface_radius) == (0.5, pytest.approx((0.01, 0.01, 0.01)))  # of 1 in centimetres
+    assert not any("Material m" in warning for warning in description.warnings)
+
+
+def test_what_scatters_beneath_and_within_of_arnold(scene):
+    """Lengths in centimetres, the file's unit. Standard Surface: of what glass attenuates, a share scatters."""
+    skin = {
+        "Maya|baseColor": (0.1, 0.5, 0.3),
+        "Maya|base": 1.0,
+        "Maya|subsurface": 0.25,
+        "Maya|subsurfaceColor": (0.9, 0.1, 0.7),
+        "Maya|subsurfaceRadius": (3.0, 2.0, 1.0),
+        "Maya|subsurfaceScale": 0.5,
+        "Maya|subsurfaceAnisotropy": 0.3,
+    }
+    juice = {
+        "Maya|base": 1.0,
+        "Maya|transmission": 1.0,
+        "Maya|transmissionColor": (0.5, 0.25, 0.1),
+        "Maya|transmissionDepth": 10.0,
+        "Maya|transmissionScatter": (0.2, 0.4, 0.6),
+        "Maya|transmissionScatterAnisotropy": -0.5,
+    }
+    looks = []
+    for values in (skin, juice):
+        objects = material(30, "m", "unknown", **values) + arnold(70, values)
+        description = scene("a.fbx", fbx(objects, [(30, 20), (30, 70), (71, 70)]))
+        looks.append(description.materials[0])
+        assert not any("Material m" in warning for warning in description.warnings)
+    beneath, within = looks
+    assert beneath.base_color == pytest.approx((0.3, 0.4, 0.4))
+    assert beneath.subsurface_radius == pytest.approx((0.015, 0.01, 0.005))
+    assert (beneath.subsurface, beneath.subsurface_anisotropy) == pytest.approx((0.25, 0.3))
+    assert within.sigma_s == pytest.approx((2, 4, 6))
+    assert within.sigma_a == pytest.approx([-math.log(c) / 0.1 - s for c, s in zip((0.5, 0.25, 0.1), (2, 4, 6), strict=True)])
+    assert (within.g, within.attenuation_distance) == (-0.5, math.inf)
 
 
 def test_depth_dispersion_film_and_a_coats_colour_of_arnold(scene):
@@ -142,3 +179,11 @@ def test_textures_of_a_physical_materials_gloss_and_coat(scene, png):
     assert texel(shown.specular_texture)[3] == 64
     assert texel(shown.clearcoat_texture)[0] == 64
     assert shown.clearcoat == 1
+
+
+def test_blenders_highlights(scene):
+    """Its exporter writes half of the level, of which 0.5 are the 4 % that plastics reflect."""
+    text = fbx(material(30, "p", DiffuseColor=(0.3, 0.3, 0.3), SpecularFactor=0.175, ReflectionFactor=0.0), [(30, 20)])
+    text = text.replace("FBX SDK/FBX Plugins version 2020.3", "Blender (stable FBX IO) - 4.5.15 LTS - 5.13.1")
+    (found,) = scene("a.fbx", text).materials
+    assert (found.kind, found.specular) == ("metallic_roughness", pytest.approx(0.7))

@@ -181,3 +181,67 @@ def test_a_map_of_highlights_is_read_and_other_maps_are_named(material, png):
     ]
     _, metal = material("Kd 0 0 0\nKs 0.9 0.9 0.9\nNs 300\nmap_Ks s.png", files)
     assert (metal.base_color_texture, metal.specular_color_texture) == (0, None)
+
+
+BLENDERS = """# Blender 4.5.15 LTS MTL File: 'paints.blend'
+# www.blender.org
+
+newmtl half
+Ns 152.099991
+Ka 0.430000 0.430000 0.430000
+Kd 0.310000 0.420000 0.534000
+Ks 0.350000 0.350000 0.350000
+Ni 1.600000
+d 1.000000
+illum 3
+
+newmtl veil
+Ns 250.000000
+Ka 1.000000 1.000000 1.000000
+Kd 0.500000 0.900000 0.600000
+Ks 0.500000 0.500000 0.500000
+Ni 1.500000
+d 0.420000
+illum 9
+
+newmtl coated
+Kd 0.200000 0.100000 0.600000
+Ks 0.500000 0.500000 0.500000
+Ni 1.330000
+d 1.000000
+illum 2
+Pr 0.500000
+Pm 0.250000
+Ps 0.000000
+Pc 3.200000
+Pcr 0.130000
+aniso 0.000000
+anisor 0.000000
+Tf 0.850000 0.850000 0.850000
+"""
+
+
+def test_what_blender_writes_is_what_blender_reads_back(scene):
+    """The numbers of tests/peers/values_kit.py."""
+    faces = TRIANGLE + "".join(f"usemtl {name}\nf 1 2 3\n" for name in ("half", "veil", "coated"))
+    description = scene("a.obj", f"mtllib a.mtl\n{faces}", {"a.mtl": BLENDERS})
+    half, veil, coated = description.materials
+    assert {each.kind for each in (half, veil, coated)} == {"metallic_roughness"}
+    got = half.roughness, half.metallic, half.ior, half.opacity, half.specular
+    assert got == pytest.approx((0.61, 0.43, 1.6, 1.0, 0.7), abs=1e-6)
+    assert half.base_color == pytest.approx((0.31, 0.42, 0.534))
+    assert (veil.roughness, veil.metallic, veil.opacity, veil.transmission) == pytest.approx((0.5, 0.0, 0.42, 0.0))
+    assert (veil.base_color, veil.alpha_mode) == (pytest.approx((0.5, 0.9, 0.6)), "blend")
+    got = coated.roughness, coated.metallic, coated.clearcoat, coated.clearcoat_roughness, coated.transmission
+    assert got == pytest.approx((0.5, 0.25, 0.8, 0.13, 0.85))
+
+
+def test_pictures_of_roughness_and_metal_as_blender_names_them(scene, png):
+    text = "# Blender 4.5.15 LTS MTL File: 'None'\nnewmtl m\nNs 250\nillum 3\nmap_Ns r.png\nmap_refl m.png\n"
+    files = {"a.mtl": text, "r.png": png(64, 64, 64), "m.png": png(200, 200, 200)}
+    description = scene("a.obj", f"mtllib a.mtl\n{TRIANGLE}usemtl m\nf 1 2 3\n", files)
+    (found,) = description.materials
+    assert (found.roughness, found.metallic) == (1.0, 1.0)
+    pixels = description.images[description.textures[found.metallic_roughness_texture].image].pixels
+    assert pixels[0, 0, 1:3].tolist() == [64, 200]
+    assert not description.warnings[:-1]

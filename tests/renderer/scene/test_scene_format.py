@@ -17,6 +17,7 @@ from renderer.scene.load import read
 from renderer.scene.readers.metals import METALS
 from renderer.settings import OPTIONAL, RenderSettings, View
 from tests.renderer.scene.builders import cup
+from tests.renderer.scene.ies_files import ies
 
 
 def test_all_settings_are_those_of_the_renderer(scene):
@@ -75,9 +76,10 @@ def test_every_example_of_the_documentation_is_a_scene(scene, png, number):
     if "shapes:" not in example:
         example += "shapes: [{type: quad}]\n"
     images = {"sky.exr": encode(np.ones((2, 4, 3), np.float32), "exr")} | {
-        f"{name}.png": png(1, 2, 3) for name in ("wood", "dents", "leaf", "glow", "bricks", "soot", "frost")
+        f"{name}.png": png(1, 2, 3) for name in ("wood", "dents", "leaf", "glow", "bricks", "soot", "frost", "window")
     }
-    others = {"cup.glb": cup(), **images}
+    profile = ies([0.0, 90.0], [0.0], [[100.0, 0.0]])
+    others = {"cup.glb": cup(), "downlight.ies": profile, "slide.jpg": png(1, 2, 3), **images}
     warnings = scene("s.yaml", example, others).warnings
     assert [w for w in warnings if "no light" not in w] == []
 

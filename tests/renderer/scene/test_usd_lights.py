@@ -161,13 +161,14 @@ def test_a_point_that_is_normalised_sends_the_same_whatever_its_radius(lit):
 
 
 def test_blenders_lights_are_those_that_blender_reads_back(lit, tmp_path):
-    """It asks for a temperature and says none, and writes a fourth of its suns."""
-    (plain,) = lit("DistantLight", angle=0.0, intensity=0.5, normalize=True, enableColorTemperature=True).lights
-    assert plain.intensity == (0.5, 0.5, 0.5)
+    """It asks for a temperature and says none, and writes a fourth of its suns, and half of their angle."""
+    (plain,) = lit("DistantLight", angle=1.25, intensity=0.5, normalize=True, enableColorTemperature=True).lights
+    assert (plain.intensity, plain.angle) == (pytest.approx((0.5, 0.5, 0.5)), 1.25)
     layer = Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda"))
     layer.documentation = "Blender v4.5.15 LTS"
     layer.Save()
-    assert read(tmp_path / "a.usda").lights[0].intensity == (2.0, 2.0, 2.0)
+    (sun,) = read(tmp_path / "a.usda").lights
+    assert (sun.intensity, sun.angle) == (pytest.approx((2.0, 2.0, 2.0)), 2.5)
 
 
 def test_lights_of_a_stage_that_blender_wrote_in_centimetres_are_as_bright_as_in_metres(lit, tmp_path):
@@ -176,6 +177,18 @@ def test_lights_of_a_stage_that_blender_wrote_in_centimetres_are_as_bright_as_in
     layer = Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda"))
     made = Usd.Stage.Open(layer)
     UsdGeom.Xformable(made.GetPrimAtPath("/light")).AddScaleOp().Set(Gf.Vec3f(100.0))
+    layer.documentation = "Blender v4.5.15 LTS"
+    layer.Save()
+    found = read(tmp_path / "a.usda")
+    assert found.spheres[0].radius == pytest.approx(0.1)
+    assert shining(found).emission[0] == pytest.approx(3.0 / (4 * np.pi * 0.1**2))
+
+
+def test_what_carries_a_lamp_of_blenders_makes_it_no_larger(lit, tmp_path):
+    """As in Cycles; in other stages a radius is in the space of its prim."""
+    place = Gf.Matrix4d().SetScale(3.0)
+    assert lit("SphereLight", place=place, radius=0.1, intensity=3.0, normalize=True).spheres[0].radius == pytest.approx(0.3)
+    layer = Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda"))
     layer.documentation = "Blender v4.5.15 LTS"
     layer.Save()
     found = read(tmp_path / "a.usda")
@@ -206,7 +219,7 @@ def test_a_mesh_that_is_a_light_shines(tmp_path, mode, glow, expected, normalize
 
 
 LEFT_OUT = {  # what of a light is named, and in which sentence
-    "inputs:shaping:ies:file": (Sdf.AssetPath("a.ies"), "IES profiles of lights"),
+    "inputs:shaping:ies:file": (Sdf.AssetPath("a.ies"), "IES profiles that are not among the files"),
     "inputs:shaping:focus": (8.0, "The focus of lights"),
     "inputs:shadow:enable": (False, "Lights without shadows"),
     "inputs:shadow:color": (Gf.Vec3f(1, 0, 0), "Shadows of a colour"),

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from pxr import Gf, UsdGeom, UsdShade, Vt
+from pxr import Gf, Sdf, UsdGeom, UsdShade, Vt
 
 from tests.renderer.scene.usd_files import TYPES, bind, cube, material, mesh, read, stage, texture
 
@@ -251,7 +251,7 @@ def test_a_standard_surface_of_materialx_says_what_ours_can(shaded):
         (0.25, 0.3, 1.7, 0.8, 0.1, 0.5, 0.25, 0, 2, 1, 0.5),
         atol=1e-6,
     )
-    assert any("Light beneath the surface of MaterialX is left out" in w for w in found.warnings)
+    assert any("Of the base colour and the colour beneath the surface of MaterialX" in w for w in found.warnings)
 
 
 def test_a_surface_of_another_renderer_is_drawn_in_the_display_colour(shaded):
@@ -347,3 +347,16 @@ def test_proxies_are_drawn_where_there_is_nothing_else(purposes, shown, said, tm
     found = read(tmp_path / "a.usda")
     assert [i.name for i in found.instances] == shown
     assert any(re.search(said, w) for w in found.warnings if "prox" in w) == bool(said)
+
+
+def test_a_preview_surface_that_blender_wrote_has_its_alpha_and_its_highlights(shaded, tmp_path):
+    """Blender reads opacity back as the alpha by which nothing is left, highlights and all, and has an input more."""
+    inputs = {"diffuseColor": (C, (0.5, 0.9, 0.6)), "opacity": (F, 0.42), "specular": (F, 0.35)}
+    _, found = shaded(preview(**inputs))
+    assert (found.opacity, found.transmission, found.specular) == (1.0, pytest.approx(0.58), 1.0)
+    layer = Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda"))
+    layer.documentation = "Blender v4.5.15 LTS"
+    layer.Save()
+    (found,) = read(tmp_path / "a.usda").materials
+    assert (found.opacity, found.transmission, found.specular) == (pytest.approx(0.42), 0.0, pytest.approx(0.7))
+    assert (found.base_color, found.alpha_mode) == (pytest.approx((0.5, 0.9, 0.6)), "blend")

@@ -92,3 +92,15 @@ def test_what_is_worked_out_of_pictures_is_so_once_for_all_frames(shown, tmp_pat
         pictures.append(found.images[found.textures[texture].image])
     assert pictures[0].name.endswith("with others")
     assert pictures[0].pixels is pictures[1].pixels
+
+
+def test_a_documents_displacement_is_followed(shown):
+    document = """<materialx version="1.39"><standard_surface name="s" type="surfaceshader"/>
+<image name="h" type="float"><input name="file" type="filename" value="maps/t.png"/></image>
+<displacement name="d" type="displacementshader"><input name="displacement" type="float" nodename="h"/>
+<input name="scale" type="float" value="0.1"/></displacement>
+<surfacematerial name="Look" type="material"><input name="surfaceshader" type="surfaceshader" nodename="s"/>
+<input name="displacementshader" type="displacementshader" nodename="d"/></surfacematerial></materialx>"""
+    found = shown(document)
+    warnings = (found[0] if isinstance(found, tuple) else found).warnings
+    assert any("Displacement is shown as bumps" in warning for warning in warnings)

@@ -235,7 +235,7 @@
  * @typedef {[number, number, number]} Spot x, y, w: seen at x / w, y / w of the picture where w is above 0
  *
  * @typedef {object} PathVertex as the API's PathVertexOut
- * @property {"surface" | "passed" | "missed"} kind
+ * @property {"surface" | "passed" | "medium" | "missed"} kind
  * @property {string | null} object_name
  * @property {number | null} object
  * @property {string | null} material_name

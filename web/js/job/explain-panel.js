@@ -208,7 +208,7 @@ const isBlocked = (light, direct) => !!light?.brought.some(Boolean) && !direct.s
 
 /** @param {PathVertex} vertex */
 const nameOf = ({ kind, object_name: object, material_name: material, object: number }) =>
-  kind === "missed" ? t("Environment") : [object || (number == null ? "" : t("Object {n}", { n: number })), material !== object && material].filter(Boolean).join(", ");
+  kind === "missed" ? t("Environment") : kind === "medium" ? t("A medium") : [object || (number == null ? "" : t("Object {n}", { n: number })), material !== object && material].filter(Boolean).join(", ");
 
 /** @param {PathVertex} vertex */
 const lobe = ({ model, bounce }) => [model, bounce ? BOUNCES[bounce] : ""].filter(Boolean).join(", ");

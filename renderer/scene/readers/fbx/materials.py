@@ -10,24 +10,24 @@ from typing import Any
 import numpy as np
 
 from renderer.scene.description import Vec3
-from renderer.scene.material import ALL_REFLECTING_IOR, Material
+from renderer.scene.material import ALL_REFLECTING_IOR, MOST_DENSE, MOST_FORWARD, Material
 from renderer.scene.readers.coats import tint_beneath
 from renderer.scene.readers.fbx import layout
 from renderer.scene.readers.fbx.library import each, text
 from renderer.scene.readers.fbx.textures import Pictures
 from renderer.scene.readers.mtl_maps import as_alpha, holds_normals, inverted, with_opacity, with_roughness_and_metal
 from renderer.scene.readers.numbers import clamped, unit, unit_color
+from renderer.scene.readers.scattering import attenuating
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["Materials"]
 
 _UNKNOWN, _LAMBERT, _PHONG = 0, 1, 2
-_BLENDER = 11
+_BLENDER, _PLASTIC = 11, 0.25
 _BY_ABBE = (3, 4, 9)  # ufbx_shader_type: OSL's and Arnold's standard surface and OpenPBR give Abbe's number
 _MAX_RADIANCE = 1e9
+_MOST_SCATTER = 1e6
 _LEFT_OUT = {
-    "subsurface_factor": "light beneath the surface",
-    "transmission_scatter": "scattering inside",
     "displacement_map": "displacement",
     "diffuse_roughness": "the roughness of the matt part",
     "transmission_extra_roughness": "what makes transmission rougher",
@@ -82,6 +82,7 @@ class Materials:
 
     def _emission(self, said: _Said, material: Material) -> None:
         material.emission = said.color("emission_color", "emission_factor", (0.0, 0.0, 0.0), _MAX_RADIANCE)
+        material.double_sided = True  # FBX's surfaces have two sides, as those of the programs that write it
         texture = said.texture("emission_color", srgb=True)
         factor = said.value("emission_factor", 1.0)
         if texture is not None and factor > 0:
@@ -126,7 +127,9 @@ class Materials:
         material.specular_texture = as_alpha(self._shelf, said.texture("specular_factor"))
         material.specular = 1.0 if material.specular_texture is not None else unit(said.value("specular_factor", 1.0))
         if said.source.shader == _BLENDER:
-            material.specular = unit(2 * material.specular)  # its exporter writes 0.5 for the 4 % that plastics reflect
+            # Its exporter writes 0.25 for the 4 % that plastics reflect, where ufbx has no term for it.
+            level = said.fbx_value("specular_factor", _PLASTIC) if material.specular_texture is None else _PLASTIC
+            material.specular = unit(level / _PLASTIC)
         material.specular_color_texture = said.texture("specular_color", srgb=True)
         if material.specular_color_texture is None:
             material.specular_color = said.color("specular_color", None, (1.0, 1.0, 1.0))
@@ -139,7 +142,7 @@ class Materials:
             tint = said.color("transmission_color", None, (1.0, 1.0, 1.0))
             depth = said.value("transmission_depth", 0.0)
             if depth > 0 and not material.thin:
-                material.attenuation_color, material.attenuation_distance = tint, depth * self._unit
+                self._fill(said, material, tint, depth * self._unit)
                 material.base_color = (1.0, 1.0, 1.0)
             else:
                 material.base_color = tint
@@ -147,6 +150,7 @@ class Materials:
             if dispersion > 0 and said.source.shader in _BY_ABBE:
                 dispersion = 20 / dispersion
             material.dispersion = clamped(dispersion, 0.0, 20.0)
+        self._beneath(said, material)
         self._coat(said, material)
         if said.value("sheen_factor", 0.0) > 0:
             material.sheen_color = said.color("sheen_color", "sheen_factor", (0.0, 0.0, 0.0))
@@ -161,6 +165,33 @@ class Materials:
             material.iridescence = unit(film)
             material.iridescence_thickness = (thickness, thickness)
             material.iridescence_ior = clamped(said.value("thin_film_ior", 1.4), 1.0, 5.0)
+
+    def _fill(self, said: _Said, material: Material, tint: Vec3, depth: float) -> None:
+        """What is inside of glass: it leaves a tint of light after a depth, in metres."""
+        scatter = said.color("transmission_scatter", None, (0.0, 0.0, 0.0), _MOST_SCATTER)
+        if max(scatter) <= 0:
+            material.attenuation_color, material.attenuation_distance = tint, depth
+            return
+        found = attenuating(tint, depth, scatter, said.value("transmission_scatter_anisotropy", 0.0))
+        material.sigma_a, material.sigma_s, material.g = found.sigma_a, found.sigma_s, found.g
+
+    def _beneath(self, said: _Said, material: Material) -> None:
+        """What is scattered beneath the surface, whose colour is one with the base colour here."""
+        share = unit(said.value("subsurface_factor", 0.0))
+        if share <= 0 or said.feature("thin_walled"):
+            return
+        color = said.color("subsurface_color", None, (1.0, 1.0, 1.0))
+        texture = said.texture("subsurface_color", srgb=True)
+        if material.base_color_texture is None and texture is None:
+            pairs = zip(material.base_color, color, strict=True)
+            material.base_color = unit_color((1 - share) * a + share * b for a, b in pairs)
+        elif share >= 0.5 and texture is not None:
+            material.base_color, material.base_color_texture = (1.0, 1.0, 1.0), texture
+        scale = said.value("subsurface_scale", 1.0) * self._unit
+        radius = said.color("subsurface_radius", None, (1.0, 1.0, 1.0), MOST_DENSE)
+        material.subsurface = share
+        material.subsurface_radius = unit_color((scale * c for c in radius), MOST_DENSE)
+        material.subsurface_anisotropy = clamped(said.value("subsurface_anisotropy", 0.0), -MOST_FORWARD, MOST_FORWARD)
 
     def _coat(self, said: _Said, material: Material) -> None:
         material.clearcoat_texture = said.texture("coat_factor")

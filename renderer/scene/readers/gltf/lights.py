@@ -9,13 +9,13 @@ import numpy as np
 from renderer.scene.description import Light, LightKind, Vec3
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.transforms import Matrix, unit_vector, vec3
+from renderer.scene.readers.light_maps import LUMENS_PER_WATT
 from renderer.scene.readers.numbers import clamped, unit_color
 
-__all__ = ["EXTENSION", "read_light"]
+__all__ = ["EXTENSION", "forward_of", "read_light"]
 
 EXTENSION = "KHR_lights_punctual"
 
-_LUMENS_PER_WATT = 683.0  # at 555 nm; with it a candela becomes the radiant intensity that Blender's importer takes, too
 _KINDS: dict[str, LightKind] = {"point": "point", "spot": "spot", "directional": "directional"}
 _MAX_INTENSITY = 1e12
 
@@ -27,8 +27,8 @@ def read_light(source: Json, name: str, world: Matrix) -> Light:
         raise source.wrong("type", f"is {kind[:20]!r}; known are {', '.join(_KINDS)}")
     color = unit_color(source.vector("color", (1.0, 1.0, 1.0)))
     photometric = clamped(source.number("intensity", 1.0), 0.0, _MAX_INTENSITY)
-    r, g, b = (c * photometric / _LUMENS_PER_WATT for c in color)
-    light = Light(_KINDS[kind], (r, g, b), position=vec3(world[:3, 3]), direction=_forward(world), name=name)
+    r, g, b = (c * photometric / LUMENS_PER_WATT for c in color)
+    light = Light(_KINDS[kind], (r, g, b), position=vec3(world[:3, 3]), direction=forward_of(world), name=name)
     spot = source.object("spot")
     if kind == "spot":
         outer = clamped(spot.number("outerConeAngle", math.pi / 4) if spot else math.pi / 4, 1e-4, math.pi / 2)
@@ -37,6 +37,7 @@ def read_light(source: Json, name: str, world: Matrix) -> Light:
     return light
 
 
-def _forward(world: Matrix) -> Vec3:
+def forward_of(world: Matrix) -> Vec3:
+    """Where a light in such a place shines."""
     direction = -world[:3, 2]
     return vec3(unit_vector(direction)) if np.linalg.norm(direction) > 0 else (0.0, -1.0, 0.0)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from renderer.errors import SceneError, SettingsError
-from renderer.scene.description import Camera, Instance, SceneDescription
+from renderer.scene.description import Camera, Instance, Light, SceneDescription
 from renderer.scene.matrices import product
 from renderer.scene.readers.gltf import instancing, lights
 from renderer.scene.readers.gltf.accessors import Accessors
@@ -16,6 +16,7 @@ from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import bind_matrices
 from renderer.scene.readers.gltf.meshes import Meshes
 from renderer.scene.readers.gltf.moving import Moving
+from renderer.scene.readers.gltf.profiles import Profiles
 from renderer.scene.readers.gltf.transforms import Matrix, local
 from renderer.scene.textures import TextureShelf
 
@@ -38,6 +39,7 @@ class Nodes:
         shelf: TextureShelf,
         description: SceneDescription,
         moving: Moving,
+        profiles: Profiles,
     ) -> None:
         self._root, self._accessors, self._meshes, self._moving = root, accessors, meshes, moving
         self._shelf, self._description = shelf, description
@@ -45,6 +47,7 @@ class Nodes:
         self._cameras = root.objects("cameras")
         punctual = root.extension(lights.EXTENSION)
         self._lights = punctual.objects("lights") if punctual else []
+        self._profiles = profiles
         self._skins = root.objects("skins")
         self._names: dict[str, int] = {}
         self._worlds: dict[int, Matrix] = {}  # of the scene's nodes
@@ -104,10 +107,8 @@ class Nodes:
                 description.cameras[camera] = replace(description.cameras[camera], view=view)
             if index in self._shining:
                 number = self._shining[index]
-                light = self._nodes[index].extension(lights.EXTENSION)
-                if light:
-                    name = description.lights[number].name
-                    description.lights[number] = lights.read_light(self._light_of(light), name, world)
+                moved_lights = self._lights_on(self._nodes[index], world, description.lights[number].name)
+                description.lights[number : number + len(moved_lights)] = moved_lights
             first, end = self._instances.get(index, (0, 0))
             if first < end and not self._is_skinned(index):
                 places = self._places(self._nodes[index], world, end - first)
@@ -222,14 +223,20 @@ class Nodes:
                 self._show(node, found, np.eye(4), name, self._moving.appears(node))
             else:
                 self._show(node, self._meshes.of(mesh, node), world, name, moves)
+        self._description.lights += self._lights_on(node, world)
+
+    def _lights_on(self, node: Json, world: Matrix, name: str = "") -> list[Light]:
+        """What shines on a node, by that name or the file's own."""
+        found = []
+        name = name or node.text("name", "")
+        spare = f"light {len(self._description.lights)}"
         light = node.extension(lights.EXTENSION)
         if light:
-            source = self._light_of(light)
-            name = node.text("name", "") or source.text("name", "") or f"light {len(self._description.lights)}"
-            self._description.lights.append(lights.read_light(source, name, world))
-
-    def _light_of(self, light: Json) -> Json:
-        return self._lights[light.integer("light", high=len(self._lights))]
+            source = self._lights[light.integer("light", high=len(self._lights))]
+            name = name or source.text("name", "") or spare
+            found.append(lights.read_light(source, name, world))
+        shaped = self._profiles.light(node, name or spare, world)
+        return found if shaped is None else [*found, shaped]
 
     def _show(self, node: Json, meshes: list[int], place: Matrix, name: str, moves: bool) -> None:
         restless = self._meshes.restless

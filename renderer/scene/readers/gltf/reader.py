@@ -6,7 +6,18 @@ from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.readers.gltf import animation, draco, instancing, lights, materials, meshopt, nodes, textures, variants
+from renderer.scene.readers.gltf import (
+    animation,
+    draco,
+    instancing,
+    lights,
+    materials,
+    meshopt,
+    nodes,
+    profiles,
+    textures,
+    variants,
+)
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.again import Again
 from renderer.scene.readers.gltf.container import Json, parse
@@ -23,6 +34,7 @@ _READ = {
     lights.EXTENSION,
     nodes.VISIBILITY,
     nodes.RAYS,
+    profiles.EXTENSION,
     variants.EXTENSION,
     "KHR_mesh_quantization",
     *materials.EXTENSIONS,
@@ -65,7 +77,8 @@ def read(
     description.variants = chosen.names
     restless = Moving(root, moving.moving)
     meshes = Meshes(root, accessors, files, surfaces, chosen, shelf, description.meshes, restless, thickness)
-    walked = nodes.Nodes(root, accessors, meshes, shelf, description, restless)
+    shaping = profiles.Profiles(root, accessors, files, shelf)
+    walked = nodes.Nodes(root, accessors, meshes, shelf, description, restless, shaping)
     walked.walk()
     if is_alone and moving.clips and restless.is_of_places and not any(meshes.refracts(m) for m in walked.deforming()):
         files.keep(key, Again(moving, walked, description))

@@ -3,7 +3,7 @@
 document.py  the file as elements: references, defaults and includes resolved
 values.py    numbers, colours, spectra and transforms
 textures.py  what varies over a surface
-bsdfs.py     BSDFs as materials
+bsdfs.py     BSDFs as materials; media.py what fills shapes and the world
 meshes.py    shapes that are meshes of files or formulas; serialized.py Mitsuba's own file of meshes
 shapes.py    shapes placed, with their material and light
 emitters.py  lights without a body, and light from all around; skies.py the sky and its sun

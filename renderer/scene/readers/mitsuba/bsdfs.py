@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from renderer.scene.description import Material, SceneDescription
 from renderer.scene.material import ALL_REFLECTING_IOR
 from renderer.scene.readers.brushed import brushed
+from renderer.scene.readers.bumps import BumpMaps, rounded
 from renderer.scene.readers.coats import coat_over, pane_ior
+from renderer.scene.readers.fibres import BROWN, color_of, fibre, pigments
 from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.mitsuba.document import Document, Element
+from renderer.scene.readers.mitsuba.media import Media
 from renderer.scene.readers.mitsuba.metals import CONDUCTORS
 from renderer.scene.readers.mitsuba.principled import principled
 from renderer.scene.readers.mitsuba.rough_coats import rough_coat
@@ -49,26 +55,50 @@ _IORS = {
     "diamond": 2.419,
 }
 _MAX_NESTED = 16
+_WRAPPERS = ("twosided", "mask", "bumpmap", "normalmap")
+_LUMINANCE = (0.212671, 0.715160, 0.072169)
+
+Spans = Callable[[], tuple[float, float] | None]
+
+
+def _no_spans() -> None:
+    return None
 
 
 class Bsdfs:
     """Adds materials to a description; the same BSDF with the same light gives the same number again."""
 
-    def __init__(self, document: Document, textures: Textures, description: SceneDescription) -> None:
-        self._document, self._textures, self._description = document, textures, description
+    def __init__(self, document: Document, textures: Textures, media: Media, description: SceneDescription) -> None:
+        self._document, self._textures, self._media, self._description = document, textures, media, description
         self._numbers: dict[tuple[Any, ...], int] = {}
+        self._bumps = BumpMaps(textures.shelf, _LUMINANCE)
         self.by_vertices: set[int] = set()  # materials whose colour is that of a mesh's vertices
         self.inside_out: set[int] = set()  # materials thinner than what surrounds them: theirs is the outside that is filled
 
-    def material(self, shape: Element) -> int:
-        """The material of a shape: of its BSDF, with the light of its area emitter."""
+    def material(self, shape: Element, spans: Spans = _no_spans) -> int:
+        """The material of a shape: of its BSDF, with the light of its area emitter.
+
+        spans: how long its coordinates are (bumps.py), asked of what has bumps.
+        """
         source = next(iter(shape.of("bsdf")), None)
         emitter = next((each for each in shape.of("emitter") if each.type == "area"), None)
-        key = (id(source), id(emitter))
+        bumps = None if source is None else _bumps_within(source)
+        found = None if bumps is None else spans()
+        length = None if found is None else (rounded(found[0]), rounded(found[1]))
+        is_inside_out = source is not None and self._is_inside_out(source)
+        inside = self._media.inside(shape, is_inside_out)
+        key = (id(source), id(emitter), length, None if inside is None else (inside.sigma_a, inside.sigma_s, inside.g))
         if key not in self._numbers:
             self._textures.by_vertices = False
             grey = 0.0 if any(shape.of("emitter")) else 0.5  # what shines reflects nothing unless it says so
             made = self._made(source, 0) if source is not None else Material(base_color=(grey,) * 3)
+            if bumps is not None and length is not None:
+                made = self._bumpy(bumps, made, length)
+            if source is not None and source.type == "null" and emitter is not None:
+                made = Material(source.id or "null", base_color=(0.0, 0.0, 0.0), lamp=True)
+            elif source is not None and source.type == "null" and inside is not None:
+                made = Material(source.id or "null", "interface")
+            made = self._media.fill(made, inside, shape)
             if emitter is not None:
                 emission, texture = self._textures.color(emitter, "radiance", 1.0, is_light=True)
                 made = replace(made, emission=emission, emission_texture=texture)
@@ -76,7 +106,7 @@ class Bsdfs:
             self._numbers[key] = len(self._description.materials) - 1
             if self._textures.by_vertices:
                 self.by_vertices.add(self._numbers[key])
-            if source is not None and self._is_inside_out(source):
+            if is_inside_out:
                 self.inside_out.add(self._numbers[key])
         return self._numbers[key]
 
@@ -98,6 +128,7 @@ class Bsdfs:
             "principled": self._principled,
             "principledthin": self._principled,
             "phong": self._phong,
+            "hair": self._hair,
         }.get(source.type)
         name = source.id or source.type
         if make is not None:
@@ -113,6 +144,8 @@ class Bsdfs:
             return self._masked(source, self._made(inner[0], depth + 1))
         if source.type == "normalmap" and inner:
             return self._bent(source, self._made(inner[0], depth + 1))
+        if source.type == "bumpmap" and inner:
+            return self._made(inner[0], depth + 1)
         if source.type == "blendbsdf" and len(inner) > 1:
             return self._mixed(source, inner, depth)
         if inner:
@@ -206,6 +239,19 @@ class Bsdfs:
             kind="blinn_phong", base_color=color, base_color_texture=texture, specular_color=shine, shininess=exponent
         )
 
+    def _hair(self, source: Element) -> Material:
+        self._document.ignore(
+            f"{source.what} is rendered as a glossy surface in its colour: light does not go through its fibres"
+        )
+        source.used.add("scale_tilt")
+        along, around = (source.number(f"{name}_roughness", 0.3) for name in ("longitudinal", "azimuthal"))
+        absorbed = pigments(source.number("eumelanin", BROWN), source.number("pheomelanin", 0.2))
+        if source.get("sigma_a") is not None or source.child("sigma_a") is not None:
+            absorbed = source.number("scale", 1.0) * np.array(self._textures.color(source, "sigma_a", 0.0)[0])
+        return fibre(
+            color_of(absorbed, around), along, self._ior(source, "int_ior", "amber") / self._ior(source, "ext_ior", "air")
+        )
+
     def _masked(self, source: Element, inner: Material) -> Material:
         texture = source.child("opacity")
         if texture is None:
@@ -222,6 +268,14 @@ class Bsdfs:
                 "Normal maps are not darkened by a shadowing function here; to compare, set it to false in Mitsuba"
             )
         return inner if texture is None else replace(inner, normal_texture=self._textures.texture(texture, False))
+
+    def _bumpy(self, source: Element, made: Material, spans: tuple[float, float]) -> Material:
+        textures = source.of("texture")
+        heights = None if not textures else self._textures.texture(textures[0], False)
+        found = None if heights is None else self._bumps.of(heights, source.number("scale", 1.0), spans)
+        if found is None:
+            return made
+        return replace(made, normal_texture=found.texture, normal_scale=found.strength)
 
     def _rough(self, source: Element, default: float, brushes: bool = False) -> dict[str, Any]:
         """Roughness of a microfacet distribution of GGX; of Beckmann's, as rough. brushes: whether the kind can be brushed."""
@@ -244,3 +298,13 @@ class Bsdfs:
                 self._document.ignore(f"{source.what}: the material {found[:40]!r} is not known here; its index is taken as 1.5")
             return _IORS.get(found.lower(), 1.5)
         return max(source.number(name, _IORS[default]), 1e-3)
+
+
+def _bumps_within(source: Element) -> Element | None:
+    """The bump map around what a BSDF is, if there is one."""
+    found: Element | None = source
+    for _ in range(_MAX_NESTED):
+        if found is None or found.type == "bumpmap" or found.type not in _WRAPPERS:
+            break
+        found = next(iter(found.of("bsdf")), None)
+    return found if found is not None and found.type == "bumpmap" else None

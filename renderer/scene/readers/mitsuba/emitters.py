@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
-from renderer.scene.description import Environment, Light, SceneDescription, Vec3
+from renderer.scene.description import EmissionMap, Environment, Light, SceneDescription, Vec3
 from renderer.scene.readers.linear import linear
 from renderer.scene.readers.mitsuba.document import Document, Element
+from renderer.scene.readers.mitsuba.sensors import vertical_fov
 from renderer.scene.readers.mitsuba.skies import SKIES, sky_of
 from renderer.scene.readers.mitsuba.textures import Textures, radiance_of
 from renderer.scene.readers.turned_sky import FROM_PLUS_Z, seen_upright
-from renderer.scene.textures import TextureShelf
+from renderer.scene.textures import UNMOVED, TextureShelf
 
 __all__ = ["add_emitter"]
+
+_HALF_OF_50_MM = math.hypot(36, 24) / 2 / 50  # the tangent of half its diagonal: a projector's lens unless it says otherwise
 
 
 def add_emitter(source: Element, document: Document, shelf: TextureShelf, description: SceneDescription) -> None:
@@ -32,15 +36,12 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
     elif source.type == "spot":
         outer = min(max(source.number("cutoff_angle", 20.0), 0.01), 90.0)
         inner = min(max(source.number("beam_width", 0.75 * outer), 0.0), outer)
-        tint = _mean_in_cone(source, document, shelf, inner, outer)
-        r, g, b = (a * float(t) for a, t in zip(radiance_of(source, "intensity"), tint, strict=True))
-        intensity: Vec3 = (r, g, b)
-        direction = _vec(_unit(world[:3, 2]))
-        description.lights.append(
-            Light(
-                "spot", intensity, _vec(world[:3, 3]), direction, inner_cone=inner, outer_cone=outer, falloff="linear", name=name
-            )
-        )
+        color, emission = _through_a_slide(source, document, shelf, outer)
+        r, g, b = (a * c for a, c in zip(radiance_of(source, "intensity"), color, strict=True))
+        light = Light("spot", (r, g, b), inner_cone=inner, outer_cone=outer, falloff="linear", emission=emission, name=name)
+        description.lights.append(_placed(light, world))
+    elif source.type == "projector":
+        description.lights.append(_projector(source, name, document, shelf))
     elif source.type == "directional":
         direction = source.get("direction")
         towards = _unit(world[:3, 2] if direction is None else np.asarray(direction, float))
@@ -55,20 +56,49 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
         document.ignore(f"{source.what} is no light that is read: it is left out")
 
 
-def _mean_in_cone(source: Element, document: Document, shelf: TextureShelf, inner: float, outer: float) -> Vec3:
-    """The mean colour of the picture that a spot throws, by how bright it is where."""
+def _placed(light: Light, world: np.ndarray) -> Light:
+    """The light where it stands, along +Z and with +Y up."""
+    return replace(light, position=_vec(world[:3, 3]), direction=_vec(_unit(world[:3, 2])), up=_vec(_unit(world[:3, 1])))
+
+
+def _through_a_slide(source: Element, document: Document, shelf: TextureShelf, outer: float) -> tuple[Vec3, EmissionMap | None]:
+    """A spot's colour and its picture, which fills the square about its cone: first column at -X, first row at -Y."""
     color, number = Textures(document, shelf).color(source, "texture", 1.0)
     if number is None:
-        return color
-    document.ignore(f"{source.what}: its texture is not thrown as a picture: it shines in the mean of its colours")
-    pixels = linear(shelf.image_of(number))
+        return color, None
+    half = math.tan(math.radians(min(outer, 89.0)))
+    side = _side(source)
+    emission = EmissionMap("window", _pixels(source, number, document, shelf), (-half * side, half * side, -half, half))
+    return color, emission
+
+
+def _projector(source: Element, name: str, document: Document, shelf: TextureShelf) -> Light:
+    """A picture that is the irradiance, by pi, of the plane at the distance 1: upright for who looks along +Z."""
+    color, number = Textures(document, shelf).color(source, "irradiance", 1.0)
+    pixels = np.ones((1, 1, 3), np.float32) if number is None else _pixels(source, number, document, shelf)
     height, width = pixels.shape[:2]
-    x, y = (2 * np.arange(width) + 1) / width - 1, (2 * np.arange(height) + 1) / height - 1
-    slope = np.hypot(*np.meshgrid(x, y)) * math.tan(math.radians(min(outer, 89.0)))
-    angle = np.degrees(np.arctan(slope))
-    weight = np.clip((outer - angle) / max(outer - inner, 1e-6), 0, 1) * (1 + slope**2) ** -1.5
-    red, green, blue = (pixels * weight[..., None]).sum(axis=(0, 1)) / max(float(weight.sum()), 1e-12)
-    return float(red) * color[0], float(green) * color[1], float(blue) * color[2]
+    lens = source if source.get("fov") is not None or source.get("focal_length") is not None else None
+    half = (
+        math.tan(math.radians(vertical_fov(source, width, height)) / 2)
+        if lens
+        else _HALF_OF_50_MM / math.hypot(width / height, 1)
+    )
+    across = -_side(source) * half * width / height
+    scale = math.pi * source.number("scale", 1.0)
+    r, g, b = (scale * c for c in color)
+    emission = EmissionMap("screen", pixels, (-across, across, half, -half))
+    return _placed(Light("point", (r, g, b), emission=emission, name=name), source.matrix())
+
+
+def _side(source: Element) -> float:
+    """1 where +X is to the right of who looks along +Z: of a mirrored space; else -1."""
+    return 1.0 if np.linalg.det(source.matrix()[:3, :3]) < 0 else -1.0
+
+
+def _pixels(source: Element, number: int, document: Document, shelf: TextureShelf) -> np.ndarray:
+    if shelf.texture_of(number).transform != UNMOVED:
+        document.ignore(f"{source.what}: its picture is thrown as it is, not moved, turned or scaled")
+    return np.maximum(linear(shelf.image_of(number)), 0)
 
 
 def _surround(environment: Environment, source: Element, document: Document, description: SceneDescription) -> None:

@@ -18,9 +18,11 @@ _IDLE = {
     "emitter": {"sampling_weight", "to_world"},
     "shape": {"silhouette_sampling_weight", "to_world", "flip_tex_coords", "face_normals", "flip_normals"},
     "texture": {"accel", "format"},
+    "medium": {"sample_emitters", "has_spectral_extinction", "method", "strategy"}
+    | {"scale", "sigma_a", "sigma_s", "sigma_t", "albedo"},  # of which two say all
+    "phase": set(),
 }
 _NOTED_WHOLE = {"sunsky", "sky", "sun", "timed_sunsky"}
-_IN_CLEAR_AIR = "Participating media are not rendered: the scene is as in clear air"
 
 
 def left_over(scene: Element, sentences: list[str]) -> Iterator[str]:
@@ -41,9 +43,9 @@ def left_over(scene: Element, sentences: list[str]) -> Iterator[str]:
             if name not in element.used and name and _counts(element, name):
                 yield f"{name} of {element.tag}s of the type {element.type} is not taken over"
         for child in element.children:
-            if child.tag in ("medium", "volume", "phase"):
-                yield _IN_CLEAR_AIR
-            elif child.tag in ("texture", "emitter") and not child.used and not any(each.startswith(child.what) for each in said):
+            if child.tag == "volume":
+                continue  # of a medium, which names it
+            if child.tag in ("texture", "emitter") and not child.used and not any(each.startswith(child.what) for each in said):
                 yield f"The {child.tag} ({child.type}) of a {element.tag} ({element.type}) is not taken over"
             else:
                 stack.append(child)

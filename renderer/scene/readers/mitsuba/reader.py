@@ -8,6 +8,7 @@ from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
 from renderer.scene.readers.mitsuba.document import Document
 from renderer.scene.readers.mitsuba.emitters import add_emitter
 from renderer.scene.readers.mitsuba.left import left_over
+from renderer.scene.readers.mitsuba.media import Media
 from renderer.scene.readers.mitsuba.sensors import add_integrator, add_sensor, note_what_lies_beyond
 from renderer.scene.readers.mitsuba.shapes import Shapes
 from renderer.scene.readers.mitsuba.textures import Textures
@@ -20,7 +21,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     """Adds the file's scene to the description. Raises SceneError."""
     document = Document(files, main, description)
     shelf = TextureShelf(description, files)
-    shapes = Shapes(document, Bsdfs(document, Textures(document, shelf), description), description)
+    media = Media(document)
+    shapes = Shapes(document, Bsdfs(document, Textures(document, shelf), media, description), description)
     shapes.judge()
     for part in document.scene.children:
         if part.tag == "shape":
@@ -33,6 +35,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
             add_integrator(part, document, description)
     for part in document.scene.of("sensor"):
         note_what_lies_beyond(part, document, description)
+    media.surround(description)
     for sentence in left_over(document.scene, document.ignored):
         document.ignore(sentence)
     document.say_ignored()

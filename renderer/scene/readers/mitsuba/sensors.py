@@ -14,7 +14,7 @@ from renderer.scene.readers.cropped import Window, cropped
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.settings import MAX_DEPTH, View
 
-__all__ = ["add_integrator", "add_sensor", "note_what_lies_beyond"]
+__all__ = ["add_integrator", "add_sensor", "note_what_lies_beyond", "vertical_fov"]
 
 _FILM = (768, 576)
 _FILTERS = {"box": "box", "tent": "tent"}
@@ -33,7 +33,7 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
     near = 0.0 if near <= 1e-2 else near
     fields: dict[str, Any] = {"eye": _vec(eye), "target": _vec(eye + forward), "up": _vec(up)}
     if source.type in ("perspective", "thinlens"):
-        fov = _vertical(source, width, height)
+        fov = vertical_fov(source, width, height)
         focus, aperture = None, 0.0
         if source.type == "thinlens":
             aperture = max(source.number("aperture_radius", 0.0), 0.0)
@@ -55,7 +55,7 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
         document.ignore(f"{source.what} sees nothing here: {error}")
 
 
-def _vertical(source: Element, width: int, height: int) -> float:
+def vertical_fov(source: Element, width: int, height: int) -> float:
     """The vertical field of view, in degrees."""
     ratio = width / height
     length = source.get("focal_length")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import functools
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from renderer.errors import SceneError
 from renderer.scene.description import Instance, Mesh, SceneDescription, Sphere
+from renderer.scene.readers.bumps import spans_of
 from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
 from renderer.scene.readers.mitsuba.curves import CURVES, mesh_of_curves
 from renderer.scene.readers.mitsuba.document import Document, Element
@@ -61,10 +63,9 @@ class Shapes:
 
     def _mesh(self, shape: Element, world: Matrix) -> None:
         if id(shape) not in self._meshes:
-            material = self._bsdfs.material(shape)
             found = []
             for mesh, place in meshes_of(shape, self._document):
-                mesh.material = material
+                material = mesh.material = self._bsdfs.material(shape, _spans(mesh, world @ place))
                 if material in self._bsdfs.inside_out:
                     mesh = turned(mesh)
                 if material not in self._bsdfs.by_vertices:
@@ -86,7 +87,9 @@ class Shapes:
         center, radius = np.asarray(shape.get("center", (0.0, 0.0, 0.0)), float), shape.number("radius", 1.0)
         scales = np.linalg.norm(world[:3, :3], axis=0)
         is_round = np.allclose(world[:3, :3].T @ world[:3, :3], scales[0] ** 2 * np.eye(3), rtol=1e-4, atol=1e-4 * scales[0] ** 2)
-        material = self._bsdfs.material(shape)
+        place = np.diag([radius, radius, radius, 1.0])
+        place[:3, 3] = center
+        material = self._bsdfs.material(shape, _spans(_unit_ball(), world @ place))
         is_flipped = shape.flag("flip_normals", False) != (material in self._bsdfs.inside_out)
         if is_round and not is_flipped and not self._is_painted(material):
             x, y, z = (world @ np.array([*center, 1.0]))[:3]
@@ -94,8 +97,6 @@ class Shapes:
                 Sphere((float(x), float(y), float(z)), float(radius * scales[0]), material, shape.id or "sphere")
             )
             return
-        place = np.diag([radius, radius, radius, 1.0])
-        place[:3, 3] = center
         number = self._ball(material, is_flipped)
         self._description.instances.append(Instance(number, world @ place, name=shape.id))
 
@@ -115,6 +116,16 @@ class Shapes:
             self._description.meshes.append(ball)
             self._balls[key] = len(self._description.meshes) - 1
         return self._balls[key]
+
+
+@functools.cache
+def _unit_ball() -> Mesh:
+    """To be measured, and not to be shown."""
+    return sphere("sphere")
+
+
+def _spans(mesh: Mesh, place: Matrix) -> Callable[[], tuple[float, float] | None]:
+    return lambda: spans_of(mesh, 0, place[:3, :3])
 
 
 def _shown(thing: Element) -> Iterator[Element]:

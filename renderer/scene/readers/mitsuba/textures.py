@@ -27,7 +27,7 @@ class Textures:
     """Looks up colours and numbers, by textures or without."""
 
     def __init__(self, document: Document, shelf: TextureShelf) -> None:
-        self._document, self._shelf = document, shelf
+        self._document, self.shelf = document, shelf
         self.by_vertices = False  # whether a colour that was asked for is that of a mesh's vertices
 
     def color(self, owner: Element, name: str, default: float | Vec3 = 0.5, is_light: bool = False) -> tuple[Vec3, int | None]:
@@ -57,7 +57,7 @@ class Textures:
         if image is None:
             return default
         self._document.ignore(f"{name} of {owner.what} varies over the surface: its mean is taken")
-        return float(linear(self._shelf.image_of(image)).mean())
+        return float(linear(self.shelf.image_of(image)).mean())
 
     def amount(self, owner: Element, name: str, default: float, power: float = 1.0) -> tuple[float, int | None]:
         """A number raised to a power, and the grey texture that it is multiplied by."""
@@ -78,7 +78,7 @@ class Textures:
 
         if texture is None:
             return under_a_coat(color, inner), None
-        return WHITE, self._shelf.derived(texture, f"under a coat of {inner} by {color}", make)
+        return WHITE, self.shelf.derived(texture, f"under a coat of {inner} by {color}", make)
 
     def scaled(self, color: Vec3, texture: int | None, factor: float) -> tuple[Vec3, int | None]:
         """A colour, and the texture that multiplies it, brighter or darker, as far as a colour can be."""
@@ -91,20 +91,20 @@ class Textures:
         def make(image: Image) -> Image:
             return Image(f"{image.name} by {factor:g}", np.minimum(linear(image) * np.float32(factor), 1), srgb=False)
 
-        return WHITE, self._shelf.derived(texture, f"by {factor}", make)
+        return WHITE, self.shelf.derived(texture, f"by {factor}", make)
 
     def roughness_and_metal(self, roughness: int | None, metal: int | None) -> int | None:
         """glTF's texture of two grey ones, white for none."""
         if roughness is not None and metal is not None and not self._lie_alike(roughness, metal):
             self._document.ignore("A texture of metallic lies here as that of roughness does")
-        return with_roughness_and_metal(self._shelf, roughness, metal)
+        return with_roughness_and_metal(self.shelf, roughness, metal)
 
     def cut_out(self, color: int | None, opacity: int) -> int | None:
         """A texture of a colour, white for none, whose alpha is how bright another is."""
         if color is not None and not self._lie_alike(color, opacity):
             self._document.ignore("A mask lies here as the texture of the colour beneath does")
         grey = self._grey(opacity)
-        return with_opacity(self._shelf, color, opacity if grey is None else grey)
+        return with_opacity(self.shelf, color, opacity if grey is None else grey)
 
     def _grey(self, texture: int | None, power: float = 1.0) -> int | None:
         """A texture of how bright another is, to a power."""
@@ -115,10 +115,10 @@ class Textures:
             opaque = np.full_like(grey, 255)
             return Image(f"{image.name} to {power:g}", np.stack([grey, grey, grey, opaque], axis=-1), srgb=False)
 
-        return self._shelf.derived(texture, f"brightness to {power}", make)
+        return self.shelf.derived(texture, f"brightness to {power}", make)
 
     def _lie_alike(self, first: int, second: int) -> bool:
-        a, b = (self._shelf.texture_of(number) for number in (first, second))
+        a, b = (self.shelf.texture_of(number) for number in (first, second))
         return (a.wrap_s, a.wrap_t, a.transform) == (b.wrap_s, b.wrap_t, b.transform)
 
     def texture(self, source: Element, is_color: bool) -> int | None:
@@ -129,8 +129,8 @@ class Textures:
         if source.type == "checkerboard":
             dark, light = rgb(source.get("color0", 0.4)), rgb(source.get("color1", 0.2))
             pixels = np.array([[dark, light], [light, dark]], np.float32)
-            image = self._shelf.add(Image(f"checkerboard {len(source.values)} {dark} {light}", pixels, srgb=False))
-            return self._shelf.texture(image, transform=transform, filter="nearest")
+            image = self.shelf.add(Image(f"checkerboard {len(source.values)} {dark} {light}", pixels, srgb=False))
+            return self.shelf.texture(image, transform=transform, filter="nearest")
         if source.type in ("scale", "volume") and source.children:
             self._document.ignore(f"{source.what}: its texture is taken without it")
             return self.texture(source.children[0], is_color)
@@ -141,7 +141,7 @@ class Textures:
         wanted = str(source.get("filename", ""))
         name = self._document.files.find(wanted, source.file)
         if name is None:
-            self._shelf.missing(wanted, source.what)
+            self.shelf.missing(wanted, source.what)
             return None
         is_raw = source.flag("raw", source.number("gamma", -1.0) == 1.0)  # gamma: of Mitsuba 0.6
         if not is_raw and not is_color:
@@ -150,7 +150,7 @@ class Textures:
             )
         wrap = _WRAPS.get(str(source.get("wrap_mode", "repeat")), "repeat")
         filter: TexelFilter = "nearest" if source.get("filter_type") == "nearest" else "linear"
-        return self._shelf.texture(self._shelf.image_file(name, not is_raw), wrap, wrap, 0, transform, (), filter)
+        return self.shelf.texture(self.shelf.image_file(name, not is_raw), wrap, wrap, 0, transform, (), filter)
 
 
 def _spread(source: Element) -> Matrix:

@@ -6,7 +6,8 @@ transforms.py  the current transformation, at the beginning and the end of time
 graphics.py    what statements change: transformations, materials, lights, named things; and what they make
 spectra.py     spectra and colours as linear Rec.709; observer.py how an eye weighs wavelengths, named.py what pbrt knows by name
 textures.py    what varies over a surface, by formulas worked out as a picture
-materials.py   materials, conductors.py their metals, coats.py what lies over paint and metal
+materials.py   materials, conductors.py their metals, coats.py what lies over paint and metal, hair.py hair
+media.py       what fills shapes and the world, and what light does beneath skin
 meshes.py      shapes of triangles and patches, quadrics.py round ones, loop.py Loop's subdivision, curves.py curves as tubes
 shapes.py      shapes placed, with their material and light
 lights.py      lights without a body, and light from all around; equal_area.py the square pictures of it

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
@@ -17,6 +16,7 @@ from renderer.scene.readers.cropped import Window
 from renderer.scene.readers.pbrt import cameras, transforms
 from renderer.scene.readers.pbrt.lights import Lights
 from renderer.scene.readers.pbrt.materials import Materials
+from renderer.scene.readers.pbrt.media import Interface, Media
 from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.options import note_option
 from renderer.scene.readers.pbrt.parameters import Parameter, Parameters
@@ -30,27 +30,8 @@ __all__ = ["Graphics"]
 
 _MOST_STATES = 1_000  # blocks within each other
 _LEAST_SECONDS = 1e-4
-_DIRECTIVES = (
-    *(
-        "Include",
-        "Import",
-        "Identity",
-        "Translate",
-        "Scale",
-        "Rotate",
-        "LookAt",
-        "Transform",
-        "ConcatTransform",
-        "CoordinateSystem",
-    ),
-    *("CoordSysTransform", "ActiveTransform", "StartTime", "EndTime", "All", "TransformTimes", "ReverseOrientation", "Attribute"),
-    *("AttributeBegin", "AttributeEnd", "TransformBegin", "TransformEnd", "ObjectBegin", "ObjectEnd", "ObjectInstance"),
-    *("WorldBegin", "Camera", "Film", "Integrator", "Sampler", "PixelFilter", "ColorSpace", "Accelerator", "Option", "Material"),
-    *("MakeNamedMaterial", "NamedMaterial", "Texture", "LightSource", "AreaLightSource", "Shape", "MakeNamedMedium"),
-    "MediumInterface",
-)
+_ON = "_on_"
 _ATTRIBUTES = ("shape", "light", "material", "medium", "texture")
-_MEDIA = "Media are not rendered: the scene is as in clear air"
 
 
 @dataclass
@@ -63,6 +44,7 @@ class _State:
     material: Parameters | None = None
     area: Parameters | None = None
     space: str = "srgb"
+    medium: Interface = ("", "")
     attributes: dict[str, dict[str, Parameter]] = field(default_factory=dict)
 
 
@@ -73,7 +55,8 @@ class Graphics:
         self._files, self._description, self._moment, self._notes = files, description, moment, notes
         self._statements = Statements(files)
         self._textures = Textures(files, Colors(files, notes), notes, description)
-        self._materials = Materials(self._textures, description, notes)
+        self._media = Media(self._textures, notes)
+        self._materials = Materials(self._textures, self._media, description, notes)
         self._lights = Lights(files, self._textures, description, notes)
         self._shapes: Shapes | None = None
         self._state, self._saved = _State(), list[tuple[str, _State]]()
@@ -81,12 +64,15 @@ class Graphics:
         self._world: Ctm = self._state.ctm
         self._times = 0.0, 1.0
         self._camera: tuple[Parameters, Ctm] | None = None
+        self._camera_medium = ""
         self._film: Parameters | None = None
         self._rendered: Window | None = None  # of the film
         self._all: list[tuple[Parameters, int]] = []  # and how much was asked of each to begin with
         self._depth = 0
         self._outer = np.eye(4)
-        self._do: dict[str, Callable[[Statement], None]] = {name: getattr(self, _method(name)) for name in _DIRECTIVES}
+        self._do: dict[str, Callable[[Statement], None]] = {
+            _directive(name): getattr(self, name) for name in dir(self) if name.startswith(_ON)
+        }
 
     def run(self, name: str) -> None:
         """Carries out a file's statements."""
@@ -107,6 +93,8 @@ class Graphics:
         if self._saved:
             raise Place(PurePosixPath(main).name, 1).wrong(f"{self._saved[-1][0]} has no end to it; close it")
         self._shapes.flush()
+        place = self._camera[0].place if self._camera is not None else Place(PurePosixPath(main).name, 1)
+        self._media.surround(self._description, self._camera_medium, place)
         for each, asked in self._all:
             if len(each.used) > asked:  # else nothing shows it
                 each.say_unused(self._notes)
@@ -260,7 +248,7 @@ class Graphics:
 
     def _on_camera(self, statement: Statement) -> None:
         source = self._kept(statement, "camera")
-        self._camera = source, self._state.ctm
+        self._camera, self._camera_medium = (source, self._state.ctm), self._state.medium[1]
         back = [transforms.inverse(each, statement.place) for each in self._state.ctm]
         self._named["camera"] = (back[0], back[0] if self._state.ctm[0] is self._state.ctm[1] else back[1])
 
@@ -356,15 +344,21 @@ class Graphics:
         shapes = self._in_world(statement)
         state = self._state
         source = self._parameters(statement, "shape")
-        shapes.add(source, Looks(state.ctm, state.material, state.area, state.reverse))
+        shapes.add(source, Looks(state.ctm, state.material, state.area, state.reverse, state.medium))
         source.say_unused(self._notes)
 
     def _on_make_named_medium(self, statement: Statement) -> None:
-        self._notes.add(statement.place, _MEDIA)
+        (name,), found = Parameters.of("medium", statement, 1, self._state.space)
+        found.type = found.text("type")
+        found.defaults = self._state.attributes.get("medium", {})
+        self._all.append((found, len(found.used)))
+        self._media.make(name, found)
 
     def _on_medium_interface(self, statement: Statement) -> None:
-        if any(each for each in statement.arguments if isinstance(each, str) and each):
-            self._notes.add(statement.place, _MEDIA)
+        names = [each for each in statement.arguments if isinstance(each, str)]
+        if len(names) != len(statement.arguments) or not 1 <= len(names) <= 2:
+            raise statement.place.wrong("MediumInterface takes the names of one medium or two in quotes: inside and outside")
+        self._state.medium = names[0], names[-1]
 
     # Helpers
 
@@ -392,5 +386,6 @@ class Graphics:
         return found
 
 
-def _method(directive: str) -> str:
-    return "_on_" + re.sub(r"(?<!^)(?=[A-Z])", "_", directive).lower()
+def _directive(method: str) -> str:
+    """The directive that a method carries out: LookAt is done by _on_look_at."""
+    return "".join(word.capitalize() for word in method.removeprefix(_ON).split("_"))

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from renderer.scene.description import Environment, Image, Light, SceneDescription, Vec3
+from renderer.scene.description import EmissionMap, Environment, Image, Light, SceneDescription, Vec3
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix, product
 from renderer.scene.readers.linear import linear
@@ -19,6 +19,7 @@ from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.spectra import luminance
 from renderer.scene.readers.pbrt.textures import Textures
+from renderer.scene.readers.pbrt.thrown import goniometric, projected_power, projection
 
 __all__ = ["Lights"]
 
@@ -31,6 +32,7 @@ class Lights:
 
     def __init__(self, files: SceneFiles, textures: Textures, description: SceneDescription, notes: Notes) -> None:
         self._files, self._textures, self._description, self._notes = files, textures, description, notes
+        self._maps: dict[tuple[object, ...], EmissionMap] = {}
         self.exposure = 1.0
         self.balance: Matrix | None = None
 
@@ -48,8 +50,10 @@ class Lights:
             illuminance = source.number("illuminance", -1.0)
             rgb = self._times(self._color(source, "L"), scale * (illuminance if illuminance > 0 else 1.0))
             self._description.lights.append(Light("directional", rgb, direction=_unit(towards), name="distant"))
-        elif source.type in ("point", "goniometric"):
-            scale = source.number("scale", 1.0) * self._goniometric(source)
+        elif source.type in ("goniometric", "projection"):
+            self._thrown(source, world)
+        elif source.type == "point":
+            scale = source.number("scale", 1.0)
             power = source.number("power", -1.0)
             rgb = self._times(self._color(source, "I"), power / (4 * math.pi) * scale if power > 0 else scale)
             at = self._at(source.vector("from", (0.0, 0.0, 0.0)), world)
@@ -109,15 +113,34 @@ class Lights:
         x, y, z = (float(v) for v in product(world, np.array([*point, 1.0])[:, None])[:3, 0])
         return x, y, z
 
-    def _goniometric(self, source: Parameters) -> float:
-        if source.type == "point":
-            return 1.0
-        self._notes.add(source.place, "A goniometric light shines evenly here, with as many watts as its picture has")
+    def _thrown(self, source: Parameters, world: Matrix) -> None:
+        """A light by a picture of where it shines."""
+        is_projection = source.type == "projection"
         name = self._files.find(source.text("filename"), source.place.file)
         image = None if name is None else self._textures.shelf.image_file(name)
-        if image is None or source.number("power", -1.0) > 0:
-            return 1.0
-        return float(linear(self._description.images[image]).mean())
+        if name is None and source.text("filename"):
+            self._textures.shelf.missing(source.text("filename"), str(source.place))
+        if image is None and is_projection:
+            self._notes.add(source.place, "A projection light without a picture is left out")
+            return
+        scale, power, fov = source.number("scale", 1.0), source.number("power", -1.0), source.number("fov", 90.0)
+        pixels = np.ones((1, 1, 3), np.float32) if image is None else np.maximum(linear(self._description.images[image]), 0)
+        if not is_projection and pixels.shape[0] != pixels.shape[1]:
+            self._notes.add(source.place, "The picture of a goniometric light is not square, as pbrt's are: it shines evenly")
+            pixels = np.full((1, 1, 3), pixels.mean(), np.float32)
+        if power > 0:
+            whole = projected_power(pixels, fov) if is_projection else 4 * math.pi * float(pixels.mean())
+            scale *= power / max(whole, 1e-12)
+        is_mirrored = bool(np.linalg.det(world[:3, :3]) < 0)
+        key = source.type, image, fov, is_mirrored
+        if key not in self._maps:
+            self._maps[key] = (
+                projection(pixels, fov, is_mirrored) if is_projection else goniometric(pixels.mean(axis=2), is_mirrored)
+            )
+        rgb = self._times((1.0, 1.0, 1.0) if is_projection else self._color(source, "I"), scale)
+        at = self._at((0.0, 0.0, 0.0), world)
+        light = Light("point", rgb, at, _unit(world[:3, 2]), emission=self._maps[key], up=_unit(world[:3, 1]), name=source.type)
+        self._description.lights.append(light)
 
     def _spot(self, source: Parameters, world: Matrix) -> None:
         outer = min(max(source.number("coneangle", 30.0), 0.01), 180.0)

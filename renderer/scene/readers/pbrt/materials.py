@@ -13,14 +13,17 @@ import numpy as np
 
 from renderer.scene.description import Image, Material, SceneDescription, Vec3
 from renderer.scene.readers.brushed import brushed
+from renderer.scene.readers.bumps import BumpMaps
 from renderer.scene.readers.coats import pane_ior
 from renderer.scene.readers.linear import linear
 from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.mixed import mixed
 from renderer.scene.readers.pbrt.coats import coat_of, metal_beneath, paint_beneath
 from renderer.scene.readers.pbrt.conductors import absorbing, index_of, of_reflectance
+from renderer.scene.readers.pbrt.hair import hair
 from renderer.scene.readers.pbrt.mappings import Mapping
-from renderer.scene.readers.pbrt.notes import Notes
+from renderer.scene.readers.pbrt.media import Interface, Media, subsurface
+from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.textures import Textures, Varying
 
@@ -50,19 +53,49 @@ def is_nothing(source: Parameters | None) -> bool:
 class Materials:
     """Adds materials to a description; the same material with the same light and holes gives the same number again."""
 
-    def __init__(self, textures: Textures, description: SceneDescription, notes: Notes) -> None:
-        self._textures, self._description, self._notes = textures, description, notes
+    def __init__(self, textures: Textures, media: Media, description: SceneDescription, notes: Notes) -> None:
+        self._textures, self._media, self._description, self._notes = textures, media, description, notes
         self.named: dict[str, Parameters] = {}
         self._numbers: dict[tuple[Any, ...], int] = {}
         self._made: dict[int, Material] = {}
         self._ways: dict[int, tuple[Mapping, ...]] = {}
+        self._heights: dict[int, Varying] = {}  # by the materials that have bumps of them
+        self._bumps = BumpMaps(textures.shelf)
         self.mappings: dict[int, Mapping] = {}  # by the description's numbers of materials, whose textures do not lie by UVs
 
-    def number(self, source: Parameters | None, emission: Emission, alpha: Varying) -> int:
-        """The description's number of a material. alpha: how much of the surface is there."""
-        key = (id(source), emission, alpha)
+    def bounds_media(self, between: Interface, place: Place) -> bool:
+        """Whether a surface that is not seen lies between two media."""
+        return self._media.bounds(between, place)
+
+    def heights(self, source: Parameters | None) -> Varying | None:
+        """By which texture a material's surface rises; None where it is smooth."""
+        if source is None or is_nothing(source):
+            return None
+        self.of(source, 0)
+        return self._heights.get(id(source))
+
+    def number(
+        self,
+        source: Parameters | None,
+        emission: Emission,
+        alpha: Varying,
+        place: Place,
+        between: Interface = ("", ""),
+        spans: tuple[float, float] | None = None,
+    ) -> int:
+        """The description's number of a material of a shape, which stands at a place of the file.
+
+        alpha: how much of the surface is there. between: the media inside and outside. spans: of a shape that has bumps, how
+        long its coordinates are (bumps.py).
+        """
+        key = (id(source), emission, alpha, between, spans)
         if key not in self._numbers:
             made = Material(base_color=_HALF) if source is None else self.of(source, 0)
+            if source is not None and spans is not None:
+                made = self._bumpy(source, made, spans)
+            if is_nothing(source) and max(emission.radiance) > 0:
+                made = Material(base_color=_NO_LIGHT, lamp=True)
+            made = self._media.fill(made, source, between, place)
             is_lamp = alpha.is_constant and alpha.value[0] <= 0
             made = replace(made, lamp=True, unseen=True) if is_lamp else self._cut(made, alpha, source)
             made = replace(made, emission=emission.radiance, emission_texture=emission.texture, double_sided=emission.both_sides)
@@ -96,6 +129,8 @@ class Materials:
             "dielectric": self._glass,
             "thindielectric": self._glass,
             "diffusetransmission": self._leaf,
+            "hair": self._hair,
+            "subsurface": self._subsurface,
         }.get(source.type)
         if source.type == "mix":
             return self._mix(source, depth)
@@ -236,6 +271,12 @@ class Materials:
             diffuse_transmission_color_texture=through.texture,
         )
 
+    def _hair(self, source: Parameters) -> Material:
+        return hair(source, self._textures, self._notes)
+
+    def _subsurface(self, source: Parameters) -> Material:
+        return replace(subsurface(source, self._textures, self._notes), **self._rough(source, ""))
+
     def _mix(self, source: Parameters, depth: int) -> Material:
         names = source.texts("materials")
         parts = [self.named.get(name) for name in names]
@@ -255,31 +296,27 @@ class Materials:
 
     def _nearest(self, source: Parameters) -> Material:
         """What pbrt renders and ours does not."""
-        if source.type == "subsurface":
-            color = self._textures.color(source, "reflectance", _HALF)
-            ior, _ = self._textures.colors.index(self._textures.index(source, "eta"))
-            self._notes.add(source.place, "Light below the surface of a subsurface material is not followed: rendered as paint")
-            made = replace(_painted(color), kind="metallic_roughness", ior=min(max(ior, 1.0), 4.0), **self._rough(source, ""))
-        elif source.type == "hair":
-            color = self._textures.color(source, "reflectance" if source.get("reflectance") else "color", (0.15, 0.08, 0.04))
-            self._notes.add(
-                source.place, "hair is rendered as a glossy surface in its colour, brown where it has none of its own"
-            )
-            made = replace(_painted(color), kind="metallic_roughness", roughness=0.4)
-        else:
-            self._notes.add(source.place, f"{source} is not read: rendered as a grey matt surface")
-            made = Material(base_color=_HALF)
+        if is_nothing(source):
+            return Material(kind="interface")
+        self._notes.add(source.place, f"{source} is not read: rendered as a grey matt surface")
         source.used.update(source.values)
-        return made
+        return Material(base_color=_HALF)
 
     def _bent(self, source: Parameters, made: Material) -> Material:
-        if source.get("displacement") is not None:
-            self._notes.add(source.place, f"displacement of {source} is not taken over: it is smooth there")
         wanted = source.text("normalmap")
+        heights = self._textures.number(source, "displacement", 0.0)
+        if heights.texture is not None and not wanted:
+            self._heights[id(source)] = heights
         if not wanted:
             return made
         texture = self._textures.normals(wanted, source)
         return made if texture is None else replace(made, normal_texture=texture)
+
+    def _bumpy(self, source: Parameters, made: Material, spans: tuple[float, float]) -> Material:
+        heights = self._heights[id(source)]
+        assert heights.texture is not None
+        found = self._bumps.of(heights.texture, heights.value[0], spans)
+        return made if found is None else replace(made, normal_texture=found.texture, normal_scale=found.strength)
 
     def _medium(self, source: Parameters) -> None:
         albedo = source.get("albedo")

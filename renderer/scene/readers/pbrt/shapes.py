@@ -11,11 +11,13 @@ from renderer.scene.description import Instance, Mesh, SceneDescription, Sphere
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix, product
 from renderer.scene.normals import face_normals
+from renderer.scene.readers.bumps import rounded, spans_of
 from renderer.scene.readers.pbrt.curves import strand_of
 from renderer.scene.readers.pbrt.growth import Growth
 from renderer.scene.readers.pbrt.lights import Lights
 from renderer.scene.readers.pbrt.mappings import mapped
 from renderer.scene.readers.pbrt.materials import Emission, Materials, is_nothing
+from renderer.scene.readers.pbrt.media import Interface
 from renderer.scene.readers.pbrt.meshes import MESHES, mesh_of, turned, with_uvs
 from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.parameters import Parameters
@@ -38,6 +40,7 @@ class Looks(NamedTuple):
     material: Parameters | None
     area: Parameters | None  # of its light
     reverse: bool
+    medium: Interface = ("", "")  # what is inside of it, and outside
 
 
 class Part(NamedTuple):
@@ -111,9 +114,10 @@ class Shapes:
             source.used.update(source.values)
             self._notes.add(source.place, f"{source} is no shape that is read: it is left out")
             return
-        if is_nothing(looks.material):
+        is_idle = looks.area is None and not self._materials.bounds_media(looks.medium, source.place)
+        if is_nothing(looks.material) and is_idle:
             source.used.update(source.values)
-            self._notes.add(source.place, "A surface that only bounds a medium is not seen, and left out")
+            self._notes.add(source.place, "A surface without a material, and with no medium on either side, is left out")
             return
         if source.type in QUADRICS and float(np.linalg.det(looks.ctm[0][:3, :3])) < 0:
             self._note_mirrored(source, looks)
@@ -125,13 +129,14 @@ class Shapes:
             looks, alpha = looks._replace(material=None), _UNSEEN  # it is not met, and shines all the same
         if source.type == "curve":
             strand = strand_of(source, self._notes)
-            number = self._materials.number(looks.material, self._emission(looks, np.zeros(0)), alpha)
+            number = self._materials.number(looks.material, self._emission(looks, np.zeros(0)), alpha, source.place)
             key = number, looks.ctm[0].tobytes(), looks.ctm[1].tobytes()
             self._strands.setdefault(key, ([], looks.ctm))[0].append(strand)
             return
         radius = whole_sphere(source)
         mesh, areas = self._mesh(source, looks, radius)
-        number = self._materials.number(looks.material, self._emission(looks, areas), alpha)
+        spans = self._spans(source, looks, mesh)
+        number = self._materials.number(looks.material, self._emission(looks, areas), alpha, source.place, looks.medium, spans)
         if radius is not None and not looks.reverse and not self._is_textured(number) and self._is_round(looks.ctm):
             self._keep(Part(-1, looks.ctm, "sphere", radius, number))
             return
@@ -150,6 +155,20 @@ class Shapes:
         self._add_mesh(replace(mesh, material=number), looks.ctm)
         if shared is not None:
             self._quadrics[shared] = len(self._description.meshes) - 1
+
+    def _spans(self, source: Parameters, looks: Looks, mesh: Mesh | None) -> tuple[float, float] | None:
+        """How long the shape's coordinates are, of which a texture of heights makes bumps; None of what is smooth."""
+        heights = self._materials.heights(looks.material)
+        if heights is None:
+            return None
+        if self.in_object:
+            self._notes.add(source.place, "Bumps of an object that is shown in several sizes are as steep in each")
+        bumpy = with_uvs(mesh if mesh is not None else self._quadric(source).mesh)
+        place = between(looks.ctm, self._time)
+        if heights.mapping is not None:
+            bumpy = mapped(bumpy, heights.mapping, place)
+        found = spans_of(bumpy, int(heights.mapping is not None), place[:3, :3])
+        return None if found is None else (rounded(found[0]), rounded(found[1]))
 
     def _note_mirrored(self, source: Parameters, looks: Looks) -> None:
         """pbrt's quadrics that are mirrored face inwards where rays meet them, and outwards where light is sampled."""

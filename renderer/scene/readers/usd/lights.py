@@ -13,12 +13,15 @@ from renderer.scene.material import Material
 from renderer.scene.matrices import Matrix
 from renderer.scene.readers.numbers import blended_cone
 from renderer.scene.readers.shapes import disk, lathe, quad
+from renderer.scene.readers.usd.blenders import is_blenders
+from renderer.scene.readers.usd.ies import Profiles
 from renderer.scene.readers.usd.notes import Notes
 
 __all__ = ["Lamp", "glow_of", "is_light", "lamp_of", "radiance_of"]
 
 _MOST = 1e9
-_BLENDERS_SUN = 4.0  # Blender writes a fourth of what its suns shine with, and its own reader knows that
+# Blender writes a fourth of what its suns shine with, and half of the angle that they span; its own reader knows that.
+_BLENDERS_SUN, _BLENDERS_ANGLE = 4.0, 2.0
 _TURN = np.diag([-1.0, 1.0, -1.0])  # ours face +Z, USD's lights shine along -Z, with a picture upright from there
 
 
@@ -67,18 +70,25 @@ def glow_of(light: Any, material: Material, area: float, time: Any) -> dict[str,
     return {"emission": (r + x, g + y, b + z) if said == "independent" else (r * x, g * y, b * z)}
 
 
-def lamp_of(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes) -> Lamp | None:
+def lamp_of(
+    prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes, profiles: Profiles | None = None
+) -> Lamp | None:
     """A light in its place; None, with a note, of a kind that is not known here.
 
     world: (4, 4), to metres; unit: metres of a unit of the stage, which the areas are counted in that it is normalised by, but
-    for Blender's: it writes in metres, whatever it scales the whole stage by.
+    for Blender's: it writes in metres, whatever it scales the whole stage by. profiles: where IES profiles are read.
     One that the camera does not see is no body, either, as in Cycles.
     """
-    found = _lamp(prim, world, name, 1.0 if _is_blenders(prim) else unit, time, notes)
+    unit = 1.0 if is_blenders(prim) else unit
+    found = None
+    if profiles is not None and (file := profiles.named(prim)) is not None:
+        found = _with_profile(prim, world, name, unit, time, notes, profiles, file)
+    if found is None:
+        found = _lamp(prim, world, name, unit, time, notes)
     if found is not None and found.material is not None:
         found.material.lamp = found.material.unseen = _is_unseen(prim, time)
     spot = found.light if found is not None and found.light is not None and found.light.kind == "spot" else None
-    if spot is not None and _is_blenders(prim):  # whose softness is its own blend, of the cosine
+    if spot is not None and is_blenders(prim):  # whose softness is its own blend, of the cosine
         spot.inner_cone, spot.falloff = blended_cone(spot.outer_cone, 1 - spot.inner_cone / spot.outer_cone), "smooth"
     return found
 
@@ -88,7 +98,7 @@ def _is_unseen(prim: Any, time: Any) -> bool:
     Omniverse's delegates read it."""
     told = prim.GetAttribute("inputs:visibleInPrimaryRay") or prim.GetAttribute("visibleInPrimaryRay")
     value = told.Get(time) if told else None
-    return _is_blenders(prim) if value is None else not value
+    return is_blenders(prim) if value is None else not value
 
 
 def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes) -> Lamp | None:
@@ -100,13 +110,15 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
         angle = min(max(_number(UsdLux.DistantLight(prim).GetAngleAttr(), time), 0.0), 180.0)
         cone = math.pi * math.sin(math.radians(angle / 2)) ** 2
         irradiance = radiance_of(light, time, cone) if cone > 0 else radiance_of(light, time)
-        r, g, b = (c * (cone or 1.0) * (_BLENDERS_SUN if _is_blenders(prim) else 1.0) for c in irradiance)
-        return Lamp(Light("directional", (r, g, b), direction=forward, angle=angle, name=name))
+        scale, wider = (_BLENDERS_SUN, _BLENDERS_ANGLE) if is_blenders(prim) else (1.0, 1.0)
+        r, g, b = (c * (cone or 1.0) * scale for c in irradiance)
+        return Lamp(Light("directional", (r, g, b), direction=forward, angle=min(angle * wider, 180.0), name=name))
     lengths = np.linalg.norm(world[:3, :3], axis=0) / unit
     x, y, z = (float(length) for length in lengths)
     if prim.IsA(UsdLux.SphereLight):
         sphere = UsdLux.SphereLight(prim)
-        radius = _number(sphere.GetRadiusAttr(), time) * (x * y * z) ** (1 / 3)
+        size = 1.0 if is_blenders(prim) else (x * y * z) ** (1 / 3)  # what carries Blender's lamps makes none larger
+        radius = _number(sphere.GetRadiusAttr(), time) * size
         area = 4 * math.pi * (radius or 1.0) ** 2
         found = _cone(prim, time, notes, True)
         if sphere.GetTreatAsPointAttr().Get(time) or radius <= 0:
@@ -145,15 +157,49 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
     return None
 
 
+def _with_profile(
+    prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes, profiles: Profiles, file: Any
+) -> Lamp | None:
+    """A light that an IES profile shapes, from its middle: a ball, or a disk or rectangle, which is the dimmer the flatter one
+    looks at it. None where the profile is not there, or of lights of other kinds."""
+    light = UsdLux.LightAPI(prim)
+    lengths = np.linalg.norm(world[:3, :3], axis=0) / unit
+    x, y, z = (float(length) for length in lengths)
+    is_flat = True
+    if prim.IsA(UsdLux.SphereLight):
+        sphere, is_flat = UsdLux.SphereLight(prim), False
+        own = _number(sphere.GetRadiusAttr(), time) * (x * y * z) ** (1 / 3)
+        radius = 0.0 if sphere.GetTreatAsPointAttr().Get(time) else max(own, 0.0)
+        facing, whole = math.pi * (own or 1.0) ** 2, 4 * math.pi * (own or 1.0) ** 2
+    elif prim.IsA(UsdLux.DiskLight):
+        whole = facing = math.pi * _number(UsdLux.DiskLight(prim).GetRadiusAttr(), time) ** 2 * x * y
+        radius = math.sqrt(facing / math.pi)
+    elif prim.IsA(UsdLux.RectLight):
+        rect = UsdLux.RectLight(prim)
+        whole = facing = _number(rect.GetWidthAttr(), time) * x * _number(rect.GetHeightAttr(), time) * y
+        radius = math.sqrt(max(facing, 0.0) / math.pi)
+        if (picture := rect.GetTextureFileAttr().Get(time)) is not None and picture.path:
+            notes.add("Textures of lights that have an IES profile are left out", name)
+    else:
+        notes.add("IES profiles are left out of lights that are neither balls, disks nor rectangles", name)
+        return None
+    emission = profiles.emission(prim, file, is_flat)
+    if emission is None:
+        return None
+    if is_flat and radius > 0:
+        notes.add("Disks and rectangles that an IES profile shapes shine as balls of their size, which are not seen", name)
+    _note(light, prim, time, notes)
+    place = (float(world[0, 3]), float(world[1, 3]), float(world[2, 3]))
+    rgb = _times(radiance_of(light, time, whole), facing)
+    found = Light("point", rgb, place, _direction(-world[:3, 2]), radius * unit, name=name)
+    found.emission, found.up = emission, _direction(-world[:3, 1])
+    return Lamp(_aimed(found, _cone(prim, time, notes, True), unit))
+
+
 def _number(attribute: Any, time: Any, default: float = 0.0) -> float:
     """A number at a time; the default where it is none, or not finite."""
     value = attribute.Get(time)
     return default if value is None or not math.isfinite(value) else float(value)
-
-
-def _is_blenders(prim: Any) -> bool:
-    """Whether Blender wrote the stage."""
-    return str(prim.GetStage().GetRootLayer().documentation or "").startswith("Blender v")
 
 
 def _shining(mesh: Mesh, light: Any, time: Any, area: float, name: str, image: Any) -> Lamp | None:
@@ -199,9 +245,6 @@ def _cone(prim: Any, time: Any, notes: Notes, is_known: bool) -> tuple[float, fl
     name = str(prim.GetPath())
     if (shaping.GetShapingFocusAttr().Get(time) or 0.0) != 0:
         notes.add("The focus of lights is left out", name)
-    file = shaping.GetShapingIesFileAttr().Get(time)
-    if file is not None and file.path:
-        notes.add("IES profiles of lights are left out", name)
     angle = min(max(_number(shaping.GetShapingConeAngleAttr(), time, 90.0), 0.01), 180.0)
     if not shaping.GetShapingConeAngleAttr().HasAuthoredValue() or angle >= 180:
         return None

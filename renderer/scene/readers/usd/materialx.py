@@ -13,6 +13,7 @@ from renderer.scene.description import Vec3
 from renderer.scene.readers.coats import tint_beneath
 from renderer.scene.readers.mtl_maps import as_alpha
 from renderer.scene.readers.numbers import clamped, unit, unit_color
+from renderer.scene.readers.usd import within
 from renderer.scene.readers.usd.arnold import STANDARD as ARNOLD
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.preview_surface import (
@@ -52,7 +53,7 @@ def read_materialx(shader: Any, kind: str, read: Read) -> None:
 
 def _standard(said: Said, read: Read) -> None:
     material = read.material
-    color = _body(said, read, said.number("base", 1.0), "subsurface", (0.8, 0.8, 0.8))
+    color = _body(said, read, within.STANDARD, said.number("base", 1.0), (0.8, 0.8, 0.8))
     fill_roughness(read, said("specular_roughness"), 0.2, said("metalness"), 0.0)
     _specular(read, said("specular"), said("specular_color", True))
     material.ior = clamped(said.number("specular_IOR", 1.5), 1.0, 1000.0)
@@ -61,7 +62,7 @@ def _standard(said: Said, read: Read) -> None:
     if _transmission(read, said, "transmission"):
         abbe = said.number("transmission_dispersion", 0.0)
         material.dispersion = clamped(20 / abbe, 0.0, 20.0) if abbe > 0 else 0.0
-        said.leave_out({"transmission_scatter": 0.0, "transmission_extra_roughness": 0.0})
+        said.leave_out({"transmission_extra_roughness": 0.0})
     fill_normal(read, "normal", said("normal"))
     fill_emission(read, _colour(said("emission_color", True), 1.0), said.number("emission", 0.0))
     if _coat(read, said("coat"), said("coat_roughness"), 0.1, said("coat_normal")):
@@ -75,7 +76,7 @@ def _standard(said: Said, read: Read) -> None:
 
 def _open_pbr(said: Said, read: Read) -> None:
     material = read.material
-    color = _body(said, read, said.number("base_weight", 1.0), "subsurface_weight", (0.8, 0.8, 0.8))
+    color = _body(said, read, within.OPEN_PBR, said.number("base_weight", 1.0), (0.8, 0.8, 0.8))
     fill_roughness(read, said("specular_roughness"), 0.3, said("base_metalness"), 0.0)
     _specular(read, said("specular_weight"), said("specular_color", True))
     material.ior = clamped(said.number("specular_ior", 1.5), 1.0, 1000.0)
@@ -84,7 +85,6 @@ def _open_pbr(said: Said, read: Read) -> None:
     if _transmission(read, said, "transmission_weight"):
         abbe, scale = said.number("transmission_dispersion_abbe_number", 20.0), said.number("transmission_dispersion_scale", 0.0)
         material.dispersion = clamped(20 * scale / abbe, 0.0, 20.0) if abbe > 0 else 0.0
-        said.leave_out({"transmission_scatter": 0.0})
     fill_normal(read, "normal", said("geometry_normal"))
     fill_emission(read, _colour(said("emission_color", True), 1.0), said.number("emission_luminance", 0.0))
     if _coat(read, said("coat_weight"), said("coat_roughness"), 0.0, said("geometry_coat_normal")):
@@ -123,23 +123,11 @@ def _gltf(said: Said, read: Read) -> None:
         fill_opacity(read, said("alpha"), said.number("alpha_cutoff", 0.5) if mode == 1 else 0.0, color.taken)
 
 
-def _body(said: Said, read: Read, weight: float, beneath: str, default: Vec3) -> Input:
-    """The base colour, or the colour of what scatters beneath the surface, whichever there is more of."""
-    share = said.number(beneath, 0.0)
-    color, under = said("base_color", True), said("subsurface_color", True) if share > 0 else Input()
-    if share > 0:
-        note = "Light beneath the surface of MaterialX is left out: its colour is that of the surface"
-        read.network.notes.add(note, read.network.user)
-        if color.value is not None or (color.taken is None and color.primvar is None):
-            if under.taken is None and under.primvar is None:
-                mixed = zip(color.color(default), under.color(default), strict=True)
-                color = Input(tuple(weight * (1 - share) * a + share * b for a, b in mixed))
-                weight = 1.0
-            elif share >= 0.5:
-                color, weight = under, 1.0
-        elif share >= 0.5 and (under.taken is not None or under.primvar is not None):
-            color, weight = under, 1.0
+def _body(said: Said, read: Read, names: within.Names, weight: float, default: Vec3) -> Input:
+    """Fills the base colour, and what is beneath the surface."""
+    color, weight = within.mixed_color(said, read, names, weight, default)
     fill_base(read, _scaled(color, weight, default), (0.0, 0.0, 0.0))
+    within.scatter_beneath(said, read, names)
     return color
 
 
@@ -179,7 +167,7 @@ def _transmission(read: Read, said: Said, weight: str) -> bool:
         return False
     tint, depth = said.color("transmission_color"), said.number("transmission_depth", 0.0)
     if depth > 0 and not material.thin:
-        material.attenuation_color, material.attenuation_distance = unit_color(tint), depth * read.network.unit
+        within.fill_glass(said, read, tint, depth)
         tint = _WHITE
     # One colour for what is reflected and what goes through: that of which there is more.
     if material.transmission_texture is None:

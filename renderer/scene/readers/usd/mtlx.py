@@ -121,8 +121,8 @@ class _Document:
             shader = node("", given.get("nodename", ""))
             if given.get("type") == "surfaceshader" and shader is not None:
                 material.CreateSurfaceOutput("mtlx").ConnectToSource(shader.CreateOutput("out", _TYPES.Token))
-            elif given.get("type") == "displacementshader":
-                self._notes.add("Displacement is not drawn; left out of materials", path)
+            elif given.get("type") == "displacementshader" and shader is not None:
+                material.CreateDisplacementOutput("mtlx").ConnectToSource(shader.CreateOutput("out", _TYPES.Token))
         while waiting:
             shader, own, told, scope = waiting.pop()
             told = _inherited(own, told)

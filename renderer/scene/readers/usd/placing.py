@@ -20,6 +20,7 @@ from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.cameras import read_camera, shutter_of
 from renderer.scene.readers.usd.curves import balls_of, tubes_of
 from renderer.scene.readers.usd.dome import add_dome, is_dome
+from renderer.scene.readers.usd.ies import Profiles
 from renderer.scene.readers.usd.layers import Stage
 from renderer.scene.readers.usd.lights import glow_of, is_light, lamp_of
 from renderer.scene.readers.usd.meshes import MAX_VERTICES, Shape, Wanted, area_of, deforms, read_mesh
@@ -55,6 +56,7 @@ class Placing:
         self._is_still = stage.span is None
         self._unit = float(UsdGeom.GetStageMetersPerUnit(self._stage))
         self._surfaces = Surfaces(images, shelf, description.materials, notes, time, self._unit)
+        self._profiles = Profiles(images, files, notes, time)
         self._skeletons = Skeletons(time, notes)
         self._bound: dict[Any, Any] = {}
         self._numbers: dict[Hashable, list[int]] = {}
@@ -162,6 +164,7 @@ class Placing:
 
     def _add(self, mesh: Mesh, surface: Surface, bends: bool = False, both: bool = False) -> int:
         """The number of a mesh of a surface."""
+        surface = self._surfaces.bumpy(surface, mesh)
         material = self._surfaces.material(surface)
         if material.transmission > 0 and not material.thin and not is_closed(mesh.positions, mesh.triangles):
             surface = self._surfaces.changed(surface, "pane", thin=True)
@@ -263,7 +266,7 @@ class Placing:
     def _light(self, each: Placed) -> None:
         for i, place in enumerate(each.places):
             name = each.name if len(each.places) == 1 else f"{each.name} [{i}]"
-            lamp = lamp_of(each.prim, place, name, self._unit, self._time, self._notes)
+            lamp = lamp_of(each.prim, place, name, self._unit, self._time, self._notes, self._profiles)
             if lamp is None:
                 continue
             if lamp.light is not None:

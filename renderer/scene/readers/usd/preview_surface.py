@@ -11,6 +11,7 @@ from renderer.scene.description import Vec3
 from renderer.scene.material import Material
 from renderer.scene.readers.mtl_maps import with_opacity, with_roughness_and_metal
 from renderer.scene.readers.numbers import clamped, unit, unit_color
+from renderer.scene.readers.usd.blenders import is_blenders
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.network import Network
 from renderer.scene.readers.usd.textures import Taken, colored, grey, normals
@@ -59,14 +60,14 @@ def read_preview_surface(shader: Any, read: Read) -> None:
     fill_emission(read, network.input(shader, "emissiveColor", srgb=True), 1.0)
     opacity = network.input(shader, "opacity")
     threshold = network.input(shader, "opacityThreshold").number(0.0)
-    is_presence = str(network.input(shader, "opacityMode").value or "transparent") == "presence"
+    by_blender = is_blenders(shader.GetPrim())
+    if by_blender and not is_specular:  # an input of its own, 0.5 for the 4 % that plastics reflect
+        material.specular = unit(2 * network.input(shader, "specular").number(0.5))
+    is_presence = by_blender or str(network.input(shader, "opacityMode").value or "transparent") == "presence"
     if opacity.taken is None and opacity.primvar is None and threshold <= 0 and not is_presence:
         _transparent(material, unit(opacity.number(1.0)))
     else:
         fill_opacity(read, opacity, threshold, diffuse.taken)
-    displaced = network.input(shader, "displacement")
-    if displaced.taken is not None or displaced.number(0.0) != 0:
-        network.notes.add("Displacement is not drawn; left out of materials", network.user)
 
 
 def fill_base(read: Read, given: Input, default: Vec3) -> None:

@@ -5,9 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from renderer.scene.description import Mesh
 from renderer.scene.material import Material
+from renderer.scene.readers.bumps import BumpMaps, rounded, spans_of
 from renderer.scene.readers.numbers import unit_color
 from renderer.scene.readers.usd import primvars
+from renderer.scene.readers.usd.displaced import Heights, heights_of
 from renderer.scene.readers.usd.materialx import SURFACES, read_materialx
 from renderer.scene.readers.usd.network import Network
 from renderer.scene.readers.usd.notes import Notes
@@ -41,7 +46,8 @@ class Surfaces:
         self, images: Images, shelf: TextureShelf, materials: list[Material], notes: Notes, time: Any, unit: float
     ) -> None:
         self._images, self._shelf, self._materials, self._notes, self._time = images, shelf, materials, notes, time
-        self._unit = unit
+        self._unit, self._bumps = unit, BumpMaps(shelf)
+        self._heights: dict[int, Heights] = {}  # by the numbers of materials that are displaced
         self._known: dict[Any, Any] = {}
         self._asked: dict[Any, tuple[str, ...]] = {}  # the primvars that a material reads, but for those of its UVs
 
@@ -73,8 +79,25 @@ class Surfaces:
     def changed(self, surface: Surface, key: str, **values: Any) -> Surface:
         """The same surface with other parameters, once for each key."""
         if (surface.number, key) not in self._known:
-            self._known[surface.number, key] = self._add(replace(self._materials[surface.number], **values), surface)
+            made = self._add(replace(self._materials[surface.number], **values), surface)
+            self._known[surface.number, key] = made
+            if surface.number in self._heights and "normal_texture" not in values:
+                self._heights[made.number] = self._heights[surface.number]
         return self._known[surface.number, key]
+
+    def bumpy(self, surface: Surface, mesh: Mesh) -> Surface:
+        """The same surface with the bumps that its heights make of a mesh."""
+        heights = self._heights.get(surface.number)
+        if heights is None:
+            return surface
+        found = spans_of(mesh, self._shelf.texture_of(heights.texture).uv_set, np.eye(3))
+        if found is None:
+            return surface
+        spans = rounded(found[0]), rounded(found[1])
+        bumps = self._bumps.of(heights.texture, heights.rise, spans)
+        if bumps is None:
+            return surface
+        return self.changed(surface, f"bumps {spans}", normal_texture=bumps.texture, normal_scale=bumps.strength)
 
     def material(self, surface: Surface) -> Material:
         """The description's."""
@@ -129,11 +152,13 @@ class Surfaces:
             return None, ()
         if any(self._state(prim, each) is _VARIES for each in network.asked if each not in (read.color, read.opacity)):
             self._notes.add("Primvars that vary over a mesh give colours and opacities alone; others have their fallback", name)
-        if material.ComputeDisplacementSource()[0]:
-            self._notes.add("Displacement is not drawn; left out of materials", name)
+        heights = heights_of(material, shader, read)
         if material.ComputeVolumeSource()[0]:
             self._notes.add("Volumes inside of materials are not drawn", name)
-        return self._add(read.material, Surface(0, tuple(network.uvs), read.color, read.opacity)), tuple(network.asked)
+        found = self._add(read.material, Surface(0, tuple(network.uvs), read.color, read.opacity))
+        if heights is not None:
+            self._heights[found.number] = heights
+        return found, tuple(network.asked)
 
 
 def _surface(material: Any) -> tuple[Any, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -78,6 +79,12 @@ class Images:
             return None
         found = self._image(name, srgb)
         return None if found is None else (found, UNMOVED)
+
+    def file(self, attribute: Any, time: Any) -> tuple[str, Callable[[], bytes]] | None:
+        """The name of the file that an attribute names, and what reads it; None where it is missing."""
+        named = self.named(attribute, time)
+        name = None if named is None else self._sources.find(*named)
+        return None if name is None else (name, lambda: self._sources.read(name))
 
     def texture(self, image: int, wraps: tuple[str, str], uv_set: int, transform: UvTransform, user: str) -> int | None:
         """The texture of an image."""

@@ -23,7 +23,7 @@ __all__ = ["CURVES", "Keys", "Moving", "find_keys"]
 CURVES = ("linear", "step", "smooth")  # or the four numbers of a cubic Bezier
 MAX_KEYS = 100_000
 _OF_THE_WHOLE = ("name", "fps", "settings", "notes")
-_NAMING = ("file", "image")
+_NAMING = ("file", "image", "picture", "profile")
 _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
 
 Track = Callable[[float], Any]  # a value by its time

@@ -1,56 +1,121 @@
-"""A scene file's lights without a body, and its environment."""
+"""A scene file's lights without a body, its environment, and the medium around everything."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
+import math
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
-from renderer.scene.description import Environment, Light, SceneDescription, Sky, Vec3
+from renderer.scene.description import F32, EmissionMap, Environment, Light, Medium, SceneDescription, Sky, Vec3
 from renderer.scene.files import SceneFiles
 from renderer.scene.presets import light_by_name
+from renderer.scene.readers.light_maps import LUMENS_PER_WATT, all_around, photometry_of, thrown
+from renderer.scene.readers.linear import linear
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import color, radiance, vec3
 from renderer.scene.textures import TextureShelf
 
-__all__ = ["read_environment", "read_light"]
+__all__ = ["Lights", "read_environment", "read_medium"]
 
+_SHAPED = {"profile", "picture", "up"}
 _FIELDS = {
-    "point": {"position", "radius", "facing"},
-    "spot": {"position", "direction", "target", "radius", "facing", "inner_cone", "outer_cone", "falloff"},
+    "point": {"position", "direction", "target", "radius", "facing", *_SHAPED},
+    "spot": {"position", "direction", "target", "radius", "facing", "inner_cone", "outer_cone", "falloff", *_SHAPED},
+    "projector": {"position", "direction", "target", "radius", "facing", "picture", "up", "fov"},
     "directional": {"direction", "angle", "seen"},
 }
 _ALL = {"type", "name", "intensity", "color"}
+_WIDEST = 89.0  # degrees from the axis that a picture is thrown
 
 
-def read_light(source: dict[str, Any], index: int, document: Yaml, path: Path) -> Light:
-    """The light at a place of `lights`. Raises SceneError for fields that its type does not know or lacks."""
-    kind = source["type"]
-    for key in source:
-        if key not in _ALL | _FIELDS[kind]:
-            raise document.error((*path, key), f"means nothing for a {kind} light")
-    light = Light(kind, name=source.get("name", f"light {index}"))
-    r, g, b = (i * c for i, c in zip(radiance(source.get("intensity", 1)), radiance(source.get("color", 1)), strict=True))
-    light.intensity = (r, g, b)
-    if kind != "directional" and "position" not in source:
-        raise document.error(path, f"a {kind} light has a position")
-    light.position = vec3(source.get("position", (0, 0, 0)))
-    if kind != "point":
-        light.direction = _direction(source, light.position, document, path)
-    light.radius, light.angle = float(source.get("radius", 0)), float(source.get("angle", 0))
-    light.outer_cone = float(source.get("outer_cone", 45))
-    light.inner_cone = float(source.get("inner_cone", 0))
-    light.falloff = source.get("falloff", "squared")
-    light.facing, light.seen = source.get("facing", False), source.get("seen", "never")
-    if light.inner_cone > light.outer_cone:
-        raise document.error((*path, "inner_cone"), f"is wider than the outer cone of {light.outer_cone:g} degrees")
-    return light
+class Lights:
+    """Reads a scene file's lights, and the pictures and profiles that they name."""
+
+    def __init__(self, document: Yaml, files: SceneFiles, shelf: TextureShelf, description: SceneDescription) -> None:
+        self._document, self._files, self._shelf, self._description = document, files, shelf, description
+
+    def read(self, source: dict[str, Any], index: int, path: Path) -> Light:
+        """The light at a place of `lights`. Raises SceneError for fields that its type does not know or lacks."""
+        kind, document = source["type"], self._document
+        for key in source:
+            if key not in _ALL | _FIELDS[kind]:
+                raise document.error((*path, key), f"means nothing for a {kind} light")
+        light = Light("point" if kind == "projector" else kind, name=source.get("name", f"light {index}"))
+        r, g, b = (i * c for i, c in zip(radiance(source.get("intensity", 1)), radiance(source.get("color", 1)), strict=True))
+        light.intensity = (r, g, b)
+        if kind != "directional" and "position" not in source:
+            raise document.error(path, f"a {kind} light has a position")
+        light.position = vec3(source.get("position", (0, 0, 0)))
+        if kind != "point" or "direction" in source or "target" in source:
+            light.direction = _direction(source, light.position, document, path)
+        elif "picture" in source:
+            light.direction = (0.0, 0.0, -1.0)
+        light.radius, light.angle = float(source.get("radius", 0)), float(source.get("angle", 0))
+        light.outer_cone = float(source.get("outer_cone", 45))
+        light.inner_cone = float(source.get("inner_cone", 0))
+        light.falloff = source.get("falloff", "squared")
+        light.facing, light.seen = source.get("facing", False), source.get("seen", "never")
+        light.up = vec3(source.get("up", light.up))
+        if light.inner_cone > light.outer_cone:
+            raise document.error((*path, "inner_cone"), f"is wider than the outer cone of {light.outer_cone:g} degrees")
+        return self._shaped(light, source, path)
+
+    def _shaped(self, light: Light, source: dict[str, Any], path: Path) -> Light:
+        """With what its picture or its profile makes of it."""
+        kind, document = source["type"], self._document
+        if "profile" in source and "picture" in source:
+            raise document.error((*path, "picture"), "and a profile do not go together; leave one of them out")
+        if kind == "projector" and "picture" not in source:
+            raise document.error(path, "a projector has a picture")
+        if kind == "point" and not source.keys() & {"profile", "picture"}:
+            for key in ("direction", "target", "up"):
+                if key in source:
+                    raise document.error((*path, key), "means nothing for a point light without a profile or a picture")
+        if "profile" in source:
+            photometry = photometry_of(self._files, self._named(source, "profile", path))
+            self._description.warnings += [note for note in photometry.notes if note not in self._description.warnings]
+            r, g, b = (value / LUMENS_PER_WATT for value in light.intensity)
+            return replace(light, intensity=(r, g, b), emission=photometry.emission)
+        if "picture" not in source:
+            return light
+        number = self._shelf.image_file(self._named(source, "picture", path))
+        if number is None:
+            raise document.error((*path, "picture"), "could not be read; give a picture")
+        image = self._description.images[number]
+        known = "picture of a light", kind, id(image.pixels), source.get("fov"), light.outer_cone
+        if kind == "point":
+            top = tuple(float(v) for v in np.cross(np.cross(light.direction, light.up), light.direction))
+            if not any(top):
+                raise document.error((*path, "up"), "leads where the light shines; give what is up in its picture")
+            x, y, z = light.direction
+            made = self._files.recall(known, lambda: (all_around(linear(image)), image.pixels))
+            return replace(light, emission=made[0], direction=vec3(top), up=(-x, -y, -z))
+        half = light.outer_cone if kind == "spot" else float(source.get("fov", 40)) / 2
+        if half > _WIDEST:
+            raise document.error(path, f"throws a picture wider than {2 * _WIDEST:g} degrees; make its cone narrower")
+        made = self._files.recall(known, lambda: (_thrown(linear(image), kind, math.tan(math.radians(half))), image.pixels))
+        return replace(light, emission=made[0])
+
+    def _named(self, source: dict[str, Any], field: str, path: Path) -> str:
+        name = self._files.find(source[field], self._document.file)
+        if name is None:
+            raise self._document.error((*path, field), f"{source[field][:120]} is not among the files; add it")
+        return name
+
+
+def _thrown(pixels: F32, kind: str, half: float) -> EmissionMap:
+    """A spot's picture fills its cone, by its smaller side; a projector's is so high, and evenly bright on a wall."""
+    height, width = pixels.shape[:2]
+    if kind == "projector":
+        return thrown(pixels, half * width / height, half, "screen")
+    return thrown(pixels, half * max(1.0, width / height), half * max(1.0, height / width))
 
 
 def _direction(source: dict[str, Any], position: Vec3, document: Yaml, path: Path) -> Vec3:
     if ("direction" in source) == ("target" in source):
-        what = "one of direction and target" if source["type"] == "spot" else "a direction"
+        what = "a direction" if source["type"] == "directional" else "one of direction and target"
         raise document.error(path, f"a {source['type']} light has {what}")
     direction = np.array(source["direction"] if "direction" in source else np.subtract(source["target"], position), np.float64)
     length = float(np.linalg.norm(direction))
@@ -85,3 +150,8 @@ def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, 
         rotation=float(source.get("rotation", 0)),
         sky=None if fields is None else Sky(**fields),
     )
+
+
+def read_medium(source: dict[str, Any]) -> Medium:
+    """What is under `medium`."""
+    return Medium(radiance(source.get("sigma_a", 0)), radiance(source.get("sigma_s", 0)), float(source.get("g", 0)))

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from renderer.scene.material import PARAMETERS, Material
-from renderer.scene.parameters import EVERY_KIND, MaterialKind, Parameter
+from renderer.scene.parameters import EVERY_KIND, SURFACES, MaterialKind, Parameter
 from renderer.scene.readers.metals import METALS
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.textures import Textures
@@ -25,7 +25,7 @@ _FIELDS: dict[str, frozenset[str]] = {
     )
     for kind in EVERY_KIND
 }
-_OWN = _FIELDS["metallic_roughness"] - frozenset.intersection(*_FIELDS.values())  # by which that kind is known
+_OWN = _FIELDS["metallic_roughness"] - frozenset.intersection(*map(_FIELDS.__getitem__, SURFACES))  # by which it is known
 
 
 def read_material(name: str, source: dict[str, Any], textures: Textures, document: Yaml, path: Path) -> Material:
@@ -40,6 +40,8 @@ def read_material(name: str, source: dict[str, Any], textures: Textures, documen
         if key in _BY_NAME:
             fields[_BY_NAME[key].name] = _value(_BY_NAME[key], value, textures, document, (*path, key))
     white = "texture" in source or kind in ("glass", "mirror")
+    if kind == "interface":
+        return Material(**fields)
     fields["base_color"] = color(source.get("color", 1.0 if white else 0.8))
     if "abbe" in source:
         fields["dispersion"] = 20.0 / source["abbe"]

@@ -16,7 +16,7 @@ from renderer.scene.readers.yaml.camera_moves import between, moved
 from renderer.scene.readers.yaml.cameras import read_view
 from renderer.scene.readers.yaml.geometry import Shapes
 from renderer.scene.readers.yaml.keys import Keys, Moving, find_keys
-from renderer.scene.readers.yaml.lights import read_environment, read_light
+from renderer.scene.readers.yaml.lights import Lights, read_environment, read_medium
 from renderer.scene.readers.yaml.lines import Yaml, parse
 from renderer.scene.readers.yaml.materials import read_material
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, schema
@@ -51,8 +51,11 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         description.clips = [Clip(description.name, min(keys.start, 0.0) if ends else keys.start, max(keys.end, *ends, 0.0))]
     if "environment" in data:
         description.environment = read_environment(data["environment"], document, files, shelf)
+    if "medium" in data:
+        description.medium = read_medium(data["medium"])
+    lights = Lights(document, files, shelf, description)
     for i, light in enumerate(data.get("lights", [])):
-        description.lights.append(read_light(light, i, document, ("lights", i)))
+        description.lights.append(lights.read(light, i, ("lights", i)))
     textures = Textures(document, files, shelf)
     materials: dict[str, int] = {}
     for name, material in data.get("materials", {}).items():

@@ -13,7 +13,7 @@ from tests.renderer.kernel.bsdf.test_bsdf import MODELS
 
 # What scatters into single directions has no density, and what is unlit does not scatter.
 DELTA = ("sample_mirror", "sample_glass", "sample_smooth_conductor")
-JUDGED_ELSEWHERE = {"mirror", "unlit"}
+JUDGED_ELSEWHERE = {"interface", "mirror", "unlit"}
 
 
 def test_every_lobe_that_is_sampled_is_evaluated_and_has_a_density():

@@ -10,7 +10,20 @@ import numpy as np
 
 from renderer.arrays.scene import CompiledScene
 from renderer.scene.compile import compile_scene
-from renderer.scene.description import Environment, Image, Instance, Light, Material, Mesh, SceneDescription, Sphere, Texture
+from renderer.scene.description import (
+    EmissionKind,
+    EmissionMap,
+    Environment,
+    Image,
+    Instance,
+    Light,
+    Material,
+    Medium,
+    Mesh,
+    SceneDescription,
+    Sphere,
+    Texture,
+)
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import box, gray, icosphere, square
 
@@ -187,6 +200,29 @@ def _punctual() -> SceneDescription:
     return room(Material(**PBR, roughness=0.3), lights=lights)
 
 
+def _shaped(**keys: int) -> SceneDescription:
+    """By all kinds of maps; with keys, lamps that turn."""
+    random = np.random.default_rng(5)
+    picture, web = (random.random((6, 9, 3), np.float32) ** 4 * 3 for _ in range(2))
+    kinds: tuple[tuple[EmissionKind, np.ndarray, tuple[float, float, float, float]], ...] = (
+        ("sphere", web, (0.0, 2 * np.pi, 0.0, 2.5)),
+        ("window", picture, (-0.9, 0.9, 0.6, -0.6)),
+        ("screen", picture, (-0.8, 0.8, 0.7, -0.7)),
+    )
+    maps = [EmissionMap(kind, values, edges) for kind, values, edges in kinds]
+    lights = [
+        Light("point", gray(8.0), (1.0, 2.0, 2.0), (-0.3, -1.0, -0.6), radius=0.1, emission=maps[0]),
+        Light("spot", gray(20.0), (-2.0, 3.0, 1.0), (0.5, -1.0, 0.0), inner_cone=10.0, outer_cone=40.0, emission=maps[1]),
+        Light("point", gray(6.0), (0.5, 2.5, 3.0), (0.0, -0.6, -1.0), radius=0.2, facing=True, emission=maps[2]),
+        Light("point", gray(1.0), (0.0, 2.5, 1.0)),
+    ]
+    if keys:
+        for light in lights[:3]:
+            x, y, z = light.direction
+            light.keys = tuple(replace(light, direction=(x + 0.2 * k, y, z), up=(0.2 * k, 1.0, 0.0)) for k in range(keys["keys"]))
+    return room(Material(**PBR, roughness=0.3), lights=lights, **keys)
+
+
 def _behind_cards(count: int, **card: Any) -> SceneDescription:
     return room(Material(), cards(count), materials=[Material(**card)])
 
@@ -254,6 +290,7 @@ FEATURES: dict[str, Feature] = {
     "copies": _feature(lambda: copies(Material(**PBR, roughness=0.4))),
     "many lights": _feature(lambda: lamps(100)),
     "lights without a body": _feature(_punctual),
+    "lights with pictures": _feature(_shaped),
     "what the camera does not see": _feature(lambda: hidden(Material(kind="mirror", base_color=gray(0.9)))),
     "half clear lamps": _feature(lambda: hidden(_half_clear())),
     # What moves while the shutter is open
@@ -261,7 +298,26 @@ FEATURES: dict[str, Feature] = {
     "textures that slide": _feature(
         lambda: sliding(Material(**PBR, **TEXTURED, **COATED, normal_texture=2, clearcoat_texture=1, **BLEND))
     ),
+    "lights that turn with their pictures": _feature(lambda: _shaped(keys=3)),
     "a camera that moves": _of(GRAY, views=tuple(replace(VIEW, eye=(x, 1.6, 5.0)) for x in (-0.3, 0.0, 0.4))),
+    # What light scatters in
+    "fog": _of(Material(kind="interface", sigma_a=(0.1, 0.2, 0.3), sigma_s=(1.0, 2.0, 3.0), g=0.4), max_depth=12),
+    "smoke around the camera": _of(
+        Material(kind="interface", sigma_a=gray(0.4), sigma_s=gray(1.0)), view=replace(VIEW, eye=(0.1, 0.8, 0.5))
+    ),
+    "milk in glass": _of(Material(**GLASS, sigma_s=(2.0, 3.0, 4.0), g=0.5), max_depth=12),
+    "rough glass in haze": _feature(
+        lambda: room(
+            Material(kind="glass", roughness=0.3, sigma_s=gray(1.0)),
+            medium=Medium(sigma_s=(0.05, 0.06, 0.08), g=0.3),
+            lights=[Light("spot", gray(90.0), (-2.0, 3.0, 1.0), (0.5, -1.0, 0.0), inner_cone=10.0, outer_cone=40.0)],
+        )
+    ),
+    "wax": _of(
+        Material(base_color=(0.8, 0.6, 0.4), subsurface=1.0, subsurface_radius=(0.2, 0.1, 0.05), subsurface_anisotropy=0.5)
+    ),
+    "skin": _of(Material(**PBR, **TEXTURED, **COATED, subsurface=0.7, subsurface_radius=(0.2, 0.1, 0.05), normal_texture=2)),
+    "fog that moves": _feature(lambda: moving(Material(kind="interface", sigma_s=gray(2.0)))),
 }
 
 

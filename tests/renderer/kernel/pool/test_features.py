@@ -12,6 +12,7 @@ from renderer.arrays.edition import edition_of
 from renderer.film import COLOR, SAMPLES, Sums
 from renderer.kernel import accumulate
 from renderer.render import RenderStats, render_frame
+from tests.grids import grid
 from tests.renderer.kernel.pool.features import FEATURES, SIZE, made
 
 SPP = 4
@@ -19,8 +20,11 @@ SPP = 4
 # what a path does where a number lies within 1e-7 of a border, such as an edge. At 64 samples a pixel none of all these parted.
 MOST_PARTED = 0.005
 # For these the kernel for one path is compiled once more, which takes longer than all the others together; what the pool makes of
-# them tests/renderer/test_motion_blur.py holds to closed forms and to the mean of their moments.
-MOVING = ("what moves", "textures that slide", "a camera that moves")
+# them tests/renderer/test_motion_blur.py holds to closed forms and to the mean of their moments, tests/renderer/test_media.py to
+# closed forms.
+MOVING = ("what moves", "textures that slide", "lights that turn with their pictures", "a camera that moves")
+MOVING_MEDIA = "fog that moves"
+MEDIA = ("fog", "smoke around the camera", "milk in glass", "rough glass in haze", "wax", "skin", MOVING_MEDIA)
 
 
 def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, RenderStats]:
@@ -35,7 +39,7 @@ def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, 
         return render_frame(scene, settings, SPP, stats=stats), stats
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.long if name in MOVING else ()) for name in FEATURES])
+@grid("name", FEATURES, ordinary=[name for name in FEATURES if name not in MOVING + MEDIA])
 def test_a_feature_is_as_with_one_path_at_a_time(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     (pool, of_pool), (one, of_one) = _rendered(name, None), _rendered(name, monkeypatch)
     scale = 2.0 ** -made(name)[1].film_exponent / SPP
@@ -51,11 +55,14 @@ def test_a_feature_is_as_with_one_path_at_a_time(name: str, monkeypatch: pytest.
 def test_the_features_ask_for_all_editions_and_are_seen() -> None:
     """Else what stands above would compare nothing with nothing."""
     names = list(FEATURES)
-    full, moving = names.index("textures"), names.index(MOVING[0])
+    full, moving, media = names.index("textures"), names.index(MOVING[0]), names.index(MEDIA[0])
     black = ("no light",)
     for k, name in enumerate(names):
         scene, settings = made(name)
-        edition = "moving" if k >= moving else "full" if k >= full else "plain"
+        edition = "media" if k >= media else "moving" if k >= moving else "full" if k >= full else "plain"
+        edition = "moving-media" if name == MOVING_MEDIA else edition
         assert edition_of(scene, len(settings.views) > 0) == edition, name
+        if name == MOVING_MEDIA:  # one more kernel to compile
+            continue
         film: Any = render_frame(scene, settings, 1)
         assert bool(film[COLOR].any()) == (name not in black), name

@@ -1,0 +1,48 @@
+"""The colour that a head of hair has, of what its fibres absorb, for what stands for hair.
+
+Source: Chiang et al., "A practical and controllable hair and fur model for production path tracing", 2016, eq. 9; pigments as
+intern/cycles/kernel/closure/bsdf_principled_hair_chiang.h has them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from .nodes import Plain, Source, constant
+
+__all__ = ["hair_color"]
+
+EUMELANIN, PHEOMELANIN = (0.506, 0.841, 1.653), (0.343, 0.733, 1.924)
+LEAST = 1e-4
+
+
+def hair_color(source: Source) -> Any:
+    """A socket of the colour of a Principled Hair BSDF, or what stands for one."""
+    kind = getattr(source.node, "parametrization", "COLOR")
+    beta = constant(source.input("Radial Roughness"))
+    beta = beta if isinstance(beta, float) else 0.3
+    if kind == "ABSORPTION":
+        absorbed = constant(source.input("Absorption Coefficient"))
+        return source.input("Color") if absorbed is None else Plain(_seen(absorbed, beta))
+    if kind != "MELANIN":
+        return source.input("Color")
+    melanin, redness, tint = (constant(source.input(name)) for name in ("Melanin", "Melanin Redness", "Tint"))
+    if not isinstance(melanin, float) or not isinstance(redness, float):
+        return source.input("Color")
+    pigment = -math.log(max(1 - max(melanin, 0.0), LEAST))
+    brown, red = pigment * (1 - redness), pigment * redness
+    dyed = [_absorbed(c, beta) for c in tint] if isinstance(tint, list) else [0.0] * 3
+    return Plain(_seen([brown * e + red * p + d for e, p, d in zip(EUMELANIN, PHEOMELANIN, dyed, strict=True)], beta))
+
+
+def _spread(beta: float) -> float:
+    return 5.969 - 0.215 * beta + 2.532 * beta**2 - 10.73 * beta**3 + 5.574 * beta**4 + 0.245 * beta**5
+
+
+def _seen(absorbed: list[float], beta: float) -> list[float]:
+    return [math.exp(-math.sqrt(max(a, 0.0)) * _spread(beta)) for a in absorbed]
+
+
+def _absorbed(color: float, beta: float) -> float:
+    return (math.log(min(max(color, LEAST), 1.0)) / _spread(beta)) ** 2

@@ -1,0 +1,161 @@
+"""Blender's nodes of volumes as one homogeneous medium: what it absorbs and scatters over a metre, and which way.
+
+Source of the formulas: intern/cycles/kernel/svm/closure.h. What varies in space, or shines, is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from .nodes import At, Source, constant, followed
+
+__all__ = ["Medium", "medium_of", "volume_of"]
+
+Warn = Callable[[str], None]
+MOST_NESTED = 32
+NONE = 1e-9
+# How light is scattered that is not Henyey and Greenstein's way, and the mean cosine of what stands for it.
+OTHER_PHASES = {"RAYLEIGH": "Rayleigh's", "MIE": "Mie's", "DRAINE": "Draine's", "FOURNIER_FORAND": "Fournier and Forand's"}
+
+
+@dataclass
+class Medium:
+    """sigma_a, sigma_s: a metre's. g: the mean cosine of scattering, -1 to 1."""
+
+    sigma_a: list[float] = field(default_factory=lambda: [0.0] * 3)
+    sigma_s: list[float] = field(default_factory=lambda: [0.0] * 3)
+    g: float = 0.0
+
+    def is_nothing(self) -> bool:
+        """Whether light passes as through a vacuum."""
+        return max(*self.sigma_a, *self.sigma_s) <= NONE
+
+
+def volume_of(tree: Any) -> Source | None:
+    """What feeds the volume of a material's or the world's nodes."""
+    for engine in ("CYCLES", "ALL", "EEVEE"):
+        output = tree.get_output_node(engine)
+        if output is not None:
+            return followed(At(output.inputs["Volume"]))[0] if output.inputs["Volume"].is_linked else None
+    return None
+
+
+def medium_of(source: Source | None, warn: Warn) -> Medium | None:
+    """The medium of a volume shader; None of what is none that is read, which is told."""
+    return None if source is None else _read(source, warn, 0)
+
+
+def _read(source: Source, warn: Warn, depth: int) -> Medium | None:
+    kind = source.node.type
+    read = {
+        "VOLUME_SCATTER": _scatter,
+        "VOLUME_ABSORPTION": _absorption,
+        "PRINCIPLED_VOLUME": _principled,
+        "VOLUME_COEFFICIENTS": _coefficients,
+    }.get(kind)
+    if read is not None:
+        return read(source, warn)
+    if depth < MOST_NESTED and kind == "ADD_SHADER":
+        return _sum([_below(source.at(i), warn, depth) for i in (0, 1)], [1.0, 1.0])
+    if depth < MOST_NESTED and kind == "MIX_SHADER":
+        share = constant(source.at(0))
+        if isinstance(share, float):
+            share = min(max(share, 0.0), 1.0)
+            return _sum([_below(source.at(i), warn, depth) for i in (1, 2)], [1 - share, share])
+        warn("its volume is mixed by what varies, and left out")
+        return None
+    what = "light of its own" if kind == "EMISSION" else f"{source.node.bl_label or kind}"
+    warn(f"of its volume, {what} is left out")
+    return None
+
+
+def _below(at: At, warn: Warn, depth: int) -> Medium | None:
+    source, _ = followed(at)
+    return None if source is None else _read(source, warn, depth + 1)
+
+
+def _sum(parts: list[Medium | None], weights: list[float]) -> Medium | None:
+    """Media that fill the same place: their coefficients add up, and their directions by how much each scatters."""
+    found = [(part, weight) for part, weight in zip(parts, weights, strict=True) if part is not None]
+    if not found:
+        return None
+    made = Medium()
+    for part, weight in found:
+        made.sigma_a = [a + weight * b for a, b in zip(made.sigma_a, part.sigma_a, strict=True)]
+        made.sigma_s = [a + weight * b for a, b in zip(made.sigma_s, part.sigma_s, strict=True)]
+    whole = sum(sum(part.sigma_s) * weight for part, weight in found)
+    if whole > 0:
+        made.g = sum(part.g * sum(part.sigma_s) * weight for part, weight in found) / whole
+    return made
+
+
+def _number(source: Source, name: str, default: float, warn: Warn) -> float:
+    at = source.input(name)
+    if at is None:
+        return default
+    found = constant(at)
+    if isinstance(found, list):
+        return sum(found) / len(found)
+    if isinstance(found, float):
+        return found
+    warn(f"its volume's {name.lower()} varies in Blender; its plain value stands for it")
+    own = getattr(at.socket, "default_value", default)
+    return float(own) if isinstance(own, int | float) else default
+
+
+def _color(source: Source, name: str, default: list[float], warn: Warn) -> list[float]:
+    at = source.input(name)
+    if at is None:
+        return default
+    found = constant(at)
+    if found is None:
+        warn(f"its volume's {name.lower()} varies in Blender; its plain value stands for it")
+        found = getattr(at.socket, "default_value", default)
+    values = [float(found)] * 3 if isinstance(found, int | float) else [float(c) for c in found][:3]
+    return [max(c, 0.0) for c in values]
+
+
+def _density(source: Source, warn: Warn) -> float:
+    return max(_number(source, "Density", 1.0, warn), 0.0)
+
+
+def _direction(source: Source, warn: Warn) -> float:
+    """The mean cosine."""
+    phase = getattr(source.node, "phase", "HENYEY_GREENSTEIN")
+    if phase in OTHER_PHASES:
+        warn(f"its volume scatters as Henyey and Greenstein have it, not {OTHER_PHASES[phase]} way")
+        if phase == "RAYLEIGH":
+            return 0.0
+        if phase != "DRAINE":
+            return 0.9  # water's and fog's drops throw nearly all forwards
+    return min(max(_number(source, "Anisotropy", 0.0, warn), -0.999), 0.999)
+
+
+def _scatter(source: Source, warn: Warn) -> Medium:
+    density = _density(source, warn)
+    return Medium(sigma_s=[c * density for c in _color(source, "Color", [0.8] * 3, warn)], g=_direction(source, warn))
+
+
+def _absorption(source: Source, warn: Warn) -> Medium:
+    density = _density(source, warn)
+    return Medium(sigma_a=[max(1 - c, 0.0) * density for c in _color(source, "Color", [0.8] * 3, warn)])
+
+
+def _coefficients(source: Source, warn: Warn) -> Medium:
+    if max(_color(source, "Emission Coefficients", [0.0] * 3, warn)) > NONE:
+        warn("its volume's own light is left out")
+    scattered = _color(source, "Scatter Coefficients", [1.0] * 3, warn)
+    return Medium(_color(source, "Absorption Coefficients", [1.0] * 3, warn), scattered, _direction(source, warn))
+
+
+def _principled(source: Source, warn: Warn) -> Medium:
+    if _number(source, "Emission Strength", 0.0, warn) > NONE or _number(source, "Blackbody Intensity", 0.0, warn) > NONE:
+        warn("its volume's own light is left out")
+    density = _density(source, warn)
+    color = _color(source, "Color", [0.5] * 3, warn)
+    kept = [c**0.5 for c in _color(source, "Absorption Color", [0.0] * 3, warn)]
+    absorbed = [max(1 - c, 0.0) * max(1 - a, 0.0) * density for c, a in zip(color, kept, strict=True)]
+    g = min(max(_number(source, "Anisotropy", 0.0, warn), -0.999), 0.999)
+    return Medium(absorbed, [c * density for c in color], g)

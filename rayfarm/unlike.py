@@ -1,0 +1,91 @@
+"""Why Rayfarm's picture of a scene of Mitsuba's or pbrt's may be another than theirs: what is known, by what is in the scene.
+
+Where the figures are from: docs/correctness.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from renderer.kernel.bsdf.albedo_tables import SIZE, table_path
+from renderer.scene.description import SceneDescription
+from renderer.scene.material import Material
+
+__all__ = ["known_differences"]
+
+_LEAST = 0.005  # of a surface's light: what is less is not told
+_SLOPES, _DARKER = (0.0, 0.25, 0.5, 1.0), (0.0, 0.024, 0.089, 0.285)  # of bumps, and what Mitsuba's shadowing term takes away
+
+
+def known_differences(scene: SceneDescription, other: str) -> list[str]:
+    """Sentences, none where nothing is known. other: the name of the other renderer."""
+    found = []
+    if metals := _lost(scene, _is_metal):
+        found.append(
+            f"Rough metal ({_listed(metals)}): light that meets a second facet is lost in {other} and kept here, as by a "
+            f"random walk over facets; a white metal as rough is up to {_percent(max(metals.values()))} brighter here"
+        )
+    if glasses := _lost(scene, _is_glass):
+        found.append(f"Rough glass ({_listed(glasses)}): the same; some percent brighter here, most where it is seen at an angle")
+    if bumps := _bumps(scene) if any("shadowing function" in words for words in scene.warnings) else {}:
+        found.append(
+            f"Normal maps ({_listed(bumps)}): Mitsuba darkens them by its shadowing function; a "
+            f"matt surface of such slopes is up to {_percent(max(bumps.values()))} brighter here"
+        )
+    return found
+
+
+def _lost(scene: SceneDescription, is_meant: Callable[[Material], bool]) -> dict[str, float]:
+    """By the names of materials, what a single bounce between facets loses of white, relative to what it keeps."""
+    return {
+        material.name: lost
+        for material in _used(scene)
+        if is_meant(material) and (lost := 1 / _mean_albedo(material.roughness or 0.0) - 1) > _LEAST
+    }
+
+
+def _used(scene: SceneDescription) -> list[Material]:
+    numbers = {scene.meshes[each.mesh].material if each.material is None else each.material for each in scene.instances}
+    numbers |= {each.material for each in scene.spheres}
+    return [scene.materials[number] for number in sorted(numbers)]
+
+
+def _is_metal(material: Material) -> bool:
+    return material.kind == "conductor" or (material.kind == "metallic_roughness" and material.metallic > 0.5)
+
+
+def _is_glass(material: Material) -> bool:
+    is_clear = material.kind == "glass" or (material.kind == "metallic_roughness" and material.transmission > 0.5)
+    return is_clear and not material.thin
+
+
+def _mean_albedo(roughness: float) -> float:
+    """Of a white metal, over the hemisphere: what the renderer makes up for."""
+    means = np.load(table_path("ggx_albedo"))[SIZE].sum(axis=-1)
+    return float(np.interp(roughness, np.linspace(0.0, 1.0, SIZE), means))
+
+
+def _bumps(scene: SceneDescription) -> dict[str, float]:
+    """By the names of materials with normal maps, how much darker Mitsuba's shadowing has a matt one of such slopes."""
+    found = {}
+    for material in _used(scene):
+        if material.normal_texture is None:
+            continue
+        pixels = scene.images[scene.textures[material.normal_texture].image].pixels[..., :3].astype(np.float32) / 255 * 2 - 1
+        across = np.hypot(pixels[..., 0], pixels[..., 1]) * material.normal_scale / np.maximum(pixels[..., 2], 1e-3)
+        slope = min(float(np.sqrt((across**2).mean())), 1.0)
+        if (darker := float(np.interp(slope, _SLOPES, _DARKER))) > _LEAST:
+            found[material.name] = darker
+    return found
+
+
+def _listed(names: dict[str, float]) -> str:
+    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
+    return ", ".join(sorted(names, key=lambda name: -names[name])[:4]) + more
+
+
+def _percent(share: float) -> str:
+    return f"{math.ceil(share * 100)} %"

@@ -1,0 +1,114 @@
+"""Meshes that modifiers bend over time (caches of Alembic, cloth, geometry nodes), as meshes with a shape key for each frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+__all__ = ["Bending", "without_bones"]
+
+NEAR = 1e-5  # of a coordinate: what is less is rounding's
+MOST = 6_000_000  # corners of all shape keys: each takes 24 bytes of what is written, and a microsecond or two of writing
+
+
+class Bending:
+    """What modifiers make of meshes at each frame; bones aside, which are skins. left: names of those that stand still."""
+
+    def __init__(self, bpy: Any, scene: Any, shown: set[str], frames: list[int]) -> None:
+        """Goes through the frames. shown: names of objects."""
+        self._bpy, self._scene, self._frames = bpy, scene, frames
+        self._shapes: dict[str, list[Any]] = {}
+        self._first: dict[str, Any] = {}
+        self._other: set[str] = set()  # those that have as many corners not always
+        self.left: list[str] = []
+        names = [name for name in sorted(shown) if _may_bend(scene.objects[name])]
+        if len(frames) < 2 or not names:
+            return
+        with without_bones([scene.objects[name] for name in names]):
+            looked = {frames[0], frames[1], frames[len(frames) // 3], frames[len(frames) // 2], frames[-1]}
+            bent = self._bent(names, sorted(looked))
+            self.left = [name for name in bent if not self._may_have_keys(name)]
+            kept = [name for name in bent if name not in self.left]
+            self._shapes = self._over_all(kept)
+
+    def into_keys(self, thing: Any) -> None:
+        """Gives a mesh that is as at the first frame keys that make it what it is at the others."""
+        shapes = self._shapes.get(thing.name)
+        if shapes is None or len(shapes[0]) != 3 * len(thing.data.vertices):
+            if shapes is not None:
+                self.left.append(thing.name)
+            return
+        thing.shape_key_add(name="Basis", from_mix=False)
+        last = len(self._frames) - 1
+        for i, (frame, points) in enumerate(zip(self._frames, shapes, strict=True)):
+            key = thing.shape_key_add(name=f"frame {frame}", from_mix=False)
+            key.data.foreach_set("co", points)
+            for at, value in ((i - 1, 0.0), (i, 1.0), (i + 1, 0.0)):
+                if 0 <= at <= last:
+                    key.value = value
+                    key.keyframe_insert("value", frame=self._frames[at])
+
+    def _bent(self, names: list[str], frames: list[int]) -> list[str]:
+        """Those of which modifiers make others at these frames."""
+        found = set()
+        for name, points in self._at(names, frames):
+            before = self._first.setdefault(name, points)
+            if len(before) != len(points):
+                found.add(name)
+                self._other.add(name)
+            elif len(points) and abs(before - points).max() > NEAR * max(1.0, abs(before).max()):
+                found.add(name)
+        return sorted(found)
+
+    def _may_have_keys(self, name: str) -> bool:
+        thing = self._scene.objects[name]
+        return name not in self._other and (thing.data.shape_keys is None or len(thing.data.shape_keys.key_blocks) < 2)
+
+    def _over_all(self, names: list[str]) -> dict[str, list[Any]]:
+        """By name, the corners at each frame, (3 V,) float32; those are left that come to too many, the largest first."""
+        size = {name: len(self._first[name]) // 3 * len(self._frames) for name in names}
+        for name in sorted(names, key=lambda each: -size[each]):
+            if sum(size.values()) > MOST:
+                del size[name]
+                self.left.append(name)
+        found: dict[str, list[Any]] = {name: [] for name in size}
+        for name, points in self._at(list(size), self._frames):
+            found[name].append(points)
+        for name, shapes in list(found.items()):
+            if any(len(each) != len(shapes[0]) for each in shapes):
+                del found[name]
+                self.left.append(name)
+        return found
+
+    def _at(self, names: list[str], frames: list[int]) -> Iterator[tuple[str, Any]]:
+        for frame in frames if names else ():
+            self._scene.frame_set(frame)
+            graph = self._bpy.context.evaluated_depsgraph_get()
+            for name in names:
+                yield name, _points(self._scene.objects[name].evaluated_get(graph).data)
+
+
+@contextmanager
+def without_bones(things: list[Any]) -> Iterator[None]:
+    """Armatures of these objects bend nothing meanwhile."""
+    bones = [each for thing in things for each in thing.modifiers if each.type == "ARMATURE" and each.show_viewport]
+    for each in bones:
+        each.show_viewport = False
+    try:
+        yield
+    finally:
+        for each in bones:
+            each.show_viewport = True
+
+
+def _may_bend(thing: Any) -> bool:
+    return thing.type == "MESH" and any(each.type != "ARMATURE" for each in thing.modifiers)
+
+
+def _points(mesh: Any) -> Any:
+    import numpy as np
+
+    points = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", points)
+    return points

@@ -1,0 +1,148 @@
+"""What points and spots send into each direction, where nodes say so: IES profiles, pictures, patterns. Cycles photographs it.
+
+A copy of the lamp, without a size, shines in the middle of a white ball; what a camera at its place sees of the ball, of which
+every part faces it, is its radiant intensity by pi.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .keys import animated_paths
+
+__all__ = ["Thrown", "is_thrown", "moves", "photographed"]
+
+WIDE = 120.0  # degrees of a cone, up to which its picture is taken through a lens
+SIDE, AROUND = 512, 1024  # pixels: through it a side, else the width of a picture all around
+MOST = 2048
+SAMPLES = 4
+FINE = (256, 128)  # of the ball's faces, around and from pole to pole
+FALLING = ("LIGHT_FALLOFF", "LIGHT_PATH")  # what another distance, or another ray, makes something else of
+
+
+class Thrown(NamedTuple):
+    """A picture beside the scene file, linear, that multiplies what a lamp sends without its nodes."""
+
+    file: str
+    is_window: bool  # whether it fills the lamp's cone, and is not all around
+
+
+def is_thrown(bpy: Any, data: Any) -> bool:
+    """Whether the nodes of a lamp can be photographed. To be asked of those that are more than numbers."""
+    if data.type not in ("POINT", "SPOT") or "cycles" not in bpy.context.preferences.addons:
+        return False
+    return not any(node.type in FALLING for node in _nodes(data.node_tree))
+
+
+def photographed(bpy: Any, lamp: Any, out: Path, name: str) -> Thrown:
+    """Writes the picture of a lamp, an object, into a folder."""
+    is_window = lamp.data.type == "SPOT" and math.degrees(lamp.data.spot_size) <= WIDE
+    sizes = [max(node.image.size) for node in _nodes(lamp.data.node_tree) if getattr(node, "image", None) is not None]
+    width = min(max([SIDE if is_window else AROUND, *sizes]), MOST)
+    studio = _Studio(bpy, lamp, is_window)
+    try:
+        studio.take(out / name, width, width if is_window else width // 2)
+    finally:
+        studio.close()
+    return Thrown(name, is_window)
+
+
+def moves(data: Any) -> bool:
+    """Whether its nodes are others at other frames."""
+    return bool(animated_paths(data.node_tree))
+
+
+def _nodes(tree: Any) -> list[Any]:
+    found = []
+    for node in tree.nodes:
+        found.append(node)
+        if node.type == "GROUP" and node.node_tree is not None:
+            found += _nodes(node.node_tree)
+    return found
+
+
+class _Studio:
+    """A scene of nothing but the lamp and the ball about it."""
+
+    def __init__(self, bpy: Any, lamp: Any, is_window: bool) -> None:
+        self._bpy, self._is_window = bpy, is_window
+        self._scene = scene = bpy.data.scenes.new("rayfarm lamp")
+        self._light = light = lamp.data.copy()
+        light.energy, light.color, light.shadow_soft_size = 4 * math.pi**2, (1.0, 1.0, 1.0), 0.0
+        for name, value in (("use_temperature", False), ("exposure", 0.0), ("normalize", True)):
+            if hasattr(light, name):
+                setattr(light, name, value)
+        if is_window:
+            light.spot_blend = 0.0  # its edge is that of the scene file's spot
+        place = lamp.matrix_world.copy()
+        self._camera = bpy.data.cameras.new("rayfarm lamp")
+        self._ball = bpy.data.meshes.new("rayfarm lamp")
+        self._fill(place)
+        things = [("lamp", light, place), ("camera", self._camera, place.normalized()), ("ball", self._ball, None)]
+        self._things = []
+        for name, data, at in things:
+            thing = bpy.data.objects.new(f"rayfarm {name}", data)
+            if at is not None:
+                thing.matrix_world = at
+            scene.collection.objects.link(thing)
+            self._things.append(thing)
+        scene.camera = self._things[1]
+        render, cycles = scene.render, scene.cycles
+        render.engine = "CYCLES"
+        render.resolution_percentage = 100
+        render.film_transparent = render.use_compositing = render.use_sequencer = False
+        render.image_settings.file_format = "OPEN_EXR"
+        render.image_settings.color_mode = "RGB"
+        render.image_settings.color_depth = "32"
+        cycles.device, cycles.samples, cycles.pixel_filter_type = "CPU", SAMPLES, "BOX"
+        cycles.use_adaptive_sampling = cycles.use_denoising = False
+        cycles.shading_system = False  # no scripts of Open Shading Language
+        cycles.max_bounces = 0
+        cycles.light_sampling_threshold = cycles.sample_clamp_direct = 0.0
+
+    def _fill(self, place: Any) -> None:
+        """The ball, of radius 1, with normals that point to its middle."""
+        import bmesh
+        from mathutils import Matrix
+
+        shape = bmesh.new()
+        bmesh.ops.create_uvsphere(shape, u_segments=FINE[0], v_segments=FINE[1], radius=1.0)
+        bmesh.ops.transform(shape, matrix=Matrix.Translation(place.translation), verts=shape.verts)
+        for face in shape.faces:
+            face.smooth = True
+        shape.to_mesh(self._ball)
+        shape.free()
+        white = self._bpy.data.materials.new("rayfarm lamp")
+        white.use_nodes = True
+        tree = white.node_tree
+        tree.nodes.clear()
+        matt, output = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeOutputMaterial")
+        matt.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+        tree.links.new(matt.outputs[0], output.inputs["Surface"])
+        self._ball.materials.append(white)
+        self._white = white
+
+    def take(self, path: Path, width: int, height: int) -> None:
+        camera, render = self._camera, self._scene.render
+        camera.type = "PERSP" if self._is_window else "PANO"
+        camera.clip_start = 1e-3
+        if self._is_window:
+            camera.angle = self._light.spot_size
+        elif hasattr(camera, "panorama_type"):  # Blender 5; before, Cycles' own
+            camera.panorama_type = "EQUIRECTANGULAR"
+        else:
+            camera.cycles.panorama_type = "EQUIRECTANGULAR"
+        render.resolution_x, render.resolution_y, render.filepath = width, height, str(path)
+        self._bpy.ops.render.render(write_still=True, scene=self._scene.name)
+
+    def close(self) -> None:
+        data = self._bpy.data
+        for thing in self._things:
+            data.objects.remove(thing)
+        data.scenes.remove(self._scene)
+        data.lights.remove(self._light)
+        data.cameras.remove(self._camera)
+        data.meshes.remove(self._ball)
+        data.materials.remove(self._white)

@@ -1,0 +1,96 @@
+"""How the rarer kinds scatter, from their properties: those of many of them, and vertices within a medium."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.arrays import rows
+from renderer.arrays.rows import ALPHA_X, ALPHA_Y, BLINN_PHONG, CONDUCTOR, LAYERED, MEDIUM
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel.bsdf.blinn_phong import eval_and_pdf_blinn_phong, sample_blinn_phong
+from renderer.kernel.bsdf.conductor import eval_and_pdf_conductor, sample_conductor, sample_smooth_conductor
+from renderer.kernel.bsdf.layered import eval_and_pdf_layered, sample_layered
+from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
+from renderer.kernel.medium.henyey_greenstein import (
+    eval_henyey_greenstein,
+    pdf_henyey_greenstein,
+    sample_henyey_greenstein,
+)
+
+__all__ = ["eval_rare", "sample_rare"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_BLACK = (_ZERO, _ZERO, _ZERO)
+_WHITE = (_ONE, _ONE, _ONE)
+
+
+@device
+def _conductor(m):
+    """A conductor's properties: eta, k, mean Fresnel, roughness and both alphas."""
+    return (
+        (m[rows.ETA], m[rows.ETA + 1], m[rows.ETA + 2]),
+        (m[rows.K], m[rows.K + 1], m[rows.K + 2]),
+        (m[rows.MEAN_FRESNEL], m[rows.MEAN_FRESNEL + 1], m[rows.MEAN_FRESNEL + 2]),
+        m[rows.ROUGHNESS],
+        m[ALPHA_X],
+        m[ALPHA_Y],
+    )
+
+
+@device
+def _turned(m, w, sign):
+    """w turned about the normal by the anisotropy's angle: into its frame (1) or back (-1)."""
+    c, s = m[rows.ROTATION], sign * m[rows.ROTATION + 1]
+    return c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]
+
+
+@device
+def _kd_ks(m):
+    return (
+        (m[rows.BASE], m[rows.BASE + 1], m[rows.BASE + 2]),
+        (m[rows.SPECULAR_COLOR], m[rows.SPECULAR_COLOR + 1], m[rows.SPECULAR_COLOR + 2]),
+    )
+
+
+@subroutine
+def eval_rare(has, kind, m, eta, wo, wi):
+    """As `eval_material`, of the rarer kinds, from their looked-up properties m."""
+    out_of_line()
+    if has.layers is not None and kind == LAYERED:
+        return eval_and_pdf_layered(m, eta, wo, wi)
+    if kind == CONDUCTOR:
+        index, k, mean, roughness, alpha_x, alpha_y = _conductor(m)
+        o, i = _turned(m, wo, _ONE), _turned(m, wi, _ONE)
+        return eval_and_pdf_conductor(index, k, mean, roughness, alpha_x, alpha_y, o, i)
+    if has.media is not None and kind == MEDIUM:
+        phase = eval_henyey_greenstein(m[rows.SUBSURFACE_ANISOTROPY], wi)
+        return (phase, phase, phase), pdf_henyey_greenstein(m[rows.SUBSURFACE_ANISOTROPY], wi)
+    if has.layers is not None and kind == BLINN_PHONG:
+        kd, ks = _kd_ks(m)
+        return eval_and_pdf_blinn_phong(kd, ks, m[rows.SHININESS], wo, wi)
+    return _BLACK, _ZERO
+
+
+@subroutine
+def sample_rare(has, kind, m, eta, wo, choose, u):
+    """As `sample_material`, of the rarer kinds, from their looked-up properties m."""
+    out_of_line()
+    if has.layers is not None and kind == LAYERED:
+        return sample_layered(m, eta, wo, choose, u)
+    if kind == CONDUCTOR:
+        index, k, mean, roughness, alpha_x, alpha_y = _conductor(m)
+        if roughness <= SMOOTH_GLASS:
+            wi, weight = sample_smooth_conductor(index, k, wo)
+            return wi, weight, _ZERO, _ONE
+        o = _turned(m, wo, _ONE)
+        i, weight, pdf = sample_conductor(index, k, mean, roughness, alpha_x, alpha_y, o, choose, u)
+        return _turned(m, i, -_ONE), weight, pdf, _ONE
+    if has.media is not None and kind == MEDIUM:
+        wi = sample_henyey_greenstein(m[rows.SUBSURFACE_ANISOTROPY], u)
+        return wi, _WHITE, pdf_henyey_greenstein(m[rows.SUBSURFACE_ANISOTROPY], wi), _ONE
+    if has.layers is not None and kind == BLINN_PHONG:
+        kd, ks = _kd_ks(m)
+        wi, weight, pdf = sample_blinn_phong(kd, ks, m[rows.SHININESS], wo, choose, u)
+        return wi, weight, pdf, _ONE
+    return (_ZERO, _ZERO, _ONE), _BLACK, _ZERO, _ONE

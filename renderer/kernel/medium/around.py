@@ -1,0 +1,66 @@
+"""Which media a camera stands in: what its surroundings look like from inside tells."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.absent import where_present
+from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel.camera import camera_ray, moving_ray
+from renderer.kernel.medium.nesting import NO_MEDIUM, beneath, entered, holds, left
+from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.surface import surface_at
+from renderer.wide.values import u32
+
+__all__ = ["nest_of_camera"]
+
+_ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
+_INF = np.float32(np.inf)
+_ROOT = np.int32(0)
+_WORLD, _NEXT = np.uint32(0), np.uint32(1)
+_MIDDLE = (_HALF, _HALF)
+_MOST = 256  # surfaces that are looked at
+# As good as any, and along no wall that anybody builds.
+_UPWARDS = (np.float32(0.36), np.float32(0.8), np.float32(0.48))
+
+
+@subroutine
+def _nest_at(scene, stack, o, time):
+    """What a point lies in: the media of the surfaces that a ray from there leaves without having entered them."""
+    out_of_line()
+    nest, on_the_way, depth = _WORLD, _WORLD, _WORLD
+    for _ in range(_MOST):
+        hit = closest_hit(scene.bvh, stack, o, _UPWARDS, _INF, time, _ROOT)
+        if hit.primitive == NO_PRIMITIVE:
+            break
+        surface = surface_at(scene, o, _UPWARDS, hit)
+        medium = u32(scene.material_medium[surface.material])
+        if medium != NO_MEDIUM:
+            if surface.front:
+                on_the_way = entered(on_the_way, u32(medium + _NEXT))  # that none is told from the world's
+            elif holds(on_the_way, u32(medium + _NEXT)):
+                on_the_way = left(on_the_way, u32(medium + _NEXT))
+            else:
+                nest = beneath(nest, depth, medium)
+                depth = u32(depth + _NEXT)
+        o = departure(surface, False, _UPWARDS)
+    return nest
+
+
+@device
+def nest_of_camera(scene, stack, camera):
+    """The nest that all paths of a picture begin in: that of where its middle's ray begins, in the middle of the shutter.
+
+    None where there are no media.
+    """
+    nest = _WORLD
+    if scene.has.media is not None:
+        x, y = camera.middle
+        o, _, _ = camera_ray(camera, x, y, _MIDDLE)
+        if scene.has.motion is not None:
+            o, _, _ = moving_ray(camera, x, y, _MIDDLE, _HALF)
+        if len(scene.medium) > 1:
+            nest = _nest_at(scene, stack, o, where_present(scene.has.motion, _HALF))
+    return where_present(scene.has.media, nest)

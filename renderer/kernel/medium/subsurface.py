@@ -1,0 +1,179 @@
+"""Light that goes through the inside of skin, wax or marble: a random walk from where it enters to where it leaves.
+
+Chiang, Kutz & Burley, "Practical and Controllable Subsurface Scattering for Production Path Tracing" (2016): the inside is a
+medium whose albedo follows from the colour that the surface is to have. By van de Hulst's approximation of what a half-space of
+it sends back ("Multiple Light Scattering", 1980), solved for the albedo (d'Eon, "A Hitchhiker's Guide to Multiple Scattering").
+Light enters and leaves as Lambert's surface would scatter it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.arrays import rows
+from renderer.arrays.rows import COLUMNS
+from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.bsdf.layer_balance import base_view
+from renderer.kernel.fetch import columns
+from renderer.kernel.medium.flight import carried, flight_distance
+from renderer.kernel.medium.henyey_greenstein import sample_henyey_greenstein
+from renderer.kernel.polynomial import exp
+from renderer.kernel.sampling.sampler import draw1, draw4
+from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
+from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.surface import Surface, surface_at
+
+__all__ = ["WALK_BLOCK", "Within", "albedo_of", "go_within"]
+
+_ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_FOUR = np.float32(4.0)
+_ROOT = np.int32(0)
+_BLACK = (_ZERO, _ZERO, _ZERO)
+# Van de Hulst: a half-space of similarity s sends (1 - s) (1 - _A s) / (1 + _B s) of diffuse light back.
+_A, _B = np.float32(0.139), np.float32(1.17)
+_STEPS = 1024  # of a walk at most: of a white body, one in twenty-five finds no way out until then
+_PI_STEPS = np.float32(math.pi * _STEPS)
+_ONWARDS = 16  # steps after which which way light came from is forgotten
+WALK_BLOCK = 1 << 20  # the first block of numbers for walks: those of flights lie below
+_BLOCKS = np.uint32(2 * _STEPS)  # of each vertex: for its steps, and for what ends them
+_ROULETTE = np.uint32(_STEPS)
+_LEAST = np.float32(1e-6)
+_YES, _NO = np.bool_(True), np.bool_(False)
+
+
+class Within(NamedTuple):
+    """What becomes of a path at a surface some of whose light goes through its inside."""
+
+    enters: bool  # else it scatters at the surface
+    surface: Surface  # where it comes out, seen from outside
+    throughput: tuple[float, float, float]  # there, or at the surface; 0 where it is absorbed, or finds no way out
+
+
+@device
+def _albedo(color, g):
+    linear = _ONE + _A + _B * color
+    s = (linear - math.sqrt(linear * linear - _FOUR * _A * (_ONE - color))) * (_HALF / _A)
+    s = max(s, _ZERO)
+    return (_ONE - s * s) / (_ONE - g * s * s)
+
+
+@device
+def albedo_of(color, g):
+    """The share of light that the inside of a surface of that colour, rgb 0 ... 1, scatters and does not absorb.
+
+    g: the mean cosine by which it scatters."""
+    return _albedo(color[0], g), _albedo(color[1], g), _albedo(color[2], g)
+
+
+@device
+def _entrance(kind, share, color, m, wo):
+    """(what goes inside of the light from wo, the chance by which a path does). share: of diffuse light; m: as of `go_within`.
+
+    The chance goes by the root of what may come back from inside, beside what the layers above reflect: these are the better
+    found the more paths look for them.
+    """
+    if kind == rows.DIFFUSE:
+        return share, share
+    _, _, _, _, _, _, passing, coat, sheen = base_view(m, wo)
+    dielectric = (_ONE - m[rows.METALLIC]) * (_ONE - m[rows.TRANSMISSION])
+    inside = dielectric * passing * coat * sheen * m[rows.SUBSURFACE]
+    back, rest = math.sqrt(inside * vec.maximum(color)), math.sqrt(max(_ONE - inside, _ZERO))
+    return inside, back / max(back + rest, _LEAST)
+
+
+@device
+def _share_in_the_end(sigma_t, sigma_s):
+    return exp(-math.sqrt(_PI_STEPS * max(_ONE - sigma_s / sigma_t, _ZERO)))
+
+
+@device
+def _in_the_end(sigma_t, sigma_s):
+    """What will come out of the light of a walk that has gone all steps in vain: as much as diffusion brings back from where such
+    walks are on average, sqrt(pi / 3 steps) free paths deep. White bodies would else be a little gray.
+    """
+    return (
+        _share_in_the_end(sigma_t[0], sigma_s[0]),
+        _share_in_the_end(sigma_t[1], sigma_s[1]),
+        _share_in_the_end(sigma_t[2], sigma_s[2]),
+    )
+
+
+@subroutine
+def _walk(scene, stack, surface, normal, color, throughput, stream, first, time):
+    """Through the body, from a surface which was met from outside: (where it comes out, the throughput there).
+
+    normal: that it scatters about where it enters; color: the body's, textures looked up; first: the walk's first block.
+    Whatever else is in the body is passed as if it were not there. What finds no way out in all steps comes out where it entered.
+    """
+    out_of_line()
+    g = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_ANISOTROPY, 1)[0]
+    radius = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_RADIUS, 3)
+    least = _FOUR * surface.error  # what is shorter, roundings do not tell apart
+    sigma_t = _ONE / max(radius[0], least), _ONE / max(radius[1], least), _ONE / max(radius[2], least)
+    sigma_s = vec.mul(albedo_of(color, g), sigma_t)
+    entry = draw4(stream, first)
+    s, t = vec.basis(normal)
+    d = vec.to_world(s, t, normal, vec.neg(square_to_cosine_hemisphere((entry[0], entry[1]))))
+    o = departure(surface, False, d)
+    entry_surface, own, worth = surface, surface.object, _TWO / vec.maximum(throughput)
+    for step in range(1, _STEPS):
+        if step == _ONWARDS:
+            # Who is scattered evenly, but so much less often, gets as far in the end (Wyman, Patterson & Wilson 1989).
+            evenly = vec.scale(sigma_s, _ONE - g)
+            sigma_t = vec.add(vec.sub(sigma_t, sigma_s), evenly)
+            sigma_s, g = evenly, _ZERO
+        u = draw4(stream, np.uint32(first + np.uint32(step)))
+        distance = flight_distance(sigma_t, throughput, (u[0], u[1]))
+        left, so_far = distance, _ZERO
+        while left > _ZERO:
+            hit = closest_hit(scene.bvh, stack, o, d, left, time, _ROOT)
+            if hit.primitive == NO_PRIMITIVE:
+                break
+            so_far += hit.t
+            beyond = vec.add(o, vec.scale(d, _TWO * hit.t))
+            surface = surface_at(scene, beyond, vec.neg(d), hit)  # as who looks at it from where the path is going
+            if surface.object == own:
+                return surface, carried(sigma_t, sigma_s, throughput, so_far, _NO)
+            o = departure(surface, True, d)
+            left -= hit.t
+        throughput = carried(sigma_t, sigma_s, throughput, distance, _YES)
+        o = vec.add(o, vec.scale(d, max(left, _ZERO)))
+        chance = worth * vec.maximum(throughput)
+        if chance <= _ZERO:
+            return surface, _BLACK
+        if chance < _ONE:
+            if draw1(stream, np.uint32(first + _ROULETTE + np.uint32(step))) >= chance:
+                return surface, _BLACK
+            throughput = vec.scale(throughput, _ONE / chance)
+        back = vec.neg(d)
+        s, t = vec.basis(back)
+        d = vec.to_world(s, t, back, sample_henyey_greenstein(g, (u[2], u[3])))
+    return entry_surface, vec.mul(throughput, _in_the_end(sigma_t, sigma_s))
+
+
+@subroutine
+def go_within(scene, stack, surface, normal, kind, color, m, wo, throughput, stream, number, time):
+    """Whether a path goes inside at the surface that it meets, and where it comes out: a Within.
+
+    normal, wo: of the frame that it would be scattered in, and the viewer's direction in it; kind, color: its material's, m its
+    (LAYER_SLOTS,) properties where that is layered; stream: the path's numbers; number: how many vertices it had before; time: of
+    the shutter.
+    """
+    out_of_line()
+    first = np.uint32(np.uint32(WALK_BLOCK) + np.uint32(number) * _BLOCKS)
+    share = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE, 1)[0]
+    inside, chance = _entrance(kind, share, color, m, wo)
+    if draw4(stream, first)[2] >= chance:
+        # Layers have left out what goes inside (kernel/material/layers.py), Lambert's surface has not.
+        left = _ONE if kind == rows.DIFFUSE else _ONE / (_ONE - chance)
+        return Within(_NO, surface, vec.scale(throughput, left))
+    out, left = _walk(scene, stack, surface, normal, color, vec.scale(throughput, inside / chance), stream, first, time)
+    return Within(_YES, out, left)

@@ -1,0 +1,89 @@
+"""What fills the insides of things and the world around them, as rows of numbers: renderer/arrays/rows.py names their columns."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.arrays import rows
+from renderer.errors import SceneError
+from renderer.scene.description import F32, I32, Medium, SceneDescription
+from renderer.scene.material import MOST_DENSE, MOST_FORWARD, Material
+
+__all__ = ["Media", "absorption", "list_media"]
+
+_LEAST_COLOR = 1e-6  # what volumes leave of light at least, so that absorption stays finite
+
+
+class Media(NamedTuple):
+    """As in CompiledScene. Where nothing scatters, and nothing absorbs but what glass is made of, there is the world's row alone:
+    kernels without media do the rest.
+    """
+
+    medium: F32  # (m, MEDIUM_COLUMNS): the world's first, each other one once
+    material_medium: I32  # (M,): the row of a material's inside; -1 for those that have none
+
+
+def list_media(description: SceneDescription) -> Media:
+    """The scene's media. Raises SceneError where they are too many."""
+    materials = description.materials
+    own = np.zeros((len(materials), rows.MEDIUM_COLUMNS), np.float32)
+    own[:, rows.SIGMA_A : rows.SIGMA_A + 3] = absorption(materials)
+    own[:, rows.SIGMA_S : rows.SIGMA_S + 3] = np.array([m.sigma_s for m in materials]).reshape(-1, 3)
+    own[:, rows.PHASE_G] = [m.g for m in materials]
+    world = np.zeros((1, rows.MEDIUM_COLUMNS), np.float32)
+    around = description.medium
+    if around is not None:
+        _check(around)
+        world[0, :7] = (*around.sigma_a, *around.sigma_s, around.g)
+    inside = np.array([_has_inside(m) for m in materials], bool)
+    scatters = own[:, rows.SIGMA_S : rows.SIGMA_S + 3].any(axis=1)
+    fills = np.array([m.kind == "interface" for m in materials], bool) & own[:, :6].any(axis=1)
+    if not world[0, :6].any() and not (inside & (scatters | fills)).any():
+        return Media(np.zeros_like(world), np.full(len(materials), -1, np.int32))
+    known = {_key(world[0]): 0}
+    found = [world[0]]
+    of_material = np.full(len(materials), -1, np.int32)
+    for i in np.flatnonzero(inside):
+        key = _key(own[i])
+        if key not in known:
+            known[key] = len(found)
+            found.append(own[i])
+        of_material[i] = known[key]
+    if len(found) >= rows.MOST_MEDIA:
+        raise SceneError(
+            f"The scene has {len(found)} different media; {rows.MOST_MEDIA - 1} are the most. Let materials share theirs"
+        )
+    return Media(np.array(found, np.float32), of_material)
+
+
+def _check(world: Medium) -> None:
+    for name, values in (("sigma_a", world.sigma_a), ("sigma_s", world.sigma_s)):
+        if len(values) != 3 or not all(0 <= value <= MOST_DENSE for value in values):
+            raise SceneError(f"The world's medium: its {name} is {values}; it takes three numbers from 0 to {MOST_DENSE:g}")
+    if not abs(world.g) <= MOST_FORWARD:
+        raise SceneError(f"The world's medium: its g is {world.g:g}; it takes numbers from {-MOST_FORWARD:g} to {MOST_FORWARD:g}")
+
+
+def absorption(materials: list[Material]) -> np.ndarray:
+    """(M, 3) per unit length, of the inside: sigma_a, and what leaves attenuation_color of white after attenuation_distance."""
+    color = np.array([m.attenuation_color for m in materials], np.float64).reshape(-1, 3)
+    distance = np.array([m.attenuation_distance for m in materials], np.float64)
+    own = np.array([m.sigma_a for m in materials], np.float64).reshape(-1, 3)
+    return own - np.log(np.clip(color, _LEAST_COLOR, 1.0)) / np.maximum(distance, 1e-30)[:, None]
+
+
+def _key(row: np.ndarray) -> bytes:
+    """By which media are the same: what only absorbs has no use for its g."""
+    return (row if row[rows.SIGMA_S : rows.SIGMA_S + 3].any() else row[: rows.SIGMA_S]).tobytes()
+
+
+def _has_inside(m: Material) -> bool:
+    """Whether light that passes the surface is elsewhere than before."""
+    if m.kind == "interface":
+        return True
+    if m.thin or m.kind not in ("glass", "metallic_roughness"):
+        return False
+    filled = any(m.sigma_s) or any(m.sigma_a)
+    return m.kind == "glass" or m.transmission > 0 or (m.diffuse_transmission > 0 and filled)

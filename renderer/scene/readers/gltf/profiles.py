@@ -1,0 +1,63 @@
+"""EXT_lights_ies: lights that IES profiles shape, in candela."""
+
+from __future__ import annotations
+
+from renderer.errors import SceneError
+from renderer.scene.description import Light
+from renderer.scene.files import SceneFiles, data_uri
+from renderer.scene.readers.gltf.accessors import Accessors
+from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.gltf.lights import forward_of
+from renderer.scene.readers.gltf.transforms import Matrix, unit_vector, vec3
+from renderer.scene.readers.ies import Photometry, read_ies
+from renderer.scene.readers.light_maps import LUMENS_PER_WATT, photometry_of
+from renderer.scene.readers.numbers import clamped, unit_color
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["EXTENSION", "Profiles"]
+
+EXTENSION = "EXT_lights_ies"
+
+_MOST = 1e12
+
+
+class Profiles:
+    """The profiles of one file; each is read once."""
+
+    def __init__(self, root: Json, accessors: Accessors, files: SceneFiles, shelf: TextureShelf) -> None:
+        self._root, self._accessors, self._files, self._shelf = root, accessors, files, shelf
+        own = root.extension(EXTENSION)
+        self._profiles = own.objects("lights") if own else []
+
+    def light(self, node: Json, name: str, world: Matrix) -> Light | None:
+        """The light on a node; None where there is none, or, with a warning, where its profile cannot be read."""
+        source = node.extension(EXTENSION)
+        if source is None:
+            return None
+        profile = self._profiles[source.integer("light", high=len(self._profiles))]
+        try:
+            photometry = self._photometry(profile)
+        except SceneError as error:
+            self._shelf.warn(f"{error}; the light {name} is left out.")
+            return None
+        for note in photometry.notes:
+            self._shelf.warn(f"{note}.")
+        scale = clamped(source.number("multiplier", 1.0), 0.0, _MOST) / LUMENS_PER_WATT
+        r, g, b = (c * scale for c in unit_color(source.vector("color", (1.0, 1.0, 1.0))))
+        # Vertical angles are those in the plane of X and Z; horizontal ones go from X to Y, but clockwise for types A and B.
+        up = world[:3, 1] if photometry.goniometry == "C" else world[:3, 0]
+        at, forward = vec3(world[:3, 3]), forward_of(world)
+        return Light("point", (r, g, b), at, forward, emission=photometry.emission, up=vec3(unit_vector(up)), name=name)
+
+    def _photometry(self, profile: Json) -> Photometry:
+        place = f"{self._root.file}: {profile.where}"
+        if "uri" in profile:
+            uri = profile.text("uri", "")
+            if uri.startswith("data:"):
+                return self._files.recall(("IES", place), lambda: read_ies(data_uri(uri, place), place))
+            name = self._files.resolve_uri(uri, self._root.file)
+            if name is None:
+                raise SceneError(f"{place}: its profile {uri[:120]} is not among the files; add it")
+            return photometry_of(self._files, name)
+        view = profile.integer("bufferView", high=len(self._accessors.views))
+        return self._files.recall(("IES", place), lambda: read_ies(bytes(self._accessors.view_bytes(view)), place))

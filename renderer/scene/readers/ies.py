@@ -1,0 +1,220 @@
+"""IES profiles: what luminaires send into each direction, in candela, as photometers measured it.
+
+Source: ANSI/IES LM-63-19 and before it LM-63-1986, -91, -95 and -02. The angles of a web of type C are those of
+renderer/kernel/light/emission_map.py's SPHERE: the nadir is the axis, the plane C0 lies to the right of it, C90 upwards. Types A
+and B are laid out so that their 0, 0 is the axis, and that positive angles lead to the right and up: of A, whose poles are above
+and below, horizontal angles are longitudes; of B, whose poles are left and right, vertical ones.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError
+from renderer.scene.description import EmissionMap
+from renderer.scene.emission_maps import flux_of
+
+__all__ = ["Photometry", "read_ies"]
+
+F64 = npt.NDArray[np.float64]
+Goniometry = Literal["A", "B", "C"]
+
+_TYPES: dict[float, Goniometry] = {1.0: "C", 2.0: "B", 3.0: "A"}
+_MOST_VALUES = 4_000_000
+_MOST_BYTES = 64 << 20
+_MOST_TEXELS = 2_000_000
+_MOST_NUMBER = 1e12
+_MOST_CANDELA = 1e12
+_HUNDREDTHS = 100  # of a degree: what angles are told in
+_FINEST = 0.25  # degrees between the rows of angles that have no larger step in common, or are too many
+_CLOSE = 0.011  # degrees
+_LEAST_STEP = 1e-4  # degrees
+
+
+class Photometry(NamedTuple):
+    """A profile, its tilt left out but for what it is upright."""
+
+    emission: EmissionMap  # candela
+    lumens: float
+    goniometry: Goniometry
+    notes: list[str]
+
+
+class _Web(NamedTuple):
+    goniometry: Goniometry
+    vertical: F64  # (v,) degrees, ascending
+    horizontal: F64  # (h,) likewise
+    candela: F64  # (h, v)
+
+
+def read_ies(data: bytes, name: str) -> Photometry:
+    """The profile in a file's bytes. Raises SceneError with a sentence that names the file."""
+    notes: list[str] = []
+    web = _parsed(data, name, notes)
+    emission = _of_type_c(web, name) if web.goniometry == "C" else _of_type_a_or_b(web, name)
+    return Photometry(emission, float(flux_of(emission)[0]), web.goniometry, notes)
+
+
+def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
+    if len(data) > _MOST_BYTES:
+        raise SceneError(f"{name}: has {len(data) >> 20} MiB; an IES profile has some kilobytes")
+    text = data.decode("utf-8-sig", "replace")
+    tilt = re.search(r"^[ \t]*TILT[ \t]*=[ \t]*([^\r\n]*)", text, re.MULTILINE | re.IGNORECASE)
+    if tilt is None:
+        raise SceneError(f"{name}: is no IES profile: it has no line TILT=; export it again as IES LM-63")
+    numbers = _Numbers(text[tilt.end() :], name)
+    factor = 1.0
+    kind = tilt.group(1).strip().upper()
+    if kind == "INCLUDE":
+        numbers.take(1, "lamp geometry")
+        count = numbers.count("tilt angles")
+        angles, factors = numbers.take(count, "tilt angles"), numbers.take(count, "tilt factors")
+        factor = float(np.interp(0.0, angles, factors)) if count else 1.0
+        if count and not np.allclose(factors, factor):
+            notes.append(f"{name}: shines as it does upright, however it is tilted")
+    elif kind not in ("NONE", ""):
+        notes.append(f"{name}: its tilt is in another file, {kind[:60]}, and left out")
+    _, _, multiplier = numbers.take(3, "lamps")
+    vertical, horizontal = numbers.count("vertical angles"), numbers.count("horizontal angles")
+    goniometry = _TYPES.get(float(numbers.take(1, "photometric type")[0]))
+    if goniometry is None:
+        raise SceneError(f"{name}: its photometric type is none of 1 (C), 2 (B) and 3 (A); export it again")
+    numbers.take(4, "size")
+    ballast, other, _ = numbers.take(3, "ballast")
+    # The standard of 2019 says there how the file was made; before, it is a factor, too.
+    factor *= multiplier * ballast * (1.0 if re.match(r"\s*IES:\s*LM-63-", text, re.IGNORECASE) else other)
+    if vertical * horizontal > _MOST_VALUES:
+        raise SceneError(f"{name}: has {vertical} x {horizontal} values; at most {_MOST_VALUES} are read")
+    found = numbers.take(vertical, "vertical angles"), numbers.take(horizontal, "horizontal angles")
+    candela = numbers.take(vertical * horizontal, "candela").reshape(horizontal, vertical) * factor
+    for angles, what in zip(found, ("vertical", "horizontal"), strict=True):
+        if len(angles) == 0 or not (np.diff(angles) > _LEAST_STEP).all() or not abs(angles).max() <= 360:
+            raise SceneError(f"{name}: its {what} angles do not ascend within 360 degrees; export it again")
+    if not abs(candela).max() <= _MOST_CANDELA:
+        raise SceneError(f"{name}: its candela are out of all bounds; export it again")
+    return _Web(goniometry, *found, np.maximum(candela, 0.0))
+
+
+class _Numbers:
+    """The numbers of a text, from the first to the last."""
+
+    def __init__(self, text: str, name: str) -> None:
+        self._words, self._at, self._name = text.replace(",", " ").split(), 0, name
+
+    def take(self, count: int, what: str) -> F64:
+        """The next ones."""
+        words = self._words[self._at : self._at + count]
+        self._at += count
+        if len(words) < count:
+            raise SceneError(f"{self._name}: ends where its {what} are to be; give the whole file")
+        try:
+            found = np.array([float(word) for word in words], np.float64)
+            if not (abs(found) <= _MOST_NUMBER).all():
+                raise SceneError(f"{self._name}: its {what} are out of all bounds; export it again")
+            return found
+        except ValueError:
+            raise SceneError(
+                f"{self._name}: has something else than numbers where its {what} are to be; export it again"
+            ) from None
+
+    def count(self, what: str) -> int:
+        """The next one, which says how many follow."""
+        number = float(self.take(1, f"number of {what}")[0])
+        if not (0 <= number <= _MOST_VALUES and number == int(number)):
+            raise SceneError(f"{self._name}: its number of {what} is {number:g}; export it again")
+        return int(number)
+
+
+def _of_type_c(web: _Web, name: str) -> EmissionMap:
+    """The web by its own angles, at the largest steps that meet all of them."""
+    top, bottom = web.vertical[0], web.vertical[-1]
+    if not 0 <= top < bottom <= 180:
+        raise SceneError(f"{name}: its vertical angles go from {top:g} to {bottom:g}; of type C they lie within 0 to 180")
+    around, candela = _whole_circle(web, name)
+    columns = 1 if len(around) == 1 else round(360 / _step(np.append(around, 360.0), 720))
+    rows = round((bottom - top) / _step(web.vertical, _MOST_TEXELS // columns)) + 1
+    theta = np.linspace(top, bottom, rows)
+    phi = np.arange(columns) * 360.0 / columns
+    of_rows = np.stack([np.interp(theta, web.vertical, of_plane) for of_plane in candela])
+    values = np.stack([np.interp(phi, around, of_row, period=360.0) for of_row in of_rows.T])
+    return _grey(values, (0.0, 2 * math.pi, math.radians(top), math.radians(bottom)))
+
+
+def _whole_circle(web: _Web, name: str) -> tuple[F64, F64]:
+    """(n,) horizontal angles from 0 to below 360, and (n, v) the candela there, with all that symmetry stands for."""
+    angles, candela = web.horizontal, web.candela
+    if len(angles) == 1:
+        return np.zeros(1), candela
+    first, last = angles[0], angles[-1]
+    if abs(first) < _CLOSE and abs(last - 90) < _CLOSE:  # the same in all quadrants
+        angles, candela = np.r_[angles, 180 - angles[-2::-1]], np.r_[candela, candela[-2::-1]]
+        last = 180.0
+    if abs(first) < _CLOSE and abs(last - 180) < _CLOSE:  # in both halves
+        angles, candela = np.r_[angles, 360 - angles[-2::-1]], np.r_[candela, candela[-2::-1]]
+    elif abs(first - 90) < _CLOSE and abs(last - 270) < _CLOSE:  # in both halves, of the plane from C90 to C270
+        angles, candela = np.r_[angles, 540 - angles[-2:0:-1]], np.r_[candela, candela[-2:0:-1]]
+    elif not (last - first <= 360 + _CLOSE and 360 - (last - first) <= 1.5 * np.diff(angles).max()):
+        raise SceneError(
+            f"{name}: its horizontal angles go from {first:g} to {last:g}; of type C they are 0, or go from 0 to 90, 180 or 360"
+        )
+    if angles[-1] - angles[0] > 360 - _CLOSE:
+        angles, candela = angles[:-1], candela[:-1]
+    order = np.argsort(angles % 360, kind="stable")
+    return np.asarray((angles % 360)[order]), candela[order]
+
+
+def _step(angles: F64, most: int) -> float:
+    """The largest step, in degrees, by which a walk from the first angle to the last meets all of them, if that takes at most so
+    many; else a fine one."""
+    hundredths = np.rint(np.diff(angles) * _HUNDREDTHS).astype(np.int64)
+    step = int(np.gcd.reduce(hundredths)) / _HUNDREDTHS
+    span = float(angles[-1] - angles[0])
+    if step > 0 and span / step < most and abs(np.cumsum(hundredths) / _HUNDREDTHS - (angles[1:] - angles[0])).max() < _CLOSE:
+        return step
+    return span / max(1, min(most - 1, round(span / _FINEST)))
+
+
+def _of_type_a_or_b(web: _Web, name: str) -> EmissionMap:
+    """The web laid out by angles about its axis. What begins at 0 is the same on the other side."""
+    angles = []
+    for own, what in ((web.horizontal, "horizontal"), (web.vertical, "vertical")):
+        if not -90 <= own[0] <= 0 <= own[-1] <= 90:
+            raise SceneError(
+                f"{name}: its {what} angles go from {own[0]:g} to {own[-1]:g}; of type {web.goniometry} within -90 to 90"
+            )
+        angles.append(own)
+    step = max(min(float(np.diff(each).min(initial=1.0)) for each in angles), _FINEST)
+    rows, columns = round(180 / step) + 1, round(360 / step)
+    theta, phi = np.radians(np.linspace(0, 180, rows))[:, None], np.arange(columns) * 2 * math.pi / columns
+    right, up = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi)
+    forward = np.broadcast_to(np.cos(theta), right.shape)
+    latitude, longitude = (up, right) if web.goniometry == "A" else (right, up)
+    found = np.degrees(np.arcsin(np.clip(latitude, -1, 1))), np.degrees(np.arctan2(longitude, forward))
+    across, above = found[::-1] if web.goniometry == "A" else found
+    values = _bilinear(web, across, above)
+    return _grey(values, (0.0, 2 * math.pi, 0.0, math.pi))
+
+
+def _bilinear(web: _Web, across: F64, above: F64) -> F64:
+    """The candela at angles in degrees, of a web of type A or B; 0 beyond its own."""
+    lit = np.ones(across.shape, bool)
+    places = []
+    for own, wanted in ((web.horizontal, across), (web.vertical, above)):
+        wanted = np.abs(wanted) if own[0] == 0 else wanted
+        lit &= (wanted >= own[0] - _CLOSE) & (wanted <= own[-1] + _CLOSE) if len(own) > 1 else True
+        place = np.interp(wanted, own, np.arange(len(own)))
+        low = np.minimum(place.astype(int), max(len(own) - 2, 0))
+        places.append((low, np.minimum(low + 1, len(own) - 1), place - low))
+    (x0, x1, s), (y0, y1, t) = places
+    table = web.candela
+    left, right = table[x0, y0] * (1 - t) + table[x0, y1] * t, table[x1, y0] * (1 - t) + table[x1, y1] * t
+    return np.asarray(np.where(lit, left * (1 - s) + right * s, 0.0))
+
+
+def _grey(values: F64, edges: tuple[float, float, float, float]) -> EmissionMap:
+    return EmissionMap("sphere", np.repeat(values[..., None], 3, axis=2).astype(np.float32), edges, at_edges=True)

@@ -1,0 +1,145 @@
+"""Mitsuba's media: what fills shapes, and the world around the sensor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from renderer.scene.description import Material, Medium, SceneDescription, Vec3
+from renderer.scene.readers.mitsuba.document import Document, Element
+from renderer.scene.readers.mitsuba.textures import constant_of
+from renderer.scene.readers.mitsuba.values import rgb
+from renderer.scene.readers.scattering import filled_with, medium
+from renderer.scene.readers.substances import substance
+from renderer.scene.readers.surrounded import fill_world
+
+__all__ = ["Media"]
+
+NOTHING = Medium()
+_OLD_SUBSTANCE = "skin1"  # what Mitsuba 0.6 takes where nothing is said
+_SCATTERING_SKIN = ("dipole", "multipole", "singlescatter", "adipole")  # Mitsuba 0.6's subsurface integrators
+
+
+class Media:
+    """The media of a document's shapes."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._known: dict[int, Medium] = {}  # by the identity of their values
+        self._inside: set[tuple[Vec3, Vec3, float]] = set()
+        self._outside: dict[tuple[Vec3, Vec3, float], str] = {}
+        self._unsaid = False  # whether glass does not say what it is filled with
+
+    def inside(self, shape: Element, is_inside_out: bool) -> Medium | None:
+        """What fills a shape; None of one that says nothing of it, or of what is around it.
+
+        is_inside_out: whether its outside is what is filled here.
+        """
+        media = {child.name: child for child in shape.of("medium")}
+        if not media:
+            return None
+        filled, around = media.get("interior", media.get("")), media.get("exterior")
+        if is_inside_out:
+            filled, around = around, filled
+        if around is not None:
+            self._outside.setdefault(_key(self._of(around)), shape.what)
+        found = NOTHING if filled is None else self._of(filled)
+        self._inside.add(_key(found))
+        return found
+
+    def fill(self, made: Material, found: Medium | None, shape: Element) -> Material:
+        """A shape's material with what fills the shape."""
+        lets_through = made.kind in ("glass", "interface") or made.transmission > 0
+        if found is None:
+            self._unsaid |= made.kind == "glass" and not made.thin
+            return made
+        if lets_through and not made.thin:
+            return replace(made, **filled_with(found))
+        if found != NOTHING and (lets_through or made.alpha_mode == "blend"):
+            why = "is thin" if lets_through else "has holes"
+            self._document.ignore(f"{shape.what} {why}: no medium fills it")
+        return made
+
+    def surround(self, description: SceneDescription) -> None:
+        """Fills the world, where the first sensor stands in a medium; once all shapes are there."""
+        sensor = next(iter(self._document.scene.of("sensor")), None)
+        around = None if sensor is None else next(iter(sensor.of("medium")), None)
+        found = NOTHING if around is None else self._of(around)
+        fill_world(description, found)
+        if self._unsaid and any(key != _key(NOTHING) for key in (*self._inside, *self._outside, _key(found))):
+            self._document.ignore("Glass that names no medium is clear inside, where Mitsuba goes on with what is around it")
+        for key, what in self._outside.items():
+            if key not in self._inside and key not in (_key(found), _key(NOTHING)):
+                self._document.ignore(f"The medium around {what} fills no shape: what is around it is not changed")
+
+    def _of(self, source: Element) -> Medium:
+        key = id(source.values)  # which references share
+        if key not in self._known:
+            self._known[key] = self._read(source)
+        return self._known[key]
+
+    def _read(self, source: Element) -> Medium:
+        if source.type in _SCATTERING_SKIN:
+            self._document.ignore(f"{source.what}: light beneath the surface is not followed by it")
+            return NOTHING
+        if source.type not in ("homogeneous", "heterogeneous"):
+            self._document.ignore(f"{source.what} is no medium that is read: it is left out")
+            return NOTHING
+        scale, g = source.number("scale", 1.0), self._direction(source)
+        named = source.get("material", _OLD_SUBSTANCE if self._document.is_old and not _says(source) else None)
+        if named is not None:
+            known = substance(str(named))
+            if known is not None:
+                return medium(known[1], known[0], 0.0, scale)
+            self._document.ignore(f"{source.what}: the material {str(named)[:40]} is not known here; its numbers count")
+        absorbed, scattered = (self._color(source, name) for name in ("sigma_a", "sigma_s"))
+        if absorbed is not None or scattered is not None:
+            return medium(absorbed or (0.0,) * 3, scattered or (0.0,) * 3, g, scale)
+        whole, albedo = self._color(source, "sigma_t"), self._color(source, "albedo")
+        if source.children and any(
+            each.name in ("sigma_t", "albedo") and constant_volume(each) is None for each in source.children
+        ):
+            return NOTHING
+        r, s = albedo or (0.75,) * 3, whole or (1.0,) * 3
+        return medium((t * (1 - a) for t, a in zip(s, r, strict=True)), (t * a for t, a in zip(s, r, strict=True)), g, scale)
+
+    def _color(self, source: Element, name: str) -> Vec3 | None:
+        child = source.child(name)
+        if child is None:
+            found = source.get(name)
+            return None if found is None else rgb(found)
+        child.used.add("")
+        constant = constant_volume(child)
+        if constant is None:
+            self._document.ignore(f"{source.what}: its {name} is not the same everywhere: it is left out, as if it were clear")
+            child.used.update(child.values)
+            return None
+        return rgb(constant)
+
+    def _direction(self, source: Element) -> float:
+        """The mean cosine."""
+        phase = next(iter(source.of("phase")), None)
+        if phase is None or phase.type == "isotropic":
+            return 0.0
+        if phase.type == "hg":
+            return phase.number("g", 0.8)
+        self._document.ignore(f"{phase.what} is no phase function that is read: light is scattered evenly")
+        phase.used.update(phase.values)
+        return 0.0
+
+
+def constant_volume(source: Element) -> object | None:
+    """The value of a volume, or a texture, that is the same everywhere; None of others."""
+    if source.type == "constvolume":
+        inner = source.child("value")
+        return source.get("value", 1.0) if inner is None else constant_of(inner)
+    return constant_of(source)
+
+
+def _says(source: Element) -> bool:
+    return any(name in source.values for name in ("sigma_a", "sigma_s", "sigma_t", "albedo")) or any(
+        child.name in ("sigma_a", "sigma_s", "sigma_t", "albedo") for child in source.children
+    )
+
+
+def _key(found: Medium) -> tuple[Vec3, Vec3, float]:
+    return found.sigma_a, found.sigma_s, found.g

@@ -1,0 +1,138 @@
+"""pbrt's media: what fills shapes and the world, and its subsurface material.
+
+Lengths are those of the scene, whatever their unit: pbrt multiplies coefficients by `scale`, and so its named ones, which are
+a millimetre's, stand for a scene in millimetres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from renderer.scene.description import Material, Medium, SceneDescription, Vec3
+from renderer.scene.readers.numbers import clamped
+from renderer.scene.readers.pbrt.notes import Notes, Place
+from renderer.scene.readers.pbrt.parameters import Parameters
+from renderer.scene.readers.pbrt.textures import Textures
+from renderer.scene.readers.scattering import filled_with, medium, seen_through_a_boundary, within
+from renderer.scene.readers.substances import SUBSTANCES
+from renderer.scene.readers.surrounded import fill_world
+
+__all__ = ["NOTHING", "Interface", "Media", "subsurface"]
+
+NOTHING = Medium()
+_MILK = SUBSTANCES["Wholemilk"]  # what pbrt's subsurface is of where nothing is said
+
+Interface = tuple[str, str]  # the names of the media inside and outside; "" is none
+
+
+class Media:
+    """The media that a file names."""
+
+    def __init__(self, textures: Textures, notes: Notes) -> None:
+        self._textures, self._notes = textures, notes
+        self._named: dict[str, Medium] = {"": NOTHING}
+        self._inside: set[str] = set()  # the names of those that fill shapes
+        self._outside: dict[str, Place] = {}  # and of those that are said to be around them
+        self._unsaid = False  # whether glass does not say what it is filled with
+
+    def make(self, name: str, source: Parameters) -> None:
+        """Names a medium."""
+        kind = source.type
+        if kind == "homogeneous":
+            self._named[name] = self._homogeneous(source)
+            return
+        source.used.update(source.values)
+        self._named[name] = NOTHING
+        self._notes.add(
+            source.place,
+            f"The medium {name[:60]!r} is not the same everywhere ({kind[:40]}): it is left out, as if it were clear",
+        )
+
+    def find(self, name: str, place: Place) -> Medium:
+        """A medium by its name."""
+        if name not in self._named:
+            raise place.wrong(f"there is no medium {name[:60]!r}; MakeNamedMedium names one before it is used")
+        return self._named[name]
+
+    def bounds(self, between: Interface, place: Place) -> bool:
+        """Whether a surface lies between two media."""
+        inside, outside = between
+        return inside != outside and (self.find(inside, place) != NOTHING or self.find(outside, place) != NOTHING)
+
+    def fill(self, made: Material, source: Parameters | None, between: Interface, place: Place) -> Material:
+        """A material of a shape that stands between an inside and an outside. Of equal ones pbrt takes no notice."""
+        inside, outside = between
+        lets_through = made.kind in ("glass", "interface") or made.transmission > 0 or made.diffuse_transmission > 0
+        if inside == outside:
+            self._unsaid |= made.kind == "glass" and not made.thin
+            return made
+        found = self.find(inside, place)
+        self.find(outside, place)
+        self._inside.add(inside)
+        self._outside.setdefault(outside, place)
+        if made.kind == "interface":
+            return replace(made, name=inside or "interface", **filled_with(found))
+        if lets_through and not made.thin:
+            return replace(made, **filled_with(found))
+        if found != NOTHING and lets_through:
+            self._notes.add(place, f"{source} is thin: no medium fills it")
+        return made
+
+    def surround(self, description: SceneDescription, camera: str, place: Place) -> None:
+        """Fills the world, where the camera stands in a medium; once all shapes are there."""
+        fill_world(description, self.find(camera, place))
+        if self._unsaid and any(each != NOTHING for each in self._named.values()):
+            self._notes.add(place, "Glass without a MediumInterface is clear inside, where pbrt goes on with what is around it")
+        for name, where in self._outside.items():
+            if name not in self._inside and name != camera and self._named[name] != NOTHING:
+                self._notes.add(
+                    where, f"The medium {name[:60]!r} is said to be around a shape, but fills none: what is around is not changed"
+                )
+
+    def _homogeneous(self, source: Parameters) -> Medium:
+        known = SUBSTANCES.get(source.text("preset")) if source.get("preset") is not None else None
+        if known is None and source.get("preset") is not None:
+            self._notes.add(source.place, f"{source.text('preset')[:40]!r} is no substance that is known: its numbers count")
+        source.used.update(("sigma_a", "sigma_s", "type", "Le", "Lescale"))
+        scattered, absorbed = known or (
+            coefficients(source, "sigma_s", (1.0,) * 3, self._textures),
+            coefficients(source, "sigma_a", (1.0,) * 3, self._textures),
+        )
+        if source.get("Le") is not None:
+            self._notes.add(source.place, f"{source}: it does not shine (Le) here")
+        return medium(absorbed, scattered, source.number("g", 0.0), source.number("scale", 1.0))
+
+
+def coefficients(source: Parameters, name: str, default: Vec3, textures: Textures) -> Vec3:
+    """Three numbers from 0 on; of a texture their mean."""
+    found = textures.index(source, name)
+    if found is None:
+        return default
+    r, g, b = (max(v, 0.0) for v in textures.colors.numbers(found))
+    return r, g, b
+
+
+def subsurface(source: Parameters, textures: Textures, notes: Notes) -> Material:
+    """The material of a `subsurface`, without its roughness."""
+    ior = clamped(textures.one_number(source, "eta", 1.33), 1.0, 4.0)
+    scale = max(source.number("scale", 1.0), 0.0)
+    made = Material(kind="metallic_roughness", ior=ior, subsurface=1.0)
+    g = clamped(source.number("g", 0.0), -0.999, 0.999)
+    wanted, is_given = source.text("name"), source.get("sigma_a") is not None or source.get("sigma_s") is not None
+    if not wanted and not is_given and source.get("reflectance") is not None:
+        color = textures.color(source, "reflectance", (1.0, 1.0, 1.0))
+        path = coefficients(source, "mfp", (1.0,) * 3, textures)
+        radius = seen_through_a_boundary(textures.mean(color), tuple(scale * c for c in path), ior)  # type: ignore[arg-type]
+        return replace(made, base_color=color.value, base_color_texture=color.texture, subsurface_radius=radius)
+    if wanted and wanted not in SUBSTANCES:
+        notes.add(source.place, f"{wanted[:40]!r} is no substance that is known: rendered as milk")
+    scattered, absorbed = SUBSTANCES.get(wanted, _MILK)
+    if not wanted and is_given:
+        absorbed = coefficients(source, "sigma_a", (0.0,) * 3, textures)
+        whole = coefficients(source, "sigma_s", (0.0,) * 3, textures)
+        scattered = (whole[0] * (1 - g), whole[1] * (1 - g), whole[2] * (1 - g))
+    found = medium(absorbed, scattered, 0.0, scale)
+    if not any(found.sigma_s):
+        return replace(made, base_color=(0.0, 0.0, 0.0), subsurface=0.0)
+    color_seen, radius = within(found.sigma_a, found.sigma_s, ior)
+    return replace(made, base_color=color_seen, subsurface_radius=radius)

@@ -1,0 +1,64 @@
+"""pbrt's goniometric and projection lights: pictures that say how much goes into each direction.
+
+pbrt looks pixels up one by one, where ours are mixed: small pictures are made finer first, so that edges stay where they are.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.scene.description import F32, EmissionMap
+from renderer.scene.readers.light_maps import thrown
+from renderer.scene.readers.pbrt.equal_area import to_square
+
+__all__ = ["goniometric", "projected_power", "projection"]
+
+_FINE = 512  # pixels a side
+_ROWS = (256, 1024)  # of pictures of all directions, at least and at most
+_INSIDE = 2  # lookups along a pixel's side
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+def goniometric(pixels: F32, is_mirrored: bool) -> EmissionMap:
+    """Of (n, n) grey pixels, whose middle is the light's +Y; the map's axis is the light's +Z, and up its +Y.
+
+    is_mirrored: whether the light's space is left-handed in ours, so that its +X is to the right of who looks along +Z.
+    """
+    size = len(pixels)
+    height = min(max(2 * size, _ROWS[0]), _ROWS[1])
+    fine = _INSIDE * height
+    phi = (np.arange(2 * fine) + 0.5) * math.pi / fine
+    theta = ((np.arange(fine) + 0.5) * math.pi / fine)[:, None]
+    side = 1.0 if is_mirrored else -1.0
+    x, y = side * np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi)
+    u, v = to_square(np.stack([x, np.broadcast_to(np.cos(theta), x.shape), y], axis=-1))
+    column, row = (np.minimum((place * size).astype(np.int64), size - 1) for place in (u, v))
+    found = pixels[row, column].reshape(height, _INSIDE, 2 * height, _INSIDE).mean(axis=(1, 3))
+    values = np.repeat(found[..., None], 3, axis=2).astype(np.float32)
+    return EmissionMap("sphere", values, (0.0, 2 * math.pi, 0.0, math.pi))
+
+
+def projection(pixels: F32, fov: float, is_mirrored: bool) -> EmissionMap:
+    """Of (h, w, 3) pixels. fov: degrees that their smaller side spans. is_mirrored: as of `goniometric`."""
+    half_width, half_height = _halves(pixels, fov)
+    pixels = pixels if is_mirrored else pixels[:, ::-1]
+    times = max(1, _FINE // max(pixels.shape[:2]))
+    return thrown(np.repeat(np.repeat(pixels, times, axis=0), times, axis=1), half_width, half_height)
+
+
+def projected_power(pixels: F32, fov: float) -> float:
+    """The luminance that such a light of scale 1 sends out, as pbrt sums it up."""
+    half_width, half_height = _halves(pixels, fov)
+    height, width = pixels.shape[:2]
+    x = half_width * ((np.arange(width) + 0.5) / width * 2 - 1)
+    y = half_height * ((np.arange(height) + 0.5) / height * 2 - 1)
+    weight = (1 + x * x + (y * y)[:, None]) ** -1.5
+    return float(4 * half_width * half_height * (pixels @ _LUMINANCE * weight).mean())
+
+
+def _halves(pixels: F32, fov: float) -> tuple[float, float]:
+    height, width = pixels.shape[:2]
+    half = math.tan(math.radians(min(max(fov, 0.01), 178.0)) / 2)
+    return half * max(1.0, width / height), half * max(1.0, height / width)

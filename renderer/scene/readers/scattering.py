@@ -1,0 +1,104 @@
+"""What light does within things, in the ways in which files say it, as coefficients of media and as subsurface scattering."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import Medium, Vec3
+from renderer.scene.material import MOST_DENSE, MOST_FORWARD
+from renderer.scene.readers.numbers import clamped, unit_color
+
+__all__ = ["attenuating", "diffuse_reflectance", "filled_with", "medium", "seen_through_a_boundary", "single_albedo", "within"]
+
+F64 = npt.NDArray[np.float64]
+_LEAST_COLOR = 1e-6
+_MOST_ALBEDO = 1 - 1e-6
+# Van de Hulst: a half space of similarity s sends (1 - s) (1 - _A s) / (1 + _B s) of diffuse light back.
+_A, _B = 0.139, 1.17
+
+
+def medium(sigma_a: Iterable[float], sigma_s: Iterable[float], g: float = 0.0, scale: float = 1.0) -> Medium:
+    """A medium whose coefficients are so many times these, within what the renderer takes."""
+    absorbed, scattered = (unit_color((max(scale * c, 0.0) for c in each), MOST_DENSE) for each in (sigma_a, sigma_s))
+    return Medium(absorbed, scattered, clamped(g, -MOST_FORWARD, MOST_FORWARD))
+
+
+def filled_with(found: Medium) -> dict[str, Any]:
+    """The fields of a material whose inside is of a medium."""
+    return {"sigma_a": found.sigma_a, "sigma_s": found.sigma_s, "g": found.g}
+
+
+def attenuating(color: Vec3, depth: float, scatter: Vec3, g: float) -> Medium:
+    """The medium that leaves a colour of white light after a depth, of which it scatters some.
+
+    Where more is scattered than attenuated, what is absorbed is raised by the same of all colours until none is below 0.
+    Source: Autodesk's Standard Surface 1.0.1, "transmission", and OpenPBR 1.1, "translucent base".
+    """
+    extinct = [-math.log(clamped(c, _LEAST_COLOR, 1.0)) / depth for c in color]
+    scattered = [max(c, 0.0) / depth for c in scatter]
+    absorbed = [t - s for t, s in zip(extinct, scattered, strict=True)]
+    lacking = min(*absorbed, 0.0)
+    return medium((a - lacking for a in absorbed), scattered, g)
+
+
+def single_albedo(multiple: float, g: float = 0.0) -> float:
+    """What one scattering leaves of light, of a dense medium that looks as bright as `multiple`, 0 to 1.
+
+    Source: Kulla and Conty, "Revisiting physically based shading at Imageworks", 2017; with g as KHR_materials_scatter has it.
+    """
+    m = clamped(multiple, 0.0, 1.0)
+    root = 4.09712 + 4.20863 * m - math.sqrt(9.59217 + 41.6808 * m + 17.7126 * m * m)
+    return clamped((1 - root * root) / (1 - g * root * root), 0.0, 1.0)
+
+
+def diffuse_reflectance(albedo: Any, ior: float) -> F64:
+    """How bright a half space of single-scattering albedos (reduced) is beneath a boundary that throws light back into it.
+
+    Of light that has entered. Source: Jensen et al., "A practical model for subsurface light transport", 2001, eq. 15, with
+    the internal reflection of Egan and Hilgeman.
+    """
+    a = np.clip(np.asarray(albedo, np.float64), 0.0, 1.0)
+    inner = -1.440 / ior**2 + 0.710 / ior + 0.668 + 0.0636 * ior if ior > 1 else 0.0
+    root = np.sqrt(3 * (1 - a))
+    return np.asarray(a / 2 * (1 + np.exp(-4 / 3 * (1 + inner) / (1 - inner) * root)) * np.exp(-root))
+
+
+def within(sigma_a: Vec3, sigma_s: Vec3, ior: float) -> tuple[Vec3, Vec3]:
+    """The colour, and the radius of subsurface scattering, of a dense medium (reduced scattering) beneath a boundary."""
+    absorbed, scattered = np.array(sigma_a), np.array(sigma_s)
+    total = np.maximum(absorbed + scattered, 1e-12)
+    albedo = scattered / total
+    return _vec(diffuse_reflectance(albedo, ior)), _radius(albedo, 1 / total, ior)
+
+
+def seen_through_a_boundary(color: Vec3, path: Vec3, ior: float) -> Vec3:
+    """The radius of subsurface scattering of a medium that looks so beneath a boundary, with these mean free paths."""
+    low, high = np.zeros(3), np.full(3, _MOST_ALBEDO)
+    for _ in range(50):
+        middle = (low + high) / 2
+        is_dark = diffuse_reflectance(middle, ior) < np.array(color)
+        low, high = np.where(is_dark, middle, low), np.where(is_dark, high, middle)
+    return _radius((low + high) / 2, np.array(path), ior)
+
+
+def _radius(albedo: F64, path: F64, ior: float) -> Vec3:
+    """The mean free path of a walk without a boundary that light diffuses through as far as through this medium.
+
+    The walk loses s^2 where it is scattered, s being the similarity of van de Hulst's half space of the colour that is seen
+    (renderer/kernel/medium/subsurface.py); how far light diffuses is the root of 3 sigma_a (sigma_a + sigma_s').
+    """
+    color = diffuse_reflectance(albedo, ior)
+    linear = 1 + _A + _B * color
+    lost = ((linear - np.sqrt(linear**2 - 4 * _A * (1 - color))) / (2 * _A)) ** 2
+    wider = np.where(albedo < _MOST_ALBEDO, np.sqrt(lost / np.maximum(1 - albedo, 1 - _MOST_ALBEDO)), 1.0)
+    return unit_color(_vec(path * wider), MOST_DENSE)
+
+
+def _vec(values: F64) -> Vec3:
+    r, g, b = (float(v) for v in values)
+    return r, g, b

@@ -1,0 +1,42 @@
+"""Whether a camera stands in what fills a shape, or in what fills the world."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.scene.description import Medium, SceneDescription
+from renderer.scene.material import Material
+
+__all__ = ["fill_world"]
+
+
+def fill_world(description: SceneDescription, found: Medium) -> None:
+    """Fills the world with the medium that the first camera is in, unless a shape around the camera is filled with it."""
+    if not any((*found.sigma_a, *found.sigma_s)):
+        return
+    if description.cameras and _is_within(description, found, np.array(description.cameras[0].view.eye, np.float64)):
+        return
+    description.medium = found
+
+
+def _is_within(description: SceneDescription, found: Medium, eye: np.ndarray) -> bool:
+    """Whether a point lies within the bounds of what is filled so."""
+    filled = {number for number, made in enumerate(description.materials) if _is_of(made, found)}
+    for sphere in description.spheres:
+        if sphere.material in filled and float(np.linalg.norm(eye - np.array(sphere.center))) < sphere.radius:
+            return True
+    for instance in description.instances:
+        mesh = description.meshes[instance.mesh]
+        if (mesh.material if instance.material is None else instance.material) not in filled or not len(mesh.positions):
+            continue
+        try:
+            x, y, z = np.linalg.solve(instance.transform, np.array([*eye, 1.0]))[:3]
+        except np.linalg.LinAlgError:
+            continue
+        if (mesh.positions.min(axis=0) < (x, y, z)).all() and ((x, y, z) < mesh.positions.max(axis=0)).all():
+            return True
+    return False
+
+
+def _is_of(made: Material, found: Medium) -> bool:
+    return (made.sigma_a, made.sigma_s, made.g) == (found.sigma_a, found.sigma_s, found.g)

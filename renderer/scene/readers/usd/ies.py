@@ -1,0 +1,81 @@
+"""UsdLuxShapingAPI's IES profiles. Source: the schema, and hdEmbree's reference for where the two differ."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from pxr import UsdLux
+
+from renderer.errors import SceneError
+from renderer.scene.description import EmissionMap
+from renderer.scene.emission_maps import flux_of
+from renderer.scene.files import SceneFiles
+from renderer.scene.readers.ies import Photometry, read_ies
+from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.textures import Images
+
+__all__ = ["Profiles"]
+
+_ROWS = 721
+_LEAST_SCALE = 1e-6
+_HEMISPHERE = math.pi / 2 + 0.1  # radians that a profile spans at most of which only half a sphere counts
+
+
+class Profiles:
+    """Reads the profiles that lights name; each is one map for all lights that shape it alike."""
+
+    def __init__(self, images: Images, files: SceneFiles, notes: Notes, time: Any) -> None:
+        self._images, self._files, self._notes, self._time = images, files, notes, time
+
+    def named(self, prim: Any) -> Any:
+        """The attribute that names a light's profile; None where it has none."""
+        if not prim.HasAPI(UsdLux.ShapingAPI):
+            return None
+        attribute = UsdLux.ShapingAPI(prim).GetShapingIesFileAttr()
+        value = attribute.Get(self._time)
+        return attribute if value is not None and value.path else None
+
+    def emission(self, prim: Any, attribute: Any, is_flat: bool) -> EmissionMap | None:
+        """What multiplies the light's radiance, by its axis -Z, to whose right is -X. is_flat: whether the light is, which sends
+        less to the side. None, with a note, where it cannot be read."""
+        file = self._images.file(attribute, self._time)
+        if file is None:
+            self._notes.add("IES profiles that are not among the files are left out; add them", str(prim.GetPath()))
+            return None
+        shaping = UsdLux.ShapingAPI(prim)
+        scale = 1.0 + (shaping.GetShapingIesAngleScaleAttr().Get(self._time) or 0.0)
+        even = bool(shaping.GetShapingIesNormalizeAttr().Get(self._time))
+        key = "IES of USD", file[0], scale, even, is_flat
+        try:
+            found: tuple[EmissionMap, list[str]] = self._files.recall(
+                key, lambda: _shaped(read_ies(file[1](), file[0]), scale, even, is_flat)
+            )
+        except SceneError as error:
+            self._notes.say(f"{error}; lights shine without it.")
+            return None
+        for note in found[1]:
+            self._notes.say(f"{note}.")
+        return found[0]
+
+
+def _shaped(photometry: Photometry, scale: float, even: bool, is_flat: bool) -> tuple[EmissionMap, list[str]]:
+    """A profile with its vertical angles stretched from its top, and scaled to a mean of 1 over what it spans."""
+    emission = photometry.emission
+    left, right, top, bottom = emission.edges
+    values = emission.values.astype(np.float64)
+    if even:
+        whole = (2 if bottom - top <= _HEMISPHERE else 4) * math.pi
+        values = values * (whole / max(float(flux_of(emission)[0]), 1e-300))
+    if scale != 1.0 or is_flat:
+        theta = np.linspace(0.0, math.pi, max(_ROWS, len(values)))
+        wanted = np.clip((theta - math.pi) / max(scale, _LEAST_SCALE) + math.pi, 0.0, math.pi)
+        own = np.linspace(top, bottom, len(values))
+        columns = values[..., 0].T
+        rows = np.stack([np.interp(wanted, own, column, left=0.0, right=0.0) for column in columns], axis=1)
+        if is_flat:
+            rows *= np.maximum(np.cos(theta), 0.0)[:, None]
+        values, top, bottom = np.repeat(rows[..., None], 3, axis=2), 0.0, math.pi
+    shaped = EmissionMap("sphere", values.astype(np.float32), (left, right, top, bottom), at_edges=True)
+    return shaped, photometry.notes

@@ -1,0 +1,28 @@
+"""What a half-space that scatters evenly sends back: Chandrasekhar, "Radiative Transfer" (1950)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+__all__ = ["diffuse_reflectance", "reflectance"]
+
+_X, _W = (np.polynomial.legendre.leggauss(64)[0] + 1) / 2, np.polynomial.legendre.leggauss(64)[1] / 2
+
+
+def _h(albedo: float) -> np.ndarray:
+    """H at the nodes, by its second integral equation."""
+    h = np.ones_like(_X)
+    for _ in range(2000):
+        h = 1 / (np.sqrt(1 - albedo) + albedo / 2 * (_W * _X * h / (_X[:, None] + _X)).sum(axis=1))
+    return h
+
+
+def reflectance(albedo: float, cosine: float) -> float:
+    """Of light from one direction, in all directions; as much comes from there under a white sky."""
+    h = 1 / (np.sqrt(1 - albedo) + albedo / 2 * (_W * _X * _h(albedo) / (cosine + _X)).sum())
+    return float(1 - np.sqrt(1 - albedo) * h)
+
+
+def diffuse_reflectance(albedo: float) -> float:
+    """Of light from all directions."""
+    return float(1 - 2 * np.sqrt(1 - albedo) * (_W * _X * _h(albedo)).sum())

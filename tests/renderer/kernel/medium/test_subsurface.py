@@ -1,0 +1,37 @@
+"""The albedo of an inside by the colour that its surface is to have."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from renderer.jit import entry
+from renderer.kernel.medium.subsurface import albedo_of
+from tests.renderer.half_space import diffuse_reflectance
+
+
+@entry
+def _albedo(color, g, found):
+    for i in range(len(color)):
+        found[i] = albedo_of((color[i], color[i], color[i]), g)[0]
+
+
+def albedo(color: np.ndarray, g: float = 0.0) -> np.ndarray:
+    found = np.empty(len(color), np.float32)
+    _albedo(np.array(color, np.float32), np.float32(g), found)
+    return found.astype(float)
+
+
+def test_a_half_space_of_it_has_that_colour() -> None:
+    """By Chandrasekhar's H: within half a per cent of white, which is what van de Hulst's formula promises."""
+    color = np.linspace(0.05, 0.95, 10)
+    found = [diffuse_reflectance(each) for each in albedo(color)]
+    assert found == pytest.approx(color, abs=0.005)
+
+
+def test_black_absorbs_and_white_does_not() -> None:
+    for g in (-0.5, 0.0, 0.9):
+        black, white = albedo(np.array((0.0, 1.0)), g)
+        assert black == pytest.approx(0.0, abs=1e-3)
+        assert white == pytest.approx(1.0, abs=1e-6)
+    assert (np.diff(albedo(np.linspace(0, 1, 50), 0.5)) > 0).all()

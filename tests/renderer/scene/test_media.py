@@ -1,0 +1,129 @@
+"""Which medium is inside of which material, and what a file may say of media."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from renderer.arrays import rows
+from renderer.arrays.edition import edition_of
+from renderer.errors import SceneError
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import Environment, Material, Medium, SceneDescription, Sphere
+from renderer.scene.media import list_media
+from renderer.scene.packing import pack
+
+FOG = {"sigma_a": (0.1, 0.1, 0.1), "sigma_s": (1.0, 2.0, 3.0), "g": 0.5}
+
+
+def listed(*materials: Material, medium: Medium | None = None):
+    return list_media(SceneDescription(materials=list(materials), medium=medium))
+
+
+def test_each_medium_is_listed_once_behind_the_worlds() -> None:
+    found = listed(Material(), Material(kind="interface", **FOG), Material(kind="glass"), Material(kind="glass", **FOG))
+    assert found.material_medium.tolist() == [-1, 1, 0, 1]
+    assert found.medium == pytest.approx(np.array([[0.0] * 8, [0.1, 0.1, 0.1, 1.0, 2.0, 3.0, 0.5, 0.0]]))
+
+
+def test_the_worlds_medium_is_the_first() -> None:
+    found = listed(Material(kind="glass"), medium=Medium(**FOG))
+    assert found.medium[0, 3:7].tolist() == [1.0, 2.0, 3.0, 0.5]
+    assert found.material_medium.tolist() == [1]
+    assert not found.medium[1].any()
+
+
+def test_where_nothing_scatters_glass_needs_no_medium() -> None:
+    """What it absorbs, kernels without media know."""
+    found = listed(Material(kind="glass", sigma_a=(1.0, 1.0, 1.0)), Material(kind="interface"))
+    assert not found.medium.any()
+    assert found.material_medium.tolist() == [-1, -1]
+
+
+@pytest.mark.parametrize(
+    ("material", "has"),
+    [
+        (Material(kind="glass", thin=True, **FOG), False),
+        (Material(kind="metallic_roughness", **FOG), False),
+        (Material(kind="metallic_roughness", transmission=0.5, **FOG), True),
+        (Material(kind="metallic_roughness", diffuse_transmission=0.5, **FOG), True),
+        (Material(kind="metallic_roughness", diffuse_transmission=0.5), False),
+    ],
+)
+def test_an_inside_is_what_light_gets_into(material: Material, has: bool) -> None:
+    found = listed(Material(kind="interface", sigma_s=(9.0, 9.0, 9.0)), material)
+    assert (found.material_medium[1] >= 0) == has
+
+
+def test_absorption_is_what_either_says() -> None:
+    glass = Material(kind="glass", sigma_a=(0.1, 0.2, 0.3), attenuation_color=(0.5, 0.5, 0.5), attenuation_distance=2.0)
+    packed = pack(SceneDescription(materials=[glass]))
+    expected = np.array((0.1, 0.2, 0.3)) + np.log(2) / 2
+    assert packed.material[0, rows.ABSORPTION : rows.ABSORPTION + 3] == pytest.approx(expected)
+    assert packed.material_flags[0] & rows.ABSORBING
+
+
+def test_too_many_media_are_said() -> None:
+    fogs = [Material(kind="interface", sigma_s=(1.0, 1.0, 1.0 + i)) for i in range(rows.MOST_MEDIA)]
+    with pytest.raises(SceneError, match="1023 are the most"):
+        listed(*fogs)
+
+
+@pytest.mark.parametrize("wrong", [{"sigma_a": (-1.0, 0.0, 0.0)}, {"sigma_s": (np.nan, 0.0, 0.0)}, {"g": 1.0}])
+def test_a_reader_that_gives_no_medium_is_told_so(wrong) -> None:
+    with pytest.raises(SceneError, match="world's medium"):
+        listed(medium=Medium(**wrong))
+    with pytest.raises(SceneError, match="it takes numbers"):
+        pack(SceneDescription(materials=[Material(kind="interface", **wrong)]))
+
+
+EDITIONS = {
+    "an interface of nothing": ({"material": Material(kind="interface")}, "full"),
+    "glass that absorbs": ({"material": Material(kind="glass", sigma_a=(1.0, 1.0, 1.0))}, "full"),
+    "an interface that absorbs": ({"material": Material(kind="interface", sigma_a=(1.0, 1.0, 1.0))}, "media"),
+    "milk": ({"material": Material(kind="glass", **FOG)}, "media"),
+    "wax": ({"material": Material(subsurface=0.1)}, "media"),
+    "a world": ({"material": Material(), "medium": Medium(sigma_a=(0.1, 0.0, 0.0))}, "media"),
+    "a world of nothing": ({"material": Material(), "medium": Medium()}, "plain"),
+}
+
+
+@pytest.mark.parametrize("name", EDITIONS)
+def test_only_scenes_with_media_get_kernels_with_media(name: str) -> None:
+    more, edition = EDITIONS[name]
+    scene = SceneDescription(
+        materials=[more["material"]], medium=more.get("medium"), spheres=[Sphere((0, 0, 0), 1.0)], environment=Environment()
+    )
+    compiled = compile_scene(scene)
+    assert edition_of(compiled) == edition
+    assert edition_of(compiled, camera_moves=True) == ("moving-media" if edition == "media" else "moving")
+
+
+def test_a_scene_file_says_media(scene) -> None:
+    document = {
+        "medium": {"sigma_s": 0.5, "sigma_a": [0.1, 0.2, 0.3], "g": -0.2},
+        "materials": {"fog": {"kind": "interface", "sigma_s": [1, 2, 3], "g": 0.4}},
+        "shapes": [{"type": "cube", "material": "fog"}],
+    }
+    found = scene("s.yaml", json.dumps(document))
+    assert found.medium == Medium((0.1, 0.2, 0.3), (0.5, 0.5, 0.5), -0.2)
+    (fog,) = found.materials
+    assert (fog.kind, fog.sigma_s, fog.g) == ("interface", (1, 2, 3), 0.4)
+
+
+@pytest.mark.parametrize("field", ["color", "emission", "opacity", "texture", "roughness", "subsurface"])
+def test_an_interface_has_nothing_but_its_medium(scene, field: str) -> None:
+    document = {
+        "materials": {"fog": {"kind": "interface", field: 1 if field != "texture" else "t"}},
+        "shapes": [{"type": "cube"}],
+    }
+    with pytest.raises(SceneError, match=f"{field}.*means nothing for the kind interface"):
+        scene("s.yaml", json.dumps(document))
+
+
+@pytest.mark.parametrize("wrong", [{"g": 1}, {"sigma_s": -1}, {"sigma_s": [1, 2]}, {"density": 1}])
+def test_what_is_wrong_in_a_medium_is_said_with_its_line(scene, wrong) -> None:
+    with pytest.raises(SceneError, match=r"s\.yaml, line 1"):
+        scene("s.yaml", json.dumps({"medium": wrong, "shapes": [{"type": "quad"}]}))

@@ -1,0 +1,200 @@
+"""pbrt's media, subsurface, hair and displacement: by the formulas of their sources."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+from renderer.errors import SceneError
+from renderer.scene.description import Medium
+from renderer.scene.readers.fibres import color_of, deviation
+from renderer.scene.readers.scattering import diffuse_reflectance
+from renderer.scene.readers.substances import SUBSTANCES
+from tests.renderer.scene.pbrt_files import BALL as SPHERE
+from tests.renderer.scene.pbrt_files import HEAD, SQUARE, world
+
+RIGHT = "Scale -1 1 1 " + HEAD
+FOG = 'MakeNamedMedium "fog" "string type" "homogeneous" '
+FOG += '"rgb sigma_a" [1 2 3] "rgb sigma_s" [4 5 6] "float scale" 0.5 "float g" 0.3\n'
+BALL = f" {SPHERE} "
+GLASS = 'Material "dielectric" '
+INTO = 'MediumInterface "fog" ""\n'
+
+
+@pytest.fixture
+def pbrt(scene):
+    return lambda inside, head=RIGHT: scene("scene.pbrt", world(inside, head))
+
+
+def filled(material):
+    return Medium(material.sigma_a, material.sigma_s, material.g)
+
+
+HALF_FOG = Medium((0.5, 1, 1.5), (2, 2.5, 3), 0.3)
+
+
+def test_a_medium_fills_glass_and_what_is_no_surface(pbrt):
+    found = pbrt(FOG + INTO + GLASS + BALL + 'Material "interface"' + BALL + 'Material "diffuse"' + BALL)
+    glass, interface, matt = (found.materials[each.material] for each in found.spheres)
+    assert (glass.kind, filled(glass)) == ("glass", HALF_FOG)
+    assert (interface.kind, filled(interface)) == ("interface", HALF_FOG)
+    assert filled(matt) == Medium()
+    assert found.medium is None
+    assert not any("line" in warning for warning in found.warnings)
+
+
+def test_media_belong_to_blocks_and_the_same_on_both_sides_is_no_boundary(pbrt):
+    inside = FOG + 'MediumInterface "fog"' + GLASS + BALL + "AttributeBegin " + INTO + BALL + "AttributeEnd " + BALL
+    found = pbrt(inside)
+    assert [filled(found.materials[each.material]) for each in found.spheres] == [Medium(), HALF_FOG, Medium()]
+    assert any("Glass without a MediumInterface is clear inside" in warning for warning in found.warnings)
+
+
+def test_a_light_of_no_surface_is_a_lamp_without_a_body(pbrt):
+    found = pbrt('Material "interface" AreaLightSource "diffuse" "rgb L" [1 2 3]' + BALL)
+    (made,) = found.materials
+    assert (made.kind, made.lamp, made.unseen) == ("diffuse", True, False)
+    assert min(made.emission) > 0
+
+
+def test_a_hole_in_fog_is_a_boundary(pbrt):
+    found = pbrt('MediumInterface "" "fog" Material "interface"' + BALL, FOG + 'MediumInterface "" "fog"\n' + RIGHT)
+    (hole,) = found.spheres
+    assert found.materials[hole.material].kind == "interface"
+    assert filled(found.materials[hole.material]) == Medium()
+    assert found.medium == HALF_FOG
+
+
+@pytest.mark.parametrize(("radius", "is_world"), [(1, True), (100, False)])
+def test_the_cameras_medium_fills_the_world_unless_a_shape_around_it_is_filled_so(pbrt, radius, is_world):
+    fogged = FOG + 'MediumInterface "" "fog"\n' + RIGHT
+    found = pbrt(f'MediumInterface "fog" "" Material "interface" Shape "sphere" "float radius" {radius}', fogged)
+    assert (found.medium is not None) == is_world
+
+
+def test_named_substances_are_a_millimetres(pbrt):
+    found = pbrt(
+        'MakeNamedMedium "fog" "string type" "homogeneous" "string preset" "Wholemilk" "float scale" 10 ' + INTO + GLASS + BALL
+    )
+    np.testing.assert_allclose(found.materials[0].sigma_s, (25.5, 32.1, 37.7))
+    np.testing.assert_allclose(found.materials[0].sigma_a, (0.011, 0.024, 0.14))
+    assert len(SUBSTANCES) == 47
+
+
+@pytest.mark.parametrize(
+    ("inside", "sentence"),
+    [
+        (
+            'MakeNamedMedium "fog" "string type" "uniformgrid" ' + INTO + GLASS + BALL,
+            "'fog' is not the same everywhere .uniformgrid",
+        ),
+        (FOG.replace('g" 0.3', 'g" 0.3 "rgb Le" [1 1 1]') + INTO + GLASS + BALL, "does not shine"),
+        (FOG + INTO + 'Material "thindielectric"' + BALL, "is thin: no medium fills it"),
+        (FOG + 'MediumInterface "" "fog"' + GLASS + BALL, "'fog' is said to be around a shape, but fills none"),
+        (
+            'MakeNamedMedium "fog" "string type" "homogeneous" "string preset" "Tar" ' + INTO + GLASS + BALL,
+            "'Tar' is no substance",
+        ),
+        ('Material "interface"' + BALL + 'Material "diffuse"' + BALL, "no medium on either side, is left out"),
+        ('Material "subsurface" "string name" "Tar"' + BALL, "'Tar' is no substance"),
+    ],
+)
+def test_what_is_not_taken_over_is_named(pbrt, inside, sentence):
+    assert any(re.search(sentence, warning) for warning in pbrt(inside).warnings)
+
+
+def test_a_medium_that_is_not_there_is_refused(pbrt):
+    with pytest.raises(SceneError, match="there is no medium 'mist'"):
+        pbrt('MediumInterface "mist" ""' + GLASS + BALL)
+
+
+def test_subsurface_by_reflectance_looks_so_and_diffuses_as_far(pbrt):
+    """What is seen is asked for; how far light diffuses is the medium's own, beneath a boundary of water's."""
+    found = pbrt(
+        'Material "subsurface" "rgb reflectance" [0.8 0.5 0.2] "rgb mfp" [1 2 3] "float scale" 0.5 "float roughness" 0' + BALL
+    )
+    (made,) = found.materials
+    np.testing.assert_allclose(made.base_color, (0.8, 0.5, 0.2), atol=1e-6)
+    assert (made.kind, made.subsurface, made.ior, made.roughness) == ("metallic_roughness", 1, 1.33, 0)
+    for color, path, radius in zip(made.base_color, (0.5, 1, 1.5), made.subsurface_radius, strict=True):
+        albedos = np.linspace(0, 1, 100_001)
+        albedo = np.interp(color, diffuse_reflectance(albedos, 1.33), albedos)
+        similarity = np.linspace(1, 0, 100_001)
+        sent_back = (1 - similarity) * (1 - 0.139 * similarity) / (1 + 1.17 * similarity)  # van de Hulst, as the kernel's walk
+        walk = 1 - np.interp(color, sent_back, similarity) ** 2
+        assert radius / math.sqrt(3 * (1 - walk)) == pytest.approx(path / math.sqrt(3 * (1 - albedo)), rel=1e-3)
+
+
+def test_subsurface_by_coefficients_has_the_reflectance_of_jensens_formula(pbrt):
+    """Jensen et al. 2001, eq. 15, whose half space of albedo 1 throws all light back."""
+    found = pbrt('Material "subsurface" "rgb sigma_a" [0.1 0 1] "rgb sigma_s" [2 3 1] "float g" 0.5 "float eta" 1.5' + BALL)
+    (made,) = found.materials
+    inner = -1.44 / 1.5**2 + 0.71 / 1.5 + 0.668 + 0.0636 * 1.5
+    a = (1 + inner) / (1 - inner)
+    for color, (absorbed, scattered) in zip(made.base_color, ((0.1, 1.0), (0, 1.5), (1, 0.5)), strict=True):
+        albedo = scattered / (absorbed + scattered)
+        root = math.sqrt(3 * (1 - albedo))
+        assert color == pytest.approx(albedo / 2 * (1 + math.exp(-4 / 3 * a * root)) * math.exp(-root))
+    assert made.base_color[1] == 1
+    milk = pbrt('Material "subsurface"' + BALL).materials[0]
+    assert milk.base_color == pbrt('Material "subsurface" "string name" "Wholemilk"' + BALL).materials[0].base_color
+    assert min(milk.base_color) > 0.75
+
+
+def test_hair_has_its_colour_and_its_spread(pbrt):
+    """Chiang et al. 2016: absorption becomes colour again by the same polynomial; pigments as d'Eon et al. 2011 have them."""
+    assert deviation(0.3) ** 2 == pytest.approx((0.726 * 0.3 + 0.812 * 0.09 + 3.7 * 0.3**20) ** 2)
+    color = np.array([0.6, 0.3, 0.1])
+    spread = 5.969 - 0.215 * 0.3 + 2.532 * 0.3**2 - 10.73 * 0.3**3 + 5.574 * 0.3**4 + 0.245 * 0.3**5
+    np.testing.assert_allclose(color_of((np.log(color) / spread) ** 2, 0.3), color)
+    brown, red, dyed, absorbing = (
+        pbrt(f'Material "hair" {said}' + BALL).materials[0]
+        for said in ("", '"float pheomelanin" 2', '"rgb color" [0.6 0.3 0.1]', '"rgb sigma_a" [0.419 0.697 1.37]')
+    )
+    np.testing.assert_allclose(brown.base_color, color_of(1.3 * np.array([0.419, 0.697, 1.37]), 0.3))
+    np.testing.assert_allclose(red.base_color, color_of(2 * np.array([0.187, 0.4, 1.05]), 0.3))
+    np.testing.assert_allclose(absorbing.base_color, color_of(np.array([0.419, 0.697, 1.37]), 0.3))
+    np.testing.assert_allclose(dyed.base_color, color, atol=1e-6)
+    assert (brown.ior, brown.roughness) == (1.55, pytest.approx(math.sqrt(deviation(0.3))))
+
+
+def heights(columns=64):
+    """A float texture of a slope along u: 1 over the picture's width, as PNG."""
+    import io
+
+    from PIL import Image
+
+    row = np.minimum(np.arange(columns) * 2, 255).astype(np.uint8)
+    out = io.BytesIO()
+    Image.fromarray(np.tile(row, (8, 1))).save(out, "PNG")
+    return out.getvalue()
+
+
+BUMPY = """Texture "rise" "float" "imagemap" "string filename" "h.png"
+"string wrap" "clamp" "string encoding" "linear" "float scale" 0.5
+Material "diffuse" "texture displacement" "rise"
+"""
+
+
+def test_displacement_becomes_the_slopes_of_its_heights(scene):
+    """A square 2 wide whose height grows by 0.5 * 2 / 255 a texel of 1/64 of its width."""
+    found = scene("scene.pbrt", world(BUMPY + SQUARE + "Scale 4 4 4 " + SQUARE, RIGHT), {"h.png": heights()})
+    first, second = (found.materials[found.meshes[i.mesh].material] for i in found.instances)
+    slope = 0.5 * 2 / 255 * 64 / 2
+    for made, expected in ((first, slope), (second, slope / 4)):
+        texture = found.textures[made.normal_texture]
+        pixels = found.images[texture.image].pixels[4, 20, :3] / 127.5 - 1
+        assert pixels[0] / pixels[2] * made.normal_scale == pytest.approx(-expected, rel=0.02)
+        assert abs(pixels[1]) < 0.01
+    assert first.normal_texture == second.normal_texture
+
+
+def test_a_normal_map_wins_over_displacement_and_an_even_height_does_nothing(scene, png):
+    inside = BUMPY.replace('"rise"\n', '"rise" "string normalmap" "n.png"\n') + SQUARE
+    found = scene("scene.pbrt", world(inside, RIGHT), {"h.png": heights(), "n.png": png(128, 128, 255)})
+    made = found.materials[found.meshes[0].material]
+    assert found.images[found.textures[made.normal_texture].image].name == "n.png"
+    assert made.normal_scale == 1
+    even = scene("scene.pbrt", world('Material "diffuse" "float displacement" 3 ' + SQUARE, RIGHT))
+    assert even.materials[even.meshes[0].material].normal_texture is None
