@@ -16,7 +16,13 @@ from service.connections import Connection, most_connections
 __all__ = ["serve"]
 
 # Pictures are noise, which is hardly made smaller, by work on the loop that everybody waits for. What a socket is told is short.
-ALWAYS = ("--factory", "--http", "auto", "--ws-per-message-deflate", "false", "--ws-max-size", str(4 << 20))
+# Idle connections are kept for longer than clients keep theirs (httpx: 5 s, as uvicorn by itself). Where both close at the same
+# time, a request may come to a connection that is just being closed, and fails.
+KEEP_ALIVE_S = 20
+ALWAYS = (
+    *("--factory", "--http", "auto", "--timeout-keep-alive", str(KEEP_ALIVE_S)),
+    *("--ws-per-message-deflate", "false", "--ws-max-size", str(4 << 20)),
+)
 HOST, PORT = "127.0.0.1", "8000"
 
 

@@ -162,7 +162,7 @@ def test_where_the_data_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
 
 
 # renderer/blender/inside runs in Blender's own Python, which has them.
-BLENDERS_OWN = {"bpy", "mathutils", "zstandard"}
+BLENDERS_OWN = {"bmesh", "bpy", "mathutils", "zstandard"}
 
 
 @pytest.fixture(scope="module")

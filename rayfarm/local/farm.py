@@ -30,7 +30,7 @@ from worker.protocol.contract import WORKER_KEYS, WorkerReport
 __all__ = ["LocalFarm", "Tls", "free_port"]
 
 ANYWHERE = ("0.0.0.0", "::", "")
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0  # on a busy machine it takes a minute to load the service
 SERVICE_STEADY_S = 15.0  # it may migrate a database first
 REFUSES_TO_START = 3  # uvicorn's exit code where the application says that it cannot start, and a worker's
 

@@ -269,7 +269,7 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
         raise SceneError("a texture reaches beyond the texels")
     maps = arrays["emission_map"].astype(np.int64)
     if len(maps) and not (
-        maps.min() >= 0 and maps[:, 1:3].min() > 0 and (maps[:, 0] + maps[:, 1] * maps[:, 2]).max() <= lengths["O"]
+        maps.min() >= 0 and maps[:, 1:3].min() > 0 and (maps[:, 0] + maps[:, 1] * maps[:, 2]).max() <= lengths["e"]
     ):
         raise SceneError("a light's map reaches beyond its texels")
     for name in ("emission_frame", "key_emission_frame"):

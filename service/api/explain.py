@@ -52,8 +52,8 @@ class PathVertexOut(BaseModel):
     """What a path's ray met. Colours are linear Rec.709, places in world space."""
 
     kind: Literal["surface", "passed", "medium", "missed"] = Field(
-        description="passed: a surface that its alpha let the ray through, or a lamp that is no body; medium: a point in fog, milk "
-        "or the like, where it was scattered; missed: the environment"
+        description="passed: a surface that its alpha let the ray through, or a lamp that is no body; medium: a point in fog, "
+        "milk or the like, where it was scattered; missed: the environment"
     )
     object: int | None
     material: int | None

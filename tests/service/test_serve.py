@@ -58,6 +58,8 @@ def test_it_listens_where_its_settings_say(
     serve(arguments)
     settings = Settings.read(data=tmp_path)
     assert (settings.host, settings.port, settings.needs_login) == (host, port, asks)
+    kept_s = float(told[0][told[0].index("--timeout-keep-alive") + 1])
+    assert kept_s > 2 * (httpx.Limits().keepalive_expiry or 0.0), "a client that asks again must not meet a server that hangs up"
     (all_told,) = told
     assert all_told[all_told.index("--host") + 1] == host
     assert all_told[all_told.index("--port") + 1] == str(port)

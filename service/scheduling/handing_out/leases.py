@@ -70,8 +70,9 @@ class Lease:
         others on their machine, and for what came before anybody was seen with it."""
         return 0.0 if self.is_joint or self.held_since is None else max(time.monotonic() - self.held_since - seconds, 0.0)
 
-    def seen(self, is_seen: bool, end: Callable[[], Position]) -> None:
-        """Note whether it waits or is worked on at this look. end: of the results; looked up after the look.
+    def seen(self, is_seen: bool, end: Callable[[], Position], allowed: float = UNSEEN_ALLOWED) -> None:
+        """Note whether it waits or is worked on at this look. end: of the results; looked up after the look. allowed: looks at
+        which it may not be.
 
         What is first unseen may be in the hands of a worker that has not said so yet, and be answered by the next look: the end
         counts that the last of these looks found.
@@ -80,7 +81,7 @@ class Lease:
             self.unseen, self.answered_by = 0, None
             return
         self.unseen += 1
-        if self.answered_by is None or self.unseen <= UNSEEN_ALLOWED:
+        if self.answered_by is None or self.unseen <= allowed:
             self.answered_by = end()
 
 

@@ -48,9 +48,10 @@ class Missing:
         self._workers = workers
         self._dispatcher = dispatcher
 
-    def look(self, jobs: Mapping[str, ActiveJob], results: Results) -> Iterator[tuple[Lease, Fate]]:
-        """Those that are lost, or late. One whose answer may lie among results that were not read yet is not lost. Raises
-        redis.RedisError."""
+    def look(self, jobs: Mapping[str, ActiveJob], results: Results, travel_s: float = 0.0) -> Iterator[tuple[Lease, Fate]]:
+        """Those that are lost, or late. One whose answer may lie among results that were not read yet is not lost. travel_s: how
+        long results are on their way: so is what goes the other way, and nobody has it meanwhile. Raises redis.RedisError."""
+        allowed = UNSEEN_ALLOWED + travel_s
         waiting = {id for queue in {lease.queue for lease in self._leases} for id in self._dispatcher.waiting(queue)}
         roster = self._workers.roster
         held = Held(roster)
@@ -61,7 +62,7 @@ class Missing:
         for lease in out:
             holder = held.by(lease, jobs[lease.owner])
             is_at_site, waits = held.is_at_site(lease), lease.message in waiting
-            lease.seen(holder is not None or is_at_site or waits, end)
+            lease.seen(holder is not None or is_at_site or waits, end, allowed)
             lease.waited = now if waits else lease.waited
             lease.holder = holder or lease.holder
             lease.held_since = lease.held_since or (now if holder else None)
@@ -73,20 +74,21 @@ class Missing:
             waits_here = lease.has_begun and lease.is_held and not is_at_work
             is_rendered = lease.is_joint and (waits_here or held.is_at_site(lease))
             self._leases.looked_at(lease, is_gone and lease.holder in living, is_rendered)
-            fate = self._fate(lease, is_gone, is_late)
+            fate = self._fate(lease, is_gone, is_late, allowed)
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
             if fate is Fate.LATE or (fate is not None and lease.message not in waiting and not may_be_answered):
                 yield lease, fate
 
-    def _fate(self, lease: Lease, is_gone: bool, is_late: Callable[[], bool]) -> Fate | None:
-        """is_gone: whether who had it does not report itself. is_late: whether somebody may have it who has not said so."""
+    def _fate(self, lease: Lease, is_gone: bool, is_late: Callable[[], bool], allowed: float) -> Fate | None:
+        """is_gone: whether who had it does not report itself. is_late: whether somebody may have it who has not said so.
+        allowed: looks at which it may be nowhere."""
         if lease.is_away:
             return None if lease.doubled else Fate.LATE
         if is_gone:
             return Fate.DEAD
         if lease.is_overdue and (lease.is_held or not is_late()):
             return Fate.OVERDUE
-        if lease.unseen >= UNSEEN_ALLOWED and not is_late():
+        if lease.unseen >= allowed and not is_late():
             return Fate.UNSEEN
         since = lease.held_since or lease.issued
         is_straggler = lease.is_held and time.monotonic() - since > max(STRAGGLER_S, 6 * lease.expected_s)

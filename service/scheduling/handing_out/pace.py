@@ -92,6 +92,11 @@ class Pace:
         Of the latest, three in four were: a kernel that was compiled first, or one slow worker, says nothing about the line."""
         self._travels.append(seconds)
 
+    @property
+    def travel_s(self) -> float:
+        """For how long three in four of the latest results were on their way, at least; 0 where few came."""
+        return sorted(self._travels)[len(self._travels) // 4] if len(self._travels) >= FEW else 0.0
+
     def batch_s(self, slots: int, spent_s: float = 0.0) -> float:
         """How long a batch is to take where so many slots work.
 
@@ -112,8 +117,7 @@ class Pace:
 
     def _long_s(self, slots: int, shortest_s: float) -> float:
         cost_s = self.batch_cost_s or FIRST_GUESS_S
-        travel_s = sorted(self._travels)[len(self._travels) // 4] if len(self._travels) >= FEW else 0.0
-        return min(max(shortest_s, travel_s, slots * cost_s / SHARE) * self._stretch, self._longest_s)
+        return min(max(shortest_s, self.travel_s, slots * cost_s / SHARE) * self._stretch, self._longest_s)
 
     def of_a_tile(self, slots: int, joint: bool = False) -> int:
         """How many batches of a tile are handed out one after the other: they come back together, and are added up to one row.

@@ -312,7 +312,7 @@ class Scheduler:
         self.sites.review(self.jobs)
         idle = cache(self._has_idle_slots)
         rests = cache(lambda id, kind: not (job := self.jobs[id]).knows_cost or job.agenda.next(kind) is None)
-        for lease, fate in self._missing.look(self.jobs, results):
+        for lease, fate in self._missing.look(self.jobs, results, self._pace.travel_s):
             job = self.jobs.get(lease.owner)
             if lease.batch is None or job is None or self.leases.get(lease.id) is None:
                 continue  # with another of its job or frame

@@ -51,11 +51,11 @@ class World:
         hand = [lease.message for lease in leases]
         self.reports[worker] = WorkerReport(worker, "host", 1, 2, "cpu", "kind", "ready", 0.0, in_hand=hand)
 
-    def look(self, seconds: float = 1.0) -> dict[str, Fate]:
+    def look(self, seconds: float = 1.0, travel_s: float = 0.0) -> dict[str, Fate]:
         self.now += seconds
         self.workers.roster = Roster(dict(self.reports), sites=self.sites)
         results: Any = SimpleNamespace(end=lambda: (1, 0), has_read=lambda position: self.read)
-        return {lease.id: fate for lease, fate in self.missing.look(self.jobs, results)}
+        return {lease.id: fate for lease, fate in self.missing.look(self.jobs, results, travel_s)}
 
 
 @pytest.fixture
@@ -178,3 +178,10 @@ def test_what_waits_at_a_site_for_the_others_of_its_run_takes_no_slot(world: Wor
     world.sites = {"attic": SiteReport("attic", "host", 1, "127.0.0.1", 8010, 0.0, in_hand=[lease.id])}
     assert not world.look()
     assert world.leases.turns("kind") == 0
+
+
+def test_where_results_travel_for_long_so_may_what_is_handed_out(world: World) -> None:
+    lease = world.lease()
+    found = [bool(world.look(travel_s=6.0)) for _ in range(10)]
+    assert found == [False] * 8 + [True] * 2
+    world.leases.end(lease.id)
