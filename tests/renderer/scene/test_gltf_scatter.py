@@ -85,3 +85,13 @@ def test_what_blenders_files_say(look):
     )
     assert (found.kind, found.sigma_a, found.sigma_s, found.g) == ("interface", (1, 2, 3), (4, 5, 6), -0.5)
     assert (found.subsurface, found.subsurface_radius, found.subsurface_anisotropy) == (0.75, (0.3, 0.2, 0.1), 0.999)
+
+
+def test_what_is_in_a_medium_of_blenders_is_not_absorbed_a_second_time(look):
+    """Its exporter writes the colour of the same nodes as an attenuation, where a material has a thickness."""
+    found = look(
+        transmission={"transmissionFactor": 1},
+        volume={"thicknessFactor": 1, "attenuationColor": [0.2, 0.7, 0.9], "attenuationDistance": 1.25},
+        RAYFARM_materials_medium={"sigmaA": [0.64, 0.24, 0.08], "sigmaS": [0, 0, 0], "g": 0, "isInterface": False},
+    )
+    assert (found.sigma_a, found.attenuation_color, found.attenuation_distance) == ((0.64, 0.24, 0.08), (1, 1, 1), math.inf)

@@ -95,6 +95,8 @@ def _read_ours(source: Json, material: Material) -> None:
     if medium:
         material.sigma_a, material.sigma_s = (unit_color(medium.vector(name, _NONE), MOST_DENSE) for name in ("sigmaA", "sigmaS"))
         material.g = _g(medium, "g")
+        # All of it is in the medium; what Blender's exporter makes of the same nodes would be absorbed a second time.
+        material.attenuation_color, material.attenuation_distance = (1.0, 1.0, 1.0), math.inf
         if medium.value.get("isInterface") is True:
             material.kind = "interface"
     if beneath:
