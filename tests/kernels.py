@@ -87,24 +87,32 @@ def ready_first() -> Iterator[None]:
 
 
 def main() -> None:
-    """What farms begin with; then, side by side, what farms want next and what else the tests render with."""
+    """What farms begin with; then, side by side, what farms want next and what else the tests render with.
+
+    Without helpers: the tests have something to do for every core, and a helper begins with nothing that is compiled already,
+    which takes it as long again as its part.
+    """
+    from renderer.beside import Helpers
     from renderer.render import FULL, MEDIA, MOVING, PLAIN, warm_up
     from renderer.settings import RenderSettings, View
 
+    def compiled(edition: str, **other: str) -> None:
+        warm_up(replace(settings, **other), edition, helpers=Helpers(edition, wanted=False))
+
     gc.disable()  # a twelfth of the time, and what compiles has next to none
     settings = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
-    warm_up(settings, PLAIN)
+    compiled(PLAIN)
     parent = os.getpid()
     child = os.fork()
     if child == 0:
         die_with_parent(parent)
-        warm_up(settings, MOVING)
-        warm_up(replace(settings, integrator="ao"), FULL)
+        compiled(MOVING)
+        compiled(FULL, integrator="ao")
         os._exit(0)
-    warm_up(settings, FULL)
-    warm_up(settings, MEDIA)
-    warm_up(replace(settings, sampling="light"), FULL)
-    warm_up(replace(settings, integrator="whitted"), FULL)
+    compiled(FULL)
+    compiled(MEDIA)
+    compiled(FULL, sampling="light")
+    compiled(FULL, integrator="whitted")
     os.waitpid(child, 0)
 
 
