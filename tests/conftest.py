@@ -16,7 +16,7 @@ from xdist.remote import Producer
 from xdist.workermanage import WorkerController
 
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
-from tests.kernels import compiling_beside, ready_first, wait_for_farms
+from tests.kernels import compiling_beside, ready_first, wait_for_farms, wait_for_parts
 from tests.spreading import SHARE_THE_FARM, WAITING, WITHOUT_A_FARM, Shares, is_left_out, only_what_waits
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and what they start would ignore it too.
@@ -36,6 +36,8 @@ FIRST = (
     "tests/chaos/",
     "tests/worker/",
 )
+# Begun last: what compiles kernels of its own, of parts that others are made of too.
+LAST = ("tests/renderer/kernel/", "tests/worker/work/")
 GARBAGE = 20_000  # objects that are new when the collector looks for garbage among them; of itself it does so at 700
 SHARED = pytest.StashKey[ExitStack]()
 COMPILING = pytest.StashKey[ExitStack]()
@@ -102,6 +104,12 @@ def kernels_ready_first(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    if item.nodeid.startswith(LAST):
+        wait_for_parts()
+
+
 @pytest.fixture(scope="session")
 def redis_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A real Redis server of the tests' own."""
@@ -151,6 +159,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Puts them in order; and nobody starts a second farm unawares."""
 
     def turn(item: pytest.Item) -> int:
+        if item.nodeid.startswith(LAST):
+            return len(FIRST) + 1
         return next((n for n, paths in enumerate(FIRST) if item.nodeid.startswith(paths)), len(FIRST))
 
     for item in items:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from renderer.arrays.scene import CompiledScene
     from renderer.settings import RenderSettings
 
-__all__ = ["compiling_beside", "ready_first", "wait_for_farms"]
+__all__ = ["compiling_beside", "ready_first", "wait_for_farms", "wait_for_parts"]
 
 COMPILER = "RAYFARM_TESTS_COMPILER"  # in the environment of all tests: the process that compiles
 
@@ -46,11 +46,24 @@ def compiling_beside() -> Iterator[None]:
 
 def wait_for_farms() -> None:
     """Until all that farms render with is compiled, where that process does it: else who waits for a picture waits for it too."""
+    from renderer.render import FULL, MOVING, PLAIN
+
+    _wait_for(PLAIN, FULL, MOVING)
+
+
+def wait_for_parts() -> None:
+    """Until the parts are compiled that kernels of tests call, and are then loaded: most of what those take to compile."""
+    from renderer.render import FULL
+
+    _wait_for(FULL)
+
+
+def _wait_for(*editions: str) -> None:
     from renderer.jit import cache_folder
-    from renderer.render import FULL, MOVING, PLAIN, kernel_name
+    from renderer.render import kernel_name
 
     compiler = int(os.environ.get(COMPILER, "0"))
-    wanted = [cache_folder() / f"{kernel_name(edition=edition)}.done" for edition in (PLAIN, FULL, MOVING)]
+    wanted = [cache_folder() / f"{kernel_name(edition=edition)}.done" for edition in editions]
     while compiler and not all(done.exists() for done in wanted) and _runs(compiler):
         time.sleep(0.2)
 
@@ -69,6 +82,7 @@ def ready_first() -> Iterator[None]:
     """
     from renderer import render
     from renderer.arrays.has import EDITIONS
+    from renderer.beside import Helpers
 
     prepared = render._prepared
 
@@ -76,7 +90,7 @@ def ready_first() -> Iterator[None]:
         made = prepared(scene, settings)
         edition = next(name for name, has in EDITIONS.items() if has == made.has)
         if not render.is_warm(settings, edition):
-            render.warm_up(settings, edition)
+            render.warm_up(settings, edition, helpers=Helpers(edition, wanted=False))
         return made
 
     render._prepared = ready

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import time
-from itertools import product
+from itertools import cycle, product
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from playwright.sync_api import Page
 
 from renderer.image import rgbe9995, tonemap
 from tests.e2e.site import HEIGHT, WIDTH, Site, call, packet, radiances
+from tests.grids import grid
 
 pytestmark = pytest.mark.browser
 
@@ -56,7 +57,15 @@ def test_zooming_keeps_the_pixel_under_the_cursor(page: Page) -> None:
         assert abs(before - after) <= 0.5 / scale + 1e-9, "the origin is rounded to a whole pixel of the screen, no more"
 
 
-def test_the_shader_is_the_tone_mapping_of_python(page: Page) -> None:
+EXPOSURES = (-3.0, 0.0, 2.5)
+LOOKS = {
+    "each curve": list(zip(cycle(EXPOSURES), tonemap.CURVES, strict=False)),
+    "each curve at each exposure": list(product(EXPOSURES, tonemap.CURVES)),
+}
+
+
+@grid("looks", LOOKS, ordinary=("each curve",))
+def test_the_shader_is_the_tone_mapping_of_python(looks: str, page: Page) -> None:
     """Every curve over 21 stops, on the screen: to a last bit of 8."""
     film = radiances()
     mount = """
@@ -71,7 +80,7 @@ def test_the_shader_is_the_tone_mapping_of_python(page: Page) -> None:
         view.actualSize();
         window.view = view;"""
     call(page, "film/film-view", mount, {"width": WIDTH, "height": HEIGHT, "words": rgbe9995.pack(film).ravel().tolist()})
-    for exposure, curve in product((-3.0, 0.0, 2.5), tonemap.CURVES):
+    for exposure, curve in LOOKS[looks]:
         origin = page.evaluate(
             """async (look) => {
                 view.setLook(look);

@@ -28,12 +28,13 @@ def mi():
     return mitsuba
 
 
-@grid("name", SCENES, ordinary=("cornell_box", "mirror_and_glass", "textured_light", "instances"))
+@grid("name", SCENES, ordinary=("mirror_and_glass", "textured_light", "instances"))
 def test_the_same_picture(name, mi, tmp_path):
     judge(mi, SCENES[name](), SPP, tmp_path)
 
 
-@grid("name", MEDIA, ordinary=("smoke_that_scatters_onwards",))
+@pytest.mark.long  # closed forms in tests/renderer/test_media.py are ordinary
+@pytest.mark.parametrize("name", MEDIA)
 def test_the_same_picture_of_what_light_scatters_in(name, mi, tmp_path):
     judge(mi, MEDIA[name](), 96 if name == "haze_with_a_spot" else 32, tmp_path)
 
