@@ -34,7 +34,7 @@ FIRST = (
     SHARE_THE_FARM,
     "tests/test_packaging.py",
     "tests/chaos/",
-    "tests/worker/",
+    "tests/worker/test_",
 )
 # Begun last: what compiles kernels of its own, of parts that others are made of too.
 LAST = ("tests/renderer/kernel/", "tests/worker/work/")
@@ -155,13 +155,23 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return is_left_out(collection_path, config) or None
 
 
+def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Of two processes that collect the same at the same time one begins at the end: what one has compiled the other loads."""
+    is_second = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) % 2 == 1
+    return FromTheEnd.from_parent(parent, path=path) if is_second else None
+
+
+class FromTheEnd(pytest.Dir):
+    def collect(self) -> Iterator[pytest.Item | pytest.Collector]:
+        yield from reversed(list(super().collect()))
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Puts them in order; and nobody starts a second farm unawares."""
 
-    def turn(item: pytest.Item) -> int:
-        if item.nodeid.startswith(LAST):
-            return len(FIRST) + 1
-        return next((n for n, paths in enumerate(FIRST) if item.nodeid.startswith(paths)), len(FIRST))
+    def turn(item: pytest.Item) -> tuple[int, tuple[str, ...]]:
+        last = len(FIRST) + item.nodeid.startswith(LAST)
+        return next((n for n, paths in enumerate(FIRST) if item.nodeid.startswith(paths)), last), item.path.parts
 
     for item in items:
         if {"farm", "browser"} & set(getattr(item, "fixturenames", ())) and not item.nodeid.startswith(SHARE_THE_FARM):
