@@ -16,7 +16,7 @@ from xdist.remote import Producer
 from xdist.workermanage import WorkerController
 
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
-from tests.kernels import compiling_beside, ready_first, wait_for_farms, wait_for_parts
+from tests.kernels import compiling_beside, ready_first, wait_for_farms
 from tests.spreading import SHARE_THE_FARM, WAITING, WITHOUT_A_FARM, Shares, is_left_out, only_what_waits
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and what they start would ignore it too.
@@ -34,10 +34,8 @@ FIRST = (
     SHARE_THE_FARM,
     "tests/test_packaging.py",
     "tests/chaos/",
-    "tests/worker/test_",
+    "tests/worker/",
 )
-# Begun last: what compiles kernels of its own, of parts that others are made of too.
-LAST = ("tests/renderer/kernel/", "tests/worker/work/")
 GARBAGE = 20_000  # objects that are new when the collector looks for garbage among them; of itself it does so at 700
 SHARED = pytest.StashKey[ExitStack]()
 COMPILING = pytest.StashKey[ExitStack]()
@@ -104,12 +102,6 @@ def kernels_ready_first(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    if item.nodeid.startswith(LAST):
-        wait_for_parts()
-
-
 @pytest.fixture(scope="session")
 def redis_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A real Redis server of the tests' own."""
@@ -170,8 +162,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Puts them in order; and nobody starts a second farm unawares."""
 
     def turn(item: pytest.Item) -> tuple[int, tuple[str, ...]]:
-        last = len(FIRST) + item.nodeid.startswith(LAST)
-        return next((n for n, paths in enumerate(FIRST) if item.nodeid.startswith(paths)), last), item.path.parts
+        paths = item.path.parts
+        return next((n for n, first in enumerate(FIRST) if item.nodeid.startswith(first)), len(FIRST)), paths
 
     for item in items:
         if {"farm", "browser"} & set(getattr(item, "fixturenames", ())) and not item.nodeid.startswith(SHARE_THE_FARM):

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from renderer.arrays.scene import CompiledScene
     from renderer.settings import RenderSettings
 
-__all__ = ["compiling_beside", "ready_first", "wait_for_farms", "wait_for_parts"]
+__all__ = ["compiling_beside", "ready_first", "wait_for_farms"]
 
 COMPILER = "RAYFARM_TESTS_COMPILER"  # in the environment of all tests: the process that compiles
 
@@ -46,24 +46,11 @@ def compiling_beside() -> Iterator[None]:
 
 def wait_for_farms() -> None:
     """Until all that farms render with is compiled, where that process does it: else who waits for a picture waits for it too."""
-    from renderer.render import FULL, MOVING, PLAIN
-
-    _wait_for(PLAIN, FULL, MOVING)
-
-
-def wait_for_parts() -> None:
-    """Until the parts are compiled that kernels of tests call, and are then loaded: most of what those take to compile."""
-    from renderer.render import FULL
-
-    _wait_for(FULL)
-
-
-def _wait_for(*editions: str) -> None:
     from renderer.jit import cache_folder
-    from renderer.render import kernel_name
+    from renderer.render import FULL, MOVING, PLAIN, kernel_name
 
     compiler = int(os.environ.get(COMPILER, "0"))
-    wanted = [cache_folder() / f"{kernel_name(edition=edition)}.done" for edition in editions]
+    wanted = [cache_folder() / f"{kernel_name(edition=edition)}.done" for edition in (PLAIN, FULL, MOVING)]
     while compiler and not all(done.exists() for done in wanted) and _runs(compiler):
         time.sleep(0.2)
 
@@ -103,8 +90,7 @@ def ready_first() -> Iterator[None]:
 def main() -> None:
     """What farms begin with; then, side by side, what farms want next and what else the tests render with.
 
-    Without helpers: the tests have something to do for every core, and a helper begins with nothing that is compiled already,
-    which takes it as long again as its part.
+    Without helpers: the tests have something to do for every core, and each helper finds out again much of what others have.
     """
     from renderer.beside import Helpers
     from renderer.render import FULL, MEDIA, MOVING, PLAIN, warm_up
