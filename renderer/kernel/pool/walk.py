@@ -13,12 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bvh.keys import beyond, key_limit, least, nearest, ranked
+from renderer.bvh.keys import beyond, key_limit, least, masked, nearest, nearest_of, ranked
 from renderer.bvh.layout import INSTANCE, NODE_SIZE, PACKET_SIZE, ROW_CHILD, ROW_PRIMITIVE, WIDTH
 from renderer.bvh.packet import meet_spheres, meet_triangles
 from renderer.bvh.simd import (
     address,
-    extract,
     fetch,
     fma,
     less_equal,
@@ -40,6 +39,8 @@ from renderer.kernel.pool.ways import (
     BEST,
     CHILD,
     FAR,
+    HELD,
+    HELD_SIZE,
     INVERSE,
     LEVEL,
     NEAR,
@@ -177,19 +178,25 @@ def _look_into_packets(bvh, motion, alone, pool, stack, lists):
     clear(lists, PACKETS)
     for k in range(count):
         number = row(lists, PACKETS, k)
-        path = at(number, np.uintp(0))
+        path, held = at(number, np.uintp(0)), HELD + np.uintp(k) * HELD_SIZE
         leaf = ~load_int(pool, path + CHILD)
-        best = pool[path + BEST]
         place = place_at(bvh, leaf, alone, time_of(motion, pool, number))
         axes, shear, origin = axes_of(pool, path)
-        hit, t, b, c, determinant = meet_triangles(place, axes, shear, origin, best)
+        hit, t, b, c, determinant = meet_triangles(place, axes, shear, origin, pool[path + BEST])
         inverse = splat(_ONE) / determinant
-        distance, lane = nearest(hit, t * inverse)
+        store(stack, held, masked(hit, t * inverse))
+        store(stack, held + _W, b * inverse)
+        store(stack, held + _W + _W, c * inverse)
+    for k in range(count):
+        path, held = at(row(lists, PACKETS, k), np.uintp(0)), HELD + np.uintp(k) * HELD_SIZE
+        leaf = ~load_int(pool, path + CHILD)
+        best = pool[path + BEST]
+        distance, lane = nearest_of(load(stack, held))
         nearer = distance < best  # not where nothing is hit, whose distance is NaN
         best = select(nearer, distance, best)
         pool[path + BEST] = best
-        _keep(pool, path + _U, nearer, extract(b * inverse, lane))
-        _keep(pool, path + _V, nearer, extract(c * inverse, lane))
+        _keep(pool, path + _U, nearer, stack[held + _W + np.uintp(lane)])
+        _keep(pool, path + _V, nearer, stack[held + _W + _W + np.uintp(lane)])
         found = load_int(bvh.packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
         store_int(pool, path + _PRIMITIVE, select(nearer, found, load_int(pool, path + _PRIMITIVE)))
         if bvh.instances is not None:
