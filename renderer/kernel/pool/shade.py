@@ -52,7 +52,11 @@ def _look_into_nodes(bvh, pool, stack, lists):
         above = top + LEVEL
         store_int(stack, above, np.int32(met))
         store_int(stack, above + _1, this)
-        child, top, over = _choose(bvh.node, stack, select(met != _NONE, above, top))
+        store_int(pool, path + TOP, np.int32(select(met != _NONE, above, top)))
+    for k in range(count):
+        number = row(lists, NODES, k)
+        path = at(number, np.uintp(0))
+        child, top, over = _choose(bvh.node, stack, word(pool, path + TOP))
         go_on(bvh, pool, lists, number, path, child, top, over)
 
 
@@ -68,8 +72,11 @@ def _look_into_packets(bvh, motion, alone, pool, stack, lists):
         axes, shear, origin = axes_of(pool, path)
         blocked = bits(meet_triangles(place, axes, shear, origin, _ONE)[0]) != _NONE
         pool[path + BLOCKED] = select(blocked, _ONE, np.float32(0.0))
+    for k in range(count):
+        number = row(lists, PACKETS, k)
+        path = at(number, np.uintp(0))
         child, top, over = _choose(bvh.node, stack, word(pool, path + TOP))
-        go_on(bvh, pool, lists, number, path, child, top, over | blocked)
+        go_on(bvh, pool, lists, number, path, child, top, over | (pool[path + BLOCKED] != np.float32(0.0)))
 
 
 @subroutine
