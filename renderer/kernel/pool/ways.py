@@ -54,8 +54,8 @@ BLOCKED = BEST  # or of a shadow ray: whether something lies on its way
 # the keys of a node's children, the next of them, the node. Of a shadow ray: the children that are left, the node.
 _ENTRY = 16  # words: a line of the cache
 LEVEL = np.uintp((ROWS + 1) * _ENTRY)  # between two levels' entries of a ray; not a power of two, whose lines share sets
-HELD = LEVEL * np.uintp(MAX_LEVELS + 2)  # behind it: what is held of each ray from one loop of a pass to the next
-HELD_SIZE = np.uintp(32)
+# Behind them, what a loop over rays holds for the one after it, two lines of the cache each: walk.py.
+HELD, HELD_SIZE = LEVEL * np.uintp(MAX_LEVELS + 2), np.uintp(2 * _ENTRY)
 STACK_SIZE = int(HELD) + ROWS * int(HELD_SIZE)
 NEVER = np.int32(-(2**31))  # the key of what lies below a ray's first entry: chosen when nothing else is left
 
