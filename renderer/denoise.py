@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from renderer.errors import SettingsError
 
-__all__ = ["Clean", "cleaned", "denoise", "is_available"]
+__all__ = ["Clean", "cleaned", "denoise", "for_a_glance", "is_available"]
 
 F32 = npt.NDArray[np.float32]
 _RANGE = np.float32(1e6)  # beyond half precision's range nothing is gained; infinities would spread
@@ -37,6 +37,18 @@ def denoise(color: F32, albedo: F32, normal: F32, threads: int | None = None) ->
     return cleaned(color, albedo, normal, threads).color
 
 
+def for_a_glance(color: F32, albedo: F32, normal: F32) -> F32:
+    """A small picture of few samples without most of its noise, on one thread: the guides are taken as they are, noise and all,
+    which leaves edges less sharp than `cleaned` does and takes a third of the time.
+
+    The picture itself where Open Image Denoise is not installed or fails.
+    """
+    try:
+        return _cleaned(color, albedo, normal, 1, guides_first=False).color
+    except SettingsError:
+        return color
+
+
 def cleaned(color: F32, albedo: F32, normal: F32, threads: int | None = None) -> Clean:
     """The picture without most of its noise, scene-linear; the inputs stay as they are.
 
@@ -45,12 +57,16 @@ def cleaned(color: F32, albedo: F32, normal: F32, threads: int | None = None) ->
     textures and shapes that a filter of colour alone would smear. threads: None for all cores.
     Raises SettingsError where Open Image Denoise is not installed or fails.
     """
+    return _cleaned(color, albedo, normal, threads or 0, guides_first=True)
+
+
+def _cleaned(color: F32, albedo: F32, normal: F32, threads: int, *, guides_first: bool) -> Clean:
     try:
         import pyoidn
     except (ImportError, OSError) as error:
         raise SettingsError(f"Open Image Denoise cannot be loaded ({error}). Install it: pip install 'pyoidn>=2.5,<3'") from error
     with pyoidn.Device(pyoidn.OIDN_DEVICE_TYPE_CPU) as device:
-        device.set_int("numThreads", threads or 0)
+        device.set_int("numThreads", threads)
         device.set_bool("setAffinity", False)  # pinned threads would fight with those who render
         device.commit()
 
@@ -68,7 +84,7 @@ def cleaned(color: F32, albedo: F32, normal: F32, threads: int | None = None) ->
 
         guides = {}
         for name, image in (("albedo", albedo), ("normal", normal)):
-            clean = np.ascontiguousarray(image, np.float32)
-            guides[name] = run(np.empty_like(clean), {name: clean})
+            guide = np.ascontiguousarray(image, np.float32)
+            guides[name] = run(np.empty_like(guide), {name: guide}) if guides_first else guide
         noisy = np.clip(np.ascontiguousarray(color, np.float32), 0, _RANGE)
-        return Clean(run(np.empty_like(noisy), {"color": noisy, **guides}, hdr=True, cleanAux=True), **guides)
+        return Clean(run(np.empty_like(noisy), {"color": noisy, **guides}, hdr=True, cleanAux=guides_first), **guides)

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SettingsError
+from service.watching.priority import no_more_urgent
 
 if TYPE_CHECKING:
     import av
@@ -54,14 +55,17 @@ def write_movie(path: Path, pictures: Iterable[U8], fps: float) -> int:
     count = 0
     options = {"movflags": "+faststart"} if kind == "mp4" else {}
     try:
-        with av.open(str(path), "w", options=options) as container:
+        with av.open(str(path), "w", options=options) as container, no_more_urgent() as restore:
             stream: Any = None
             for picture in pictures:
                 if stream is None:
                     stream = _stream(container, kind, picture.shape, Fraction(fps).limit_denominator(1001))
+                    stream.codec_context.open()
+                    restore()
                 frame = _frame(np.ascontiguousarray(picture), kind)
                 frame.pts = count
                 container.mux(stream.encode(frame))
+                restore()
                 count += 1
             if stream is not None:
                 container.mux(stream.encode(None))

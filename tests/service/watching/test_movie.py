@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import av
@@ -50,6 +53,23 @@ def test_a_small_film_is_written_too(tmp_path: Path, kind: str) -> None:
     path = tmp_path / f"out.{kind}"
     write_movie(path, (patches(i, 24, 16) for i in range(3)), 23.976)
     assert [picture.shape for picture in shown(path)] == [(16, 24, 3)] * 3
+
+
+@pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="Encoders become urgent where they run as root.")
+def test_no_thread_becomes_more_urgent_than_other_programs(tmp_path: Path) -> None:
+    def urgent() -> list[Path]:
+        threads = Path("/proc/self/task").iterdir()
+        return [thread for thread in threads if os.sched_getscheduler(int(thread.name)) != os.SCHED_OTHER]
+
+    def pictures() -> Iterator[np.ndarray]:
+        for i in range(6):
+            during.extend(urgent())
+            yield patches(i)
+
+    during: list[Path] = []
+    write_movie(tmp_path / "out.webm", pictures(), 12.0)
+    assert not during
+    assert not urgent()
 
 
 @pytest.mark.parametrize("kind", ["mp4", "webm"])
