@@ -7,8 +7,9 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from renderer.bvh.simd import LANES, f32x8, mask8
+from renderer.jit import device
 
-__all__ = ["beyond", "exceeding", "key_limit", "least", "nearest", "ranked"]
+__all__ = ["beyond", "exceeding", "key_limit", "least", "masked", "nearest", "nearest_of", "ranked"]
 
 _I32 = ir.IntType(32)
 _FLOAT = ir.FloatType()
@@ -87,15 +88,31 @@ def key_limit(typingctx, distance):
 
 
 @intrinsic
-def nearest(typingctx, mask, distance):
-    """(distance, lane): the least of the f32x8 of positive distances in the mask's lanes; the first lane of equal ones."""
+def masked(typingctx, mask, distance):
+    """The f32x8 of distances, and what is beyond all of them, NaN, in the lanes that the mask leaves out."""
 
     def codegen(context, builder, sig, args):
         none = ir.Constant(_KEYS, [_DONE] * LANES)
-        values = builder.select(args[0], builder.bitcast(args[1], _KEYS), none)
+        return builder.bitcast(builder.select(args[0], builder.bitcast(args[1], _KEYS), none), args[1].type)
+
+    return f32x8(mask8, f32x8), codegen
+
+
+@intrinsic
+def nearest_of(typingctx, distances):
+    """(distance, lane): the least of what `masked` gives of positive distances; the first lane of equal ones."""
+
+    def codegen(context, builder, sig, args):
+        values = builder.bitcast(args[0], _KEYS)
         value = _least(builder, values)
         found = builder.icmp_signed("==", values, _all(builder, value))
         lane = builder.cttz(builder.zext(builder.bitcast(found, ir.IntType(LANES)), _I32), ir.Constant(ir.IntType(1), 1))
         return context.make_tuple(builder, sig.return_type, [builder.bitcast(value, _FLOAT), lane])
 
-    return types.Tuple((types.float32, types.uint32))(mask, distance), codegen
+    return types.Tuple((types.float32, types.uint32))(distances), codegen
+
+
+@device
+def nearest(mask, distance):
+    """(distance, lane): the least of the f32x8 of positive distances in the mask's lanes; the first lane of equal ones."""
+    return nearest_of(masked(mask, distance))

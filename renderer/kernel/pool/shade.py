@@ -17,6 +17,7 @@ from renderer.kernel.pool.ways import BLOCKED, CHILD, LEVEL, TOP, three, word
 
 __all__ = ["walk_in_shade"]
 
+_ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _NONE = np.uint32(0)
 _BIT = np.uint32(1)
@@ -38,22 +39,33 @@ def _choose(node, stack, top):
     return child, select(rest == _NONE, top - LEVEL, top), top < LEVEL
 
 
+@device
+def _send_on(bvh, pool, stack, lists, which, count):
+    """Sends the first `count` rays of a list, whose length no longer counts, on: those that are blocked, or have no child left on
+    their stacks, are at their end. A loop of its own, as in walk.py.
+    """
+    for k in range(count):
+        number = row(lists, which, k)
+        path = at(number, np.uintp(0))
+        child, top, over = _choose(bvh.node, stack, word(pool, path + TOP))
+        go_on(bvh, pool, lists, number, path, child, top, over | (pool[path + BLOCKED] != _ZERO))
+
+
 @subroutine
 def _look_into_nodes(bvh, pool, stack, lists):
     out_of_line()
     count = length(lists, NODES)
     clear(lists, NODES)
     for k in range(count):
-        number = row(lists, NODES, k)
-        path = at(number, np.uintp(0))
+        path = at(row(lists, NODES, k), np.uintp(0))
         this = load_int(pool, path + CHILD)
         met = bits(boxes(bvh.node, np.uintp(np.uint32(this)) * _NODE, pool, path, _ONE)[0])
         top = word(pool, path + TOP)
         above = top + LEVEL
         store_int(stack, above, np.int32(met))
         store_int(stack, above + _1, this)
-        child, top, over = _choose(bvh.node, stack, select(met != _NONE, above, top))
-        go_on(bvh, pool, lists, number, path, child, top, over)
+        store_int(pool, path + TOP, np.int32(select(met != _NONE, above, top)))
+    _send_on(bvh, pool, stack, lists, NODES, count)
 
 
 @subroutine
@@ -67,9 +79,8 @@ def _look_into_packets(bvh, motion, alone, pool, stack, lists):
         place = place_at(bvh, ~load_int(pool, path + CHILD), alone, time_of(motion, pool, number))
         axes, shear, origin = axes_of(pool, path)
         blocked = bits(meet_triangles(place, axes, shear, origin, _ONE)[0]) != _NONE
-        pool[path + BLOCKED] = select(blocked, _ONE, np.float32(0.0))
-        child, top, over = _choose(bvh.node, stack, word(pool, path + TOP))
-        go_on(bvh, pool, lists, number, path, child, top, over | blocked)
+        pool[path + BLOCKED] = select(blocked, _ONE, _ZERO)
+    _send_on(bvh, pool, stack, lists, PACKETS, count)
 
 
 @subroutine
@@ -87,9 +98,8 @@ def _look_into_others(bvh, motion, alone, pool, stack, lists):
             blocked = any_in_instance(bvh, alone, np.uintp(0), leaf >> 2, o, d, _ONE, time)
         else:
             blocked = bits(meet_spheres(place_at(bvh, leaf, alone, time), o, d, _ONE)[0]) != _NONE
-        pool[path + BLOCKED] = select(blocked, _ONE, np.float32(0.0))
-        child, top, over = _choose(bvh.node, stack, word(pool, path + TOP))
-        go_on(bvh, pool, lists, number, path, child, top, over | blocked)
+        pool[path + BLOCKED] = select(blocked, _ONE, _ZERO)
+    _send_on(bvh, pool, stack, lists, OTHERS, count)
 
 
 @device

@@ -13,12 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bvh.keys import beyond, key_limit, least, nearest, ranked
+from renderer.bvh.keys import beyond, key_limit, least, masked, nearest, nearest_of, ranked
 from renderer.bvh.layout import INSTANCE, NODE_SIZE, PACKET_SIZE, ROW_CHILD, ROW_PRIMITIVE, WIDTH
 from renderer.bvh.packet import meet_spheres, meet_triangles
 from renderer.bvh.simd import (
     address,
-    extract,
     fetch,
     fma,
     less_equal,
@@ -40,6 +39,8 @@ from renderer.kernel.pool.ways import (
     BEST,
     CHILD,
     FAR,
+    HELD,
+    HELD_SIZE,
     INVERSE,
     LEVEL,
     NEAR,
@@ -170,30 +171,51 @@ def _keep(pool, place, nearer, value):
     store_int(pool, place, select(nearer, np.int32(as_ints(value)), load_int(pool, place)))
 
 
+@device
+def _test_packets(bvh, motion, alone, pool, stack, lists, count):
+    """Tests the first `count` listed rays against the triangles of their packets: what each triangle gives is held for
+    `_keep_nearest`.
+
+    Loops of their own again: to find the least of eight numbers, and what stands in its lane, is a chain of short steps, and the
+    instructions that wait for it would fill the room in which the processor looks for the next ray's.
+    """
+    for k in range(count):
+        number = row(lists, PACKETS, k)
+        path, held = at(number, np.uintp(0)), HELD + np.uintp(k) * HELD_SIZE
+        place = place_at(bvh, ~load_int(pool, path + CHILD), alone, time_of(motion, pool, number))
+        axes, shear, origin = axes_of(pool, path)
+        hit, t, b, c, determinant = meet_triangles(place, axes, shear, origin, pool[path + BEST])
+        inverse = splat(_ONE) / determinant
+        store(stack, held, masked(hit, t * inverse))
+        store(stack, held + _W, b * inverse)
+        store(stack, held + _W + _W, c * inverse)
+
+
+@device
+def _keep_nearest(bvh, pool, stack, lists, count):
+    """Writes down the nearest hit of what is held of each ray, where it is nearer than the one that the ray has."""
+    for k in range(count):
+        path, held = at(row(lists, PACKETS, k), np.uintp(0)), HELD + np.uintp(k) * HELD_SIZE
+        leaf = ~load_int(pool, path + CHILD)
+        best = pool[path + BEST]
+        distance, lane = nearest_of(load(stack, held))
+        nearer = distance < best  # not where nothing is hit, whose distance is NaN
+        pool[path + BEST] = select(nearer, distance, best)
+        _keep(pool, path + _U, nearer, stack[held + _W + np.uintp(lane)])
+        _keep(pool, path + _V, nearer, stack[held + _W + _W + np.uintp(lane)])
+        found = load_int(bvh.packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
+        store_int(pool, path + _PRIMITIVE, select(nearer, found, load_int(pool, path + _PRIMITIVE)))
+        if bvh.instances is not None:
+            store_int(pool, path + _INSTANCE, select(nearer, NO_PRIMITIVE, load_int(pool, path + _INSTANCE)))
+
+
 @subroutine
 def _look_into_packets(bvh, motion, alone, pool, stack, lists):
     out_of_line()
     count = length(lists, PACKETS)
     clear(lists, PACKETS)
-    for k in range(count):
-        number = row(lists, PACKETS, k)
-        path = at(number, np.uintp(0))
-        leaf = ~load_int(pool, path + CHILD)
-        best = pool[path + BEST]
-        place = place_at(bvh, leaf, alone, time_of(motion, pool, number))
-        axes, shear, origin = axes_of(pool, path)
-        hit, t, b, c, determinant = meet_triangles(place, axes, shear, origin, best)
-        inverse = splat(_ONE) / determinant
-        distance, lane = nearest(hit, t * inverse)
-        nearer = distance < best  # not where nothing is hit, whose distance is NaN
-        best = select(nearer, distance, best)
-        pool[path + BEST] = best
-        _keep(pool, path + _U, nearer, extract(b * inverse, lane))
-        _keep(pool, path + _V, nearer, extract(c * inverse, lane))
-        found = load_int(bvh.packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
-        store_int(pool, path + _PRIMITIVE, select(nearer, found, load_int(pool, path + _PRIMITIVE)))
-        if bvh.instances is not None:
-            store_int(pool, path + _INSTANCE, select(nearer, NO_PRIMITIVE, load_int(pool, path + _INSTANCE)))
+    _test_packets(bvh, motion, alone, pool, stack, lists, count)
+    _keep_nearest(bvh, pool, stack, lists, count)
     _send_on(bvh, pool, stack, lists, PACKETS, count)
 
 

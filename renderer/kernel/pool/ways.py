@@ -19,6 +19,8 @@ __all__ = [
     "BLOCKED",
     "CHILD",
     "FAR",
+    "HELD",
+    "HELD_SIZE",
     "INVERSE",
     "LEVEL",
     "NEAR",
@@ -52,7 +54,9 @@ BLOCKED = BEST  # or of a shadow ray: whether something lies on its way
 # the keys of a node's children, the next of them, the node. Of a shadow ray: the children that are left, the node.
 _ENTRY = 16  # words: a line of the cache
 LEVEL = np.uintp((ROWS + 1) * _ENTRY)  # between two levels' entries of a ray; not a power of two, whose lines share sets
-STACK_SIZE = int(LEVEL) * (MAX_LEVELS + 2)
+# Behind them, what a loop over rays holds for the one after it, two lines of the cache each: walk.py.
+HELD, HELD_SIZE = LEVEL * np.uintp(MAX_LEVELS + 2), np.uintp(2 * _ENTRY)
+STACK_SIZE = int(HELD) + ROWS * int(HELD_SIZE)
 NEVER = np.int32(-(2**31))  # the key of what lies below a ray's first entry: chosen when nothing else is left
 
 _ZERO = np.float32(0.0)
