@@ -37,9 +37,10 @@ RUN pip install --constraint constraints.txt --requirement worker/requirements.t
 COPY renderer renderer
 USER rayfarm
 # The kernels are compiled here, so that no container compiles them, for processors with AVX-512 (if this one has it) and without
-# it; the volume holds fetched scenes alone.
+# it; what their sources mean is kept too, which each start would find out. The volume holds fetched scenes alone.
 RUN for avx512 in true false; do \
-      RAYFARM_AVX512=$avx512 python3 -c "from renderer.render import EDITIONS, warm_up; [warm_up(edition=name) for name in EDITIONS]" || exit; \
+      RAYFARM_AVX512=$avx512 python3 -c "from renderer import jit; from renderer.render import EDITIONS, warm_up; \
+        print(jit.kind(), [warm_up(edition=name) for name in EDITIONS])" || exit; \
     done && mkdir -p /home/rayfarm/.cache/rayfarm/blobs
 USER root
 COPY worker worker

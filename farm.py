@@ -108,6 +108,9 @@ def install(extras=()):
     # pip compiles what it copies, and leaves ours where they are. Each process would, where PYTHONDONTWRITEBYTECODE is set.
     packages = [str(ROOT / name) for name in ("rayfarm", "renderer", "service", "worker")]
     subprocess.call([str(python), "-m", "compileall", "-q", *packages], stdout=subprocess.DEVNULL)
+    # What the sources mean, which a worker's kind follows from, is kept beside them: the first start would find it out.
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    subprocess.call([str(python), "-c", "from renderer import jit; jit.kind()"], cwd=str(ROOT), **quiet)
     stamp.write_text(" ".join([state(), *extras]) + "\n")
     say(f"installed after {time.monotonic() - begun:.0f} s")
     return python

@@ -10,6 +10,12 @@ __all__ = ["main"]
 def main() -> None:
     """Load the commands, and run the one that is asked for."""
     try:
+        if sys.argv[1:2] == ["worker"]:
+            from rayfarm import early
+
+            if early.is_of_use(sys.argv[1:]):
+                early.begin()
+
         from rayfarm.cli import main as run
 
         run()

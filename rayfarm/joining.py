@@ -9,6 +9,7 @@ import os
 import time
 from pathlib import Path
 
+from rayfarm import early
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
 from rayfarm.machine import StopSignals
@@ -58,6 +59,8 @@ def run(name: str, command: list[str], token: str, sentence: str, grace_s: float
     env = {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}
     part = Part(name, command, log, env, grace_s=grace_s, fatal_codes=(FATAL,), steady_s=WORKER_STEADY_S)
     try:
+        if name == "worker":
+            part.spare = early.told(command[3:], {**os.environ, **env}, log)
         supervisor.start(part)
     except OSError as error:
         raise CommandError(

@@ -26,6 +26,7 @@ import llvmlite.binding as llvm  # which has nothing of Numba's options
 
 from renderer import __version__, sources
 from renderer.places import cache_home
+from renderer.without import without
 
 __all__ = [
     "HAS_AVX512",
@@ -133,7 +134,9 @@ def _configure() -> None:
 _configure()
 
 from llvmlite import ir  # noqa: E402
-from numba import njit, types  # noqa: E402
+
+with without("scipy"):
+    from numba import njit, types
 from numba.core import cgutils  # noqa: E402
 from numba.core.caching import UserProvidedCacheLocator  # noqa: E402
 from numba.extending import intrinsic  # noqa: E402

@@ -7,17 +7,17 @@ optimised and translated once for each function above it.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Self
 
 import llvmlite.binding as llvm
-from numba.core.codegen import JITCodeLibrary
+from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
 from numba.core.compiler import compile_result
 from numba.core.compiler_machinery import AnalysisPass, register_pass
 
-__all__ = ["ChooseLibrary", "part_of", "stay_apart"]
+__all__ = ["ChooseLibrary", "rebuilt", "stay_apart"]
 
 _APART = ".apart"  # the name of a library whose function is never merged into its callers ends so, in files too
-_PART = "part"  # of what was kept
+_PART, _KERNEL = "part", "kernel"  # of what was kept
 _ENVIRONMENT = "_ZN08NumbaEnv"  # the names of what a function knows of Python begin so
 
 
@@ -32,10 +32,13 @@ class _Kernel(JITCodeLibrary):
 
     counts: whether it has arrays of its own, whose references are counted. beneath: the code of those that stay apart, by their
     names, each after all that it calls itself.
+    _unread: of one that was kept, what another function would be linked with. It is the larger part, takes longest to read, and
+    hardly any is.
     """
 
     counts = False
     beneath: dict[str, Any]
+    _unread: bytes | None = None
 
     def _optimize_functions(self, ll_module: Any) -> None:
         """By themselves, before anything is linked: only what Numba knows how to leave out then."""
@@ -70,6 +73,29 @@ class _Kernel(JITCodeLibrary):
             self._final_module.link_in(llvm.parse_bitcode(module) if isinstance(module, bytes) else module, preserve=True)
         self._final_module.verify()
         super()._finalize_final_module()
+
+    def serialize_using_object_code(self) -> tuple[str, str, Any]:
+        """What is kept of it."""
+        name, _, (machine_code, bitcode) = super().serialize_using_object_code()
+        module = self._get_module_for_linking()
+        defined = [each.name for each in (*module.functions, *module.global_variables) if not each.is_declaration]
+        return name, _KERNEL, (machine_code, bitcode, defined)
+
+    @classmethod
+    def kept(cls, codegen: Any, name: str, code: Any) -> Self:
+        """The kernel, out of what was kept of it."""
+        library = cls(codegen, name)
+        machine_code, library._unread, defined = code
+        library.enable_object_caching()
+        library._set_compiled_object(machine_code)
+        CPUCodeLibrary._finalize_final_module(library)
+        codegen._engine._defined_symbols.update(defined)
+        return library
+
+    def _get_module_for_linking(self) -> Any:
+        if self._unread is not None:
+            self._shared_module, self._unread = llvm.parse_bitcode(self._unread), None
+        return super()._get_module_for_linking()
 
 
 class _Part(_Kernel):
@@ -111,6 +137,15 @@ class _Part(_Kernel):
         self.beneath = {name: each if isinstance(each, bytes) else each.as_bitcode() for name, each in self.beneath.items()}
         return self.name, _PART, (self.own_name, self._final_module.as_bitcode(), self.beneath)
 
+    @classmethod
+    def kept(cls, codegen: Any, name: str, code: Any) -> Self:
+        """The part, out of what was kept of it."""
+        library = cls(codegen, name)
+        library.own_name, own, library.beneath = code
+        library._final_module = library._shared_module = llvm.parse_bitcode(own)
+        library._finalized = True
+        return library
+
 
 class _Nobody:
     @staticmethod
@@ -118,17 +153,19 @@ class _Nobody:
         """Nothing."""
 
 
-def part_of(context: Any, kept: Any) -> Any:
-    """A part, as Numba knows it, out of what was kept; None of a kernel."""
+_KEPT: dict[str, type[_Kernel]] = {_PART: _Part, _KERNEL: _Kernel}
+
+
+def rebuilt(context: Any, kept: Any) -> Any:
+    """A function, as Numba knows it, out of what was kept of it; None of one that is not ours."""
     (name, kind, code), descriptor, environment, signature, objectmode, lifted, annotation, reload_init, environments = kept
-    if kind != _PART:
+    if kind not in _KEPT:
         return None
     for function in reload_init:
         function()
-    library = _Part(context.codegen(), name)
-    library.own_name, own, library.beneath = code
-    library._final_module = library._shared_module = llvm.parse_bitcode(own)
-    library._finalized = True
+    library = _KEPT[kind].kept(context.codegen(), name, code)
+    for each in environments:
+        library.codegen.set_env(each.env_name, each)
     return compile_result(
         typing_context=context.typing_context,
         target_context=context,

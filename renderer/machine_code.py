@@ -18,7 +18,7 @@ from typing import Any
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.serialize import dumps
 
-from renderer.linking import part_of
+from renderer.linking import rebuilt
 
 __all__ = ["SUFFIX", "Kept", "noted"]
 
@@ -48,7 +48,7 @@ class _Results(CompileResultCacheImpl):
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
         """The function, out of what was kept of it."""
-        return part_of(target_context, payload) or super().rebuild(target_context, payload)
+        return rebuilt(target_context, payload) or super().rebuild(target_context, payload)
 
 
 class Kept(FunctionCache):

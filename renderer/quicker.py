@@ -17,7 +17,12 @@ from numba.core.cpu import CPUContext
 from numba.core.errors import TypingError
 from numba.core.typing.context import Context
 
+from renderer.without import without
+
 __all__: list[str] = []
+
+# No kernel of ours calls BLAS, or C by a parser of its headers. Half of what there is to load here.
+_FOREIGN = ("scipy", "scipy.linalg", "cffi", "cffi.cparser")
 
 
 def _asked_once(ask: Callable[[Any, Any], int]) -> Callable[[Any, Any], int]:
@@ -43,7 +48,8 @@ def _where_new(refresh: Callable[[Any], None]) -> Callable[[Any], None]:
     def look(context: Any) -> None:
         before, lists = seen.get(id(context), (None, []))
         if before != _count(lists):
-            refresh(context)
+            with without(*_FOREIGN):
+                refresh(context)
             lists = _lists(context)
             seen[id(context)] = _count(lists), lists
 

@@ -26,6 +26,7 @@ MACHINE_CODE = (
     "quicker.py",
     "typed_before.py",
     "unasked.py",
+    "without.py",
     "linking.py",
     "machine_code.py",
     "reference.py",

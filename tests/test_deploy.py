@@ -87,6 +87,14 @@ def test_two_services_differ_from_one_in_what_they_must() -> None:
     assert claim["spec"] in [part["spec"] for part in PARTS if part["metadata"]["name"] == name]
 
 
+def test_what_follows_from_the_sources_is_found_while_the_workers_image_is_built() -> None:
+    """No container may write beside them, and each would find it out at its first start: a second of its processor."""
+    worker = (ROOT / "Dockerfile").read_text().partition("AS worker")[2]
+    built, _, rest = worker.partition("USER root")
+    assert "jit.kind()" in built
+    assert "COPY renderer" not in rest, "another state of the sources would be found out anew"
+
+
 def test_compose_is_understood_by_its_first_release_too() -> None:
     """Which knows no default within a default, and passes on what is left of it."""
     assert not re.search(r"\$\{[^}]*\$\{", (ROOT / "docker-compose.yml").read_text())

@@ -16,6 +16,12 @@ gc.disable()  # while modules come: each collection looks through all that have 
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
+from renderer.without import without
+
+with without("opentelemetry.sdk.metrics", "opentelemetry.metrics", "httpx._main"):  # redis-py's own metrics, a command line
+    import httpx  # noqa: F401
+    import redis  # noqa: F401
+
 import argparse
 import logging
 import signal
@@ -44,6 +50,7 @@ from worker.protocol.site import SITE, SITE_NAME
 from worker.protocol.terms import TAG, Terms
 from worker.telemetry import logs
 from worker.telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
+from worker.told import be_told
 from worker.work.files import memory_budget
 
 gc.freeze()  # modules stay: to look through them once more takes a tenth of a second
@@ -54,6 +61,8 @@ EXIT_REFUSED = 3
 
 def main() -> int:
     """Join, warm up, work. Exit code 3: no farm is there, or it refuses this worker; another try is of no use."""
+    if sys.argv[1:] == ["--told"] and not be_told():
+        return 0
     options = _options()
     if options.log_format:
         os.environ[FORMAT_VARIABLE] = options.log_format  # processes that it starts follow

@@ -1,6 +1,6 @@
 """Held against Mitsuba, Embree and Cycles, each at its best, in turn; and against what is asked of us where there is no peer.
 
-    python3 farm.py bench peers [--quick] [--long] [--rows samples,rays] [--out FOLDER]
+    python3 farm.py bench peers [--quick] [--long] [--rows samples,rays] [--only "Cornell box,textured mesh"] [--out FOLDER]
 
 Prints medians, spread and ratios beside what is to be reached, and which lines fall short; writes peers.json, peers.txt and
 a plot a row. Ends with 1 where a row could not be measured, not where one falls short. Takes hours without --quick, and a
@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import os
 import platform
+import re
 import sys
 import tempfile
 import time
@@ -36,7 +37,7 @@ from tests.benchmarks.peers.rays import build_lines, ray_lines
 from tests.benchmarks.peers.ready import ready_lines
 from tests.benchmarks.peers.report import Report
 from tests.benchmarks.peers.scaling import scaling_lines
-from tests.benchmarks.peers.sizes import FULL, QUICK, Sizes
+from tests.benchmarks.peers.sizes import FULL, QUICK, Sizes, begins
 from tests.benchmarks.peers.surroundings import MissingPeerError, find_llvm
 from tests.benchmarks.peers.threads import thread_lines
 from tests.helpers import ROOT
@@ -64,18 +65,30 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="small scenes and one round: whether every row works")
     parser.add_argument("--long", action="store_true", help=f"also a file of {LONG_FILE:,} triangles")
     parser.add_argument("--rows", type=_rows, default=list(ROWS), metavar="NAME,...", help=f"of {', '.join(ROWS)}")
+    parser.add_argument(
+        "--only",
+        type=_names,
+        default=(),
+        metavar="NAME,...",
+        help="of the rows' lines, by the names that they are printed with, or what these begin with up to a comma",
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "bench-peers", help="where the results go (%(default)s)")
     options = parser.parse_args()
     sizes = QUICK if options.quick else FULL
     if options.long:
         sizes = replace(sizes, ready=(*sizes.ready, LONG_FILE))
-    report = Report(_machine(), options.quick)
+    sizes = replace(sizes, only=options.only)
+    report = Report(_machine(), options.quick, only=options.only)
     warm_up()
     for row in options.rows:
         _measure(row, sizes, report, options.out / "references")
         report.write(options.out)
     print("\n" + report.text())
     print(f"Written to {options.out}")
+    measured = [line.name for line in report.lines]
+    if unknown := [name for name in options.only if not any(begins(name, line) for line in measured)]:
+        print(f"No line of these rows is called {' or '.join(unknown)}.", file=sys.stderr)
+        return 1
     return 1 if report.missing else 0
 
 
@@ -87,6 +100,8 @@ def _measure(row: str, sizes: Sizes, report: Report, references: Path) -> None:
     try:
         with tempfile.TemporaryDirectory(prefix="rayfarm-peers-") as folder:
             for line in lines(sizes, Path(folder)):
+                if sizes.only and not any(begins(name, line.name) for name in sizes.only):
+                    continue  # measured together with one that is wanted
                 report.lines.append(line)
                 print(f"  {line.name}: {line.value:.3g} after {time.perf_counter() - begun:.0f} s", flush=True)
     except MissingPeerError as error:
@@ -102,6 +117,11 @@ def _rows(text: str) -> list[str]:
     if unknown:
         raise argparse.ArgumentTypeError(f"there is no row {', '.join(unknown)}; known are {', '.join(ROWS)}")
     return names
+
+
+def _names(text: str) -> tuple[str, ...]:
+    """Names, which may have commas with a space behind them."""
+    return tuple(name.strip() for name in re.split(r",(?! )", text) if name.strip())
 
 
 def _machine() -> dict[str, Any]:

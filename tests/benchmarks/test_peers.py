@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from tests.benchmarks.peers.measure import Line, Taken, geometric_mean, race, ra
 from tests.benchmarks.peers.meshes import displaced_sphere, torus
 from tests.benchmarks.peers.references import References
 from tests.benchmarks.peers.report import Report
-from tests.benchmarks.peers.sizes import QUICK
+from tests.benchmarks.peers.sizes import QUICK, Sizes
 from tests.benchmarks.peers.surroundings import find_llvm
 from tests.benchmarks.peers.targets import TABLE
 from tests.helpers import ROOT
@@ -133,6 +134,39 @@ def test_a_row_that_is_not_there_gets_a_sentence(
         importlib.import_module("tests.benchmarks.bench_peers").main()
     assert ended.value.code == 2
     assert "there is no row speed; known are samples, error, cycles" in capsys.readouterr().err
+
+
+def test_some_lines_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each row asks what it shall measure; names have commas, and what begins several lines stands for all of them."""
+    bench = importlib.import_module("tests.benchmarks.bench_peers")
+    asked: list[str] = []
+
+    def lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
+        for name in ("Cornell box", "large mesh, diffuse", "large mesh, rough plastic", "textured mesh"):
+            if sizes.wants(name):
+                asked.append(name)
+                yield line("samples", name, 2.0)
+
+    monkeypatch.setattr(bench, "ROWS", {"samples": lines})
+    monkeypatch.setattr(bench, "warm_up", lambda: None)
+    for only, found, code in (
+        ("large mesh, rough plastic,textured mesh", ["large mesh, rough plastic", "textured mesh"], 0),
+        ("large mesh", ["large mesh, diffuse", "large mesh, rough plastic"], 0),
+        ("Cornell box,cornflakes", ["Cornell box"], 1),
+    ):
+        asked.clear()
+        monkeypatch.setattr(sys, "argv", ["peers", f"--only={only}", f"--out={tmp_path}"])
+        assert bench.main() == code
+        assert asked == found
+        assert "geometric mean " not in (tmp_path / "peers.txt").read_text()
+    assert "No line of these rows is called cornflakes." in capsys.readouterr().err
+
+
+def test_what_is_measured_together_is_asked_for_by_either_name() -> None:
+    sizes = replace(QUICK, only=("a.glb, seconds",))
+    assert sizes.wants("a.glb")
+    assert not sizes.wants("a.ply")
+    assert repr(sizes) == repr(QUICK), "converged pictures are kept by their sizes"
 
 
 @pytest.mark.long

@@ -40,7 +40,7 @@ def kernel(values):
 def cold(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     for function in (_merged, _apart_from_all, _between, kernel):
         function._cache.flush()
-        function.overloads.clear()
+        function._reset_overloads()
 
 
 def test_only_the_kernel_is_machine_code(cold: None) -> None:
@@ -57,5 +57,23 @@ def test_what_was_kept_is_linked_too(cold: None) -> None:
     assert kernel(np.arange(4.0)) == 19.0
     kernel._cache.flush()
     for function in (_apart_from_all, _between, kernel):
-        function.overloads.clear()
+        function._reset_overloads()
     assert kernel(np.arange(5.0)) == 31.0
+
+
+@entry
+def caller(values):
+    """Twice what the kernel says."""
+    return 2.0 * kernel(values)
+
+
+def test_what_others_would_link_of_a_kernel_is_read_when_one_does(cold: None) -> None:
+    assert kernel(np.arange(4.0)) == 19.0
+    kernel._reset_overloads()
+    assert kernel(np.arange(4.0)) == 19.0
+    kept = next(iter(kernel.overloads.values())).library
+    assert isinstance(kept._unread, bytes)
+    caller._cache.flush()
+    caller._reset_overloads()
+    assert caller(np.arange(4.0)) == 38.0
+    assert kept._unread is None

@@ -25,22 +25,25 @@ __all__ = ["cold_lines"]
 
 _PATIENCE_S = 240.0
 _NAME = "joins"
+_FIRST, _JOINS = "empty cache to the first tile", "a worker joins a farm that has compiled"
 
 
 def cold_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
     """Two lines; compiling takes too long for many rounds of the first."""
-    first = []
-    for number in range(min(sizes.rounds, 2)):
-        cache = folder / f"cache-{number}"
-        first.append(first_tile(folder / f"cold-{number}", 2, RAYFARM_CACHE=str(cache))[0])
-    yield _line("empty cache to the first tile", first)
+    cache = folder / "cache"
+    if sizes.wants(_FIRST):
+        first = []
+        for number in range(min(sizes.rounds, 2)):
+            cache = folder / f"cache-{number}"
+            first.append(first_tile(folder / f"cold-{number}", 2, RAYFARM_CACHE=str(cache))[0])
+        yield _line(_FIRST, first)
+    if not sizes.wants(_JOINS):
+        return
 
     farm = start_farm(folder / "compiled", 1, RAYFARM_CACHE=str(cache))
     try:
         _until_handed_in(farm, cache)
-        yield _line(
-            "a worker joins a farm that has compiled", [_join(farm, folder / f"joining-{i}") for i in range(sizes.rounds)]
-        )
+        yield _line(_JOINS, [_join(farm, folder / f"joining-{i}") for i in range(sizes.rounds)])
     finally:
         stop_farm(farm)
 

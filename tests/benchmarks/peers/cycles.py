@@ -25,12 +25,15 @@ from tests.benchmarks.peers.surroundings import python_with_bpy
 __all__ = ["cycles_lines"]
 
 _NAME = "textured objects"
+_SAMPLES, _ERROR = "samples a second", "error in the same time"
 _WHITE = (1.0, 1.0, 1.0)
 _ONES = 5  # pictures of one sample, of which the quickest counts
 
 
 def cycles_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterator[Line]:
     """Samples a second, and the error in the same time. kept: as of `error_lines`."""
+    if not (sizes.wants(_SAMPLES) or sizes.wants(_ERROR)):
+        return
     glb = textured_objects(folder / "objects.glb", sizes.small_mesh // 8, sizes.texture)
     description = read(folder, glb.name)
     case = Case(_NAME, description, description.cameras[0].view)
@@ -61,7 +64,7 @@ def cycles_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterat
         total = sizes.picture**2 * spp / 1e6
         rates = [[total / seconds for seconds in side] for side in run.seconds]
         notes = {"cpu_ratio": run.cpu_ratio, "version": version}
-        yield ratio_line("cycles", "samples a second", run.ratios, "M samples/s", *rates, **notes)
+        yield ratio_line("cycles", _SAMPLES, run.ratios, "M samples/s", *rates, **notes)
 
         in_time = max(1, round(spp * statistics.median(own.ratios)))
         seeds = range(1, 1 + sizes.rounds)
@@ -71,4 +74,4 @@ def cycles_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterat
     ours = Rayfarm(case, sizes.error_picture, environment=_WHITE)
     truth = references.of(_NAME, OURS, ours.picture)
     errors = [relative_error(ours.picture(in_time, seed), truth) for seed in seeds]
-    yield error_line("cycles", "error in the same time", errors, peers, our_samples=in_time, peer_samples=spp)
+    yield error_line("cycles", _ERROR, errors, peers, our_samples=in_time, peer_samples=spp)

@@ -24,7 +24,7 @@ _NOT_ASKED = ("large mesh, rough plastic",)  # its noise is the diffuse one's
 def error_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterator[Line]:
     """Two lines a scene. kept: the folder that keeps converged pictures from run to run."""
     for name, make in CASES.items():
-        if name not in _NOT_ASKED:
+        if name not in _NOT_ASKED and sizes.wants(name):
             yield from _lines(name, make(sizes), References(sizes, kept), folder)
 
 

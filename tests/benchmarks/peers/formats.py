@@ -200,7 +200,7 @@ def format_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
     if python := python_with_bpy():
         environment.setdefault(NAMED, str(python))
     for name, write in WRITERS.items():
-        if name.endswith(".blend") and python is None:
+        if (name.endswith(".blend") and python is None) or not sizes.wants(name):
             continue
         path = folder / name
         write(path, mesh)

@@ -16,7 +16,8 @@ __all__ = ["sample_lines"]
 def sample_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
     """One line a scene."""
     for name, make in CASES.items():
-        yield _line(name, make(sizes), sizes, folder)
+        if sizes.wants(name):
+            yield _line(name, make(sizes), sizes, folder)
 
 
 def _line(name: str, case: Case, sizes: Sizes, folder: Path) -> Line:

@@ -29,6 +29,7 @@ _FAR = np.float32(1e30)
 _WHOLE = np.float32(1.0)
 _ALIKE = 1e-3  # of the rays may meet something on one side alone: those that graze an edge
 _NO_SPHERES = np.zeros((0, 4), np.float32)
+_BUILT = "large mesh"
 
 Rays = tuple[np.ndarray, np.ndarray]
 
@@ -37,6 +38,8 @@ def ray_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
     """Ten lines: two meshes; camera, random and bounced rays for the closest hit, random and bounced ones for any."""
     with Peer(python_with_embree(), "embree_peer") as embree:
         for name, triangles in (("small mesh", sizes.small_mesh), ("large mesh", sizes.large_mesh)):
+            if not sizes.wants(name):
+                continue
             mesh, path = _mesh(triangles, folder)
             bvh = build(mesh.positions, mesh.triangles, _NO_SPHERES)
             embree.ask("build", mesh=str(path))
@@ -44,7 +47,7 @@ def ray_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
             for kind, rays in kinds.items():
                 np.savez(folder / f"{name}-{kind}.npz", origin=rays[0], direction=rays[1])
             for query, names in (("closest", ("camera", "random", "bounce")), ("any", ("random", "bounce"))):
-                for kind in names:
+                for kind in (kind for kind in names if sizes.wants(f"{name}, {query} hit, {kind}")):
                     file = str(folder / f"{name}-{kind}.npz")
                     to_a_point = query == "any" and kind == "random"  # as a shadow ray goes
                     reach = _WHOLE if to_a_point else _FAR
@@ -81,6 +84,8 @@ def _line(name: str, rounds: int, bvh: Bvh, embree: Peer, query: str, rays: Rays
 
 def build_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
     """Ours builds its 8-wide tree, Embree its own; copying the mesh into Embree is not counted."""
+    if not sizes.wants(_BUILT):
+        return
     mesh, path = _mesh(sizes.large_mesh, folder)
     with Peer(python_with_embree(), "embree_peer") as embree:
         build(mesh.positions[mesh.triangles[0]], np.array([[0, 1, 2]], np.int32), _NO_SPHERES)
@@ -90,7 +95,7 @@ def build_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
             lambda _: Taken(**embree.ask("build", mesh=str(path))),
             sizes.rounds,
         )
-        yield ratio_line("build", "large mesh", run.ratios, "s", *run.seconds, cpu_ratio=run.cpu_ratio, **embree.ask("about"))
+        yield ratio_line("build", _BUILT, run.ratios, "s", *run.seconds, cpu_ratio=run.cpu_ratio, **embree.ask("about"))
 
 
 def _mesh(triangles: int, folder: Path) -> tuple[Any, Path]:

@@ -34,12 +34,14 @@ class Verdict:
 
 @dataclass
 class Report:
-    """machine: what it was measured on. missing: rows that could not be measured, and why."""
+    """machine: what it was measured on. missing: rows that could not be measured, and why. only: names of lines, where not all
+    were asked for: then there are no means."""
 
     machine: dict[str, Any]
     quick: bool
     lines: list[Line] = field(default_factory=list)
     missing: dict[str, str] = field(default_factory=dict)
+    only: tuple[str, ...] = ()
 
     def rows(self) -> dict[str, list[Line]]:
         """The lines of each row, in the table's order."""
@@ -53,7 +55,7 @@ class Report:
                 if (goal := target.goal_of(line.name)) is not None:
                     yield Verdict(row, line.name, line.value, goal)
             together = [line.value for line in lines if line.name not in target.lines]
-            if target.mean is not None and together:
+            if target.mean is not None and together and not self.only:
                 yield Verdict(row, "geometric mean", geometric_mean(together), target.mean)
 
     def text(self) -> str:
@@ -71,6 +73,8 @@ class Report:
         parts += [f"  {v}" for v in short]
         if self.quick:
             parts.append("Quick: of small scenes and one round, to see that every row works; these are not the table's figures.")
+        if self.only:
+            parts.append(f"Of the lines only: {'; '.join(self.only)}. So there are no geometric means.")
         return "\n".join(parts)
 
     def write(self, folder: Path) -> None:

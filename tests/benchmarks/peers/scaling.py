@@ -29,11 +29,16 @@ def scaling_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
     box = cornell_box(sizes)
     spp, many = sizes.scaling_spp, min(sizes.rounds, _MOST_ROUNDS)
 
-    yield _line("triangles", sizes.triangles, _logarithm, lambda n: _seconds(displaced(n), many, _PICTURE, spp, 8))
-    yield _line("lights", sizes.many_lights, _logarithm, lambda n: _seconds(many_lights(n), many, _PICTURE, spp, 8))
-    yield _line("pixels", sizes.pixels, lambda n: n * n, lambda n: _seconds(box, many, n, spp, 8))
-    yield _line("samples", sizes.samples, float, lambda n: _seconds(box, many, _PICTURE, n, 8))
-    yield _line("depth", sizes.depths, float, lambda n: _seconds(box, many, _PICTURE, spp, n))
+    curves: dict[str, tuple[Sequence[int], Callable[[int], float], Callable[[int], list[float]]]] = {
+        "triangles": (sizes.triangles, _logarithm, lambda n: _seconds(displaced(n), many, _PICTURE, spp, 8)),
+        "lights": (sizes.many_lights, _logarithm, lambda n: _seconds(many_lights(n), many, _PICTURE, spp, 8)),
+        "pixels": (sizes.pixels, lambda n: n * n, lambda n: _seconds(box, many, n, spp, 8)),
+        "samples": (sizes.samples, float, lambda n: _seconds(box, many, _PICTURE, n, 8)),
+        "depth": (sizes.depths, float, lambda n: _seconds(box, many, _PICTURE, spp, n)),
+    }
+    for name, curve in curves.items():
+        if sizes.wants(name):
+            yield _line(name, *curve)
 
 
 def _logarithm(n: int) -> float:

@@ -1,15 +1,23 @@
-"""How large everything is: as in the table, or small, to see that every row works."""
+"""How large everything is: as in the table, or small, to see that every row works; and which lines are measured."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-__all__ = ["FULL", "QUICK", "Sizes"]
+__all__ = ["FULL", "QUICK", "Sizes", "begins"]
+
+
+def begins(name: str, line: str) -> bool:
+    """Whether a line has this name, or begins with it up to a comma."""
+    return f"{line}, ".startswith(f"{name}, ")
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """picture: pixels across, and down. reference_spp: of the pictures that errors are measured against."""
+    """picture: pixels across, and down. reference_spp: of the pictures that errors are measured against.
+
+    only: names of lines, or what they begin with up to a comma; none for all. Converged pictures are kept whatever it says.
+    """
 
     rounds: int
     picture: int
@@ -29,6 +37,11 @@ class Sizes:
     samples: tuple[int, ...]
     depths: tuple[int, ...]
     scaling_spp: int
+    only: tuple[str, ...] = field(default=(), repr=False)
+
+    def wants(self, name: str) -> bool:
+        """Whether to measure what has this name: a line, or what several lines begin with."""
+        return not self.only or any(begins(name, wanted) or begins(wanted, name) for wanted in self.only)
 
 
 FULL = Sizes(

@@ -22,7 +22,8 @@ def thread_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
     if len(os.sched_getaffinity(0)) < 2:
         raise MissingPeerError("this machine lets the benchmark use one core alone")
     for name in _ASKED:
-        yield _line(name, Rayfarm(CASES[name](sizes), sizes.picture), sizes)
+        if sizes.wants(name):
+            yield _line(name, Rayfarm(CASES[name](sizes), sizes.picture), sizes)
 
 
 def _line(name: str, scene: Rayfarm, sizes: Sizes) -> Line:
