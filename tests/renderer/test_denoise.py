@@ -73,6 +73,7 @@ def test_the_error_falls_everywhere_and_the_guides_keep_the_edges(pictures):
         assert np.mean(ratios) + 3 * standard_error < 0, ratios
 
 
+@pytest.mark.long
 def test_a_glance_has_less_error_too(pictures):
     reference, noisy = pictures[0][0], pictures[1]
     everywhere = np.ones(reference.shape[:2], bool)
