@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.bvh.ahead import ask_for
 from renderer.bvh.entering import into
 from renderer.bvh.keys import beyond, key_limit, least, nearest, ranked
 from renderer.bvh.layout import (
@@ -34,7 +35,6 @@ from renderer.bvh.simd import (
     address,
     bits,
     extract,
-    fetch,
     fma,
     less_equal,
     load,
@@ -54,7 +54,6 @@ __all__ = [
     "Hit",
     "any_hit",
     "any_in_instance",
-    "ask_for",
     "camera_root",
     "closest_hit",
     "closest_in_instance",
@@ -72,8 +71,7 @@ _TINY = np.float32(1e-18)
 _SLACK = np.float32(4 * 2.0**-24)
 _W = np.uintp(WIDTH)
 _NODE = np.uintp(NODE_SIZE)
-_NEARBY = 128  # nodes that the first cache holds
-_LINES = 5  # of the cache: a node has four, a packet five
+_NEARBY = 8192  # nodes that the caches of a core hold: a ray that goes alone waits for little there, and asking takes time
 _CHILDREN = np.uintp(ROW_CHILD * WIDTH)
 _PRIMITIVES = np.uintp(ROW_PRIMITIVE * WIDTH)
 _PACKET = np.uintp(PACKET_SIZE)
@@ -222,18 +220,6 @@ def _child(node, base, lane):
 
 
 @device
-def ask_for(bvh, child):
-    """Asks for what the child of a node leads to, a node or a packet, to be in the cache when a ray looks into it. Not where the
-    whole tree is there anyway.
-    """
-    if len(bvh.node) > _NEARBY:
-        node = address(bvh.node, np.uintp(np.uint32(child)) * _NODE)
-        there = select(child >= np.int32(0), node, _place(bvh.packet, ~child))
-        for line in range(_LINES):
-            fetch(there + np.uintp(64 * line))
-
-
-@device
 def _push(stack, top, base, keys, key):
     """Puts a node's other children on the stack: its new top."""
     store(stack, top, keys)
@@ -324,7 +310,7 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
         child = _child(bvh.node, base, key & _LANE)
         keys = beyond(keys, key)
         key = least(keys)  # wanted next, and found while the leaf is looked at
-        ask_for(bvh, _child(bvh.node, base, key & _LANE))
+        ask_for(bvh, _child(bvh.node, base, key & _LANE), _NEARBY)
         if child >= 0:
             if key <= key_limit(best):
                 top = _push(stack, top, base, keys, key)
@@ -390,7 +376,7 @@ def any_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
             child = _child(bvh.node, base, lowest_bit(met))
             met = np.uint32(met & np.uint32(met - _BIT))
             if child >= 0:
-                ask_for(bvh, child)
+                ask_for(bvh, child, _NEARBY)
                 store_int(stack, top, child)
                 top += np.uintp(1)
                 continue

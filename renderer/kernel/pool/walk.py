@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.bvh.ahead import ask_for
 from renderer.bvh.keys import beyond, key_limit, least, masked, nearest, nearest_of, ranked
 from renderer.bvh.layout import INSTANCE, NODE_SIZE, PACKET_SIZE, ROW_CHILD, ROW_PRIMITIVE, WIDTH
 from renderer.bvh.packet import meet_spheres, meet_triangles
@@ -28,7 +29,7 @@ from renderer.bvh.simd import (
     store,
     store_int,
 )
-from renderer.bvh.traverse import NO_PRIMITIVE, ask_for, closest_in_instance, place_at
+from renderer.bvh.traverse import NO_PRIMITIVE, closest_in_instance, place_at
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.pool.lists import ENDED, NODES, OTHERS, PACKETS, append, clear, length, row
 from renderer.kernel.pool.rows import HIT, RAY, at, time_of
@@ -57,6 +58,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _LANE = np.int32(WIDTH - 1)  # of a key: the lane
 _LEAF_KIND = np.int32(3)
+_NEARBY = 128  # nodes that the first cache holds: of fewer, nothing needs to be fetched beforehand
 _1, _2 = np.uintp(1), np.uintp(2)
 _W = np.uintp(WIDTH)
 _NODE = np.uintp(NODE_SIZE)
@@ -90,7 +92,7 @@ def boxes(node, base, pool, path, t_max):
 @device
 def go_on(bvh, pool, lists, number, path, child, top, over):
     """Puts a ray on the list of what it does next; over: nothing."""
-    ask_for(bvh, child)
+    ask_for(bvh, child, _NEARBY)
     store_int(pool, path + CHILD, child)
     store_int(pool, path + TOP, np.int32(top))
     leaf = select((~child & _LEAF_KIND) == np.int32(0), _PACKETS, _OTHERS)
