@@ -59,7 +59,7 @@ FORMATS = (
     Format(".3mf", "threemf"),
     Format(".ply", "ply", names_files=True),
     Format(".stl", "stl"),
-    Format(".off", "other"),
+    Format(".off", "off"),
     *(Format(suffix, "assimp", names_files=True, moves=True) for suffix in LONG_TAIL),
 )
 MESH_FORMATS = tuple(format for format in FORMATS if format.is_mesh_file)

@@ -11,6 +11,7 @@ import binascii
 import contextlib
 import functools
 import os
+import unicodedata
 from collections.abc import Callable, Hashable
 from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
@@ -19,7 +20,7 @@ from urllib.parse import unquote, unquote_to_bytes
 from renderer.errors import SceneError
 from renderer.frames import frame_name, numbers_of
 
-__all__ = ["MAX_FILE_BYTES", "SceneFiles", "data_uri"]
+__all__ = ["MAX_FILE_BYTES", "SceneFiles", "data_uri", "folded"]
 
 MAX_FILE_BYTES = 2 << 30
 MAX_DATA_URI_BYTES = 256 << 20
@@ -174,36 +175,36 @@ class SceneFiles:
                 return exact
         here = base
         for part in parts:
-            wanted = self._names_in(str(here)).get(part.lower())
+            wanted = self._names_in(str(here)).get(folded(part))
             if not wanted:
                 return None
             here = here / (part if part in wanted else wanted[0])
         return str(here) if self._is_file(str(here)) else None
 
     def _names_in(self, name: str) -> dict[str, list[str]]:
-        """What is in a folder, by names in lower case: listed once, for a file may name a hundred thousand textures."""
+        """What is in a folder, by folded names: listed once, for a file may name a hundred thousand textures."""
         if name not in self._listed:
             found: dict[str, list[str]] = {}
             folder = self._inside(name)
             with contextlib.suppress(OSError):
                 for each in sorted(e.name for e in folder.iterdir()) if folder is not None and folder.is_dir() else ():
-                    found.setdefault(each.lower(), []).append(each)
+                    found.setdefault(folded(each), []).append(each)
             self._listed[name] = found
         return self._listed[name]
 
     def _search(self, name: str) -> str | None:
-        found = self._by_name.get(name.lower())
+        found = self._by_name.get(folded(name))
         return found if found and self._is_file(found) else None
 
     @functools.cached_property
     def _by_name(self) -> dict[str, str]:
-        """The first file of each bare name, in lower case, among the first MAX_SEARCHED."""
+        """The first file of each bare name, folded, among the first MAX_SEARCHED."""
         found: dict[str, str] = {}
         seen = 0
         for folder, folders, files in os.walk(self._root):
             folders[:] = sorted(d for d in folders if not d.startswith("."))
             for file in sorted(files)[: MAX_SEARCHED - seen]:
-                found.setdefault(file.lower(), (Path(folder) / file).relative_to(self._root).as_posix())
+                found.setdefault(folded(file), (Path(folder) / file).relative_to(self._root).as_posix())
             seen += len(files)
             if seen >= MAX_SEARCHED:
                 break
@@ -215,6 +216,11 @@ class SceneFiles:
             return path is not None and path.is_file()
         except OSError:
             return False
+
+
+def folded(name: str) -> str:
+    """A name as it is compared: systems write accents as one character or as two, and do not keep upper and lower case."""
+    return name.lower() if name.isascii() else unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
 def data_uri(uri: str, where: str) -> bytes:

@@ -48,18 +48,25 @@ def smoothed(mesh: Mesh, crease_degrees: float = CREASE_DEGREES) -> Mesh:
     return smoothed_together([mesh], crease_degrees)[0]
 
 
-def smoothed_together(meshes: Sequence[Mesh], crease_degrees: float = CREASE_DEGREES) -> list[Mesh]:
-    """Several meshes, each as `smoothed` makes it: at once, for files have a hundred thousand small ones."""
+def smoothed_together(
+    meshes: Sequence[Mesh], crease_degrees: float = CREASE_DEGREES, surfaces: Sequence[int | I32] | None = None
+) -> list[Mesh]:
+    """Several meshes, each as `smoothed` makes it: at once, for files have a hundred thousand small ones.
+
+    surfaces: of each mesh, or of each of its triangles, the number of the surface that it is part of. Triangles of one surface
+    are smooth across meshes too, as a sphere of two materials is; without surfaces each mesh is one.
+    """
     found = list(meshes)
     bare = [i for i, mesh in enumerate(meshes) if mesh.normals is None and len(mesh.triangles)]
     if bare:
-        made = _smoothed([meshes[i] for i in bare], float(np.cos(np.radians(crease_degrees))))
+        chosen = None if surfaces is None else [surfaces[i] for i in bare]
+        made = _smoothed([meshes[i] for i in bare], float(np.cos(np.radians(crease_degrees))), chosen)
         for i, mesh in zip(bare, made, strict=True):
             found[i] = mesh
     return found
 
 
-def _smoothed(meshes: list[Mesh], limit: float) -> Iterator[Mesh]:
+def _smoothed(meshes: list[Mesh], limit: float, surfaces: list[int | I32] | None) -> Iterator[Mesh]:
     for mesh in meshes:
         if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.positions):
             raise IndexError(f"a triangle of {mesh.name} names a vertex that is not there")
@@ -68,21 +75,30 @@ def _smoothed(meshes: list[Mesh], limit: float) -> Iterator[Mesh]:
     positions = read_only(_joined([mesh.positions for mesh in meshes]).astype(np.float32, copy=False))
     triangles = [mesh.triangles.astype(np.int32, copy=False) for mesh in meshes]
     triangle = read_only(_joined([each + np.int32(at) if at else each for each, at in zip(triangles, offset, strict=False)]))
+    corners = triangle.reshape(-1)
     # Vertices that differ in UV or colour alone are one point of the surface.
     first, number = unique_threes(positions + np.float32(0))  # there are two zeros
+    place, at_corner = number, triangle
+    if surfaces is not None:
+        many = [len(mesh.triangles) for mesh in meshes]
+        of = [np.broadcast_to(np.asarray(each, np.int32), count) for each, count in zip(surfaces, many, strict=True)]
+        surface = np.repeat(_joined(of), 3)
+        _, place = unique_threes(np.column_stack([number[corners], surface, np.zeros_like(surface)]))
+        at_corner = np.arange(triangle.size, dtype=np.int32).reshape(-1, 3)
     if len(meshes) > 1:
         owner = np.repeat(np.arange(len(meshes), dtype=np.int32), np.diff(offset))
         first, number = unique_threes(np.column_stack([number, owner, np.zeros_like(owner)]))
+    if surfaces is None:
+        place = number
     count = triangle.size
-    start, order = np.zeros(len(first) + 1, np.int64), np.empty(count, np.int64)
-    sort_corners(triangle, number, start, order)
+    start, order = np.zeros(int(place.max()) + 2, np.int64), np.empty(count, np.int64)
+    sort_corners(at_corner, place, start, order)
     unit, across, along = np.empty((len(triangle), 3)), np.empty(count), np.empty(count)
     measure_corners(positions, triangle, unit, across, along)
     angle = np.arctan2(across, along, out=along)
     angle *= across > 0
 
     # Corners that agree in vertex and normal stay one vertex.
-    corners = triangle.reshape(-1)
     vertex = first[number[corners]]
     for mesh, a, b in zip(meshes, begin.tolist(), begin[1:].tolist(), strict=False):
         if any(values is not None for values in (mesh.uvs, mesh.uvs1, mesh.colors)):
@@ -90,9 +106,15 @@ def _smoothed(meshes: list[Mesh], limit: float) -> Iterator[Mesh]:
     kind, kept = np.full(count, -1, np.int32), np.empty(count, np.int32)
     normal = np.empty((count, 3), np.float32)
     kept = kept[: round_corners(unit, angle, start, order, vertex, limit, MAX_VALENCE, normal, kind, kept)]
+    mesh_of = np.searchsorted(begin, kept // 3, "right") - 1
+    if surfaces is not None:  # points of several meshes: their vertices are sorted out
+        sorting = np.argsort(mesh_of, kind="stable")
+        rank = np.empty(len(kept), np.int32)
+        rank[sorting] = np.arange(len(kept), dtype=np.int32)
+        normal[: len(kept)] = normal[sorting]
+        kept, mesh_of, kind = kept[sorting], mesh_of[sorting], rank[kind]
     shown = vertex[kept]
-    of = np.searchsorted(begin, kept // 3, "right") - 1  # ascending, as points are in the order of the meshes
-    ends = np.searchsorted(of, np.arange(len(meshes) + 1))
+    ends = np.searchsorted(mesh_of, np.arange(len(meshes) + 1))
     for i, (mesh, a, b) in enumerate(zip(meshes, ends.tolist(), ends[1:].tolist(), strict=False)):
         own = shown[a:b] - np.int32(offset[i])
         uvs, uvs1, colors = (None if values is None else values[own] for values in (mesh.uvs, mesh.uvs1, mesh.colors))

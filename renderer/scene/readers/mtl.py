@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
 
 from renderer.scene.description import Vec3
 from renderer.scene.files import SceneFiles
 from renderer.scene.material import PARAMETERS, Material
 from renderer.scene.readers.mtl_maps import Map, holds_normals, parse_map, with_decal, with_opacity, with_roughness_and_metal
 from renderer.scene.readers.numbers import clamped, unit, unit_color
+from renderer.scene.readers.text import decoded
 from renderer.scene.textures import TextureShelf
 
-__all__ = ["read_mtl"]
+__all__ = ["names_of", "read_mtl", "without_comment"]
 
 _AMBIENT = ("map_ka", "map_ao", "map_aat")
 _GLASS_MODELS = (4, 6, 7, 9)
@@ -30,40 +32,69 @@ _METAL_MODEL, _SMOOTHEST, _BLENDERS_COATS = (
 )  # Blender's: coats as once, a fourth as strong
 _BY_TABLE = {p.mtl.lower(): p for p in PARAMETERS if p.mtl}
 _BLENDERS = re.compile(r"# Blender \d+\.\d+")  # how files begin that Blender has written since 3.2
+_COMMENT = re.compile(r"(?:^|\s)#")
+_CONTINUED = re.compile(r"\\[ \t]*\r?\n")
+_DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _PHYSICAL = ("pr", "ps", "map_pr", "map_pm", *_BY_TABLE)  # what only a physically based material says
 
 
 def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Material]:
     """The materials of a file by name. Statements that cannot be understood give a warning each."""
-    text = files.read(name).decode("utf-8", errors="replace")
+    text = decoded(files.read(name))
     found: dict[str, _Statements] = {}
     current: _Statements | None = None
-    for line in text.replace("\\\n", " ").splitlines():
-        keyword, *rest = line.split(None, 1) or [""]
-        value = rest[0].strip() if rest else ""
-        if keyword.lower() == "newmtl":
-            current = found.setdefault(value, _Statements(value, name, shelf))
-        elif current is not None and keyword and not keyword.startswith("#"):
-            current.values[keyword.lower()] = value
+    for keyword, value in _lines(text):
+        if keyword == "newmtl":
+            current = found.setdefault(value, _Statements(value, name, shelf, files))
+        elif current is not None:
+            current.values[keyword] = value
     shade = _blenders if _BLENDERS.match(text) else _choose
-    return {material: _material(statements, shade) for material, statements in found.items()}
+    bare = Counter(map(without_comment, found))
+    made = {}
+    for material, statements in found.items():
+        if bare[without_comment(material)] == 1:  # else what looks like a comment tells names apart: Material #25
+            statements.name = without_comment(material)
+        made[statements.name] = _material(statements, shade)
+    if commas := sum(statements.commas for statements in found.values()):
+        shelf.warn_of_surface(f"{name}: {commas} statements have decimal commas, which are read as points.")
+    return made
+
+
+def names_of(files: SceneFiles, name: str) -> list[str]:
+    """The names of a file's materials."""
+    return [value for keyword, value in _lines(decoded(files.read(name))) if keyword == "newmtl"]
+
+
+def without_comment(words: str) -> str:
+    """What stands before a comment at a line's end."""
+    return _COMMENT.split(words, maxsplit=1)[0].strip()
+
+
+def _lines(text: str) -> Iterator[tuple[str, str]]:
+    """The keywords, in lower case, and the rest of their lines; a backslash at a line's end continues it."""
+    for line in _CONTINUED.sub(" ", text).splitlines():
+        keyword, *rest = line.split(None, 1) or [""]
+        if keyword and not keyword.startswith("#"):
+            yield keyword.lower(), rest[0].strip() if rest else ""
 
 
 class _Statements:
     """What a file says of one material: keywords, in lower case, and the rest of their lines."""
 
-    def __init__(self, name: str, file: str, shelf: TextureShelf) -> None:
-        self.name, self.file, self.shelf = name, file, shelf
+    def __init__(self, name: str, file: str, shelf: TextureShelf, files: SceneFiles) -> None:
+        self.name, self.file, self.shelf, self._files = name, file, shelf, files
+        self.commas = 0  # statements whose numbers have decimal commas
         self.values: dict[str, str] = {}
         self._asked: set[str] = set()
 
     def numbers(self, keyword: str) -> list[float]:
         """The finite numbers of a statement; none, with a warning, where there are others or none is one."""
-        words = self.values.get(keyword, "").split()
+        words = without_comment(self.values.get(keyword, "")).split()
         try:
-            values = [float(w) for w in words]
+            values = [float(_DECIMAL_COMMA.sub(".", w)) for w in words]
         except ValueError:
             values = [math.nan]
+        self.commas += any(_DECIMAL_COMMA.search(w) for w in words)
         if all(math.isfinite(v) for v in values):
             return values
         self.shelf.warn_of_surface(
@@ -84,8 +115,11 @@ class _Statements:
     def map(self, *keywords: str) -> Map | None:
         """The first of the map statements that names a file."""
         self._asked |= {*keywords}
-        maps = (parse_map(self.values.get(k, "")) for k in keywords)
+        maps = (parse_map(self.values.get(k, ""), self._is_file) for k in keywords)
         return next((m for m in maps if m is not None), None)
+
+    def _is_file(self, reference: str) -> bool:
+        return self._files.find(reference, self.file) is not None
 
     def texture(self, *keywords: str, srgb: bool = False) -> int | None:
         found = self.map(*keywords)
@@ -101,8 +135,8 @@ def _material(said: _Statements, shade: Callable[[_Statements, Material], None])
     diffuse = said.color("kd", (0.8, 0.8, 0.8))
     material = Material(said.name, base_color=diffuse, emission=said.color("ke", (0.0, 0.0, 0.0), high=1e9))
     material.base_color_texture = said.texture("map_kd", srgb=True)
-    if material.base_color_texture is not None and max(diffuse) == 0:
-        material.base_color = (1.0, 1.0, 1.0)  # written by exporters that let the map replace the colour
+    if material.base_color_texture is not None and (max(diffuse) == 0 or "kd" not in said.values):
+        material.base_color = (1.0, 1.0, 1.0)  # 0 is written by exporters that let the map replace the colour
     _decal(said, material, diffuse)
     material.emission_texture = said.texture("map_ke", "map_emissive", srgb=True)
     if material.emission_texture is not None and max(material.emission) == 0:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +37,12 @@ _OPTIONS = {
     "-type": 1,
 }
 
-
+_SEVERAL = ("-mm", "-o", "-s", "-t")
+_COMMENT = re.compile(r"(?:^|\s)#")
+_OPTION_BEHIND = re.compile(rf"\s(?=(?:{'|'.join(map(re.escape, (*_OPTIONS, *_SEVERAL)))})\s)", re.IGNORECASE)
+_BEHIND = re.compile(rf"{_COMMENT.pattern}|{_OPTION_BEHIND.pattern}", re.IGNORECASE)
+_DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
+_CHANNELS = {"r": 0, "g": 1, "b": 2, "m": 3}
 _MOST = 1e9  # radiance
 
 
@@ -47,52 +54,92 @@ class Map(NamedTuple):
     transform: UvTransform = UNMOVED  # of UVs from the image's upper left corner
     strength: float = 1.0  # -bm
     span: tuple[float, float] = (0.0, 1.0)  # -mm: base and gain; a value x means base + gain x
+    channel: str = ""  # -imfchan: r, g, b, m (alpha), l or z
 
     def find(self, shelf: TextureShelf, beside: str, user: str, srgb: bool = False) -> int | None:
         """The texture of the map; None, with a warning, where it is missing."""
         found = shelf.find(self.file, beside, user, srgb, self.wrap, self.transform)
+        if self.channel in _CHANNELS:
+            found = shelf.derived(found, f"channel {self.channel}", lambda i: _channel(i, self.channel))
         return found if self.span == (0.0, 1.0) else shelf.derived(found, f"span {self.span}", lambda i: _spanned(i, self.span))
 
 
-def parse_map(value: str) -> Map | None:
-    """A map statement without its keyword; None where it names no file."""
+def parse_map(value: str, is_file: Callable[[str], bool] = lambda _: True) -> Map | None:
+    """A map statement without its keyword; None where it names no file.
+
+    Options stand before the file's name, as the specification has it, or behind it, as some programs write them; a comment may
+    follow.
+    is_file: whether a name is that of a file, for names that hold what looks like an option or a comment.
+    """
+    said = _Options()
     words = value.split()
-    scale, offset = [1.0, 1.0], [0.0, 0.0]
-    wrap: Wrap = "repeat"
-    strength, span = 1.0, (0.0, 1.0)
-    at = 0
-    while at < len(words) and words[at].lower() in (*_OPTIONS, "-mm", "-o", "-s", "-t"):
-        option = words[at].lower()
-        at += 1
-        if option in _OPTIONS:
-            following = words[at : at + _OPTIONS[option]]
-            at += _OPTIONS[option]
-            if option == "-clamp" and following == ["on"]:
-                wrap = "clamp"
-            elif option == "-bm" and following and _is_number(following[0]):
-                strength = float(following[0])
-            continue
-        if option == "-mm":
-            following = words[at : at + 2]
-            at += 2
-            if len(following) == 2 and all(_is_number(w) for w in following):
-                span = float(following[0]), float(following[1])
-            continue
-        last, axis = at + 3, 0  # one to three numbers
-        while at < min(last, len(words)) and _is_number(words[at]):
-            if axis < 2 and option != "-t":
-                (scale if option == "-s" else offset)[axis] = float(words[at])
-            at, axis = at + 1, axis + 1
+    at = said.take(words, 0)
     if at >= len(words):
         return None
-    # They hold for v counted upwards: v' = s v + o is 1 - v' = s (1 - v) + (1 - s - o).
-    transform = (scale[0], 0.0, offset[0], 0.0, scale[1], 1.0 - scale[1] - offset[1])
-    return Map(value.split(None, at)[at].strip(), wrap, transform, strength, span)
+    rest = value.split(None, at)[at].strip()
+    if not _BEHIND.search(rest) or is_file(rest):
+        return said.map(rest)
+    name = without = _COMMENT.split(rest, maxsplit=1)[0].strip()
+    if not is_file(without) and (behind := _OPTION_BEHIND.search(without)):
+        name = without[: behind.start()].strip()
+        words = without[behind.start() :].split()
+        end = said.take(words, 0)
+        if end < len(words):
+            name = without  # further words: the whole is a name
+    return said.map(name) if name else None
+
+
+class _Options:
+    """The options of a map statement, as far as they are read."""
+
+    def __init__(self) -> None:
+        self.scale, self.offset = [1.0, 1.0], [0.0, 0.0]
+        self.wrap: Wrap = "repeat"
+        self.strength, self.span, self.channel = 1.0, (0.0, 1.0), ""
+
+    def take(self, words: list[str], at: int) -> int:
+        """Reads the options that stand at a place among words: the place behind them."""
+        while at < len(words) and words[at].lower() in (*_OPTIONS, *_SEVERAL):
+            option = words[at].lower()
+            at += 1
+            if option in _OPTIONS:
+                self._one(option, words[at : at + 1])
+                at += 1
+                continue
+            # At most two or three numbers.
+            last, found = at + (2 if option == "-mm" else 3), list[float]()
+            while at < min(last, len(words)) and _is_number(words[at]):
+                found.append(_number(words[at]))
+                at += 1
+            if option == "-mm" and len(found) == 2:
+                self.span = found[0], found[1]
+            elif option in ("-s", "-o"):
+                for axis, number in enumerate(found[:2]):
+                    (self.scale if option == "-s" else self.offset)[axis] = number
+        return at
+
+    def _one(self, option: str, following: list[str]) -> None:
+        word = following[0].lower() if following else ""
+        if option == "-clamp" and word == "on":
+            self.wrap = "clamp"
+        elif option == "-bm" and _is_number(word):
+            self.strength = _number(word)
+        elif option == "-imfchan":
+            self.channel = word
+
+    def map(self, file: str) -> Map:
+        # Scale and offset hold for v counted upwards: v' = s v + o is 1 - v' = s (1 - v) + (1 - s - o).
+        (s, t), (u, v) = self.scale, self.offset
+        return Map(file, self.wrap, (s, 0.0, u, 0.0, t, 1.0 - t - v), self.strength, self.span, self.channel)
+
+
+def _number(word: str) -> float:
+    return float(_DECIMAL_COMMA.sub(".", word))
 
 
 def _is_number(word: str) -> bool:
     try:
-        return bool(np.isfinite(float(word)))
+        return bool(np.isfinite(_number(word)))
     except ValueError:
         return False
 
@@ -168,6 +215,18 @@ def inverted(shelf: TextureShelf, texture: int | None) -> int | None:
         return Image(f"{image.name} inverted", pixels, srgb=False)
 
     return shelf.derived(texture, "inverted", make)
+
+
+def _channel(image: Image, channel: str) -> Image:
+    """One channel of an image as grey; float images have no alpha, and stay."""
+    at = _CHANNELS[channel]
+    if at >= image.pixels.shape[2]:
+        return image
+    pixels = image.pixels.copy()
+    pixels[..., :3] = image.pixels[..., at, None]
+    if pixels.shape[2] == 4:
+        pixels[..., 3] = 255
+    return Image(f"{image.name} channel {channel}", pixels, image.srgb)
 
 
 def _spanned(image: Image, span: tuple[float, float]) -> Image:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import re
 from pathlib import PurePosixPath
 
@@ -10,20 +9,22 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
-from renderer.image.read import IMAGE_SUFFIXES
-from renderer.scene.closed import is_closed
-from renderer.scene.description import F32, I32, Instance, Material, Mesh, SceneDescription
+from renderer.scene.description import F32, I32, Instance, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed_together
+from renderer.scene.polygons import Cut
 from renderer.scene.readers.colors import vertex_colors
-from renderer.scene.readers.mtl import read_mtl
+from renderer.scene.readers.faces import filled
+from renderer.scene.readers.mtl import without_comment
 from renderer.scene.readers.obj_lines import Statements, parse
+from renderer.scene.readers.obj_materials import Materials
+from renderer.scene.readers.text import as_utf8
 from renderer.scene.textures import TextureShelf
 from renderer.scene.unique import unique_threes
 
 __all__ = ["read"]
 
-_OF_LIGHT = (".exr", ".hdr", ".pic", ".pfm")  # images of what surrounds a scene, not of what its surfaces are
+_EVERY_EDGE = 181.0
 MAX_BYTES = 400 << 20  # of text; its arrays take about as much again
 
 
@@ -34,7 +35,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         raise SceneError(
             f"{main}: has {len(data) >> 20} MiB; an OBJ has at most {MAX_BYTES >> 20}. Export it as .glb or binary .ply"
         )
-    text = _as_utf8(data)
+    text = as_utf8(data)
     try:
         said = parse(text, main)
     except SceneError as error:
@@ -45,31 +46,54 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
             said = parse(mended, main)
         except SceneError:
             raise error from None
-        description.warnings.append(f"{main}: numbers with decimal commas, or that are none, are read as what they seem to mean.")
+        changed = sum(a != b for a, b in zip(text.split(b"\n"), mended.split(b"\n"), strict=True))
+        description.warnings.append(
+            f"{main}: {changed} lines have decimal commas, or words in place of numbers; they are read as what they seem to mean."
+        )
+    shelf = TextureShelf(description, files)
     if said.colors is None and b"#MRGB" in text:
         said = said._replace(colors=_polypaint(text, len(said.positions)))
+    elif said.colors is not None:
+        said = said._replace(colors=_scaled(said.colors, main, shelf))
     said.uvs[:, 1] = 1 - said.uvs[:, 1]  # OBJ counts v from the image's lower edge
-    _check_corners(said, main)
-    shelf = TextureShelf(description, files)
-    materials = _Materials(main, said.libraries, files, shelf, description)
+    if said.lost:
+        shelf.warn(
+            f"{main}: corners of faces name {said.lost} normals or texture coordinates that are not in the file or not finite; "
+            "they are read without them."
+        )
+    materials = Materials(main, said, files, shelf, description)
+    cut = filled(np.diff(said.starts), said.corners[:, 0], said.positions, main, shelf)
     stretches = _stretches(said)
-    meshes = _meshes([name or PurePosixPath(main).stem for name in stretches], said, list(stretches.values()))
-    shown = [(name, mesh) for name, mesh in zip(stretches, meshes, strict=True) if mesh is not None]
-    for name, mesh in shown:
-        mesh.material = materials.number(name, mesh)
-    bare = [mesh for _, mesh in shown]
-    for mesh in bare if not len(said.normals) and _is_faceted(text) else smoothed_together(bare):
+    parts = _parts(said, cut, list(stretches.values()))
+    shown = list[tuple[str | None, Mesh, npt.NDArray[np.int64]]]()
+    title = PurePosixPath(main).stem
+    for name, chosen in zip(stretches, parts, strict=True):
+        meshes = [_mesh(name or title, said, cut, some) for some in chosen if len(some)]
+        number = materials.number(name, meshes) if meshes else 0
+        for mesh, some in zip(meshes, [each for each in chosen if len(each)], strict=True):
+            mesh.material = number
+            if name and description.materials[number].name == without_comment(name):
+                mesh.name = without_comment(name)
+            shown.append((name, mesh, some))
+    bare = [mesh for _, mesh, _ in shown]
+    for mesh in _rounded(said, cut, bare, [some for _, _, some in shown]):
         description.meshes.append(mesh)
         description.instances.append(Instance(len(description.meshes) - 1, name=mesh.name))
     if said.others:
         shelf.warn(f"{main}: {said.others} lines, points or curves have no surface and are left out.")
 
 
-def _as_utf8(data: bytes) -> bytes:
-    """The text in UTF-8: some tools of Windows write UTF-16, or mark UTF-8."""
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return data.decode("utf-16", "replace").encode()
-    return data.removeprefix(codecs.BOM_UTF8)
+def _scaled(colors: F32, main: str, shelf: TextureShelf) -> F32:
+    """(V, 3) sRGB in 0..1: white where a vertex has none; of codes up to 255 or 65,535 the part of that."""
+    bare = np.isnan(colors)
+    if count := int(bare.any(axis=1).sum()):
+        shelf.warn_of_surface(f"{main}: {count} of {len(colors)} vertices have no colour; they are white.")
+    highest = float(colors[~bare].max(initial=0.0))
+    if highest > 1:
+        most = 255.0 if highest <= 255 else 65535.0
+        shelf.warn_of_surface(f"{main}: its vertices have colours up to {highest:g}; they are read as parts of {most:g}.")
+        colors = colors / np.float32(most)
+    return np.where(bare, np.float32(1), colors)
 
 
 def _polypaint(text: bytes, vertices: int) -> F32 | None:
@@ -81,34 +105,38 @@ def _polypaint(text: bytes, vertices: int) -> F32 | None:
     return codes[:, 1:].astype(np.float32) / np.float32(255)
 
 
-def _is_faceted(text: bytes) -> bool:
-    """Whether it says of its faces that they are not smooth, and of none that they are."""
-    is_said, at = False, -1
-    while (at := text.find(b"\ns ", at + 1)) >= 0:
-        if text[at + 3 : at + 100].split(None, 1)[:1] not in ([b"off"], [b"0"]):
-            return False
-        is_said = True
-    return is_said
+def _rounded(said: Statements, cut: Cut, meshes: list[Mesh], triangles: list[npt.NDArray[np.int64]]) -> list[Mesh]:
+    """The meshes with normals where they have none: smooth within each smoothing group of an object, where the file has such
+    groups; else over edges that bend little, across materials. `s off` is a group without any."""
+    if all(mesh.normals is not None for mesh in meshes):
+        return meshes
+    if not said.smooth:
+        return smoothed_together(meshes, surfaces=[0] * len(meshes))
+    count = len(said.starts) - 1
+    numbers = {"": 0, "0": 0, "off": 0}
+    group = np.zeros(count, np.int64)
+    for face, name in said.smooth:
+        words = name.lower().split()
+        group[face:] = numbers.setdefault(words[0] if words and not words[0].startswith("#") else "", len(numbers))
+    if not group.any() and not len(said.normals):
+        return meshes  # flat, without normals
+    part = np.zeros(count, np.int64)
+    np.add.at(part, [face for face in said.objects if face < count], 1)
+    _, surface = np.unique(np.stack([np.cumsum(part), group]), axis=1, return_inverse=True)
+    surface = np.where(group > 0, surface.reshape(-1), count + np.arange(count)).astype(np.int32)  # flat faces are alone
+    return smoothed_together(meshes, _EVERY_EDGE, [np.asarray(surface[cut.face[some]], np.int32) for some in triangles])
 
 
 def _mended(text: bytes) -> bytes:
-    """With points in numbers, and 0 for normals and texture coordinates that are none; positions that are none stay."""
+    """The text with points in numbers, and `nan` for what is not a number in the way of some runtime, as 1.#QNAN."""
 
     def line(found: re.Match[bytes]) -> bytes:
         numbers = re.sub(rb"(?<=\d),(?=\d)", b".", found[2])
         numbers = re.sub(rb"(?<=[\d.])[dD](?=[-+]?\d)", b"e", numbers)
-        if found[1] != b"v":
-            numbers = re.sub(rb"(?i)(?<![\w.])[-+]?(?:\d\.?#\w+|nan(?:\(\w*\))?|inf(?:inity)?)(?![\w.])", b"0", numbers)
+        numbers = re.sub(rb"(?i)(?<![\w.])[-+]?(?:\d\.?#\w+|nan(?:\(\w*\))?|inf(?:inity)?)(?![\w.])", b"nan", numbers)
         return found[1] + numbers
 
     return re.sub(rb"(?m)^(v[nt]?)([ \t][^\r\n]*)", line, text)
-
-
-def _check_corners(said: Statements, file: str) -> None:
-    highest = said.corners.max(axis=0, initial=-1)
-    for k, (table, what) in enumerate(((said.positions, "v"), (said.uvs, "vt"), (said.normals, "vn"))):
-        if highest[k] >= len(table):
-            raise SceneError(f"{file}: a face names {what} {highest[k] + 1} where the file has {len(table)}; export it again")
 
 
 def _stretches(said: Statements) -> dict[str | None, npt.NDArray[np.int64]]:
@@ -122,34 +150,32 @@ def _stretches(said: Statements) -> dict[str | None, npt.NDArray[np.int64]]:
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
-def _meshes(names: list[str], said: Statements, stretches: list[npt.NDArray[np.int64]]) -> list[Mesh | None]:
-    """The meshes of some faces each, polygons cut into fans; None where they have no triangle."""
-    faces = np.concatenate(stretches)
-    count = np.maximum(said.starts[faces + 1] - said.starts[faces] - 2, 0)
-    first = np.repeat(said.starts[faces], count)
-    step = np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count)
-    fans = np.stack([first, first + step + 1, first + step + 2], axis=1)
-    ends = np.cumsum([0, *map(len, stretches)])
-    begin = np.concatenate([[0], np.cumsum(count)])[ends]  # the first triangle of each
-    corners, triangles, starts = _joined(said.corners[fans.reshape(-1)], 3 * begin)
-    positions, uvs, normals = (_picked(table, corners[:, k]) for k, table in enumerate((said.positions, said.uvs, said.normals)))
-    has = [np.concatenate([[0], np.cumsum(corners[:, k] >= 0)])[starts] for k in (1, 2)]
-    colors = None if said.colors is None else said.colors[corners[:, 0]]
-    found: list[Mesh | None] = []
-    for i, name in enumerate(names):
-        a, b = starts[i], starts[i + 1]
-        if begin[i] == begin[i + 1]:
-            found.append(None)
-            continue
-        numbers = triangles[3 * begin[i] : 3 * begin[i + 1]].reshape(-1, 3) - np.int32(a)
-        own_uvs, own_normals = (
-            None if known[i] == known[i + 1] else table[a:b] for known, table in zip(has, (uvs, normals), strict=True)
-        )
-        mesh = Mesh(name, positions[a:b], numbers, own_normals, own_uvs)
-        if colors is not None:
-            mesh.colors = vertex_colors(colors[a:b])
-        found.append(mesh)
+def _parts(said: Statements, cut: Cut, stretches: list[npt.NDArray[np.int64]]) -> list[list[npt.NDArray[np.int64]]]:
+    """For each stretch of faces its triangles, those with normals and those without apart."""
+    begins = np.searchsorted(cut.face, np.arange(len(said.starts)))
+    has = (said.corners[cut.triangles, 2] >= 0).all(axis=1)
+    found = []
+    for faces in stretches:
+        count = begins[faces + 1] - begins[faces]
+        some = np.repeat(begins[faces] - (np.cumsum(count) - count), count) + np.arange(int(count.sum()))
+        found.append([some[has[some]], some[~has[some]]])
     return found
+
+
+def _mesh(name: str, said: Statements, cut: Cut, triangles: npt.NDArray[np.int64]) -> Mesh:
+    """The mesh of some triangles, all with normals or all without."""
+    corners = said.corners[cut.triangles[triangles].reshape(-1)]
+    has_normals = bool((corners[:, 2] >= 0).all())
+    if not has_normals:
+        corners[:, 2] = -1
+    first, number = unique_threes(corners)
+    vertices = corners[first]
+    uvs = None if (vertices[:, 1] < 0).all() else _picked(said.uvs, vertices[:, 1])
+    normals = said.normals[vertices[:, 2]] if has_normals else None
+    mesh = Mesh(name, said.positions[vertices[:, 0]], number.reshape(-1, 3), normals, uvs)
+    if said.colors is not None:
+        mesh.colors = vertex_colors(said.colors[vertices[:, 0]])
+    return mesh
 
 
 def _picked(table: F32, at: I32) -> F32:
@@ -157,61 +183,3 @@ def _picked(table: F32, at: I32) -> F32:
     if not len(table):
         return np.zeros((len(at), table.shape[1]), np.float32)
     return np.where(at[:, None] >= 0, table[np.maximum(at, 0)], np.float32(0))
-
-
-def _joined(corners: I32, begin: npt.NDArray[np.int64]) -> tuple[I32, I32, npt.NDArray[np.int64]]:
-    """Corners that are the same made one vertex: the (V, 3) vertices, the vertex of each corner, and where the vertices of each
-    mesh begin. begin: where its corners do, with the end of all."""
-    first, number = unique_threes(corners)
-    if len(begin) > 2:
-        mesh = np.repeat(np.arange(len(begin) - 1, dtype=np.int32), np.diff(begin))
-        first, number = unique_threes(np.column_stack([number, mesh, np.zeros_like(mesh)]))
-    return corners[first], number, np.searchsorted(first, begin)
-
-
-class _Materials:
-    """The description's numbers of the materials that faces name."""
-
-    def __init__(
-        self, file: str, libraries: list[str], files: SceneFiles, shelf: TextureShelf, description: SceneDescription
-    ) -> None:
-        self._file, self._files, self._shelf, self._description = file, files, shelf, description
-        self._found: dict[str, Material] = {}
-        for library in libraries:
-            name = files.find(library, file)
-            names = [name] if name else [n for word in library.split() if (n := files.find(word, file))]
-            if not names:
-                shelf.warn_of_surface(
-                    f"{file}: its materials {library[:120]} are not among the files; add them. Rendered in grey meanwhile."
-                )
-            for n in names:
-                self._found.update(read_mtl(files, n, shelf))
-        self._bare = not libraries
-
-    def number(self, name: str | None, mesh: Mesh) -> int:
-        """The description's number of a material. Glass without an inside is a pane: see docs/scene-format.md."""
-        material = self._found.get(name or "")
-        if material is None:
-            material = Material(name or "default")
-            if mesh.colors is not None:
-                material.base_color = (1.0, 1.0, 1.0)
-            if self._bare and mesh.uvs is not None:
-                material.base_color_texture = self._lone_texture(material)
-            elif name is not None and self._found:
-                self._shelf.warn_of_surface(f"{self._file}: no material file describes {name[:120]}; it is grey.")
-        if material.kind == "glass":
-            material.thin = not is_closed(mesh.positions, mesh.triangles)
-        self._description.materials.append(material)
-        return len(self._description.materials) - 1
-
-    def _lone_texture(self, material: Material) -> int | None:
-        images = [name for name in self._files.siblings(self._file, IMAGE_SUFFIXES) if not name.lower().endswith(_OF_LIGHT)]
-        if len(images) != 1:
-            return None
-        texture = self._shelf.texture(self._shelf.image_file(images[0]))
-        if texture is not None:
-            material.base_color = (1.0, 1.0, 1.0)
-            self._shelf.warn_of_surface(
-                f"{self._file}: names no material; the one image beside it, {images[0]}, is taken as its texture."
-            )
-        return texture

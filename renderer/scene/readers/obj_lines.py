@@ -21,16 +21,17 @@ I32 = npt.NDArray[np.int32]
 Bytes = npt.NDArray[np.uint8]
 Offsets = npt.NDArray[np.int64]
 
-_TAB, _NEWLINE, _RETURN, _SPACE, _PLUS, _MINUS, _DOT, _SLASH, _BACKSLASH = 9, 10, 13, 32, 43, 45, 46, 47, 92
-_OTHER, _V, _VT, _VN, _F, _USEMTL, _MTLLIB, _NO_SURFACE = range(8)
-_FINE, _TOO_FEW, _NOT_FINITE, _NO_CORNER, _NOT_THERE = range(5)
+_TAB, _NEWLINE, _RETURN, _SPACE, _HASH, _PLUS, _MINUS, _DOT, _SLASH, _BACKSLASH = 9, 10, 13, 32, 35, 43, 45, 46, 47, 92
+_OTHER, _V, _VT, _VN, _F, _USEMTL, _MTLLIB, _NO_SURFACE, _S, _O = range(10)
+_FINE, _TOO_FEW, _NO_CORNER, _NOT_THERE = range(4)
+_ABSENT, _LOST = -1, -2  # a corner's texture coordinate or normal: not named, named and not in the file
 
 
 class Statements(NamedTuple):
-    """What a file says. Numbers count from 0; -1 is none."""
+    """The contents of a file. Numbers count from 0; -1 is none."""
 
-    positions: F32  # (V, 3)
-    colors: F32 | None  # (V, 3), where every vertex has one
+    positions: F32  # (V, 3), NaN where the file has no finite number
+    colors: F32 | None  # (V, 3), NaN where a vertex has none
     uvs: F32  # (U, 2)
     normals: F32  # (N, 3)
     corners: I32  # (C, 3): position, uv, normal
@@ -38,28 +39,49 @@ class Statements(NamedTuple):
     materials: list[tuple[int, str]]  # the first face of each stretch, and its material's name
     libraries: list[str]
     others: int  # lines, points and curves, which have no surface
+    smooth: list[tuple[int, str]]  # the first face of each stretch, and its smoothing group
+    objects: list[int]  # the first face of each object
+    lost: int  # texture coordinates and normals that corners name and the file does not have
 
 
 def parse(data: bytes, file: str) -> Statements:
-    """The statements of a file. Raises SceneError with the line of what is wrong."""
+    """The statements of a file in UTF-8, other bytes escaped as by `surrogateescape`. Raises SceneError with the line of what is
+    wrong."""
     text = np.frombuffer(data, np.uint8)
     counts = _count(text)
     positions, colors = np.empty((counts[_V], 3), np.float32), np.empty((counts[_V], 3), np.float32)
     uvs, normals = np.empty((counts[_VT], 2), np.float32), np.empty((counts[_VN], 3), np.float32)
     corners, starts = np.empty((counts[_OTHER], 3), np.int32), np.zeros(counts[_F] + 1, np.int64)
-    names = np.empty((counts[_USEMTL] + counts[_MTLLIB], 4), np.int64)
+    names = np.empty((counts[_USEMTL] + counts[_MTLLIB] + counts[_S] + counts[_O], 4), np.int64)
     code, at, value, known, colored = _fill(text, positions, colors, uvs, normals, corners, starts, names)
     if code != _FINE:
         raise _error(code, at, value, known, data, file)
-    materials, libraries = [], []
+    corners = corners[: starts[-1]]
+    lost = 0
+    for k, table in enumerate((positions, uvs, normals)):
+        highest = corners[:, k].max(initial=-1)
+        if k == 0 and highest >= len(table):
+            raise SceneError(f"{file}: a face names v {highest + 1} where the file has {len(table)}; export it again")
+        if k and (highest >= len(table) or corners[:, k].min(initial=0) == _LOST or not np.isfinite(table).all()):
+            odd = (corners[:, k] >= len(table)) | (corners[:, k] == _LOST)
+            if len(table):
+                odd |= (corners[:, k] >= 0) & ~np.isfinite(table).all(axis=1)[np.clip(corners[:, k], 0, len(table) - 1)]
+            lost += int(odd.sum())
+            corners[odd, k] = _ABSENT
+    materials, libraries, smooth, objects = [], [], [], []
     for kind, face, begin, end in names.tolist():
-        name = data[begin:end].decode("utf-8", "replace").strip()
+        name = data[begin:end].decode("utf-8", "surrogateescape").strip()
         if kind == _USEMTL:
             materials.append((face, name))
+        elif kind == _S:
+            smooth.append((face, name))
+        elif kind == _O:
+            objects.append(face)
         else:
             libraries.append(name)
-    own = colors if colored and len(colors) else None
-    return Statements(positions, own, uvs, normals, corners[: starts[-1]], starts, materials, libraries, int(counts[_NO_SURFACE]))
+    own = colors if colored else None
+    others = int(counts[_NO_SURFACE])
+    return Statements(positions, own, uvs, normals, corners, starts, materials, libraries, others, smooth, objects, lost)
 
 
 def _error(code: int, at: int, value: int, known: int, data: bytes, file: str) -> SceneError:
@@ -70,9 +92,6 @@ def _error(code: int, at: int, value: int, known: int, data: bytes, file: str) -
         word = data[at : at + 200].split(None, 1)[0].decode("utf-8", "replace")
         return SceneError(f"{file}, line {line}: {word[:40]!r} is no corner of a face; write it as v/vt/vn")
     row = " ".join(data[at:].split(b"\n", 1)[0][:200].decode("utf-8", "replace").split())
-    words = {word.lstrip("+-").lower() for word in row.split()}
-    if code == _NOT_FINITE or words & {"nan", "inf", "infinity"}:
-        return SceneError(f"{file}, line {line}: '{row[:60]}' is not finite; export the file again")
     return SceneError(f"{file}, line {line}: '{row[:60]}' does not hold {known} numbers; export the file again")
 
 
@@ -121,6 +140,10 @@ def _keyword(text: Bytes, i: int, end: int) -> int:
             return _V
         if c == ord("f"):
             return _F
+        if c == ord("s"):
+            return _S
+        if c == ord("o"):
+            return _O
         return _NO_SURFACE if c == ord("l") or c == ord("p") else _OTHER
     if length == 2:
         if c == ord("v") and text[i + 1] == ord("t"):
@@ -140,7 +163,7 @@ def _keyword(text: Bytes, i: int, end: int) -> int:
 @builder
 def _count(text: Bytes) -> Offsets:
     """How many there are of each statement; under _OTHER, how many words the faces have."""
-    found = np.zeros(8, np.int64)
+    found = np.zeros(10, np.int64)
     i = 0
     while i < len(text):
         i = _skip(text, i)
@@ -152,7 +175,7 @@ def _count(text: Bytes) -> Offsets:
             i = end
             if kind == _F:
                 i = _skip(text, i)
-                while i < len(text) and text[i] != _NEWLINE:
+                while i < len(text) and text[i] != _NEWLINE and text[i] != _HASH:
                     found[_OTHER] += 1
                     i = _skip(text, max(_past_word(text, i), i + 1))
         i = _line_end(text, i) + 1
@@ -160,17 +183,30 @@ def _count(text: Bytes) -> Offsets:
 
 
 @device
+def _is_word_of_no_number(text: Bytes, i: int) -> bool:
+    """Whether nan, inf or infinity begins here, with a sign or without."""
+    if i < len(text) and (text[i] == _PLUS or text[i] == _MINUS):
+        i += 1
+    if i + 2 >= len(text):
+        return False
+    a, b, c = text[i] | 32, text[i + 1] | 32, text[i + 2] | 32
+    return (a == ord("n") and b == ord("a") and c == ord("n")) or (a == ord("i") and b == ord("n") and c == ord("f"))
+
+
+@device
 def _row(text: Bytes, i: int, needed: int, wanted: int, row: F32) -> tuple[int, int]:
-    """Reads up to `wanted` numbers of a line into row. The code, and how many there were."""
+    """Reads up to `wanted` numbers of a line into row, NaN for those that are not finite. The code, and how many there were."""
     count = 0
     while count < wanted:
         i = _skip(text, i)
         value, end = read_number(text, i)
         if end == i:
-            break
+            if not _is_word_of_no_number(text, i):
+                break
+            value, end = np.nan, _past_word(text, i)
         row[count] = np.float32(value)
         if not np.isfinite(row[count]):
-            return _NOT_FINITE, count
+            row[count] = np.nan
         count += 1
         i = end
     return (_FINE if count >= needed else _TOO_FEW), count
@@ -194,10 +230,10 @@ def _integer(text: Bytes, i: int) -> tuple[int, int]:
 def _fill(
     text: Bytes, positions: F32, colors: F32, uvs: F32, normals: F32, corners: I32, starts: Offsets, names: Offsets
 ) -> tuple[int, int, int, int, bool]:
-    """(code, place, value, count, whether all vertices have colours); the rest stands in the arrays."""
+    """(code, place, value, count, whether any vertex has a colour); the rest stands in the arrays."""
     row = np.zeros(6, np.float32)
     known = np.zeros(3, np.int64)  # positions, uvs, normals so far
-    corner, face, name, colored = 0, 0, 0, True
+    corner, face, name, colored = 0, 0, 0, False
     i = 0
     while i < len(text):
         i = _skip(text, i)
@@ -208,10 +244,10 @@ def _fill(
             code, count = _row(text, i, 3, 6, row)
             if code != _FINE:
                 return code, begin, 0, 3, False
-            colored = colored and count == 6
+            colored = colored or count == 6
             for c in range(3):
                 positions[known[0], c] = row[c]
-                colors[known[0], c] = row[3 + c]
+                colors[known[0], c] = row[3 + c] if count == 6 else np.nan
             known[0] += 1
         elif kind == _VT:
             row[1] = 0
@@ -229,7 +265,7 @@ def _fill(
             known[2] += 1
         elif kind == _F:
             i = _skip(text, i)
-            while i < len(text) and text[i] != _NEWLINE:
+            while i < len(text) and text[i] != _NEWLINE and text[i] != _HASH:
                 word, past = i, max(_past_word(text, i), i + 1)
                 corners[corner, 1] = corners[corner, 2] = -1
                 for k in range(3):
@@ -237,10 +273,10 @@ def _fill(
                     if i < past and text[i] != _SLASH:
                         return _NO_CORNER, word, 0, 0, False
                     at = value - 1 if value > 0 else known[k] + value
-                    if (value == 0 and k == 0) or at < 0 or at >= (1 << 31) - 1:
+                    if k == 0 and (value == 0 or at < 0 or at >= (1 << 31) - 1):
                         return _NOT_THERE, word, value, known[k], False
                     if value != 0:
-                        corners[corner, k] = at
+                        corners[corner, k] = at if 0 <= at < (1 << 31) - 1 else _LOST
                     if i >= past:
                         break
                     i += 1
@@ -248,7 +284,7 @@ def _fill(
                 i = _skip(text, past)
             face += 1
             starts[face] = corner
-        elif kind in (_USEMTL, _MTLLIB):
+        elif kind in (_USEMTL, _MTLLIB, _S, _O):
             names[name, 0], names[name, 1] = kind, face
             names[name, 2], names[name, 3] = i, _line_end(text, i)
             name += 1

@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
-from renderer.scene.description import F32, I32, Instance, Material, Mesh, SceneDescription
+from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
+from renderer.scene.readers.faces import codes, filled, split, used
 from renderer.scene.readers.ply_rows import Element, Lists, elements, texture_of
 from renderer.scene.readers.points import add_points
 from renderer.scene.textures import TextureShelf
-from renderer.scene.unique import unique_corners
 
 __all__ = ["read", "read_data"]
 
@@ -47,13 +47,11 @@ def read_data(data: bytes, files: SceneFiles, main: str, description: SceneDescr
         raise SceneError(f"{main}: holds no vertices with x, y and z; export it again")
     shelf = TextureShelf(description, files)
     positions = _positions(vertex, main, shelf)
-    faces = _faces(found, main)
+    faces = _faces(found, positions, main, shelf)
     if faces is None or not len(faces.triangles):
         add_points(positions, _bytes_of(vertex) if _has(vertex) else _splats(vertex), np.eye(4), main, description, shelf)
         return
-    if not np.isfinite(positions).all():
-        raise SceneError(f"{main}: holds positions that are not finite numbers; export the file again")
-    mesh = _mesh(PurePosixPath(main).stem, positions, vertex, faces, main, shelf)
+    mesh = used(_mesh(PurePosixPath(main).stem, positions, vertex, faces, main, shelf))
     description.materials.append(_material(mesh, texture_of(data), main, shelf))
     mesh.material = len(description.materials) - 1
     description.meshes.append(smoothed(mesh))
@@ -85,7 +83,7 @@ class _Faces:
         self.lists, self.element, self.triangles, self.corners, self.face = lists, element, triangles, corners, face
 
 
-def _faces(found: Iterable[Element], main: str) -> _Faces | None:
+def _faces(found: Iterable[Element], positions: F32, main: str, shelf: TextureShelf) -> _Faces | None:
     for element in found:
         lists = next((element.lists[name] for name in _CORNERS if name in element.lists), None)
         if lists is None or not element.count:
@@ -93,22 +91,19 @@ def _faces(found: Iterable[Element], main: str) -> _Faces | None:
         if not np.isfinite(lists.values).all():
             raise SceneError(f"{main}: a face names a vertex by what is no number; export the file again")
         if element.name in _FACES:
-            return _fans(lists, element)
+            return _polygons(lists, element, positions, main, shelf)
         if element.name == _STRIPS:
-            return _strips(lists)
+            return _strips(lists, positions, main, shelf)
     return None
 
 
-def _fans(lists: Lists, element: Element) -> _Faces:
-    count = np.maximum(lists.count - 2, 0)
-    face = np.repeat(np.arange(len(count)), count)
-    first = np.repeat(lists.first, count)
-    step = np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count)
-    corners = np.stack([first, first + step + 1, first + step + 2], axis=1)
-    return _Faces(lists, element, lists.values[corners].astype(np.int64), corners, face)
+def _polygons(lists: Lists, element: Element, positions: F32, main: str, shelf: TextureShelf) -> _Faces:
+    values = lists.values.astype(np.int64)
+    cut = filled(lists.count, values, positions, main, shelf)
+    return _Faces(lists, element, values[cut.triangles], cut.triangles, cut.face)
 
 
-def _strips(lists: Lists) -> _Faces:
+def _strips(lists: Lists, positions: F32, main: str, shelf: TextureShelf) -> _Faces:
     """Strips of triangles, every second one turned; -1 ends one, as the row's end does."""
     values = lists.values.astype(np.int64)
     ends = np.zeros(len(values) + 1, bool)
@@ -119,14 +114,13 @@ def _strips(lists: Lists) -> _Faces:
     at = at[whole]
     odd = (at - begins[at + 2]) % 2
     corners = np.stack([at, at + 1 + odd, at + 2 - odd], axis=1)
-    return _Faces(lists, None, values[corners], corners, np.zeros(len(at), np.int64))
+    cut = filled(np.full(len(at), 3), values[corners].reshape(-1), positions, main, shelf)
+    corners = corners[cut.face]
+    return _Faces(lists, None, values[corners], corners, np.zeros(len(corners), np.int64))
 
 
 def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, shelf: TextureShelf) -> Mesh:
     triangles = faces.triangles
-    if triangles.min() < 0 or triangles.max() >= len(positions):
-        odd = triangles.min() if triangles.min() < 0 else triangles.max()
-        raise SceneError(f"{main}: a face names vertex {odd} where there are {len(positions)}; export the file again")
     mesh = Mesh(name, positions, triangles.astype(np.int32))
     mesh.normals = _stacked(vertex, _NORMALS)
     uvs = _stacked(vertex, _UVS)
@@ -136,28 +130,13 @@ def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, 
     wedges = None if faces.element is None else faces.element.lists.get("texcoord")
     if wedges is not None and (wedges.count == 2 * faces.lists.count).all():
         corner_uvs = _upright(wedges.values.reshape(-1, 2).astype(np.float32))[faces.corners.reshape(-1)]
-        return _split(mesh, corner_uvs, None)
+        return split(mesh, corner_uvs, None)
     if wedges is not None and wedges.count.any():
         shelf.warn_of_surface(f"{main}: its faces have texture coordinates for some corners only; they are left out.")
     if mesh.colors is None and faces.element is not None and _has(faces.element):
         colors = vertex_colors(_bytes_of(faces.element))
-        return mesh if colors is None else _split(mesh, None, np.repeat(colors[faces.face], 3, axis=0))
+        return mesh if colors is None else split(mesh, None, np.repeat(colors[faces.face], 3, axis=0))
     return mesh
-
-
-def _split(mesh: Mesh, uvs: F32 | None, colors: F32 | None) -> Mesh:
-    """The mesh with values at the corners of its triangles: those that differ in them share no vertex."""
-    corners = mesh.triangles.reshape(-1)
-    given = [values for values in (uvs, colors) if values is not None]
-    first, kind = unique_corners(corners, len(mesh.positions), given)
-    at = corners[first]
-
-    def pick(own: F32 | None, values: F32 | None) -> F32 | None:
-        return values[first] if values is not None else None if own is None else own[at]
-
-    triangles: I32 = kind.reshape(-1, 3)
-    normals = None if mesh.normals is None else mesh.normals[at]
-    return Mesh(mesh.name, mesh.positions[at], triangles, normals, pick(mesh.uvs, uvs), colors=pick(mesh.colors, colors))
 
 
 def _stacked(element: Element, names: Iterable[tuple[str, ...]]) -> F32 | None:
@@ -184,19 +163,10 @@ def _bytes_of(element: Element) -> npt.NDArray[np.uint8]:
     alpha = next((name for name in _ALPHAS if name in element.columns), None)
     for k, name in enumerate((*names, alpha)):
         if name is not None:
-            found[:, k] = _bytes(element.columns[name])
+            found[:, k] = codes(element.columns[name])
     if not found[:, 3].any():  # what nobody would see is not what is meant
         found[:, 3] = 255
     return found
-
-
-def _bytes(values: Array) -> npt.NDArray[np.uint8]:
-    """Of a column of bytes; of numbers of 16 bits, by their range; of fractions, up to 1 unless some are larger."""
-    if values.dtype.kind != "f":
-        most = float(np.iinfo(values.dtype).max) if values.dtype.itemsize == 2 else 255.0
-    else:
-        most = 255.0 if values.max(initial=0.0) > 1.0 else 1.0
-    return np.rint(np.clip(np.nan_to_num(values.astype(np.float64) / most), 0, 1) * 255).astype(np.uint8)
 
 
 def _splats(vertex: Element) -> npt.NDArray[np.uint8] | None:

@@ -56,7 +56,8 @@ def test_normals_stand_on_the_side_that_polygons_face(kit):
             a, b, c = (mesh.positions[mesh.triangles[:, k]].astype(float) for k in range(3))
             faces = np.cross(b - a, c - a)
             along = np.einsum("ij,ij->i", faces, mesh.normals[mesh.triangles].mean(axis=1))
-            assert (along > 0.2 * np.linalg.norm(faces, axis=1)).all(), mesh.name
+            size = np.linalg.norm(faces, axis=1)
+            assert (along > 0.2 * size)[size > 1e-6 * size.max()].all(), mesh.name  # corners on a line have slivers
 
 
 def test_cameras_and_lights_are_blenders(kit):

@@ -9,7 +9,6 @@ import ctypes
 import functools
 import importlib.util
 from dataclasses import dataclass, field
-from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
+from renderer.scene.polygons import triangulate
 
 __all__ = ["Animation", "Bone", "Camera", "Channel", "Imported", "Lamp", "Node", "Shape", "import_file"]
 
@@ -24,9 +24,9 @@ F64 = npt.NDArray[np.float64]
 F32 = npt.NDArray[np.float32]
 
 _KNOWN = (5, 6)  # major versions, whose structures are those below
-_JOIN, _TRIANGULATE, _SORT, _DEGENERATES, _INVALID, _UVS = 0x2, 0x8, 0x8000, 0x10000, 0x20000, 0x40000
-_STEPS = _JOIN | _TRIANGULATE | _SORT | _INVALID | _UVS
-_TRIANGLES = 4  # aiPrimitiveType
+_JOIN, _INVALID, _UVS = 0x2, 0x20000, 0x40000
+_STEPS = _JOIN | _INVALID | _UVS
+_POINTS, _LINES, _TRIANGLES, _POLYGONS = 1, 2, 4, 8  # aiPrimitiveType
 MAX_NODES = 200_000
 
 _u, _f, _d, _p = ctypes.c_uint32, ctypes.c_float, ctypes.c_double, ctypes.c_void_p
@@ -113,6 +113,7 @@ class Shape:
     colors: F32 | None
     material: int
     bones: list[Bone] = field(default_factory=list)
+    unfilled: int = 0  # concave polygons that could not be cut
 
 
 @dataclass
@@ -211,11 +212,11 @@ def _copied(scene: Any, name: str) -> Imported:
     meshes: dict[int, Shape] = {}
     loose = morphs = 0
     for i, mesh in enumerate(_pointed(scene.meshes, scene.num_meshes, _Mesh)):
-        if mesh.kinds & _TRIANGLES and mesh.num_faces and mesh.num_vertices:
+        if mesh.kinds & (_TRIANGLES | _POLYGONS) and mesh.num_faces and mesh.num_vertices:
             meshes[i] = _shape(mesh, name)
             morphs += mesh.num_morphs
-        elif mesh.num_faces:
-            loose += 1
+        if mesh.num_faces:
+            loose += bool(mesh.kinds & _POINTS) + bool(mesh.kinds & _LINES)
     return Imported(
         nodes,
         meshes,
@@ -274,11 +275,13 @@ def _nodes(root: int | None, name: str) -> list[Node]:
 def _shape(mesh: Any, name: str) -> Shape:
     count = mesh.num_vertices
     table = _array(mesh.faces, mesh.num_faces, np.uint64, 2)
-    threes = (table[:, 0] & 0xFFFFFFFF) == 3
-    corners = b"".join(map(ctypes.string_at, table[threes, 1].tolist(), repeat(12)))
-    triangles = np.frombuffer(corners, np.uint32).reshape(-1, 3)
-    if len(triangles) and triangles.max() >= count:
-        raise SceneError(f"{name}: a face names vertex {triangles.max()} where there are {count}; export the file again")
+    counts = (table[:, 0] & 0xFFFFFFFF).astype(np.int64)
+    whole = counts >= 3
+    counts = counts[whole]
+    words = map(ctypes.string_at, table[whole, 1].tolist(), (4 * counts).tolist())
+    corners = np.frombuffer(b"".join(words), np.uint32)
+    if len(corners) and corners.max() >= count:
+        raise SceneError(f"{name}: a face names vertex {corners.max()} where there are {count}; export the file again")
     normals = _array(mesh.normals, count, np.float32, 3) if mesh.normals else None
     uvs = [_array(a, count, np.float32, 3)[:, :2] for a in mesh.uvs[:2] if a]
     colors = _array(mesh.colors[0], count, np.float32, 4) if mesh.colors[0] else None
@@ -289,7 +292,9 @@ def _shape(mesh: Any, name: str) -> Shape:
         offset = _vector(bone.offset).reshape(4, 4)
         bones.append(Bone(str(bone.name), offset, weights["vertex"], weights["weight"]))
     positions = _array(mesh.vertices, count, np.float32, 3)
-    return Shape(str(mesh.name), positions, triangles.astype(np.int32), normals, uvs, colors, int(mesh.material), bones)
+    cut = triangulate(counts, corners, positions)
+    triangles = corners[cut.triangles].astype(np.int32)
+    return Shape(str(mesh.name), positions, triangles, normals, uvs, colors, int(mesh.material), bones, cut.unfilled)
 
 
 def _material(material: Any) -> dict[tuple[str, int], Any]:

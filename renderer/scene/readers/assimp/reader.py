@@ -89,6 +89,7 @@ class _Reader:
         if self._main.lower().endswith((".x3d", ".wrl")):
             self._odd["viewpoints, which are X3D's cameras"] += self._files.read(self._main).count(b"Viewpoint ")
         self._odd["meshes of lines and points"] += self._imported.loose
+        self._odd["concave polygons, which are filled as if convex"] += sum(m.unfilled for m in self._imported.meshes.values())
         self._odd["morph targets"] += self._imported.morphs
         self._odd["channels that animate meshes"] += self._movement.others
         listed = ", ".join(f"{count} {words}" for words, count in self._odd.items() if count)

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.readers.fbx import layout
 
-__all__ = ["Opened", "array", "at", "each", "is_set", "matrix", "number_of", "pointed", "seen", "text", "triangulated"]
+__all__ = ["Opened", "array", "at", "each", "is_set", "matrix", "number_of", "pointed", "seen", "text"]
 
 _KNOWN = range(21_000, 22_000)  # 0.21: versions whose structures layout.py has
 _OUT_OF_MEMORY = {5, 6, 7}  # ufbx_error_type: memory, memory limit, allocation limit
@@ -67,8 +67,6 @@ def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
     library.ufbx_free_anim.argtypes = [ctypes.c_void_p]
     library.ufbx_free_scene.restype = None
     library.ufbx_free_scene.argtypes = [opened]
-    library.ufbx_triangulate_face.restype = ctypes.c_uint32
-    library.ufbx_triangulate_face.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, layout.Face]
     library.ufbx_find_bool_len.restype = ctypes.c_bool
     library.ufbx_find_bool_len.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_bool]
     library.ufbx_find_real_len.restype = ctypes.c_double
@@ -180,10 +178,3 @@ def is_set(element: Any, name: bytes, default: bool = False) -> bool:
 def number_of(element: Any, name: bytes) -> float:
     """A property of an element that is a number; 0 where it is not there."""
     return float(_library().ufbx_find_real_len(ctypes.addressof(element.props), name, len(name), 0.0))
-
-
-def triangulated(mesh: Any, begin: int, count: int) -> npt.NDArray[np.uint32]:
-    """(count - 2, 3) corners of a face of any shape."""
-    room = (ctypes.c_uint32 * (3 * max(count - 2, 1)))()
-    made = _library().ufbx_triangulate_face(room, len(room), ctypes.addressof(mesh), layout.Face(begin, count))
-    return np.array(room[: 3 * made], np.uint32).reshape(-1, 3)

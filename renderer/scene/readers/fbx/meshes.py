@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import F32, I32
+from renderer.scene.polygons import triangulate
 from renderer.scene.readers.fbx import layout
-from renderer.scene.readers.fbx.library import array, each, seen, triangulated
+from renderer.scene.readers.fbx.library import array, each, seen
 from renderer.scene.unique import unique_corners, used_among
 
 __all__ = ["Part", "parts_of"]
 
 U32 = npt.NDArray[np.uint32]
-F64 = npt.NDArray[np.float64]
 
 
 class Part(NamedTuple):
@@ -32,11 +32,12 @@ class Part(NamedTuple):
     colors: F32 | None
 
 
-def parts_of(mesh: Any) -> list[Part]:
-    """The parts of a mesh with faces, by their materials. Holes, and faces of fewer than three corners, are left out."""
-    corners, face = _triangles(mesh)
+def parts_of(mesh: Any) -> tuple[list[Part], int]:
+    """The parts of a mesh with faces, by their materials, and how many concave faces could not be cut. Holes, and faces of fewer
+    than three corners, are left out."""
+    corners, face, unfilled = _triangles(mesh)
     if not len(corners):
-        return []
+        return [], 0
     uv_sets = each(mesh.uv_sets, layout.UvSet)
     points = array(mesh.vertex_indices, np.uint32)
     given = [
@@ -56,7 +57,7 @@ def parts_of(mesh: Any) -> list[Part]:
         if colors is not None and (colors == 1).all():
             colors = None
         found.append(Part(number, points[at].astype(np.int64), triangles.astype(np.int32), normals, uvs, uvs1, colors))
-    return found
+    return found, unfilled
 
 
 def _by_slot(slots: U32, face: npt.NDArray[np.int64]) -> Iterator[tuple[int, Any]]:
@@ -82,42 +83,13 @@ def _at_corners(vertex: Any, width: int) -> F32 | None:
     return values[seen(vertex.indices, np.uint32)] if len(values) else None
 
 
-def _triangles(mesh: Any) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """(T, 3) corners, and (T,) the face that each is of."""
+def _triangles(mesh: Any) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], int]:
+    """(T, 3) corners, (T,) the face that each is of, and how many concave faces could not be cut."""
     faces = array(mesh.faces, np.uint32, 2).astype(np.int64)
     holes = array(mesh.face_hole, np.uint8)
-    shown = holes == 0 if len(holes) == len(faces) else np.ones(len(faces), bool)
-    begin, count = faces.T if len(faces) else np.zeros((2, 0), np.int64)
-    corners, of = [], []
-    three = np.flatnonzero((count == 3) & shown)
-    corners.append(begin[three, None] + np.arange(3))
-    of.append(three)
-    four = np.flatnonzero((count == 4) & shown)
-    corners.append(_halved(begin[four, None] + np.arange(4), mesh))
-    of.append(np.repeat(four, 2))
-    for number in np.flatnonzero((count > 4) & shown):
-        cut = triangulated(mesh, int(begin[number]), int(count[number]))
-        corners.append(cut.astype(np.int64))
-        of.append(np.full(len(cut), number))
-    cuts, numbers = np.concatenate(corners), np.concatenate(of)
-    if len(three) == len(numbers) or 2 * len(four) == len(numbers):
-        return cuts, numbers
-    order = np.argsort(numbers, kind="stable")
-    return cuts[order], numbers[order]
-
-
-def _halved(corners: npt.NDArray[np.int64], mesh: Any) -> npt.NDArray[np.int64]:
-    """(2 Q, 3) corners of (Q, 4): cut from the first to the third, but where that lies outside of the face."""
+    shown = np.flatnonzero(holes == 0) if len(holes) == len(faces) else np.arange(len(faces))
+    begin, count = faces[shown].T if len(faces) else np.zeros((2, 0), np.int64)
+    corner = np.repeat(begin - (np.cumsum(count) - count), count) + np.arange(int(count.sum()))
     points = array(mesh.vertices, np.float64, 3)
-    a, b, c, d = (points[array(mesh.vertex_indices, np.uint32)[corners[:, k]]] for k in range(4))
-    (x, y, z), (u, v, w) = _cross(b - a, c - a), _cross(c - a, d - a)
-    inside = x * u + y * v + z * w >= 0
-    straight = corners[:, [0, 1, 2, 0, 2, 3]]
-    if inside.all():
-        return straight.reshape(-1, 3)
-    return np.where(inside[:, None], straight, corners[:, [0, 1, 3, 1, 2, 3]]).reshape(-1, 3)
-
-
-def _cross(a: F64, b: F64) -> tuple[F64, F64, F64]:
-    (ax, ay, az), (bx, by, bz) = a.T, b.T
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    cut = triangulate(count, array(mesh.vertex_indices, np.uint32)[corner], points)
+    return corner[cut.triangles], shown[cut.face], cut.unfilled

@@ -118,7 +118,10 @@ class _Reader:
     def _show(self, node: Any, moves: bool) -> None:
         mesh = at(layout.Mesh, node.mesh)
         world = self._finite(matrix(node.geometry_to_world), node)
-        parts: list[Part] = self._files.recall(("FBX parts", self._main, mesh.element_id), functools.partial(parts_of, mesh))
+        made_once = ("FBX parts", self._main, mesh.element_id)
+        parts, unfilled = self._files.recall(made_once, functools.partial(parts_of, mesh))
+        if unfilled:
+            self._odd["concave polygons, which are filled as if convex"] += unfilled
         if not parts:
             self._odd["meshes without faces"] += 1
             return

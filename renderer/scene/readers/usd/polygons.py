@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import F32, I32
-from renderer.scene.readers.usd.ears import Scissors
+from renderer.scene.polygons import triangulate
 
 __all__ = ["AtCorners", "Faces", "cut", "joined"]
 
@@ -65,57 +65,9 @@ class AtCorners:
 
 
 def cut(faces: Faces, points: F32, mirrored: bool) -> npt.NDArray[np.int64]:
-    """(T, 3) numbers of corners: triangles that fill the faces, counter-clockwise unless mirrored.
-
-    Fans, but for what is not convex: quads are cut along their other diagonal, and larger polygons ear by ear, as long as
-    that takes no longer than some seconds.
-    """
-    counts, first = faces.counts, faces.first
-    most = int(counts.max(initial=0))
-    if most == 3 and len(faces.corners) == 3 * len(counts):
-        fans = np.arange(len(faces.corners)).reshape(-1, 3)
-        return fans[:, ::-1] if mirrored else fans
-    face = np.repeat(np.arange(len(counts)), np.maximum(counts - 2, 0))
-    start = np.cumsum(np.maximum(counts - 2, 0)) - np.maximum(counts - 2, 0)
-    step = np.arange(len(face)) - start[face]
-    fans = np.stack([first[face], first[face] + step + 1, first[face] + step + 2], axis=1)
-    for number in np.flatnonzero(counts == 4)[_bent_quads(faces, points)]:
-        a = first[number]
-        fans[start[number] : start[number] + 2] = (a, a + 1, a + 3), (a + 1, a + 2, a + 3)
-    scissors = Scissors()
-    for number in _hollow(faces, points) if most > 4 else ():
-        a, n = int(first[number]), int(counts[number])
-        if not scissors.are_blunt:
-            fans[start[number] : start[number] + n - 2] = a + scissors.cut(points[faces.corners[a : a + n]].astype(np.float64))
-    return fans[:, ::-1] if mirrored else fans
-
-
-def _bent_quads(faces: Faces, points: F32) -> npt.NDArray[np.bool_]:
-    """Of all quads, those whose two triangles would face each other."""
-    begin = faces.first[faces.counts == 4]
-    if len(begin) == 0:
-        return np.zeros(0, bool)
-    a, b, c, d = (points[faces.corners[begin + k]] for k in range(4))
-    return np.einsum("ij,ij->i", np.cross(b - a, c - a), np.cross(c - a, d - a)) < 0
-
-
-def _hollow(faces: Faces, points: F32) -> Codes:
-    """The faces of five corners and more of which one bends inwards."""
-    large = np.flatnonzero(faces.counts > 4)
-    if len(large) == 0:
-        return large
-    some, corners = faces.kept(faces.counts > 4)
-    place = points[some.corners].astype(np.float64)
-    along = np.arange(len(corners)) + 1
-    ends = some.first + some.counts
-    along[ends - 1] = some.first
-    back = np.empty_like(along)
-    back[along] = np.arange(len(along))
-    turn = np.cross(place[along] - place, place - place[back])
-    whole = np.stack([np.bincount(some.face, turn[:, k]) for k in range(3)], axis=1)
-    # The sum of all turns points to the face's outside; a corner that turns against it bends inwards.
-    inwards = np.einsum("ij,ij->i", turn, whole[some.face]) < 0
-    return large[np.bincount(some.face, inwards, len(some.counts)) > 0]
+    """(T, 3) numbers of corners: triangles that fill the faces, counter-clockwise unless mirrored."""
+    cuts = triangulate(faces.counts, faces.corners, points).triangles
+    return cuts[:, ::-1] if mirrored else cuts
 
 
 def joined(faces: Faces, attributes: list[AtCorners]) -> tuple[Codes, I32]:

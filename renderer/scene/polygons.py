@@ -1,0 +1,85 @@
+"""Polygons as triangles: the one way by which readers cut faces of more than three corners."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.ears import Scissors
+
+__all__ = ["Cut", "triangulate"]
+
+Codes = npt.NDArray[np.int64]
+_NOISE = 1e-6  # of a polygon's area, which corners on straight lines turn over in positions of 32 bits
+Points = npt.NDArray[np.floating]
+
+
+class Cut(NamedTuple):
+    """Triangles that fill polygons, in the order of these and of their winding."""
+
+    triangles: Codes  # (T, 3) places in `corners`
+    face: Codes  # (T,) the polygon of each
+    unfilled: int  # concave polygons that are fans, because cutting all of them takes too long
+
+
+def triangulate(counts: npt.NDArray[Any], corners: npt.NDArray[Any], points: Points) -> Cut:
+    """Triangles of polygons of any number of corners; those of fewer than three have none.
+
+    counts: (F,) how many corners each has. corners: (C,) rows of points, those of each polygon one behind the other.
+
+    Convex polygons are fans from their first corner. Concave quads are cut along their other diagonal, and larger polygons ear by
+    ear. Every corner stays a vertex, so that polygons that share an edge still do.
+    """
+    counts = np.asarray(counts, np.int64)
+    first = np.cumsum(counts) - counts
+    if len(counts) and counts.min() == counts.max() == 3:
+        return Cut(np.arange(len(corners)).reshape(-1, 3), np.arange(len(counts)), 0)
+    number = np.maximum(counts - 2, 0)
+    face = np.repeat(np.arange(len(counts)), number)
+    start = np.cumsum(number) - number
+    step = np.arange(len(face)) - start[face]
+    fans = np.stack([first[face], first[face] + step + 1, first[face] + step + 2], axis=1)
+    bent = np.flatnonzero(counts == 4)
+    bent = bent[_bent_quads(corners, first[bent], points)]
+    a = first[bent]
+    fans[start[bent]] = np.stack([a, a + 1, a + 3], axis=1)
+    fans[start[bent] + 1] = np.stack([a + 1, a + 2, a + 3], axis=1)
+    scissors, unfilled = Scissors(), 0
+    for k in _hollow(counts, corners, points):
+        at, n = int(first[k]), int(counts[k])
+        if not scissors.are_blunt:
+            cut = scissors.cut(points[corners[at : at + n]].astype(np.float64))
+            if not scissors.are_blunt:
+                fans[start[k] : start[k] + n - 2] = at + cut
+        unfilled += scissors.are_blunt
+    return Cut(fans, face, unfilled)
+
+
+def _bent_quads(corners: npt.NDArray[Any], begin: Codes, points: Points) -> npt.NDArray[np.bool_]:
+    """Of quads that begin at these corners, those whose two triangles would face each other."""
+    if len(begin) == 0:
+        return np.zeros(0, bool)
+    a, b, c, d = (points[corners[begin + k]] for k in range(4))
+    return np.einsum("ij,ij->i", np.cross(b - a, c - a), np.cross(c - a, d - a)) < 0
+
+
+def _hollow(counts: Codes, corners: npt.NDArray[Any], points: Points) -> Codes:
+    """The polygons of five corners and more that a fan does not fill, as some of its triangles lie against the others."""
+    large = np.flatnonzero(counts > 4)
+    if len(large) == 0:
+        return large
+    count = counts[large]
+    begin = np.cumsum(count) - count
+    of = np.repeat(np.arange(len(large)), count)
+    chosen = np.repeat((np.cumsum(counts) - counts)[large] - begin, count) + np.arange(len(of))
+    place = points[corners[chosen]].astype(np.float64)
+    along = np.arange(len(of)) + 1
+    along[begin + count - 1] = begin
+    origin = place[begin][of]
+    fan = np.cross(place - origin, place[along] - origin)
+    # Newell's normal, as long as twice the polygon's area.
+    normal = np.stack([np.bincount(of, fan[:, k], len(large)) for k in range(3)], axis=1)
+    against = np.minimum(np.einsum("ij,ij->i", fan, normal[of]), 0.0)
+    return large[-np.bincount(of, against, len(large)) > _NOISE * np.einsum("ij,ij->i", normal, normal)]

@@ -1,0 +1,93 @@
+"""The materials that an OBJ file names, from its material libraries or what lies beside it."""
+
+from __future__ import annotations
+
+from pathlib import PurePosixPath
+
+from renderer.image.read import IMAGE_SUFFIXES
+from renderer.scene.closed import is_closed
+from renderer.scene.description import Material, Mesh, SceneDescription
+from renderer.scene.files import SceneFiles, folded
+from renderer.scene.readers.mtl import names_of, read_mtl, without_comment
+from renderer.scene.readers.obj_lines import Statements
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["Materials"]
+
+_OF_LIGHT = (".exr", ".hdr", ".pic", ".pfm")  # images of what surrounds a scene, not of what its surfaces are
+
+
+class Materials:
+    """The description's numbers of the materials that faces name."""
+
+    def __init__(
+        self, file: str, said: Statements, files: SceneFiles, shelf: TextureShelf, description: SceneDescription
+    ) -> None:
+        self._file, self._files, self._shelf, self._description = file, files, shelf, description
+        self._found: dict[str, Material] = {}
+        is_missing = False
+        for library in said.libraries:
+            names = self._libraries(library)
+            is_missing |= not names
+            if not names and not self._guessed(said):
+                shelf.warn_of_surface(
+                    f"{file}: its materials {library[:120]} are not among the files; add them. Rendered in grey meanwhile."
+                )
+            for name in names:
+                self._take(name)
+        wanted = any(name for _, name in said.materials)
+        if (is_missing or (not said.libraries and wanted)) and (guess := self._guessed(said)):
+            self._take(guess)
+            why = f"its materials {said.libraries[0][:120]} are missing" if is_missing else "names no material file"
+            shelf.warn_of_surface(f"{file}: {why}; {guess} is taken instead.")
+        self._bare = not said.libraries and not self._found
+
+    def _take(self, name: str) -> None:
+        self._found.update(read_mtl(self._files, name, self._shelf))
+
+    def _libraries(self, words: str) -> list[str]:
+        """The files that a mtllib statement names: one with spaces in its name, or several."""
+        for said in dict.fromkeys((words, without_comment(words))):
+            if name := self._files.find(said, self._file):
+                return [name]
+        return [name for word in without_comment(words).split() if (name := self._files.find(word, self._file))]
+
+    def _guessed(self, said: Statements) -> str | None:
+        """A material file called as the OBJ file, or the only one beside it, if that has a material which faces name."""
+        beside = self._files.siblings(self._file, (".mtl",))
+        stem = folded(PurePosixPath(self._file).stem)
+        same = [name for name in beside if folded(PurePosixPath(name).stem) == stem]
+        if len(same) == 1:
+            return same[0]
+        if len(beside) != 1:
+            return None
+        has = {without_comment(name) for name in names_of(self._files, beside[0])}
+        return beside[0] if any(without_comment(name) in has for _, name in said.materials) else None
+
+    def number(self, name: str | None, meshes: list[Mesh]) -> int:
+        """The description's number of a material. Glass without an inside is a pane: see docs/scene-format.md."""
+        material = self._found.get(name or "") or self._found.get(without_comment(name or ""))
+        if material is None:
+            material = Material(name or "default")
+            if any(mesh.colors is not None for mesh in meshes):
+                material.base_color = (1.0, 1.0, 1.0)
+            if self._bare and any(mesh.uvs is not None for mesh in meshes):
+                material.base_color_texture = self._lone_texture(material)
+            elif name is not None and self._found:
+                self._shelf.warn_of_surface(f"{self._file}: no material file describes {name[:120]}; it is grey.")
+        if material.kind == "glass":
+            material.thin = not all(is_closed(mesh.positions, mesh.triangles) for mesh in meshes)
+        self._description.materials.append(material)
+        return len(self._description.materials) - 1
+
+    def _lone_texture(self, material: Material) -> int | None:
+        images = [name for name in self._files.siblings(self._file, IMAGE_SUFFIXES) if not name.lower().endswith(_OF_LIGHT)]
+        if len(images) != 1:
+            return None
+        texture = self._shelf.texture(self._shelf.image_file(images[0]))
+        if texture is not None:
+            material.base_color = (1.0, 1.0, 1.0)
+            self._shelf.warn_of_surface(
+                f"{self._file}: names no material; the one image beside it, {images[0]}, is taken as its texture."
+            )
+        return texture

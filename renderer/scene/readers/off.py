@@ -1,0 +1,173 @@
+"""OFF, Geomview's object file format: polygons, with the normals, colours and texture coordinates that its prefixes declare.
+
+Source: the Geomview manual, "OFF: Object File Format". Binary files, and points of other dimensions (4OFF, nOFF), are not read.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import PurePosixPath
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError
+from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription
+from renderer.scene.files import SceneFiles
+from renderer.scene.normals import smoothed
+from renderer.scene.readers.colors import vertex_colors
+from renderer.scene.readers.faces import codes, filled, split, used
+from renderer.scene.readers.points import add_points
+from renderer.scene.readers.text import decoded, with_points
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["read"]
+
+F64 = npt.NDArray[np.float64]
+_HEAD = re.compile(r"\s*(ST)?(C)?(N)?(4)?(n)?OFF\b[ \t]*(BINARY\b)?")
+_COMMENT = re.compile(r"#[^\n]*")
+_SEVERAL = 3  # numbers of a face behind its corners from which on they are a colour; fewer are a row of a colour map
+
+
+class _Head(NamedTuple):
+    has_uvs: bool
+    has_colors: bool
+    has_normals: bool
+
+
+class _Faces(NamedTuple):
+    counts: npt.NDArray[np.int64]
+    corners: npt.NDArray[np.int64]
+    colors: npt.NDArray[np.uint8] | None  # (F, 4) sRGB
+    uncolored: int
+    mapped: int  # faces coloured by rows of a colour map
+
+
+def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
+    """Adds the file's surface, or its points, to the description. Raises SceneError."""
+    shelf = TextureShelf(description, files)
+    text = _COMMENT.sub("", decoded(files.read(main)))
+    found = _HEAD.match(text)
+    if found is not None and (found[4] or found[5] or found[6]):
+        raise SceneError(f"{main}: is of the kind {found[0].strip()}, which is not read; export it as OFF in text")
+    text, commas = with_points(text)
+    if commas:
+        shelf.warn(f"{main}: {commas} numbers have decimal commas, which are read as points.")
+    lines = [line for line in text[found.end() if found else 0 :].splitlines() if line and not line.isspace()]
+    head = _Head(*(bool(found and found[k]) for k in (1, 2, 3)))
+    vertices, faces = _counts(lines, main)
+    try:
+        rows = _vertices(lines[1 : vertices + 1], vertices, main)
+        polygons = _faces(lines[vertices + 1 : vertices + 1 + faces], faces, main)
+    except ValueError as error:
+        raise SceneError(f"{main}: holds words among its numbers ({str(error)[:80]}); export it again") from None
+    _add(head, rows, polygons, main, shelf, description)
+
+
+def _counts(lines: list[str], main: str) -> tuple[int, int]:
+    words = lines[0].split() if lines else []
+    if len(words) < 2 or not all(word.isascii() and word.isdigit() and len(word) < 16 for word in words[:2]):
+        raise SceneError(f"{main}: is damaged or no .off file (it has no counts of vertices and faces); export it again")
+    vertices, faces = int(words[0]), int(words[1])
+    if not vertices:
+        raise SceneError(f"{main}: holds no vertices; export it again")
+    if vertices + faces > len(lines) - 1:
+        raise SceneError(
+            f"{main}: has {len(lines) - 1} of {vertices + faces} lines of vertices and faces; the file was cut, take it again"
+        )
+    return vertices, faces
+
+
+def _vertices(lines: list[str], count: int, main: str) -> F64:
+    """(V, w)."""
+    words = [line.split() for line in lines]
+    width = len(words[0])
+    if width < 3 or any(len(row) != width for row in words):
+        raise SceneError(f"{main}: its vertices are not {max(width, 3)} numbers each; export it again")
+    return np.array(words, np.float64).reshape(count, width)
+
+
+def _faces(lines: list[str], count: int, main: str) -> _Faces:
+    words = [line.split() for line in lines]
+    counts = np.array([int(row[0]) for row in words], np.int64)
+    if any(size < 0 or len(row) <= size for size, row in zip(counts.tolist(), words, strict=True)):
+        raise SceneError(f"{main}: a face has fewer corners than it says; export it again")
+    corners = np.array([int(word) for row in words for word in row[1 : int(row[0]) + 1]], np.int64)
+    rest = [row[int(row[0]) + 1 :] for row in words]
+    has = np.array([len(each) >= _SEVERAL for each in rest], bool)
+    mapped = sum(len(each) == 1 for each in rest)
+    colors = None
+    if has.any():
+        colors = np.full((count, 4), 255, np.uint8)
+        for width in (3, 4):
+            of = np.flatnonzero([len(each) == width or (width == 4 and len(each) > width) for each in rest])
+            if len(of):
+                colors[of, :width] = _codes([rest[k][:width] for k in of.tolist()])
+    return _Faces(counts, corners, colors, int((~has).sum()), mapped)
+
+
+def _codes(rows: list[list[str]]) -> npt.NDArray[np.uint8]:
+    """Colours as they are written: whole numbers count up to 255, others up to 1."""
+    whole = np.array([all(word.lstrip("+").isdigit() for word in row) for row in rows])
+    values = np.array(rows, np.float64)
+    found = np.empty(values.shape, np.uint8)
+    if whole.any() and values[whole].max() > 1:
+        found[whole] = np.clip(values[whole], 0, 255).astype(np.uint8)
+        found[~whole] = codes(values[~whole])
+        return found
+    return codes(values)
+
+
+def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, description: SceneDescription) -> None:
+    positions = rows[:, :3].astype(np.float32)
+    at = 3
+    normals: F32 | None = None
+    uvs: F32 | None = None
+    colors: npt.NDArray[np.uint8] | None = None
+    if head.has_normals:
+        normals, at = _columns(rows, at, 3, main).astype(np.float32), at + 3
+    if head.has_colors:
+        width = max(rows.shape[1] - at - (2 if head.has_uvs else 0), 3)
+        colors, at = codes(_columns(rows, at, min(width, 4), main)), at + min(width, 4)
+    if head.has_uvs:
+        uvs, at = _columns(rows, at, 2, main).astype(np.float32), at + 2
+        uvs[:, 1] = 1 - uvs[:, 1]  # counted from the lower edge
+    further = rows.shape[1] - at
+    if further in (3, 4) and at == 3 and (rows[:, at:] >= 0).all():
+        colors = codes(rows[:, at:])
+        shelf.warn_of_surface(
+            f"{main}: its vertices have {further} further numbers that no prefix names; they are taken as colours."
+        )
+    elif further:
+        shelf.warn_of_surface(f"{main}: {further} further numbers of each vertex are not read and left out.")
+    if faces.mapped:
+        shelf.warn_of_surface(f"{main}: {faces.mapped} faces have colours of a colour map, which are left out.")
+    if not (faces.counts >= 3).any():
+        add_points(positions, colors, np.eye(4), main, description, shelf)
+        return
+    cut = filled(faces.counts, faces.corners, positions, main, shelf)
+    mesh = Mesh(PurePosixPath(main).stem, positions, faces.corners[cut.triangles].astype(np.int32), normals, uvs)
+    if colors is not None:
+        mesh.colors = vertex_colors(colors)
+    elif faces.colors is not None:
+        if faces.uncolored:
+            shelf.warn_of_surface(f"{main}: {faces.uncolored} of {len(faces.counts)} faces have no colour; they are white.")
+        linear = vertex_colors(faces.colors)
+        mesh = mesh if linear is None else split(mesh, None, np.repeat(linear[cut.face], 3, axis=0))
+    mesh = used(mesh)
+    material = Material()
+    if colors is not None or faces.colors is not None:
+        material.base_color = (1.0, 1.0, 1.0)
+    if mesh.colors is not None and (mesh.colors[:, 3] < 1).any():
+        material.alpha_mode = "blend"
+    description.materials.append(material)
+    mesh.material = len(description.materials) - 1
+    description.meshes.append(smoothed(mesh))
+    description.instances.append(Instance(len(description.meshes) - 1, name=mesh.name))
+
+
+def _columns(rows: F64, at: int, count: int, main: str) -> F64:
+    if at + count > rows.shape[1]:
+        raise SceneError(f"{main}: its vertices have {rows.shape[1]} numbers, fewer than its first line says; export it again")
+    return rows[:, at : at + count]
