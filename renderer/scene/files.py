@@ -12,6 +12,7 @@ import contextlib
 import functools
 import os
 import unicodedata
+from collections import Counter
 from collections.abc import Callable, Hashable
 from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
@@ -19,6 +20,7 @@ from urllib.parse import unquote, unquote_to_bytes
 
 from renderer.errors import SceneError
 from renderer.frames import frame_name, numbers_of
+from renderer.scene.text import is_readable, readings
 
 __all__ = ["MAX_FILE_BYTES", "SceneFiles", "data_uri", "folded"]
 
@@ -46,6 +48,7 @@ class SceneFiles:
         self._used: set[Hashable] = set()
         self._found: dict[tuple[str, str], str | None] = {}
         self._listed: dict[str, dict[str, list[str]]] = {}
+        self.encodings: Counter[str] = Counter()  # in which names that are not in UTF-8 led to files
         self.is_numbered = False  # whether any file that was asked for has the frame's number in its name
 
     def read_anew(self) -> None:
@@ -122,8 +125,18 @@ class SceneFiles:
         """
         key = (reference, str(PurePosixPath(beside).parent))
         if key not in self._found:
-            self._found[key] = self._look_for(reference, PurePosixPath(beside).parent)
+            self._found[key] = self._look_for(reference, PurePosixPath(beside).parent) or self._decoded(*key)
         return self._found[key]
+
+    def _decoded(self, reference: str, home: str) -> str | None:
+        """The file whose name a reference that is not in UTF-8 says in the first encoding that leads to one."""
+        if is_readable(reference):
+            return None
+        for encoding, text in readings(reference):
+            if found := self._look_for(text, PurePosixPath(home)):
+                self.encodings[encoding] += 1
+                return found
+        return None
 
     def _look_for(self, reference: str, home: PurePosixPath) -> str | None:
         cleaned = reference.strip().strip("\"'").replace("\\", "/")

@@ -14,6 +14,8 @@ from renderer.scene.animation.clips import others_of
 from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
+from renderer.scene.names import make_readable
+from renderer.scene.text import is_readable, readable
 
 __all__ = ["read_file"]
 
@@ -54,13 +56,18 @@ def read_file(
     before = description.clips
     try:
         reader.read(files, name, description, **options)
-    except (RayfarmError, MemoryError):
+    except RayfarmError as error:
+        if is_readable(str(error)):
+            raise
+        raise type(error)(readable(str(error))) from error
+    except MemoryError:
         raise
     # A parser that trips over a damaged file in a way nobody foresaw must not take the worker with it.
     except Exception as error:
         raise SceneError(
             f"{name}: could not be read as {suffix}; it may be damaged, export it again ({_reason(error)})"
         ) from error
+    make_readable(description, files, name)
     clips = description.clips
     if moment.clip is None and clips is not before and len(clips) > 1 and clips[0].name != ALL_CLIPS:
         description.warnings.append(others_of(name, clips))

@@ -13,7 +13,7 @@ from renderer.scene.polygons import Cut, triangulate
 from renderer.scene.textures import TextureShelf
 from renderer.scene.unique import unique_corners, used_among
 
-__all__ = ["codes", "filled", "split", "used"]
+__all__ = ["codes", "filled", "of_triangles", "split", "used"]
 
 Array = npt.NDArray[Any]
 
@@ -49,7 +49,12 @@ def used(mesh: Mesh) -> Mesh:
     """The mesh without vertices that are not finite, which none of its triangles needs."""
     if np.isfinite(mesh.positions).all():
         return mesh
-    at, triangles = used_among(mesh.triangles, len(mesh.positions))
+    return of_triangles(mesh, slice(None))
+
+
+def of_triangles(mesh: Mesh, rows: Any) -> Mesh:
+    """The mesh of some triangles, with the vertices of these alone."""
+    at, triangles = used_among(mesh.triangles[rows], len(mesh.positions))
     normals, uvs, uvs1, colors = (
         None if values is None else values[at] for values in (mesh.normals, mesh.uvs, mesh.uvs1, mesh.colors)
     )

@@ -18,7 +18,7 @@ from renderer.scene.readers.faces import filled
 from renderer.scene.readers.mtl import without_comment
 from renderer.scene.readers.obj_lines import Statements, parse
 from renderer.scene.readers.obj_materials import Materials
-from renderer.scene.readers.text import as_utf8
+from renderer.scene.text import as_utf8
 from renderer.scene.textures import TextureShelf
 from renderer.scene.unique import unique_threes
 
@@ -114,10 +114,12 @@ def _rounded(said: Statements, cut: Cut, meshes: list[Mesh], triangles: list[npt
         return smoothed_together(meshes, surfaces=[0] * len(meshes))
     count = len(said.starts) - 1
     numbers = {"": 0, "0": 0, "off": 0}
-    group = np.zeros(count, np.int64)
+    begins, groups = [0], [0]
     for face, name in said.smooth:
-        words = name.lower().split()
-        group[face:] = numbers.setdefault(words[0] if words and not words[0].startswith("#") else "", len(numbers))
+        word = next(iter(without_comment(name).lower().split()), "")
+        begins.append(face)
+        groups.append(numbers.setdefault(word, len(numbers)))
+    group = np.repeat(groups, np.diff([*begins, count]))
     if not group.any() and not len(said.normals):
         return meshes  # flat, without normals
     part = np.zeros(count, np.int64)

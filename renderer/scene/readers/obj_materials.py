@@ -10,6 +10,7 @@ from renderer.scene.description import Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles, folded
 from renderer.scene.readers.mtl import names_of, read_mtl, without_comment
 from renderer.scene.readers.obj_lines import Statements
+from renderer.scene.text import is_readable, readings
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["Materials"]
@@ -67,6 +68,8 @@ class Materials:
     def number(self, name: str | None, meshes: list[Mesh]) -> int:
         """The description's number of a material. Glass without an inside is a pane: see docs/scene-format.md."""
         material = self._found.get(name or "") or self._found.get(without_comment(name or ""))
+        if material is None and name:
+            material = self._in_another_encoding(name)
         if material is None:
             material = Material(name or "default")
             if any(mesh.colors is not None for mesh in meshes):
@@ -79,6 +82,13 @@ class Materials:
             material.thin = not all(is_closed(mesh.positions, mesh.triangles) for mesh in meshes)
         self._description.materials.append(material)
         return len(self._description.materials) - 1
+
+    def _in_another_encoding(self, name: str) -> Material | None:
+        """The material of a library that is in UTF-8 where the file is not, or the other way round."""
+        if not is_readable(name):
+            return next((self._found[text] for _, text in readings(name) if text in self._found), None)
+        others = (key for key in self._found if not is_readable(key))
+        return next((self._found[key] for key in others if any(text == name for _, text in readings(key))), None)
 
     def _lone_texture(self, material: Material) -> int | None:
         images = [name for name in self._files.siblings(self._file, IMAGE_SUFFIXES) if not name.lower().endswith(_OF_LIGHT)]

@@ -19,7 +19,7 @@ from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.faces import codes, filled, split, used
 from renderer.scene.readers.points import add_points
-from renderer.scene.readers.text import decoded, with_points
+from renderer.scene.text import decoded, with_points
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read"]

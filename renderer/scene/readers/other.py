@@ -1,4 +1,4 @@
-"""What trimesh reads for us: OFF, STL in text and Collada, with their scene graph, materials and textures where they have any."""
+"""What trimesh reads for us: STL in text and Collada, with their scene graph, materials and textures where they have any."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescr
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
+from renderer.scene.readers.faces import filled, used
 from renderer.scene.readers.points import add_points
 from renderer.scene.readers.stl import Z_UP
 from renderer.scene.readers.xml import refuse_entities
@@ -67,7 +68,7 @@ def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: Texture
             shelf.warn(f"{main}: {str(name)[:80]} has no triangles and is left out.")
             continue
         if name not in numbers:
-            mesh = _mesh(str(name), geometry, main)
+            mesh = _mesh(str(name), geometry, main, shelf)
             source = getattr(geometry.visual, "material", None)
             key = (id(source), getattr(geometry.visual, "kind", None))
             if key not in materials:
@@ -97,13 +98,11 @@ def _add_points(
     add_points(points, shown, place, main, description, shelf)
 
 
-def _mesh(name: str, geometry: Any, main: str) -> Mesh:
+def _mesh(name: str, geometry: Any, main: str, shelf: TextureShelf) -> Mesh:
     positions = np.asarray(geometry.vertices, np.float32)
     triangles = np.asarray(geometry.faces, np.int64)
-    if triangles.min() < 0 or triangles.max() >= len(positions):
-        raise SceneError(f"{main}: a face names vertex {triangles.max()} where there are {len(positions)}; export the file again")
-    if not np.isfinite(positions).all():
-        raise SceneError(f"{main}: holds positions that are not finite numbers; export the file again")
+    whole = filled(np.full(len(triangles), 3), triangles.reshape(-1), positions, main, shelf).face
+    triangles = triangles[whole]
     mesh = Mesh(name, positions, triangles.astype(np.int32))
     # trimesh makes normals where a file has none; only those that the file gave are in its cache.
     own = geometry._cache.cache.get("vertex_normals")
@@ -113,14 +112,14 @@ def _mesh(name: str, geometry: Any, main: str) -> Mesh:
         uvs = np.asarray(uvs, np.float32)
         if uvs.ndim == 2 and len(uvs) == len(positions) and uvs.shape[1] >= 2:
             mesh.uvs = np.ascontiguousarray(np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1))  # trimesh counts v from the lower edge
-    return _coloured(mesh, geometry.visual)
+    return used(_coloured(mesh, geometry.visual, whole))
 
 
-def _coloured(mesh: Mesh, visual: Any) -> Mesh:
+def _coloured(mesh: Mesh, visual: Any, whole: npt.NDArray[np.int64]) -> Mesh:
     kind = getattr(visual, "kind", None)
     if kind == "vertex" and len(visual.vertex_colors) == len(mesh.positions):
         return replace(mesh, colors=vertex_colors(np.asarray(visual.vertex_colors)))
-    if kind != "face" or len(visual.face_colors) != len(mesh.triangles):
+    if kind != "face" or len(visual.face_colors) <= whole.max(initial=-1):
         return mesh
     # Faces of different colours share no vertex.
     corners = mesh.triangles.reshape(-1)
@@ -128,7 +127,7 @@ def _coloured(mesh: Mesh, visual: Any) -> Mesh:
     def pick(values: F32 | None) -> F32 | None:
         return None if values is None else values[corners]
 
-    colors = vertex_colors(np.repeat(np.asarray(visual.face_colors), 3, axis=0))
+    colors = vertex_colors(np.repeat(np.asarray(visual.face_colors)[whole], 3, axis=0))
     own = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
     return Mesh(mesh.name, mesh.positions[corners], own, pick(mesh.normals), pick(mesh.uvs), colors=colors)
 

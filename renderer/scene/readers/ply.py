@@ -12,10 +12,10 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.normals import smoothed
+from renderer.scene.normals import smoothed_together
 from renderer.scene.readers.colors import vertex_colors
-from renderer.scene.readers.faces import codes, filled, split, used
-from renderer.scene.readers.ply_rows import Element, Lists, elements, texture_of
+from renderer.scene.readers.faces import codes, filled, of_triangles, split, used
+from renderer.scene.readers.ply_rows import Element, Lists, elements, textures_of
 from renderer.scene.readers.points import add_points
 from renderer.scene.textures import TextureShelf
 
@@ -30,6 +30,7 @@ _ALPHAS = ("alpha", "diffuse_alpha", "a")
 _SPLATS = ("f_dc_0", "f_dc_1", "f_dc_2")  # of 3D Gaussians: the constant term of spherical harmonics
 _CONSTANT = 0.28209479177387814
 _CORNERS = ("vertex_indices", "vertex_index", "vertex_indexes")
+_PICTURE = "texnumber"  # the place of a picture among the comments TextureFile, of a face or of a vertex
 _FACES, _STRIPS = ("face", "faces"), "tristrips"
 _FAR = 1e4  # sizes of the whole from the origin, beyond which numbers of 32 bits show steps
 
@@ -39,23 +40,53 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     read_data(files.read(main), files, main, description)
 
 
-def read_data(data: bytes, files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """The same of a file's bytes. Raises SceneError."""
-    found = elements(data, main)
+def read_data(data: bytes, files: SceneFiles, main: str, description: SceneDescription, has_pictures: bool = True) -> None:
+    """The same of a file's bytes; without its pictures, all of it is one mesh. Raises SceneError."""
+    shelf = TextureShelf(description, files)
+    found = elements(data, main, shelf.warn)
     vertex = next((each for each in found if each.name == "vertex"), None)
     if vertex is None or not vertex.count or any(name not in vertex.columns for name in "xyz"):
         raise SceneError(f"{main}: holds no vertices with x, y and z; export it again")
-    shelf = TextureShelf(description, files)
     positions = _positions(vertex, main, shelf)
     faces = _faces(found, positions, main, shelf)
     if faces is None or not len(faces.triangles):
         add_points(positions, _bytes_of(vertex) if _has(vertex) else _splats(vertex), np.eye(4), main, description, shelf)
         return
-    mesh = used(_mesh(PurePosixPath(main).stem, positions, vertex, faces, main, shelf))
-    description.materials.append(_material(mesh, texture_of(data), main, shelf))
-    mesh.material = len(description.materials) - 1
-    description.meshes.append(smoothed(mesh))
-    description.instances.append(Instance(len(description.meshes) - 1, name=mesh.name))
+    mesh = _mesh(PurePosixPath(main).stem, positions, vertex, faces, main, shelf)
+    named = textures_of(data) if has_pictures else []
+    parts = list[Mesh]()
+    for picture, rows in _by_picture(vertex, faces, named, main, shelf):
+        part = used(mesh) if rows is None else of_triangles(mesh, rows)
+        description.materials.append(_material(part, picture, main, shelf))
+        part.material = len(description.materials) - 1
+        parts.append(part)
+    for part in smoothed_together(parts, surfaces=[0] * len(parts)):
+        description.meshes.append(part)
+        description.instances.append(Instance(len(description.meshes) - 1, name=part.name))
+
+
+def _by_picture(
+    vertex: Element, faces: _Faces, named: list[str], main: str, shelf: TextureShelf
+) -> list[tuple[str | None, npt.NDArray[np.int64] | None]]:
+    """The file's pictures, and the triangles that each is on; None for all of them."""
+    number = None
+    if faces.element is not None and _PICTURE in faces.element.columns:
+        number = faces.element.columns[_PICTURE].astype(np.int64)[faces.face]
+    elif _PICTURE in vertex.columns:
+        number = vertex.columns[_PICTURE].astype(np.int64)[faces.triangles[:, 0]]
+    if len(named) < 2 or number is None:
+        if len(named) > 1:
+            shelf.warn_of_surface(f"{main}: names {len(named)} pictures and not which faces each is on; the first is taken.")
+        return [(next(iter(named), None), None)]
+    lost = (number < 0) | (number >= len(named))
+    if lost.any():
+        shelf.warn_of_surface(
+            f"{main}: {lost.sum()} triangles name a picture that is not among its {len(named)}; they have none."
+        )
+    found: list[tuple[str | None, npt.NDArray[np.int64] | None]] = [
+        (name, np.flatnonzero(number == i)) for i, name in enumerate(named) if (number == i).any()
+    ]
+    return [*found, *([(None, np.flatnonzero(lost))] if lost.any() else [])]
 
 
 def _positions(vertex: Element, main: str, shelf: TextureShelf) -> F32:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
+from renderer.scene.text import as_utf8, decoded
 
-__all__ = ["Element", "Lists", "elements", "texture_of"]
+__all__ = ["Element", "Lists", "elements", "textures_of"]
 
 Array = npt.NDArray[Any]
 
@@ -33,9 +35,11 @@ _TYPES = {
 }
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 _MOST_HEADER = 1 << 18
-_HEADER = re.compile(rb"\Aply[ \t]*(\r\n|\n|\r)(?s:.*?)(?<=[\r\n])end_header[ \t]*(?:\1)")
+_HEADER = re.compile(rb"\Aply[ \t]*(\r\n|\n|\r)(?s:.*?)(?<=[\r\n])end_header[ \t]*(?:\1|\r\n|\n|\r)")
 _TEXTURE = re.compile(rb"(?mi)^comment\s+TextureFile\s+([^\r\n]+)")
 _MOST_PROPERTIES = 1000
+_NO_NUMBER = re.compile(rb"(?i)(?<![\w.])[-+]?(?:\d\.?#\w+|nan(?:\(\w*\))?|inf(?:inity)?)(?![\w.])")
+_DECIMAL_COMMA = re.compile(rb"(?<=\d),(?=\d)")
 
 
 @dataclass(frozen=True)
@@ -68,29 +72,32 @@ class _Property:
     count: str | None  # of a list, how its length is written
 
 
-def texture_of(data: bytes) -> str | None:
-    """The picture that a file's comments name."""
-    found = _TEXTURE.search(data[:_MOST_HEADER].partition(b"end_header")[0])
-    return None if found is None else found[1].decode("utf-8", "replace").strip()
+_Declared = list[tuple[str, int, list[_Property]]]  # name, count and properties of each element
 
 
-def elements(data: bytes, file: str) -> list[Element]:
+def textures_of(data: bytes) -> list[str]:
+    """The pictures that a file's comments name, in their order."""
+    return [decoded(name).strip() for name in _TEXTURE.findall(as_utf8(data[:_MOST_HEADER]).partition(b"end_header")[0])]
+
+
+def elements(data: bytes, file: str, warn: Callable[[str], None] = lambda _: None) -> list[Element]:
     """A file's elements, in their order. Raises SceneError."""
+    data = data if data.startswith(b"ply") else as_utf8(data)
     header = _HEADER.match(data[:_MOST_HEADER])
     if header is None:
         raise SceneError(f"{file}: is damaged or no .ply file (it has no whole header); export it again")
     way, declared = _declared(header[0].decode("ascii", "replace"), file)
     rows: _Text | _Bytes
     if way == "ascii":
-        rows = _Text(data[header.end() :], file)
-    elif way in _ORDERS:
+        return _of_text(data[header.end() :], declared, file, warn)
+    if way in _ORDERS:
         rows = _Bytes(data, header.end(), _ORDERS[way], file)
     else:
         raise SceneError(f"{file}: is a .ply file of the format {way[:40]!r}; export it as binary or ascii")
     return [Element(name, count, *rows.take(name, count, properties)) for name, count, properties in declared]
 
 
-def _declared(header: str, file: str) -> tuple[str, list[tuple[str, int, list[_Property]]]]:
+def _declared(header: str, file: str) -> tuple[str, _Declared]:
     way, found = "", list[tuple[str, int, list[_Property]]]()
     for line in header.splitlines():
         words = line.split()
@@ -116,6 +123,51 @@ def _is_property(words: list[str]) -> bool:
 
 def _cut(file: str, element: str) -> SceneError:
     return SceneError(f"{file}: ends within its {element[:40]} rows, or has damaged ones; the file was cut, take it again")
+
+
+def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], None]) -> list[Element]:
+    """The elements of a file in text: all numbers in a row, wherever lines end, unless rows have further ones."""
+    text = _NO_NUMBER.sub(b" nan ", text) if b"#" in text or b"(" in text else text
+    commas = 0
+    if b"," in text:
+        text, commas = _DECIMAL_COMMA.subn(b".", text)
+    if commas:
+        warn(f"{file}: {commas} numbers have decimal commas, which are read as points.")
+    rows = _Text(text, file)
+    try:
+        found = [Element(name, count, *rows.take(name, count, properties)) for name, count, properties in declared]
+        if rows.is_done:
+            return found
+    except SceneError:
+        found = []
+    trimmed, longer = _trimmed(text.splitlines(), declared)
+    if not longer:
+        if not found:
+            raise _cut(file, next((name for name, count, _ in declared if count), "vertex"))
+        return found
+    warn(f"{file}: {longer} rows have more numbers than the header declares; the further ones are left out.")
+    rows = _Text(trimmed, file)
+    return [Element(name, count, *rows.take(name, count, properties)) for name, count, properties in declared]
+
+
+def _trimmed(lines: list[bytes], declared: _Declared) -> tuple[bytes, int]:
+    """The numbers that the header declares, a row a line, and how many lines have more; none where lines are not rows."""
+    numbers, longer = list[bytes](), 0
+    rows = (line.split() for line in lines if line.strip())
+    try:
+        for _, count, properties in declared:
+            for _ in range(count):
+                words = next(rows)
+                at = 0
+                for each in properties:
+                    at += 1 if each.count is None else 1 + int(words[at])
+                if at > len(words):
+                    return b"", 0
+                longer += at < len(words)
+                numbers += words[:at]
+    except (StopIteration, IndexError, ValueError):
+        return b"", 0
+    return b" ".join(numbers), longer
 
 
 class _Bytes:
@@ -216,6 +268,11 @@ class _Text:
                 raise SceneError(
                     f"{file}: is damaged or no .ply file (it holds words among its numbers); export it again"
                 ) from None
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all numbers are taken."""
+        return self._at == len(self._numbers)
 
     def take(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
         """The next element's columns."""

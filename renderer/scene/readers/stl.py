@@ -13,6 +13,9 @@ from renderer.scene.description import Instance, Material, Mesh, SceneDescriptio
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
+from renderer.scene.readers.faces import filled
+from renderer.scene.text import as_utf8, decoded, readable, with_points
+from renderer.scene.textures import TextureShelf
 from renderer.scene.unique import unique_threes
 
 __all__ = ["Z_UP", "read"]
@@ -27,18 +30,26 @@ Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     """Adds the file's triangles to the description. Raises SceneError."""
     data = files.read(main)
+    if len(data) != _HEAD + _ROW.itemsize * int.from_bytes(data[80:_HEAD], "little"):
+        data = as_utf8(data)
     count = _triangles_of(data, main)
+    shelf = TextureShelf(description, files)
     if count is None:
-        data = data.decode("utf-8", "replace").encode()  # the only words are names: another encoding must not stop the numbers
+        text, commas = with_points(readable(decoded(data)))  # the only words are names: their encoding must not stop the numbers
+        if commas:
+            shelf.warn(f"{main}: {commas} numbers have decimal commas, which are read as points.")
+        data = "\n".join(text.splitlines()).encode()
         import_module("renderer.scene.readers.other").read_data(data, ".stl", files, main, description)  # heavy
         return
     rows = np.frombuffer(data, _ROW, count, _HEAD)
     corners = np.ascontiguousarray(rows["corners"]).reshape(-1, 3)
-    if not np.isfinite(corners).all():
-        raise SceneError(f"{main}: holds positions that are not finite numbers; export the file again")
+    colors = _colors(rows["color"], data[:80])
+    whole = filled(np.full(count, 3), np.arange(3 * count), corners, main, shelf).face
+    if len(whole) < count:
+        corners = corners.reshape(-1, 9)[whole].reshape(-1, 3)
+        colors = None if colors is None else colors[whole]
     corners += np.float32(0)  # there are two zeros
     first, number = unique_threes(corners)
-    colors = _colors(rows["color"], data[:80])
     if colors is not None:
         code = np.repeat(colors.view(np.int32).reshape(-1), 3)
         first, number = unique_threes(np.column_stack([number, code, np.zeros_like(code)]))

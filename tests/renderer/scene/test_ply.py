@@ -3,6 +3,7 @@
 import struct
 
 import numpy as np
+import pytest
 
 from renderer.scene.readers import points
 
@@ -131,3 +132,49 @@ def test_gaussians_are_points_of_their_colour(scene):
     head = WITH_NAMES.format("float") + "".join(f"property float f_dc_{k}\n" for k in range(3))
     colors = scene("a.ply", in_bytes(head, rows)).meshes[0].colors
     np.testing.assert_allclose(colors[0, :3], [linear(round(255 * (0.5 + c * 0.28209479))) for c in (1, 0, -1)], atol=1e-6)
+
+
+WEDGES = "property list uchar float texcoord\nproperty {kind} texnumber\n"
+
+
+@pytest.mark.parametrize("kind", ["int", "uchar", "short"])
+@pytest.mark.parametrize("of_vertices", [False, True])
+def test_each_face_has_its_picture(scene, png, kind, of_vertices):
+    head = "ply\nformat ascii 1.0\ncomment TextureFile a.png\ncomment TextureFile b.png\nelement vertex 8\n"
+    head += "property float x\nproperty float y\nproperty float z\n"
+    square = ("0 0 0", "1 0 0", "1 1 0", "0 1 0")
+    if of_vertices:
+        head += f"property float s\nproperty float t\nproperty {kind} texnumber\n"
+        rows = "".join(f"{row} 0 0 {k}\n" for k in (0, 1) for row in square)
+        head += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+        faces = "4 0 1 2 3\n4 4 5 6 7\n"
+    else:
+        rows = "".join(f"{row}\n" for _ in (0, 1) for row in square)
+        head += "element face 2\nproperty list uchar int vertex_indices\n" + WEDGES.format(kind=kind) + "end_header\n"
+        faces = "4 0 1 2 3 8 0 0 1 0 1 1 0 1 1\n4 4 5 6 7 8 0 0 1 0 1 1 0 1 0\n"
+    description = scene("a.ply", head + rows + faces, {"a.png": png(255, 0, 0), "b.png": png(0, 0, 255)})
+    found = [
+        (description.images[description.textures[description.materials[m.material].base_color_texture].image].name)
+        for m in description.meshes
+    ]
+    assert found == ["a.png", "b.png"]
+    assert [len(m.triangles) for m in description.meshes] == [2, 2]
+    assert [m.uvs is not None for m in description.meshes] == [True, True]
+
+
+def test_further_numbers_in_rows_are_left_out_by_lines(scene):
+    head = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 2\n"
+    head += "property list uchar int vertex_indices\nend_header\n"
+    text = head + "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 9 9\n3 0 2 3 9\n"
+    description = scene("a.ply", text)
+    assert len(description.meshes[0].triangles) == 2
+    assert any("2 rows have more numbers" in w for w in description.warnings)
+
+
+@pytest.mark.parametrize(("first", "last"), [("\n", "\r\n"), ("\r\n", "\n"), ("\r\n", "\r\n"), ("\n", "\n"), ("\r", "\r")])
+def test_header_lines_end_as_they_like(scene, first, last):
+    lines = ["ply", "format binary_little_endian 1.0", "element vertex 3", *(f"property float {c}" for c in "xyz")]
+    lines += ["element face 1", "property list uchar int vertex_indices"]
+    head = first.join([*lines, "end_header"]) + last
+    data = np.array([(10, 0, 0), (1, 0, 0), (0, 1, 0)], "<f4").tobytes() + b"\3" + np.arange(3, dtype="<i4").tobytes()
+    assert len(scene("a.ply", head.encode() + data).meshes[0].triangles) == 1

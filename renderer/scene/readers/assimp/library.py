@@ -36,7 +36,7 @@ class _String(ctypes.Structure):
     _fields_ = (("length", _u), ("data", ctypes.c_char * 1024))
 
     def __str__(self) -> str:
-        return bytes(self.data[: min(self.length, 1024)]).decode("utf-8", "replace")
+        return bytes(self.data[: min(self.length, 1024)]).decode("utf-8", "surrogateescape")
 
 
 def _structure(*fields: tuple[str, Any]) -> Any:
@@ -305,7 +305,7 @@ def _material(material: Any) -> dict[tuple[str, int], Any]:
             continue
         data = ctypes.string_at(said.data, said.length)
         if said.kind == 3:  # a string: its length in four bytes, itself, and a 0
-            found[key] = data[4 : 4 + int.from_bytes(data[:4], "little")].decode("utf-8", "replace")
+            found[key] = data[4 : 4 + int.from_bytes(data[:4], "little")].decode("utf-8", "surrogateescape")
         elif said.kind in (1, 2, 4):
             found[key] = np.frombuffer(
                 data[: len(data) // 8 * 8 if said.kind == 2 else len(data) // 4 * 4],

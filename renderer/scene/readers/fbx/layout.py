@@ -214,10 +214,10 @@ _Axes = _structure("Axes", "right:int up:int front:int")
 LoadOptions = _structure(
     "LoadOptions",
     "_:uint temporary:Allocator result:Allocator _:Threads _:bool*4 evaluate_skinning:bool _:bool load_external:bool _:bool"
-    " _:bool _:bool clean_skin_weights:bool blender_pbr:bool _:bool _:bool _:bool _:bool index_errors:int"
+    " _:bool _:bool clean_skin_weights:bool blender_pbr:bool _:bool _:bool _:bool unsafe:bool index_errors:int"
     " connect_broken:bool _:bool _:bool _:bool make_normals:bool _:bool _:char depth_limit:uint _:long _:size _:list _:list"
     " _:Callback _:long _:Callback _:int _:int space:int _:int _:bool _:int _:bool _:bool axes:Axes unit_meters:real _:Axes"
-    " _:Axes _:list _:list normalize:bool _:bool _:bool _:real*10 _:real _:int _:bool _:bool format:int _:size"
+    " _:Axes _:list _:list normalize:bool _:bool _:bool _:real*10 _:real unicode_errors:int _:bool _:bool format:int _:size"
     " no_content:bool no_extension:bool _:bool*4 _:list _:list _:real _:Axes _:uint",
 )
 EvaluateOptions = _structure(

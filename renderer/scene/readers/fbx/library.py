@@ -25,6 +25,7 @@ _OUT_OF_MEMORY = {5, 6, 7}  # ufbx_error_type: memory, memory limit, allocation 
 _RIGHT_Y_FRONT = (0, 2, 4)  # +X to the right, +Y up, +Z to the front
 _DEPTH = 1000
 _FBX = 1
+_AS_WRITTEN = 5  # ufbx_unicode_error_handling: strings are what the file has
 
 
 @functools.cache
@@ -97,6 +98,7 @@ class Opened:
         options.axes.right, options.axes.up, options.axes.front = _RIGHT_Y_FRONT
         options.unit_meters = 1.0
         options.format = _FBX
+        options.unsafe, options.unicode_errors = True, _AS_WRITTEN
         error = layout.Error()
         found = _library().ufbx_load_memory(data, len(data), ctypes.byref(options), ctypes.byref(error))
         return cls(found) if found else _failed(error, name)
@@ -126,8 +128,8 @@ def _failed(error: Any, name: str) -> Any:
 
 
 def text(string: Any) -> str:
-    """A string of the library."""
-    return ctypes.string_at(string.data, string.count).decode("utf-8", "replace") if string.data else ""
+    """A string of the library; bytes that are not UTF-8 as lone surrogates (renderer/scene/text.py)."""
+    return ctypes.string_at(string.data, string.count).decode("utf-8", "surrogateescape") if string.data else ""
 
 
 def at(kind: Any, address: int | None) -> Any:

@@ -69,7 +69,7 @@ def _read(files: SceneFiles, name: str) -> SceneDescription:
         data = unpacked(data, name)
 
     part = SceneDescription(name=name)
-    ply.read_data(data, files, name, part)
+    ply.read_data(data, files, name, part, has_pictures=False)
     if re.search(_NORMALS, data) is None:
         part.meshes = [replace(mesh, normals=None) for mesh in part.meshes]
     return part

@@ -19,6 +19,7 @@ from renderer.scene.readers.pbrt.named import CHROMATICITIES, GLASSES, METALS
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.observer import D65, MATCHING, at_wavelengths, planck
 from renderer.scene.readers.pbrt.parameters import Parameter, text_of
+from renderer.scene.text import decoded
 
 __all__ = ["SPACES", "WEIGHTS", "Colors", "balanced", "luminance"]
 
@@ -149,7 +150,7 @@ class Colors:
             raise found.place.wrong(
                 f"{PurePosixPath(wanted).name[:80]!r} is no spectrum that is known, and no file of the scene; add the file"
             )
-        words = [line.partition("#")[0].split() for line in self._files.read(name).decode("utf-8", "replace").splitlines()]
+        words = [line.partition("#")[0].split() for line in decoded(self._files.read(name)).splitlines()]
         try:
             values = np.array([float(word) for line in words for word in line])
         except ValueError:

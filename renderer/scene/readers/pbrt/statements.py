@@ -18,6 +18,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.files import MAX_FILE_BYTES, SceneFiles
 from renderer.scene.readers.pbrt.notes import Place
+from renderer.scene.text import decoded
 from renderer.zips import most_unpacked
 
 __all__ = ["MAX_DEPTH", "MAX_STATEMENTS", "Argument", "Statement", "Statements", "unpacked"]
@@ -74,7 +75,7 @@ class Statements:
                 "of what is shown many times (ObjectBegin)"
             )
         self._seen.add(name)
-        yield from self._parsed(data.decode("utf-8", "replace"), PurePosixPath(name).name)
+        yield from self._parsed(decoded(data), PurePosixPath(name).name)
 
     def _parsed(self, text: str, file: str) -> Iterator[Statement]:
         directive, arguments, place = "", list[Argument](), Place(file, 1)

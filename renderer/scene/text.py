@@ -1,15 +1,17 @@
 """Text of files in whatever encoding: marked by a BOM, UTF-8, or else one that names of files reveal.
 
 Bytes that are not UTF-8 are kept as lone surrogates (PEP 383), so that names that differ in bytes differ as strings, and
-`SceneFiles.find` can try the encodings of the world until one finds the file. `names.readable` turns what is left into text.
+`SceneFiles.find` can try the common encodings until one finds the file. `readable` turns what is left into text.
 """
 
 from __future__ import annotations
 
 import codecs
+import contextlib
 import re
+from collections.abc import Iterator
 
-__all__ = ["as_utf8", "decoded", "with_points"]
+__all__ = ["as_utf8", "decoded", "is_readable", "readable", "readings", "title", "with_points"]
 
 _BOMS = (
     (codecs.BOM_UTF8, "utf-8"),
@@ -18,6 +20,8 @@ _BOMS = (
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
+_ENCODINGS = ("gb18030", "cp932", "cp949", "big5", "cp1252", "cp1251", "cp437", "latin-1")
+_TITLES = {"gb18030": "GBK", "cp932": "Shift-JIS", "cp949": "EUC-KR", "big5": "Big5", "latin-1": "Latin-1"}
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _SAMPLE = 4096  # bytes, of which half are 0 in UTF-16 of western text
 
@@ -56,3 +60,32 @@ def _unmarked_utf16(data: bytes) -> str | None:
 def with_points(text: str) -> tuple[str, int]:
     """A text of numbers with points in place of decimal commas, and how many there were."""
     return _DECIMAL_COMMA.subn(".", text) if "," in text else (text, 0)
+
+
+def title(encoding: str) -> str:
+    """An encoding as people call it."""
+    return _TITLES.get(encoding, encoding.upper())
+
+
+def is_readable(text: str) -> bool:
+    """Whether a string has no bytes that are not UTF-8."""
+    return text.isascii() or not any("\udc80" <= letter <= "\udcff" for letter in text)
+
+
+def readings(text: str) -> Iterator[tuple[str, str]]:
+    """What a string with bytes that are not UTF-8 may say: (encoding, text)."""
+    data = text.encode("utf-8", "surrogateescape")
+    for encoding in _ENCODINGS:
+        with contextlib.suppress(UnicodeDecodeError):
+            yield encoding, data.decode(encoding)
+
+
+def readable(text: str, encoding: str | None = None) -> str:
+    """A string without lone surrogates: by an encoding where that fits, else as Latin-1. Different bytes stay different."""
+    if is_readable(text):
+        return text
+    data = text.encode("utf-8", "surrogateescape")
+    if encoding is not None:
+        with contextlib.suppress(UnicodeDecodeError):
+            return data.decode(encoding)
+    return data.decode("latin-1")

@@ -1,0 +1,42 @@
+"""Names of a description that are not in UTF-8, as text."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import PurePosixPath
+
+from renderer.scene.description import SceneDescription
+from renderer.scene.files import SceneFiles
+from renderer.scene.text import is_readable, readable, title
+
+__all__ = ["make_readable"]
+
+
+def make_readable(description: SceneDescription, files: SceneFiles, main: str) -> None:
+    """Turns bytes that are not UTF-8 in a description's names and warnings into text, and warns with their count.
+
+    By the encoding in which such names led to files, else as Latin-1.
+    """
+    common = files.encodings.most_common(1)
+    encoding = common[0][0] if common else None
+    changed = set[str]()
+
+    def text(name: str) -> str:
+        if is_readable(name):
+            return name
+        changed.add(name)
+        return readable(name, encoding)
+
+    for thing in (*description.materials, *description.meshes, *description.instances, *description.images):
+        thing.name = text(thing.name)
+    for light in description.lights:
+        light.name = text(light.name)
+    description.cameras[:] = [
+        camera if is_readable(camera.name) else replace(camera, name=text(camera.name)) for camera in description.cameras
+    ]
+    description.warnings[:] = [w if is_readable(w) else type(w)(readable(w, encoding)) for w in description.warnings]
+    found = common[0][1] if common else 0
+    if changed or found:
+        count = max(len(changed), found)
+        how = f"{title(encoding)}, in which {found} files are found" if encoding else "Latin-1, which is a guess"
+        description.warnings.append(f"{PurePosixPath(main).name}: {count} names are not in UTF-8; they are read as {how}.")
