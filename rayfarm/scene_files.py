@@ -6,6 +6,7 @@ import contextlib
 import re
 import shutil
 import tempfile
+import unicodedata
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,10 +16,12 @@ from rayfarm.console import err
 from rayfarm.errors import CommandError
 from renderer.formats import ARCHIVE_SUFFIXES, NAMING_SUFFIXES, SCENE_SUFFIXES, is_junk, pick_main
 from renderer.frames import frame_name, numbers_of
+from renderer.zip_names import entry_names
 from renderer.zips import DAMAGED
 
 __all__ = ["belonging", "is_numbered", "opened"]
 
+_ENCODINGS = ("utf-8", "utf-16-le", "utf-16-be", "gb18030", "cp932", "cp949", "big5", "latin-1", "cp1251", "cp437")
 # Beyond these, a folder beside a scene is a person's home and not the scene's.
 MAX_NEIGHBOURS = 5000
 MAX_UNPACKED = 8 << 30
@@ -93,20 +96,35 @@ def _link(path: Path, target: Path) -> None:
 
 
 def _unpack(archive: Path, folder: Path) -> list[str]:
-    """Unpack a zip that is a person's own; names that climb out lose their dots (zipfile does that)."""
+    """Unpacks a zip that is a person's own: the names of its files. Names that climb out lose their dots."""
     try:
         with zipfile.ZipFile(archive) as packed:
-            entries = [entry for entry in packed.infolist() if not entry.is_dir() and not is_junk(entry.filename)]
+            entries = [entry for entry in packed.infolist() if not entry.is_dir() and entry.filename[-1:] != "\\"]
+            named = entry_names(packed, entries)
+            if named.guess is not None:
+                err.print(f"note: {archive.name}: {named.guess}", markup=False)
+            pairs = [(_inside(name), entry) for name, entry in zip(named.names, entries, strict=True)]
+            pairs = [(name, entry) for name, entry in pairs if name and not is_junk(name)]
+            entries = [entry for _, entry in pairs]
             total = sum(entry.file_size for entry in entries)
             if total > MAX_UNPACKED:
                 raise CommandError(
                     f"{archive.name} unpacks to {total / 2**30:.1f} GiB; at most {MAX_UNPACKED >> 30} GiB are taken."
                 )
-            return [str(Path(packed.extract(entry, folder)).relative_to(folder)) for entry in entries]
-    except DAMAGED as error:
+            for name, entry in pairs:
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                with packed.open(entry) as source, (folder / name).open("wb") as target:
+                    shutil.copyfileobj(source, target)
+            return [name for name, _ in pairs]
+    except (*DAMAGED, OSError) as error:
         raise CommandError(
             f"{archive.name} cannot be unpacked ({error}). Pack it again as a plain zip without a password."
         ) from error
+
+
+def _inside(name: str) -> str:
+    """An entry's name below the folder that it is unpacked to; empty for none."""
+    return "/".join(part for part in name.split("\0")[0].split("/") if part not in ("", ".", "..") and not part.endswith(":"))
 
 
 def belonging(scene: Path) -> dict[str, Path]:
@@ -123,14 +141,18 @@ def belonging(scene: Path) -> dict[str, Path]:
         files = {p.relative_to(scene).as_posix(): p for p in scene.rglob("*") if p.is_file()}
         return {name: path for name, path in files.items() if not is_junk(name)}
     taken = {scene.name: scene}
+    if scene.suffix.lower() == ".obj":  # a renamed file's materials, which it may name otherwise
+        beside = [path for path in scene.parent.iterdir() if path.suffix.lower() == ".mtl" and path.is_file()]
+        same = [path for path in beside if path.stem.casefold() == scene.stem.casefold()]
+        taken |= {path.name: path for path in (same or beside) if len(same or beside) == 1}
     if scene.suffix.lower() not in NAMING_SUFFIXES:
         return taken
     neighbours = _neighbours(scene)
-    unread = [scene]
+    unread = list(taken.values())
     while unread:
         text = _text(unread.pop())
         for name, path in neighbours.items():
-            if name not in taken and any(spelling.encode() in text for spelling in _spellings(path.name)):
+            if name not in taken and _names(text, path.name):
                 taken[name] = path
                 if path.suffix.lower() in NAMING_SUFFIXES:
                     unread.append(path)
@@ -150,6 +172,21 @@ def _text(path: Path) -> bytes:
         return "\n".join(name for names in UsdUtils.ExtractExternalReferences(str(path)) for name in names).encode()
     except Tf.ErrorException:  # damaged: who reads it says so
         return data
+
+
+def _names(text: bytes, name: str) -> bool:
+    """Whether a text names a file, in whatever encoding and form of its accents."""
+    for spelling in _spellings(name):
+        if spelling.isascii():
+            forms, encodings = {spelling}, ("utf-8", "utf-16-le", "utf-16-be")
+        else:
+            forms, encodings = {unicodedata.normalize(form, spelling) for form in ("NFC", "NFD")}, _ENCODINGS
+        for form in forms:
+            for encoding in encodings:
+                with contextlib.suppress(UnicodeEncodeError):
+                    if form.encode(encoding) in text:
+                        return True
+    return False
 
 
 def _spellings(name: str) -> list[str]:

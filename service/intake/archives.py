@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, BinaryIO, cast
 
 from renderer.formats import is_junk
+from renderer.zip_names import entry_names
 from renderer.zips import DAMAGED
 from service.errors import Invalid, TooLarge
 from service.intake.names import safe_name
@@ -22,7 +23,6 @@ RATIO_FREE_BYTES = 16 << 20  # small files may shrink as well as they like
 DIRECTORY_BYTES_A_FILE = 512  # on average, of its entry in the zip's directory
 
 UNPACKED = "If it is none, unpack it and upload the folder."
-WINDOWS = 0  # the system that made an entry, as the format numbers them
 
 
 def expand(
@@ -33,18 +33,22 @@ def expand(
     max_bytes: int,
     max_ratio: float,
     check_disk: Callable[[int], None],
+    notes: list[str],
 ) -> Iterator[tuple[str, BlobWriter]]:
     """The files of a zip: (relative path, written but not committed blob), junk and folders left out.
 
-    The caller owns the writers it was given. check_disk(bytes) raises where the disk has no room for as many more.
+    The caller owns the writers it was given. check_disk(bytes) raises where the disk has no room for as many more. notes: takes a
+    sentence where names are guessed.
     Raises TooLarge where the archive is so in files, bytes or ratio, Invalid where it is not a sane archive.
     """
     try:
         with zipfile.ZipFile(cast(BinaryIO, _Archive(archive, name, max_files))) as file:
-            everything = [
-                (_path(entry), entry) for entry in file.infolist() if not entry.is_dir() and entry.filename[-1:] != "\\"
-            ]
+            files = [entry for entry in file.infolist() if not entry.is_dir() and entry.filename[-1:] != "\\"]
+            named = entry_names(file, files)
+            everything = [(safe_name(name), entry) for name, entry in zip(named.names, files, strict=True)]
             found = [(path, entry) for path, entry in everything if not is_junk(path)]
+            if named.guess is not None:
+                notes.append(named.guess)
             entries = [entry for _, entry in found]
             _judge(entries, name, max_files, max_bytes, max_ratio)
             left = max_bytes
@@ -76,12 +80,6 @@ class _Archive:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._file, name)
-
-
-def _path(entry: zipfile.ZipInfo) -> str:
-    """Where it lies. Old programs of Windows write their own separator of folders. Raises Invalid."""
-    name = entry.orig_filename
-    return safe_name(name.replace("\\", "/") if entry.create_system == WINDOWS and "/" not in name else name)
 
 
 def _damaged(name: str, error: Exception) -> Invalid:

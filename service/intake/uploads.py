@@ -112,7 +112,7 @@ def keep(
     notes: list[str] = []
     try:
         title = plain_title(form.fields.get("name", ""))
-        sent = _expanded(form, store, settings, check_disk)
+        sent = _expanded(form, store, settings, check_disk, notes)
         for name, writer in sent:
             if name in files:
                 raise Invalid(f"The file {name} is there twice. Send it once.")
@@ -255,7 +255,7 @@ def _refuse_files_as_folders(names: Iterable[str]) -> None:
 
 
 def _expanded(
-    form: Form, store: BlobStore, settings: Settings, check_disk: Callable[[int], None]
+    form: Form, store: BlobStore, settings: Settings, check_disk: Callable[[int], None], notes: list[str]
 ) -> list[tuple[str, BlobWriter]]:
     """The form's files with archives replaced by what is in them; junk left out."""
     found: list[tuple[str, BlobWriter]] = []
@@ -270,7 +270,7 @@ def _expanded(
             if PurePosixPath(path).suffix.lower() not in ARCHIVE_SUFFIXES:
                 found.append((path, writer))
                 continue
-            archive = expand(writer.rewind(), path, store, left_files, left_bytes, settings.max_unzip_ratio, check_disk)
+            archive = expand(writer.rewind(), path, store, left_files, left_bytes, settings.max_unzip_ratio, check_disk, notes)
             for entry in archive:
                 found.append(entry)
                 left_files -= 1

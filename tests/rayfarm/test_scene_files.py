@@ -97,3 +97,22 @@ def test_what_is_no_scene_gets_a_sentence(tmp_path: Path, name: str, content: by
         path.write_bytes(content)
     with pytest.raises(CommandError, match=sentence), opened(path):
         pass
+
+
+def test_names_in_other_encodings_and_spellings_are_taken_along(tmp_path: Path) -> None:
+    for name in ("木纹.png", "木目.png", "cafe\u0301.png", "paint.1002.png", "diary.png"):
+        (tmp_path / name).write_bytes(b"png")
+    (tmp_path / "m.obj").write_text("mtllib lost.mtl\n")
+    text = "map_Kd 木纹.png\n".encode("gbk") + "map_Ks 木目.png\n".encode("cp932")
+    text += "map_Ke café.png\nnorm paint.<UDIM>.png".encode()
+    (tmp_path / "m.mtl").write_bytes(text)
+    assert set(belonging(tmp_path / "m.obj")) == {"m.obj", "m.mtl", "木纹.png", "木目.png", "cafe\u0301.png", "paint.1002.png"}
+
+
+def test_a_zip_with_backslashes_is_unpacked_into_folders(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("x\\m.obj", "v 0 0 0\n")
+        archive.writestr("..\\t.png", "")
+    with opened(tmp_path / "a.zip") as (folder, main, _):
+        assert main == "x/m.obj"
+        assert (folder / "t.png").is_file()

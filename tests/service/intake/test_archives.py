@@ -34,7 +34,7 @@ def zipped(files: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes
 def unpack(store: BlobFolder, content: bytes, max_files: int = 10, max_bytes: int = 50 << 20) -> dict[str, bytes]:
     """What comes out; nothing is left of it afterwards."""
     found: dict[str, bytes] = {}
-    for name, writer in expand(io.BytesIO(content), "pack.zip", store, max_files, max_bytes, 100.0, lambda size: None):
+    for name, writer in expand(io.BytesIO(content), "pack.zip", store, max_files, max_bytes, 100.0, lambda size: None, []):
         found[name] = writer.rewind().read()
         writer.discard()
     return found
@@ -130,3 +130,15 @@ def test_folders_of_a_zip_by_an_old_program_of_windows_are_folders(store: BlobFo
     with pytest.raises(Invalid, match="climbs out"):
         unpack(store, out.getvalue())
     assert list(unpack(store, out.getvalue().replace(b"set\\..\\..\\", b"set\\one\\2\\"))) == ["set/a.obj", "set/one/2/b.obj"]
+
+
+def test_names_by_backslashes_in_other_encodings_are_unpacked_and_said(store: BlobFolder) -> None:
+    name = "木纹.png".encode("gbk")
+    data = zipped({"x\\m.mtl": b"map_Kd t.png", "t___.png": b"png"}).replace(b"t___.png", name)
+    notes: list[str] = []
+    found = {}
+    for path, writer in expand(io.BytesIO(data), "a.zip", store, 9, 999, 9.0, lambda size: None, notes):
+        found[path] = writer.rewind().read()
+        writer.discard()
+    assert found == {"x/m.mtl": b"map_Kd t.png", "木纹.png": b"png"}
+    assert notes == ["The archive does not say how 1 of its names are encoded; they are read as GBK."]

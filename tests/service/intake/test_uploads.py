@@ -122,7 +122,8 @@ def test_an_environment_and_a_chosen_main(service: Service) -> None:
 )
 def test_names_that_could_leave_the_folder(service: Service, name: str, says: str) -> None:
     assert says in refused(service, 422, [("scene.obj", OBJ), (name, OBJ)])
-    assert says in refused(service, 422, [("pack.zip", zipped({"scene.obj": OBJ, name: OBJ}))])
+    if says != "backslash":  # what separates folders in archives of some programs
+        assert says in refused(service, 422, [("pack.zip", zipped({"scene.obj": OBJ, name: OBJ}))])
 
 
 def test_no_scene_among_the_files(service: Service) -> None:

@@ -1,0 +1,117 @@
+"""Names of a zip's entries as text: with folders by slashes, and in the encoding of the system that packed them.
+
+Sources: APPNOTE.TXT 4.4.4 (bit 11: UTF-8), 4.6.9 (Info-ZIP's Unicode path). Without either the encoding is the packing system's,
+and nothing says which: the one is taken whose names the archive's own scene files use, else the first whose names are words.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+import unicodedata
+import zipfile
+import zlib
+from collections.abc import Iterator, Sequence
+from pathlib import PurePosixPath
+from typing import NamedTuple
+
+from renderer.formats import NAMING_SUFFIXES
+from renderer.zips import DAMAGED
+
+__all__ = ["EntryNames", "entry_names"]
+
+_UTF8_FLAG = 0x800
+_UNICODE_PATH = 0x7075
+# In the order in which they are believed; a byte that one does not have excludes it.
+_ENCODINGS = ("utf-8", "gb2312", "cp932", "gb18030", "big5", "cp949", "cp437", "cp1252", "cp1251")
+_PLAIN = "cp437"  # what the format says
+_TITLES = {"gb2312": "GBK", "gb18030": "GBK", "cp932": "Shift-JIS", "big5": "Big5", "cp949": "EUC-KR"}
+_FIRST_OF_EAST_ASIA = 0x2E80
+_MOST_FILES, _MOST_BYTES = 16, 1 << 18  # of scene files that are looked into
+
+
+class EntryNames(NamedTuple):
+    """names: of the entries, in their order. guess: a sentence where the encoding of some is guessed."""
+
+    names: list[str]
+    guess: str | None
+
+
+def entry_names(archive: zipfile.ZipFile, entries: Sequence[zipfile.ZipInfo]) -> EntryNames:
+    """The names of some entries of an archive."""
+    found: list[str | None] = []
+    unknown: list[bytes] = []
+    for entry in entries:
+        name = _declared(entry)
+        found.append(name)
+        if name is None:
+            unknown.append(_raw(entry))
+    guess = None
+    if unknown:
+        encoding = _encoding(unknown, archive, entries)
+        decoded = iter([raw.decode(encoding, "replace") for raw in unknown])
+        found = [next(decoded) if name is None else name for name in found]
+        title = _TITLES.get(encoding, encoding.upper())
+        guess = f"The archive does not say how {len(unknown)} of its names are encoded; they are read as {title}."
+        if encoding == "utf-8":
+            guess = None
+    return EntryNames([(name or "").replace("\\", "/") for name in found], guess)
+
+
+def _raw(entry: zipfile.ZipInfo) -> bytes:
+    return entry.orig_filename.encode("cp437")
+
+
+def _declared(entry: zipfile.ZipInfo) -> str | None:
+    """The name, where the archive says how it is encoded or that does not matter."""
+    name = entry.orig_filename
+    if name.isascii() or entry.flag_bits & _UTF8_FLAG:
+        return name
+    extra = entry.extra
+    with contextlib.suppress(struct.error, UnicodeDecodeError):
+        while len(extra) >= 4:
+            kind, size = struct.unpack("<HH", extra[:4])
+            field, extra = extra[4 : 4 + size], extra[4 + size :]
+            if kind == _UNICODE_PATH and len(field) > 5:
+                version, crc = struct.unpack("<BI", field[:5])
+                if version == 1 and crc == zlib.crc32(_raw(entry)):
+                    return field[5:].decode("utf-8")
+    return None
+
+
+def _encoding(names: list[bytes], archive: zipfile.ZipFile, entries: Sequence[zipfile.ZipInfo]) -> str:
+    possible = {encoding: decoded for encoding in _ENCODINGS if (decoded := _decoded(names, encoding)) is not None}
+    if "utf-8" in possible:
+        return "utf-8"
+    texts = list(_texts(archive, entries))
+    for encoding, decoded in possible.items():
+        bare = {PurePosixPath(name.replace("\\", "/")).name for name in decoded}
+        bare = {name for name in bare if not name.isascii()}
+        spelled = [unicodedata.normalize(form, name).encode() for name in bare for form in ("NFC", "NFD")]
+        if any(name in text for text in texts for name in spelled):
+            return encoding
+    return next((encoding for encoding, decoded in possible.items() if _are_words(decoded, encoding)), _PLAIN)
+
+
+def _decoded(names: list[bytes], encoding: str) -> list[str] | None:
+    try:
+        return [name.decode(encoding) for name in names]
+    except UnicodeDecodeError:
+        return None
+
+
+def _are_words(names: list[str], encoding: str) -> bool:
+    """Whether all letters are such that people who use this encoding name files by."""
+    letters = [letter for name in names for letter in name if not letter.isascii()]
+    if encoding in ("gb2312", "cp932", "gb18030", "big5", "cp949"):
+        return all(letter.isalpha() and ord(letter) >= _FIRST_OF_EAST_ASIA for letter in letters)
+    return all(letter.isalpha() for letter in letters)
+
+
+def _texts(archive: zipfile.ZipFile, entries: Sequence[zipfile.ZipInfo]) -> Iterator[bytes]:
+    """What the archive's scene files and material files say, as far as that is quickly read."""
+    naming = [entry for entry in entries if entry.filename.lower().endswith(NAMING_SUFFIXES)]
+    quick = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+    for entry in [each for each in naming if each.compress_type in quick and not each.flag_bits & 1][:_MOST_FILES]:
+        with contextlib.suppress(*DAMAGED, OSError), archive.open(entry) as source:
+            yield source.read(_MOST_BYTES)
