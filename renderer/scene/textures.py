@@ -13,6 +13,7 @@ from renderer.errors import SceneError
 from renderer.image import read
 from renderer.scene.description import Image, SceneDescription, SurfaceNote, TexelFilter, Texture, TextureLayer, UvTransform, Wrap
 from renderer.scene.files import SceneFiles
+from renderer.scene.tiles import composed, is_tiled, placed, side_by_side, tile_name, tiles_of
 from renderer.scene.warned import Warned
 
 __all__ = ["MAX_IMAGE_BYTES", "UNMOVED", "TextureShelf"]
@@ -142,11 +143,35 @@ class TextureShelf:
         transform: UvTransform = UNMOVED,
     ) -> int | None:
         """The texture that scene file `beside` means by `reference`; where it is missing, a warning that names it and `user`."""
-        name = self._files.find(reference, beside)
-        if name is None:
-            self.missing(reference, user)
-            return None
-        return self.texture(self.image_file(name, srgb), wrap, wrap, transform=transform)
+        image, place = self.found(reference, beside, user, srgb)
+        return self.texture(image, wrap, wrap, transform=composed(transform, place) if place != UNMOVED else transform)
+
+    def found(self, reference: str, beside: str, user: str, srgb: bool = True) -> tuple[int | None, UvTransform]:
+        """The image that scene file `beside` means by `reference`, also one of UDIM tiles, and how UVs go to it; where it is
+        missing, None and a warning that names it and `user`."""
+        if not is_tiled(reference):
+            name = self._files.find(reference, beside)
+            if name is None:
+                self.missing(reference, user)
+                return None, UNMOVED
+            return self.image_file(name, srgb), UNMOVED
+        tiles = tiles_of(reference, lambda name: self._files.find(name, beside))
+        if not tiles:
+            self.missing(tile_name(reference, 1001), user)
+            return None, UNMOVED
+
+        def make() -> npt.NDArray[Any]:
+            return side_by_side({number: read.read(self._files.read(name), name) for number, name in tiles.items()})
+
+        key = (f"\0tiles {tiles}", srgb)
+        if key not in self._images:
+            try:
+                pixels = self._files.recall(("tiles", tuple(tiles.values())), make)
+                self._images[key] = self.add(Image(reference, pixels, srgb))
+            except SceneError as error:
+                self._images[key] = None
+                self.warn_of_surface(f"{error}; rendered without it.")
+        return self._images[key], placed(tiles)
 
     def missing(self, reference: str, user: str) -> None:
         """Warns of a texture that is not among the files."""

@@ -245,3 +245,24 @@ def test_pictures_of_roughness_and_metal_as_blender_names_them(scene, png):
     pixels = description.images[description.textures[found.metallic_roughness_texture].image].pixels
     assert pixels[0, 0, 1:3].tolist() == [64, 200]
     assert not description.warnings[:-1]
+
+
+@pytest.mark.parametrize("mark", ["<UDIM>", "%(UDIM)d", "<udim>", "<UVTILE>"])
+def test_tiles_lie_side_by_side(scene, png, mark):
+    names = ["u1_v1", "u2_v1", "u1_v2"] if mark == "<UVTILE>" else ["1001", "1002", "1011"]
+    colors = [(255, 0, 0), (0, 255, 0), (0, 0, 255)]
+    files = {f"tex/paint.{name}.png": png(*color) for name, color in zip(names, colors, strict=True)}
+    mtl = f"newmtl a\nmap_Kd -o 1 0 0 tex/paint.{mark}.png\n"
+    text = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n"
+    description = scene("a.obj", text, {"m.mtl": mtl, **files})
+    texture = description.textures[description.materials[0].base_color_texture]
+    pixels = description.images[texture.image].pixels
+    assert pixels.shape == (4, 4, 4)
+    assert [pixels[y, x, :3].tolist() for y, x in ((2, 0), (2, 2), (0, 0))] == [[255, 0, 0], [0, 255, 0], [0, 0, 255]]
+    assert texture.transform == (0.5, 0, 0.5, 0, 0.5, 0.5)
+
+
+def test_tiles_that_are_missing_are_named(scene):
+    text = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n"
+    description = scene("a.obj", text, {"m.mtl": "newmtl a\nmap_Kd paint.<UDIM>.png\n"})
+    assert any("paint.1001.png is not among the files" in w for w in description.warnings)

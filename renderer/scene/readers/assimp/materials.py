@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from renderer.scene.readers.assimp.library import Imported
 from renderer.scene.readers.mtl_maps import holds_normals, with_opacity, with_roughness_and_metal
 from renderer.scene.readers.numbers import clamped, unit
 from renderer.scene.textures import UNMOVED, TextureShelf
+from renderer.scene.tiles import composed, is_tiled
 
 __all__ = ["Materials"]
 
@@ -109,20 +111,23 @@ class Materials:
         wraps = [_WRAPS.get(int(_number(said, key, 0, kind)), "repeat") for key in ("$tex.mapmodeu", "$tex.mapmodev")]
         uv_set = min(max(int(_number(said, "$tex.uvwsrc", 0, kind)), 0), 1)
         place = _transform(said.get(("$tex.uvtrafo", kind)), self._main.lower().endswith((".x3d", ".x3db", ".wrl")))
-        return self._shelf.texture(self._image(reference, f"Material {name}", srgb), wraps[0], wraps[1], uv_set, place)
+        image, tiled = self._image(reference, f"Material {name}", srgb)
+        return self._shelf.texture(image, wraps[0], wraps[1], uv_set, composed(place, tiled))
 
-    def _image(self, reference: str, user: str, srgb: bool) -> int | None:
+    def _image(self, reference: str, user: str, srgb: bool) -> tuple[int | None, UvTransform]:
         number = reference[1:] if reference.startswith("*") else ""
         inside = self._inside.get(reference)
         if number.isascii() and number.isdigit() and len(number) < 10 and int(number) < len(self._imported.textures):
             inside = int(number)
         if inside is not None and self._imported.textures[inside][1]:
-            return self._shelf.image_bytes(f"picture {inside} in {self._main}", self._imported.textures[inside][1], srgb)
+            return self._shelf.image_bytes(f"picture {inside} in {self._main}", self._imported.textures[inside][1], srgb), UNMOVED
+        if is_tiled(unquote(reference)):
+            return self._shelf.found(unquote(reference).removeprefix("file:"), self._main, user, srgb)
         found = self._files.resolve_uri(reference, self._main)
         if found is None:
             self._shelf.missing(reference, user)
-            return None
-        return self._shelf.image_file(found, srgb)
+            return None, UNMOVED
+        return self._shelf.image_file(found, srgb), UNMOVED
 
 
 def _transform(given: Any, is_x3d: bool) -> UvTransform:

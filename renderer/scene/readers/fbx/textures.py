@@ -14,6 +14,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.fbx import layout
 from renderer.scene.readers.fbx.library import each, matrix, pointed, text
 from renderer.scene.textures import UNMOVED, TextureShelf
+from renderer.scene.tiles import composed, is_tiled, tiles_of
 
 __all__ = ["Pictures"]
 
@@ -53,21 +54,22 @@ class Pictures:
             )
             uv_set = 0
         place = _transform(picture, self._by_blender)
-        return self._shelf.texture(self._image(picture, user, srgb), wraps[0], wraps[1], uv_set, place)
+        image, tiled = self._image(picture, user, srgb)
+        return self._shelf.texture(image, wraps[0], wraps[1], uv_set, composed(place, tiled))
 
-    def _image(self, picture: Any, user: str, srgb: bool) -> int | None:
+    def _image(self, picture: Any, user: str, srgb: bool) -> tuple[int | None, UvTransform]:
         said = [text(name) for name in (picture.relative, picture.filename, picture.absolute)]
         named = [name for name in said if name]
         if picture.content.count:
             name = named[0].replace("\\", "/").rsplit("/", 1)[-1] if named else text(picture.name) or "picture"
             data = ctypes.string_at(picture.content.data, picture.content.count)
-            return self._shelf.image_bytes(f"{name} in {self._main} ({picture.element_id})", data, srgb)
+            return self._shelf.image_bytes(f"{name} in {self._main} ({picture.element_id})", data, srgb), UNMOVED
         for name in named:
-            found = self._files.find(name, self._main)
-            if found is not None:
-                return self._shelf.image_file(found, srgb)
+            tiles = tiles_of(name, lambda each: self._files.find(each, self._main)) if is_tiled(name) else None
+            if tiles or (tiles is None and self._files.find(name, self._main) is not None):
+                return self._shelf.found(name, self._main, user, srgb)
         self._shelf.missing(named[0] if named else text(picture.name), user)
-        return None
+        return None, UNMOVED
 
 
 def _transform(picture: Any, by_blender: bool) -> UvTransform:

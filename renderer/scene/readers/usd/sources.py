@@ -12,6 +12,7 @@ from pathlib import PurePosixPath
 
 from renderer.errors import SceneError
 from renderer.scene.files import MAX_FILE_BYTES, SceneFiles
+from renderer.scene.tiles import tiles_of
 from renderer.zips import DAMAGED
 
 __all__ = ["LAYER_SUFFIXES", "Sources"]
@@ -74,14 +75,12 @@ class Sources:
     def tiles(self, reference: str, beside: str) -> dict[int, str]:
         """The files of a texture in UDIM tiles, by their numbers from 1001 to 1100."""
         package, inner = split(beside)
-        found = {}
-        for number in range(1001, 1101):
-            name = reference.replace("<UDIM>", str(number))
+
+        def find(name: str) -> str | None:
             at = self._in_package(package, name, inner) if inner is not None else None
-            at = at or self._files.find(name, package)
-            if at is not None:
-                found[number] = at
-        return found
+            return at or self._files.find(name, package)
+
+        return tiles_of(reference, find)
 
     def _in_package(self, package: str, wanted: str, beside: str) -> str | None:
         if package not in self._names:

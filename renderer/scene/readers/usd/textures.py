@@ -17,10 +17,10 @@ from renderer.scene.readers.usd.layers import Stage
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.sources import Sources
 from renderer.scene.textures import UNMOVED, TextureShelf
+from renderer.scene.tiles import composed, is_tiled, placed, side_by_side, tile_name
 
 __all__ = ["CHANNELS", "Images", "Taken", "composed", "linear"]
 
-MAX_ATLAS = 16384  # texels a side
 _WRAPS: dict[str, Wrap] = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp", "black": "clamp", "periodic": "repeat"}
 CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
 F32 = npt.NDArray[np.float32]
@@ -71,7 +71,7 @@ class Images:
         if named is None:
             return None
         reference, beside = named
-        if "<UDIM>" in reference:
+        if is_tiled(reference):
             return self._atlas(reference, beside, user, srgb)
         name = self._sources.find(reference, beside)
         if name is None:
@@ -104,37 +104,13 @@ class Images:
         if key not in self._atlases:
             tiles = self._sources.tiles(reference, beside)
             if not tiles:
-                self.shelf.missing(reference.replace("<UDIM>", "1001"), user)
+                self.shelf.missing(tile_name(reference, 1001), user)
                 self._atlases[key] = None
                 return None
-            across, up = (max(pick(n - 1001) for n in tiles) + 1 for pick in (lambda i: i % 10, lambda i: i // 10))
             pixels = {n: read_image(self._sources.read(name), name) for n, name in tiles.items()}
-            image = self.shelf.add(Image(reference, _side_by_side(pixels, across, up), srgb))
-            # u' = u / across; t' = t / up, and v is 1 - t.
-            self._atlases[key] = image, (1 / across, 0.0, 0.0, 0.0, 1 / up, 1 - 1 / up)
+            image = self.shelf.add(Image(reference, side_by_side(pixels), srgb))
+            self._atlases[key] = image, placed(tiles)
         return self._atlases[key]
-
-
-def _side_by_side(tiles: dict[int, npt.NDArray[Any]], across: int, up: int) -> npt.NDArray[Any]:
-    if any(pixels.dtype != np.uint8 for pixels in tiles.values()):
-        tiles = {n: linear(Image("", p, True))[..., :3] for n, p in tiles.items()}
-    height, width = (max(p.shape[k] for p in tiles.values()) for k in (0, 1))
-    height, width = min(height, MAX_ATLAS // up), min(width, MAX_ATLAS // across)
-    first = next(iter(tiles.values()))
-    atlas = np.zeros((up * height, across * width, first.shape[2]), first.dtype)
-    for number, pixels in tiles.items():
-        row, column = up - 1 - (number - 1001) // 10, (number - 1001) % 10
-        rows = np.arange(height) * pixels.shape[0] // height
-        columns = np.arange(width) * pixels.shape[1] // width
-        atlas[row * height : (row + 1) * height, column * width : (column + 1) * width] = pixels[rows[:, None], columns]
-    return atlas
-
-
-def composed(inner: UvTransform, outer: UvTransform) -> UvTransform:
-    """What UVs that go through `inner` first, and then through `outer`, go through."""
-    a, b = (np.array([*t, 0.0, 0.0, 1.0]).reshape(3, 3) for t in (inner, outer))
-    m = b @ a
-    return tuple(float(v) for v in m[:2].reshape(-1))  # type: ignore[return-value]
 
 
 def transform_2d(scale: tuple[float, float], degrees: float, translation: tuple[float, float]) -> UvTransform:

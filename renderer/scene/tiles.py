@@ -1,0 +1,75 @@
+"""Textures in UDIM tiles: files numbered from 1001, side by side in one image."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.image.tonemap import decode_srgb
+from renderer.scene.description import UvTransform
+
+__all__ = ["composed", "is_tiled", "placed", "side_by_side", "tile_name", "tiles_of"]
+
+MAX_ATLAS = 16384  # texels a side
+_MARK = re.compile(r"(?i)<UDIM>|%\(UDIM\)d|<UVTILE>|%\(UVTILE\)d")
+_FIRST, _LAST = 1001, 1100
+
+
+def is_tiled(reference: str) -> bool:
+    """Whether a name stands for tiles: paint.<UDIM>.png, or Mari's paint.<UVTILE>.png, which is u1_v1 and so on."""
+    return _MARK.search(reference) is not None
+
+
+def tile_name(reference: str, number: int) -> str:
+    """The name of one tile's file."""
+    column, row = (number - _FIRST) % 10 + 1, (number - _FIRST) // 10 + 1
+    return _MARK.sub(lambda mark: f"u{column}_v{row}" if "uvtile" in mark[0].lower() else str(number), reference)
+
+
+def tiles_of(reference: str, find: Callable[[str], str | None]) -> dict[int, str]:
+    """The files of a texture in tiles, by their numbers from 1001 to 1100. find: the file that a name means."""
+    names = ((number, find(tile_name(reference, number))) for number in range(_FIRST, _LAST + 1))
+    return {number: name for number, name in names if name is not None}
+
+
+def side_by_side(tiles: dict[int, npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    """One image of tiles, each as large as the largest; black where there is none. tiles: pixels, sRGB where they have 8 bits."""
+    across, up = _extent(tiles)
+    if any(pixels.dtype != np.uint8 for pixels in tiles.values()):
+        tiles = {number: _linear(pixels) for number, pixels in tiles.items()}
+    height, width = (max(pixels.shape[k] for pixels in tiles.values()) for k in (0, 1))
+    height, width = min(height, MAX_ATLAS // up), min(width, MAX_ATLAS // across)
+    first = next(iter(tiles.values()))
+    atlas = np.zeros((up * height, across * width, first.shape[2]), first.dtype)
+    for number, pixels in tiles.items():
+        row, column = up - 1 - (number - _FIRST) // 10, (number - _FIRST) % 10
+        rows = np.arange(height) * pixels.shape[0] // height
+        columns = np.arange(width) * pixels.shape[1] // width
+        atlas[row * height : (row + 1) * height, column * width : (column + 1) * width] = pixels[rows[:, None], columns]
+    return atlas
+
+
+def placed(numbers: dict[int, Any]) -> UvTransform:
+    """How UVs go to the image of these tiles: u' = u / across; t' = t / up, and v is 1 - t."""
+    across, up = _extent(numbers)
+    return 1 / across, 0.0, 0.0, 0.0, 1 / up, 1 - 1 / up
+
+
+def _extent(numbers: dict[int, Any]) -> tuple[int, int]:
+    return max((n - _FIRST) % 10 for n in numbers) + 1, max((n - _FIRST) // 10 for n in numbers) + 1
+
+
+def _linear(pixels: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+    values = pixels[..., :3]
+    return np.asarray(decode_srgb(values / np.float32(255)) if pixels.dtype == np.uint8 else values, np.float32)
+
+
+def composed(inner: UvTransform, outer: UvTransform) -> UvTransform:
+    """The transform of UVs that go through `inner` first, and then through `outer`."""
+    a, b = (np.array([*t, 0.0, 0.0, 1.0]).reshape(3, 3) for t in (inner, outer))
+    m = b @ a
+    return tuple(float(v) for v in m[:2].reshape(-1))  # type: ignore[return-value]
