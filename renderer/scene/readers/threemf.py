@@ -6,7 +6,6 @@ In the file's own unit, as STL is; the plate lies flat, as 3MF counts Z up.
 from __future__ import annotations
 
 import io
-import math
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -25,8 +24,9 @@ from renderer.scene.matrices import product
 from renderer.scene.normals import smoothed_together
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.spread import judge_spread
+from renderer.scene.readers.threemf_parts import NotSolid
 from renderer.scene.readers.threemf_relations import relations_of
-from renderer.scene.readers.threemf_rows import MARK, Rows, cut_out
+from renderer.scene.readers.threemf_rows import MARK, Rows, cut_out, transform_of
 from renderer.scene.readers.threemf_slicers import PAINTED, filaments_of
 from renderer.scene.textures import TextureShelf
 from renderer.scene.unique import used_among
@@ -42,7 +42,6 @@ _UPRIGHT = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 _NOT_READ = {"compositematerials", "multiproperties", "beamlattice", "slicestack", "displacementmesh", "booleans", "levelset"}
 _WRAPS: dict[str, Wrap] = {"wrap": "repeat", "mirror": "mirror", "clamp": "clamp", "none": "clamp"}
 _BUILD = ("", "")
-_SUPPORTS = ("support", "solidsupport")
 
 
 @dataclass
@@ -67,6 +66,7 @@ class _Object:
     groups: list[str | None] = field(default_factory=list)
     components: list[tuple[str, str, F64]] = field(default_factory=list)  # path, object, transform
     rows: list[Rows] = field(default_factory=list)  # vertices and triangles that were taken at once
+    true: list[str] = field(default_factory=list)  # names of metadata whose value is true
 
     @property
     def points(self) -> F32:
@@ -120,10 +120,12 @@ class _Model:
         self.left_out: set[str] = set()
         self._object: _Object | None = None
         self._group: _Group | None = None
+        self._metadata = ""
         data, lists = cut_out(data)
         self._lists = dict(enumerate(lists))
         parser = expat.ParserCreate()
         parser.StartElementHandler = self._start
+        parser.CharacterDataHandler = self._text
         parser.ProcessingInstructionHandler = self._take
         parser.EntityDeclHandler = self._entity
         try:
@@ -134,9 +136,14 @@ class _Model:
     def _entity(self, *_: Any) -> None:
         raise SceneError(f"{self._file}: declares XML entities, which no scene needs; remove its DOCTYPE")
 
+    def _text(self, text: str) -> None:
+        if self._metadata and self._object is not None and text.strip().lower() == "true":
+            self._object.true.append(self._metadata)
+
     def _start(self, tag: str, said: dict[str, str]) -> None:
         name = tag.rpartition(":")[2]
         made = self._object
+        self._metadata = said.get("name", "") if name == "metadata" else ""
         if name == "vertex" and made is not None:
             made.vertices += float(said["x"]), float(said["y"]), float(said["z"])
         elif name == "triangle" and made is not None:
@@ -177,18 +184,7 @@ class _Model:
 
     def _placed(self, said: dict[str, str]) -> tuple[str, str, F64]:
         path = next((value for key, value in said.items() if key.rpartition(":")[2] == "path"), self.path)
-        return path, said["objectid"], _transform(said.get("transform", ""))
-
-
-def _transform(words: str) -> F64:
-    """(4, 4) on column vectors, of 3MF's twelve numbers on rows."""
-    found = np.eye(4)
-    if words.strip():
-        numbers = [float(word) for word in words.split()]
-        if len(numbers) != 12 or not all(math.isfinite(n) for n in numbers):
-            raise ValueError("a transform is not twelve finite numbers")
-        found[:3] = np.array(numbers).reshape(4, 3).T
-    return found
+        return path, said["objectid"], transform_of(said.get("transform", ""))
 
 
 def _color(word: str) -> tuple[int, int, int, int]:
@@ -215,7 +211,9 @@ class _Reader:
             raise SceneError(f"{main}: is damaged or no 3MF file ({str(error)[:120]}); export it again") from error
         self._names = {name.lower().lstrip("/"): name for name in self._package.namelist()}
         self._filaments = filaments_of(self._names, self._bytes, main)
+        self._not_solid = NotSolid(self._names, self._bytes, main)
         self._models: dict[str, _Model] = {}
+        self._surfaces: list[int] = []
         self._made: dict[tuple[str, str, str | None], list[int]] = {}
         self._materials: dict[Any, int] = {}
 
@@ -229,8 +227,11 @@ class _Reader:
         self._judge([(path, number) for path, number, _ in items])
         for path, number, place in items:
             self._place(path, number, product(_UPRIGHT, place), 0)
-        self._description.meshes[first:] = smoothed_together(self._description.meshes[first:])
+        self._description.meshes[first:] = smoothed_together(self._description.meshes[first:], surfaces=self._surfaces)
         left = sorted({words for model in self._models.values() for words in model.left_out})
+        if parts := self._not_solid.left_out:
+            listed = ", ".join(f"{count} {kind}" for kind, count in sorted(parts.items()))
+            self._shelf.warn(f"{self._main}: parts that are not printed are left out: {listed}.")
         if left:
             self._shelf.warn(f"{self._main}: not read and left out: {', '.join(left)}.")
 
@@ -276,30 +277,29 @@ class _Reader:
             self._models[key] = _Model(self._bytes(path), path, self._main)
         return self._models[key]
 
-    def _place(self, path: str, number: str, place: F64, depth: int, color: str | None = None) -> None:
-        """color: of the filament that what holds it is printed with."""
+    def _place(self, path: str, number: str, place: F64, depth: int, color: str | None = None, parent: str | None = None) -> None:
+        """color: of the filament that what holds it is printed with. parent: the object whose component it is."""
         color = (self._filaments.parts if depth else self._filaments.objects).get(number, color)
         model = self._model(path)
         found = model.objects.get(number)
         if found is None or depth > 64:
             what = "names an object that is not there" if found is None else "has components within components without end"
             raise SceneError(f"{self._main}: {what}; export the file again")
-        if found.type in _SUPPORTS:
-            self._shelf.warn(f"{self._main}: supports are left out.")
+        if self._not_solid.is_left_out(number, parent, found.type, found.true):
             return
         for below, other, within in found.components:
-            self._place(below, other, product(place, within), depth + 1, color)
+            self._place(below, other, product(place, within), depth + 1, color, number)
         if found.triangles or any("v1" in rows.columns for rows in found.rows):
             key = path.lower().lstrip("/"), number, color
             if key not in self._made:
                 plain = Material() if color is None else Material("filament", base_color=_linear(_color(color)))
-                self._made[key] = list(self._meshes(model, found, f"object {number}", self._material(color, plain)))
+                self._made[key] = list(self._meshes(model, found, number, self._material(color, plain)))
             name = found.name or f"object {number}"
             self._description.instances += [Instance(mesh, place, name=name) for mesh in self._made[key]]
             if len(self._description.instances) > MAX_INSTANCES:
                 raise SceneError(f"{self._main}: places more than {MAX_INSTANCES} objects; fewer fit")
 
-    def _meshes(self, model: _Model, made: _Object, fallback: str, plain: int) -> Iterator[int]:
+    def _meshes(self, model: _Model, made: _Object, number: str, plain: int) -> Iterator[int]:
         """The description's meshes of an object, one for each material; plain: of what names none."""
         points, corners = made.points, made.corners
         if corners.min() < 0 or corners.max() >= len(points):
@@ -307,11 +307,14 @@ class _Reader:
                 f"{self._main}: a triangle names vertex {corners.max()} where there are {len(points)}; export it again"
             )
         group, names = made.group_of
-        title = made.name or fallback
+        title, chosen = made.name or f"object {number}", made.chosen
+        if (solid := self._not_solid.shown(number, len(corners))) is not None:
+            corners, group, chosen = corners[solid], group[solid], chosen[solid]
+        if not len(corners):
+            return
         if all(name not in model.groups for name in names):
             yield self._add(title, points, corners, None, None, plain)
             return
-        chosen = made.chosen
         for i, rows in _sorted_out(group):
             said = model.groups.get(names[i])
             yield from self._of_group(model, said, title, points, corners[rows], chosen[rows], plain)
@@ -374,6 +377,7 @@ class _Reader:
             used, triangles = corners.reshape(-1), np.arange(corners.size)
         mesh = Mesh(name, points[used], triangles.reshape(-1, 3).astype(np.int32), None, uvs, material, None, colors)
         self._description.meshes.append(mesh)
+        self._surfaces.append(len(self._made))  # the meshes of an object are one
         return len(self._description.meshes) - 1
 
 

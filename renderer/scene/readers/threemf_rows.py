@@ -6,6 +6,7 @@ where it belongs, whatever else there is: empty lists, lists with attributes, co
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ import numpy.typing as npt
 
 from renderer.kernel.text.rows import read_rows
 
-__all__ = ["MARK", "Rows", "cut_out"]
+__all__ = ["MARK", "Rows", "cut_out", "transform_of"]
 
 MARK = "rayfarm-rows"  # of the processing instruction
 
@@ -99,3 +100,14 @@ def _alike(row: bytes, tag: bytes) -> tuple[list[str], list[bytes]] | None:
     if closing is None or len(set(names)) < len(names) or not _NEEDED[tag] <= set(names) <= _KNOWN[tag]:
         return None
     return [name.decode() for name in names], [*words, closing[0]]
+
+
+def transform_of(words: str) -> npt.NDArray[np.float64]:
+    """(4, 4) on column vectors, of 3MF's twelve numbers on rows."""
+    found = np.eye(4)
+    if words.strip():
+        numbers = [float(word) for word in words.split()]
+        if len(numbers) != 12 or not all(math.isfinite(n) for n in numbers):
+            raise ValueError("a transform is not twelve finite numbers")
+        found[:3] = np.array(numbers).reshape(4, 3).T
+    return found

@@ -15,10 +15,10 @@ from xml.etree import ElementTree
 from renderer.errors import SceneError
 from renderer.scene.readers.xml import refuse_entities
 
-__all__ = ["PAINTED", "Filaments", "filaments_of"]
+__all__ = ["MODELS", "PAINTED", "Filaments", "filaments_of"]
 
 PAINTED = ("paint_color", "mmu_segmentation")  # of triangles, whose colours a slicer's brush has changed
-_MODELS = ("metadata/model_settings.config", "metadata/slic3r_pe_model.config")
+MODELS = ("metadata/model_settings.config", "metadata/slic3r_pe_model.config")
 _BAMBU, _PRUSA = "metadata/project_settings.config", "metadata/slic3r_pe.config"
 _COLOR = re.compile(r"#[0-9A-Fa-f]{6}(?:[0-9A-Fa-f]{2})?")
 _EXTRUDERS = re.compile(r"(?m)^; (?:extruder|filament)_colour = (.+)$")
@@ -33,7 +33,7 @@ class Filaments(NamedTuple):
 
 def filaments_of(names: Collection[str], read: Callable[[str], bytes], file: str) -> Filaments:
     """Those of a package. names: of its files, in lower case. Files that make no sense say nothing."""
-    model = next((name for name in _MODELS if name in names), None)
+    model = next((name for name in MODELS if name in names), None)
     if model is None:
         return Filaments()
     try:

@@ -209,3 +209,61 @@ def test_rows_that_differ_are_left_to_the_parser(text, names):
 def test_rows_belong_where_they_stand_whatever_lists_there_are_before(scene, before):
     (mesh,) = scene("a.3mf", package(model(before + solid(), '<item objectid="1"/>'))).meshes
     assert (len(mesh.positions), len(mesh.triangles)) == (3, 1)
+
+
+def boxes(first, second):
+    """The names of what is shown of an object of two parts, and the warnings."""
+    config = f'<config><object id="3"><part id="1" subtype="{first}"/><part id="2" subtype="{second}"/></object></config>'
+    group = '<object id="3"><components><component objectid="1"/><component objectid="2"/></components></object>'
+    text = model(solid(1, name="body") + solid(2, name="cut") + group, '<item objectid="3"/>')
+    return package(text, Metadata__model_settings_config=config).replace(b"settings_config", b"settings.config")
+
+
+@pytest.mark.parametrize(
+    ("subtype", "said"),
+    [
+        ("negative_part", "1 negative parts"),
+        ("modifier_part", "1 modifiers"),
+        ("support_blocker", "1 support blockers"),
+        ("support_enforcer", "1 support enforcers"),
+    ],
+)
+def test_parts_that_are_not_printed_are_left_out_and_counted(scene, subtype, said):
+    description = scene("a.3mf", boxes("normal_part", subtype))
+    assert [i.name for i in description.instances] == ["body"]
+    assert any(said in w for w in description.warnings)
+
+
+@pytest.mark.parametrize("kind", ["NegativeVolume", "ParameterModifier", "SupportBlocker", "SupportEnforcer"])
+def test_volumes_that_are_not_printed_are_left_out_and_counted(scene, kind):
+    config = '<config><object id="1"><volume firstid="0" lastid="0"><metadata key="volume_type" value="ModelPart"/></volume>'
+    config += f'<volume firstid="1" lastid="2"><metadata key="volume_type" value="{kind}"/></volume></object></config>'
+    rows = '<triangle v1="0" v2="1" v3="2"/><triangle v1="0" v2="1" v3="3"/><triangle v1="0" v2="2" v3="3"/>'
+    data = package(model(solid(1, rows), '<item objectid="1"/>'), Metadata__Slic3r_PE_model_config=config)
+    description = scene("a.3mf", data.replace(b"model_config", b"model.config"))
+    assert len(description.meshes[0].triangles) == 1
+    assert any("parts that are not printed are left out: 1 " in w for w in description.warnings)
+
+
+def test_objects_of_other_types_and_curas_meshes_are_left_out(scene):
+    blocker = solid(3).replace(
+        "<mesh>", '<metadatagroup><metadata name="cura:anti_overhang_mesh">True</metadata></metadatagroup><mesh>'
+    )
+    items = "".join(f'<item objectid="{k}"/>' for k in (1, 2, 3))
+    description = scene("a.3mf", package(model(solid(1) + solid(2, type="other") + blocker, items)))
+    assert len(description.instances) == 1
+    assert any("1 objects of the type other, 1 support blockers" in w for w in description.warnings)
+
+
+def test_an_object_of_two_materials_has_no_seam(scene):
+    bases = '<basematerials id="7"><base name="a" displaycolor="#FF0000"/><base name="b" displaycolor="#00FF00"/></basematerials>'
+    mesh = '<mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0.5" y="1" z="0.2"/>'
+    mesh += '<vertex x="0.5" y="-1" z="0.2"/></vertices><triangles><triangle v1="0" v2="1" v3="2" pid="7" p1="0"/>'
+    mesh += '<triangle v1="1" v2="0" v3="3" pid="7" p1="1"/></triangles></mesh>'
+    description = scene("a.3mf", package(model(f'{bases}<object id="1">{mesh}</object>', '<item objectid="1"/>')))
+    assert len(description.meshes) == 2
+    for found in description.meshes:
+        edge = np.abs(found.positions[:, 1]) < 1e-6
+        np.testing.assert_allclose(
+            found.normals[edge] / np.linalg.norm(found.normals[edge], axis=1)[:, None], [(0, 0, 1)] * 2, atol=1e-6
+        )

@@ -15,7 +15,7 @@ from renderer.scene import description as scene_description
 from renderer.scene.animation import DEFAULT_FPS, Moment
 from renderer.scene.description import Instance, Light, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.normals import smoothed
+from renderer.scene.normals import smoothed_together
 from renderer.scene.readable import read_only
 from renderer.scene.readers.assimp.animation import Movement
 from renderer.scene.readers.assimp.library import Camera, Imported, Lamp, Shape, import_file
@@ -79,6 +79,7 @@ class _Reader:
         for i, node in enumerate(self._imported.nodes):
             shapes = [number for number in node.meshes if number in self._imported.meshes]
             name = self._unique(node.name or self._imported.meshes[shapes[0]].name or "mesh") if shapes else ""
+            self._make([number for number in shapes if not self._imported.meshes[number].bones])
             for number in shapes:
                 self._show(number, i, name)
         middle = self._middle(first)
@@ -107,13 +108,20 @@ class _Reader:
             known, world = len(self._description.meshes) - 1, np.eye(4)
             moves = mesh.deforms
         else:
-            if number not in self._numbers:
-                found = self._files.recall(("assimp mesh", self._main, number), functools.partial(_mesh, shape))
-                made = Mesh(**{**vars(found), "material": self._materials.number(shape.material)})
-                self._description.meshes.append(made)
-                self._numbers[number] = len(self._description.meshes) - 1
             known = self._numbers[number]
         self._description.instances.append(Instance(known, world, name=name, moves=moves))
+
+    def _make(self, numbers: list[int]) -> None:
+        """Adds the meshes of a node, which are one surface cut by its materials."""
+        new = [number for number in numbers if number not in self._numbers]
+        if not new:
+            return
+        shapes = [self._imported.meshes[number] for number in new]
+        found = self._files.recall(("assimp meshes", self._main, tuple(new)), functools.partial(_meshes, shapes))
+        for number, shape, mesh in zip(new, shapes, found, strict=True):
+            made = Mesh(**{**vars(mesh), "material": self._materials.number(shape.material)})
+            self._description.meshes.append(made)
+            self._numbers[number] = len(self._description.meshes) - 1
 
     def _skinned(self, shape: Shape, world: F64) -> Mesh:
         """A mesh in the world where its bones carry it; what none carries stays with the node."""
@@ -227,5 +235,5 @@ def _bare(shape: Shape) -> Mesh:
     return Mesh(shape.name, shape.positions, shape.triangles, shape.normals, first, 0, second, colors)
 
 
-def _mesh(shape: Shape) -> Mesh:
-    return smoothed(_bare(shape))
+def _meshes(shapes: list[Shape]) -> list[Mesh]:
+    return smoothed_together([_bare(shape) for shape in shapes], surfaces=[0] * len(shapes))

@@ -1,0 +1,86 @@
+"""Parts of a 3MF's objects that are not printed: what slicers cut away with, change settings in, or support with.
+
+Sources: 3MF Core 1.3 (types of objects); PrusaSlicer's Slic3r_PE_model.config (volumes: ranges of an object's triangles); Bambu
+Studio's and Orca's model_settings.config (parts of an object, by the ids of its components); Cura's metadata of objects.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection
+from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError
+from renderer.scene.readers.threemf_slicers import MODELS
+from renderer.scene.readers.xml import refuse_entities
+
+__all__ = ["NotSolid"]
+
+_TYPES = {"support": "supports", "solidsupport": "supports", "other": "objects of the type other"}
+_KINDS = {
+    "negative": "negative parts",
+    "modifier": "modifiers",
+    "enforcer": "support enforcers",
+    "blocker": "support blockers",
+    # of Cura
+    "cutting_mesh": "modifiers",
+    "infill_mesh": "modifiers",
+    "anti_overhang_mesh": "support blockers",
+    "support_mesh": "supports",
+}
+
+
+class NotSolid:
+    """The parts of a package that are not solid, and how many of each kind were left out."""
+
+    def __init__(self, names: Collection[str], read: Callable[[str], bytes], file: str) -> None:
+        """names: of the package's files, in lower case."""
+        self.left_out: Counter[str] = Counter()
+        self._parts: dict[tuple[str, str], str] = {}  # by object and component
+        self._ranges: dict[str, list[tuple[int, int, str]]] = {}  # triangles of an object: first, last, kind
+        for name in MODELS:
+            if name in names:
+                try:
+                    data = read(name)
+                    refuse_entities(data, file)
+                    self._take(ElementTree.fromstring(data))
+                except (ElementTree.ParseError, SceneError, ValueError):
+                    continue
+
+    def _take(self, root: ElementTree.Element) -> None:
+        for thing in root.iter("object"):
+            number = thing.get("id", "")
+            for part in thing.iter("part"):
+                if kind := _kind(part.get("subtype", "")):
+                    self._parts[number, part.get("id", "")] = kind
+            for volume in thing.iter("volume"):
+                said = {each.get("key"): each.get("value", "") for each in volume.findall("metadata")}
+                kind = _kind(said.get("volume_type", "")) or ("modifiers" if said.get("modifier") == "1" else "")
+                if kind:
+                    first, last = int(volume.get("firstid", -1)), int(volume.get("lastid", -1))
+                    self._ranges.setdefault(number, []).append((first, last, kind))
+
+    def is_left_out(self, number: str, parent: str | None, type: str, said: Collection[str]) -> bool:
+        """Whether an object is not shown, which is then counted. said: names of its metadata that are true."""
+        kind = _TYPES.get(type) or self._parts.get((parent or "", number)) or next(filter(None, map(_kind, said)), None)
+        if kind:
+            self.left_out[kind] += 1
+        return bool(kind)
+
+    def shown(self, number: str, count: int) -> npt.NDArray[np.bool_] | None:
+        """(count,) which triangles of an object are solid; None for all of them."""
+        if number not in self._ranges:
+            return None
+        found = np.ones(count, bool)
+        for first, last, kind in self._ranges[number]:
+            if 0 <= first <= last < count:
+                found[first : last + 1] = False
+                self.left_out[kind] += 1
+        return found
+
+
+def _kind(words: str) -> str:
+    return next((kind for key, kind in _KINDS.items() if key in words.lower()), "")
