@@ -14,6 +14,7 @@ from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers import assimp
+from renderer.scene.readers.collada_holes import bridged
 from renderer.scene.readers.spread import collada_nodes
 from renderer.scene.readers.xml import refuse_entities
 from renderer.view import MAX_SHIFT
@@ -34,7 +35,10 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     refuse_entities(data, main, doctype_too=False)
     own = files.recall(("Collada's own", main), lambda: _own(data, main))
     try:
-        assimp.read(files, main, description, moment, scale=1 / _metres(data))
+        whole, filled = bridged(data)
+        assimp.read(files, main, description, moment, scale=1 / _metres(data), change=lambda _: whole)
+        if filled:
+            description.warnings.append(f"{main}: {filled} holes of polygons could not be cut and are filled.")
         _set_lenses(description, own.lenses)
         _set_watts(description, own.lamps)
         if own.by_blender:  # where surfaces shine to both sides

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections import Counter
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -34,9 +35,17 @@ _ASPECT = 16 / 9  # of a camera that does not say
 _MOST = 1e12
 
 
-def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment(), scale: float = 1.0) -> None:
-    """Adds the file's scene at a moment to the description, so many times as large. Raises SceneError."""
-    imported = files.recall(("assimp", main), lambda: _opened(files, main, scale))
+def read(
+    files: SceneFiles,
+    main: str,
+    description: SceneDescription,
+    moment: Moment = Moment(),
+    scale: float = 1.0,
+    change: Callable[[bytes], bytes] = bytes,
+) -> None:
+    """Adds the file's scene at a moment to the description, so many times as large. change: what is done to its bytes first.
+    Raises SceneError."""
+    imported = files.recall(("assimp", main), lambda: _opened(files, main, scale, change))
     shelf = TextureShelf(description, files)
     movement = Movement(imported, moment, DEFAULT_FPS, main)
     description.clips = movement.clips
@@ -44,9 +53,10 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     _Reader(files, main, description, imported, movement, shelf).read()
 
 
-def _opened(files: SceneFiles, main: str, scale: float) -> Imported:
+def _opened(files: SceneFiles, main: str, scale: float, change: Callable[[bytes], bytes]) -> Imported:
     data = files.read(main)
     judge(data, main)
+    data = change(data)
     imported = import_file(data, main)
     if imported.nodes:
         imported.nodes[0].local = np.diag([scale, scale, scale, 1.0]) @ imported.nodes[0].local

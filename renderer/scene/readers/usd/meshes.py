@@ -11,11 +11,12 @@ from pxr import UsdGeom
 
 from renderer.errors import SceneError
 from renderer.scene.description import F32, Mesh
-from renderer.scene.normals import face_normals, smoothed
+from renderer.scene.normals import face_normals, smoothed_together
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces, cut, joined
 from renderer.scene.readers.usd.refining import of_boundary, refine
+from renderer.scene.unique import unique_threes
 
 __all__ = ["Wanted", "area_of", "deforms", "read_mesh"]
 
@@ -102,10 +103,9 @@ def read_mesh(
     name = prim.GetName()
     whole: list[Mesh | None] = []
     for part, which in zip(parts, _sorted_out(np.flatnonzero(solid), of, len(parts)), strict=True):
-        one = _part(name, points, faces, which, attributes, part, mirrored)
-        if one is not None and is_refined:
-            one = _rounded(one, bool(mesh.GetCreaseIndicesAttr().Get(time)), bends or shape is not None)
-        whole.append(one)
+        whole.append(_part(name, points, faces, which, attributes, part, mirrored))
+    if is_refined:
+        return _rounded(whole, bool(mesh.GetCreaseIndicesAttr().Get(time)), bends or shape is not None)
     return whole
 
 
@@ -222,14 +222,28 @@ def _colors(color: F32 | None, opacity: F32 | None) -> F32 | None:
     return None if (found == 1).all() else found
 
 
-def _rounded(mesh: Mesh, is_creased: bool, is_bent: bool) -> Mesh:
-    """A refined mesh with normals; sharp ones only where it stands still, as vertices are split for them."""
+def _rounded(parts: list[Mesh | None], is_creased: bool, is_bent: bool) -> list[Mesh | None]:
+    """The parts of a refined mesh with normals, which agree where parts meet; sharp ones only where it stands still, as vertices
+    are split for them."""
+    meshes = [mesh for mesh in parts if mesh is not None]
+    if not meshes:
+        return parts
     if is_creased and not is_bent:
-        return replace(smoothed(mesh), material=mesh.material)
-    normals = np.zeros((len(mesh.positions), 3))
-    each = face_normals(mesh.positions, mesh.triangles)
-    for k in range(3):
-        corner = mesh.triangles[:, k]
-        for axis in range(3):
-            normals[:, axis] += np.bincount(corner, each[:, axis], len(normals))
-    return replace(mesh, normals=normals.astype(np.float32))
+        made = [
+            replace(smooth, material=mesh.material)
+            for smooth, mesh in zip(smoothed_together(meshes, surfaces=[0] * len(meshes)), meshes, strict=True)
+        ]
+    else:
+        first, number = unique_threes(np.concatenate([mesh.positions for mesh in meshes]) + np.float32(0))  # there are two zeros
+        ends = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
+        normals = np.zeros((len(first), 3))
+        for mesh, begin, end in zip(meshes, ends, ends[1:], strict=False):
+            each = face_normals(mesh.positions, mesh.triangles)
+            for k in range(3):
+                corner = number[begin:end][mesh.triangles[:, k]]
+                for axis in range(3):
+                    normals[:, axis] += np.bincount(corner, each[:, axis], len(normals))
+        shared = normals.astype(np.float32)[number]
+        made = [replace(mesh, normals=shared[a:b]) for mesh, a, b in zip(meshes, ends, ends[1:], strict=False)]
+    found = iter(made)
+    return [None if mesh is None else next(found) for mesh in parts]
