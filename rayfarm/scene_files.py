@@ -21,7 +21,18 @@ from renderer.zips import DAMAGED
 
 __all__ = ["belonging", "is_numbered", "opened"]
 
-_ENCODINGS = ("utf-8", "utf-16-le", "utf-16-be", "gb18030", "cp932", "cp949", "big5", "latin-1", "cp1251", "cp437")
+_ENCODINGS: tuple[str, ...] = (
+    "utf-8",
+    "utf-16-le",
+    "utf-16-be",
+    "gb18030",
+    "cp932",
+    "cp949",
+    "big5",
+    "latin-1",
+    "cp1251",
+    "cp437",
+)
 # Beyond these, a folder beside a scene is a person's home and not the scene's.
 MAX_NEIGHBOURS = 5000
 MAX_UNPACKED = 8 << 30
@@ -178,7 +189,7 @@ def _names(text: bytes, name: str) -> bool:
     """Whether a text names a file, in whatever encoding and form of its accents."""
     for spelling in _spellings(name):
         if spelling.isascii():
-            forms, encodings = {spelling}, ("utf-8", "utf-16-le", "utf-16-be")
+            forms, encodings = {spelling}, _ENCODINGS[:3]
         else:
             forms, encodings = {unicodedata.normalize(form, spelling) for form in ("NFC", "NFD")}, _ENCODINGS
         for form in forms:

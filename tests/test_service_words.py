@@ -45,6 +45,7 @@ SPEAKERS = (
     "renderer/formats.py",
     "renderer/blender",
     "renderer/frames.py",
+    "renderer/zip_names.py",
 )
 PLACE = "\0"
 SENTENCE = re.compile(r"[A-Z\0](?=.* ).*[.…]", re.DOTALL)

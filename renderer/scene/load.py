@@ -18,6 +18,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.moving import between_files, while_open
 from renderer.scene.presets import is_named, light_by_name
 from renderer.scene.readers.by_format import read_file
+from renderer.scene.readers.faces import filled, of_triangles
 from renderer.scene.studio import STUDIO_ALONE, light_studio
 from renderer.scene.textures import TextureShelf
 from renderer.settings import chosen
@@ -64,9 +65,14 @@ class Shot:
 
     def _check_positions(self, main: str, description: SceneDescription) -> None:
         known, self._finite = self._finite, {}
-        for mesh in description.meshes:
+        for i, mesh in enumerate(description.meshes):
             if id(mesh.positions) not in known and not np.isfinite(mesh.positions).all():
-                raise SceneError(f"{main}: mesh {mesh.name} holds positions that are not finite numbers; export the file again")
+                title = f"{main}: mesh {mesh.name}"
+                if mesh.deforms or mesh.keys or not len(mesh.triangles):
+                    raise SceneError(f"{title} holds positions that are not finite numbers; export the file again")
+                corners, shelf = mesh.triangles.reshape(-1), TextureShelf(description, self._files)
+                whole = filled(np.full(len(mesh.triangles), 3), corners, mesh.positions, title, shelf).face
+                mesh = description.meshes[i] = of_triangles(mesh, whole)
             self._finite[id(mesh.positions)] = mesh.positions
 
     def over(self, moment: Moment = _START, asked: Mapping[str, Any] = MappingProxyType({})) -> SceneDescription:

@@ -27,8 +27,14 @@ def make_readable(description: SceneDescription, files: SceneFiles, main: str) -
         changed.add(name)
         return readable(name, encoding)
 
-    for thing in (*description.materials, *description.meshes, *description.instances, *description.images):
-        thing.name = text(thing.name)
+    for material in description.materials:
+        material.name = text(material.name)
+    for mesh in description.meshes:
+        mesh.name = text(mesh.name)
+    for instance in description.instances:
+        instance.name = text(instance.name)
+    for image in description.images:
+        image.name = text(image.name)
     for light in description.lights:
         light.name = text(light.name)
     description.cameras[:] = [
