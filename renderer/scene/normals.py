@@ -79,7 +79,11 @@ def _smoothed(meshes: list[Mesh], limit: float, surfaces: list[int | I32] | None
     # Vertices that differ in UV or colour alone are one point of the surface.
     first, number = unique_threes(positions + np.float32(0))  # there are two zeros
     place, at_corner = number, triangle
-    if surfaces is not None:
+    if surfaces is not None and all(isinstance(each, int) for each in surfaces):
+        if len({*surfaces}) > 1:
+            surface = np.repeat(np.asarray(surfaces, np.int32), np.diff(offset))
+            _, place = unique_threes(np.column_stack([number, surface, np.zeros_like(surface)]))
+    elif surfaces is not None:
         many = [len(mesh.triangles) for mesh in meshes]
         of = [np.broadcast_to(np.asarray(each, np.int32), count) for each, count in zip(surfaces, many, strict=True)]
         surface = np.repeat(_joined(of), 3)
@@ -107,7 +111,7 @@ def _smoothed(meshes: list[Mesh], limit: float, surfaces: list[int | I32] | None
     normal = np.empty((count, 3), np.float32)
     kept = kept[: round_corners(unit, angle, start, order, vertex, limit, MAX_VALENCE, normal, kind, kept)]
     mesh_of = np.searchsorted(begin, kept // 3, "right") - 1
-    if surfaces is not None:  # points of several meshes: their vertices are sorted out
+    if surfaces is not None and len(meshes) > 1:  # points of several meshes: their vertices are sorted out
         sorting = np.argsort(mesh_of, kind="stable")
         rank = np.empty(len(kept), np.int32)
         rank[sorting] = np.arange(len(kept), dtype=np.int32)

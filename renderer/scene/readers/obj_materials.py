@@ -68,7 +68,7 @@ class Materials:
     def number(self, name: str | None, meshes: list[Mesh]) -> int:
         """The description's number of a material. Glass without an inside is a pane: see docs/scene-format.md."""
         material = self._found.get(name or "") or self._found.get(without_comment(name or ""))
-        if material is None and name:
+        if material is None and name and self._found:
             material = self._in_another_encoding(name)
         if material is None:
             material = Material(name or "default")
