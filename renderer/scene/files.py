@@ -141,12 +141,17 @@ class SceneFiles:
         return self._search(parts[-1]) if parts else None
 
     def resolve_uri(self, uri: str, beside: str) -> str | None:
-        """`find` for a URI (glTF, Collada): percent escapes are undone and file: is dropped. None for other schemes."""
+        """`find` for a URI (glTF, Collada), without file:. None for other schemes.
+
+        Tried are the URI as it is written, then with percent escapes undone, then both without a query and a fragment.
+        """
         if uri.lower().startswith("file:"):
             uri = uri[5:]
         elif "://" in uri:
             return None
-        return self.find(uri, beside) or self.find(unquote(uri), beside)
+        bare = uri.partition("#")[0].partition("?")[0]
+        tried = dict.fromkeys((uri, unquote(uri), bare, unquote(bare)))
+        return next((found for name in tried if (found := self.find(name, beside)) is not None), None)
 
     def siblings(self, beside: str, suffixes: tuple[str, ...]) -> list[str]:
         """Names of the scene's plain files in the same folder that end in one of the suffixes, in order of the alphabet."""
