@@ -17,7 +17,7 @@ from renderer.formats import ARCHIVE_SUFFIXES, NAMING_SUFFIXES, SCENE_SUFFIXES, 
 from renderer.frames import frame_name, numbers_of
 from renderer.zips import DAMAGED
 
-__all__ = ["belonging", "is_numbered", "opened"]
+__all__ = ["belonging", "below", "is_numbered", "opened"]
 
 # Beyond these, a folder beside a scene is a person's home and not the scene's.
 MAX_NEIGHBOURS = 5000
@@ -48,11 +48,11 @@ def check(scene: Path) -> None:
 
 
 @contextlib.contextmanager
-def opened(scene: Path, environment: Path | None = None) -> Iterator[tuple[Path, str, str | None]]:
+def opened(scene: Path, environment: Path | None = None, root: Path | None = None) -> Iterator[tuple[Path, str, str | None]]:
     """For reading a scene here: its folder, its main file and the environment image, both by their path inside the folder.
 
-    A .zip is unpacked for the while. Readers open nothing outside the folder, so an environment image from elsewhere is
-    brought together with the scene's files in a folder of their own.
+    root: a folder above the scene, whose files it may refer to. A .zip is unpacked for the while. Readers open nothing outside
+    the folder, so an environment image from elsewhere is brought together with the scene's files in a folder of their own.
     """
     check(scene)
     with contextlib.ExitStack() as stack:
@@ -60,8 +60,8 @@ def opened(scene: Path, environment: Path | None = None) -> Iterator[tuple[Path,
         def scratch() -> Path:
             return Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rayfarm-")))
 
-        folder = scene if scene.is_dir() else scene.parent
-        names = [scene.name]
+        folder = scene if scene.is_dir() else scene.parent if root is None else root
+        names = [scene.name if root is None else below(scene, root)]
         if scene.is_dir():
             names = [p.relative_to(scene).as_posix() for p in scene.rglob("*") if p.is_file()]
         if scene.suffix.lower() in ARCHIVE_SUFFIXES:
@@ -69,7 +69,7 @@ def opened(scene: Path, environment: Path | None = None) -> Iterator[tuple[Path,
             names = _unpack(scene, folder)
         elif environment is not None:
             folder = scratch()
-            for name, path in belonging(scene).items():
+            for name, path in belonging(scene, root).items():
                 _link(path, folder / name)
         inside = None
         if environment is not None:
@@ -109,23 +109,34 @@ def _unpack(archive: Path, folder: Path) -> list[str]:
         ) from error
 
 
-def belonging(scene: Path) -> dict[str, Path]:
+def below(scene: Path, root: Path) -> str:
+    """The name of a scene below a root. Raises CommandError where it is not below it, or no single file."""
+    if scene.is_dir() or scene.suffix.lower() in ARCHIVE_SUFFIXES:
+        raise CommandError(f"--root goes with a scene file; {scene.name} holds its own files.")
+    try:
+        return scene.resolve().relative_to(root.resolve()).as_posix()
+    except ValueError:
+        raise CommandError(f"--root is {root}, which is no folder above {scene}.") from None
+
+
+def belonging(scene: Path, root: Path | None = None) -> dict[str, Path]:
     """The files to upload by their path inside the scene: the scene, and every neighbour that a file taken along names.
 
-    Names are looked for as bytes, so no format need be understood; a file too many does no harm.
+    root: the folder that holds the neighbours; the scene's own where it is None. Names are looked for as bytes, so no format
+    need be understood; a file too many does no harm.
     """
     check(scene)
     if is_numbered(scene):
         here = {path.name: path for path in scene.parent.iterdir()}
         frames = [here[frame_name(scene.name, number)] for number in numbers_of(scene.name, here)]
-        return {name: path for frame in frames for name, path in belonging(frame).items()}
+        return {name: path for frame in frames for name, path in belonging(frame, root).items()}
     if scene.is_dir():
         files = {p.relative_to(scene).as_posix(): p for p in scene.rglob("*") if p.is_file()}
         return {name: path for name, path in files.items() if not is_junk(name)}
-    taken = {scene.name: scene}
+    taken = {scene.name if root is None else below(scene, root): scene}
     if scene.suffix.lower() not in NAMING_SUFFIXES:
         return taken
-    neighbours = _neighbours(scene)
+    neighbours = _neighbours(scene, scene.parent if root is None else root)
     unread = [scene]
     while unread:
         text = _text(unread.pop())
@@ -166,11 +177,11 @@ def _spellings(name: str) -> list[str]:
     ]
 
 
-def _neighbours(scene: Path) -> dict[str, Path]:
+def _neighbours(scene: Path, root: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
-    for path in scene.parent.rglob("*"):
-        name = path.relative_to(scene.parent).as_posix()
-        if path != scene and path.is_file() and not is_junk(name):
+    for path in root.rglob("*"):
+        name = path.relative_to(root).as_posix()
+        if path.resolve() != scene.resolve() and path.is_file() and not is_junk(name):
             found[name] = path
             if len(found) >= MAX_NEIGHBOURS:
                 break

@@ -129,6 +129,9 @@ class SceneFiles:
         parts = [p for p in cleaned.split("/") if p not in ("", ".") and not p.endswith(":")]
         if not parts or "\0" in cleaned or len(cleaned) > _MOST_CHARACTERS:
             return None
+        direct = _joined(home, parts)
+        if ".." in parts and direct is not None and (found := self._match(PurePosixPath(), direct)):
+            return found
         while ".." in parts:  # `a/../b` is `b`; a leading `..` leads to what only the author's machine has
             i = parts.index("..")
             del parts[max(i - 1, 0) : i + 1]
@@ -139,6 +142,11 @@ class SceneFiles:
                 if found:
                     return found
         return self._search(parts[-1]) if parts else None
+
+    def is_outside(self, reference: str, beside: str) -> bool:
+        """Whether a relative reference of a scene file leads out of the folder."""
+        parts = [part for part in reference.replace("\\", "/").split("/") if part not in ("", ".")]
+        return _joined(PurePosixPath(beside).parent, parts) is None
 
     def resolve_uri(self, uri: str, beside: str) -> str | None:
         """`find` for a URI (glTF, Collada), without file:. None for other schemes.
@@ -220,6 +228,19 @@ class SceneFiles:
             return path is not None and path.is_file()
         except OSError:
             return False
+
+
+def _joined(home: PurePosixPath, parts: list[str]) -> list[str] | None:
+    """The parts of a path below a folder without `..`; None where they lead out of the scene."""
+    found = list(home.parts)
+    for part in parts:
+        if part != "..":
+            found.append(part)
+        elif found:
+            found.pop()
+        else:
+            return None
+    return found
 
 
 def data_uri(uri: str, where: str) -> bytes:

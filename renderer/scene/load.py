@@ -25,6 +25,7 @@ from renderer.settings import chosen
 __all__ = ["Shot", "light_with", "read"]
 
 _START = Moment()
+_REASONS = 3  # warnings that the error for an empty scene lists
 
 
 class Shot:
@@ -140,10 +141,13 @@ def _check(main: str, description: SceneDescription) -> None:
     if not description.materials:
         description.materials.append(Material())
     shown = sum(len(description.meshes[i.mesh].triangles) for i in description.instances) + len(description.spheres)
-    if shown == 0 and description.moves:
-        raise SceneError(f"{main}: shows no surface at this frame; a picture needs one, however far away")
-    if shown == 0:
-        raise SceneError(f"{main}: shows no surface: no triangles and no spheres. Export it with its meshes")
+    if shown:
+        return
+    what = "shows no surface at this frame; a picture needs one, however far away"
+    if not description.moves:
+        what = "shows no surface: no triangles and no spheres. Export it with its meshes"
+    reasons = [warning.rstrip(".") for warning in description.warnings[:_REASONS]]
+    raise SceneError(f"{main}: {what}{'. What was left out: ' if reasons else ''}{'; '.join(reasons)}")
 
 
 def _emits(description: SceneDescription) -> bool:

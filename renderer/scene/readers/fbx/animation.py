@@ -8,7 +8,7 @@ from typing import Any
 from renderer.scene.animation import Clip, Moment
 from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.readers.fbx import layout
-from renderer.scene.readers.fbx.library import Opened, at, each, pointed, text, value_at
+from renderer.scene.readers.fbx.library import Opened, at, each, is_visible, pointed, text, value_at
 from renderer.scene.readers.names import number_of
 
 __all__ = ["Stacks"]
@@ -54,7 +54,7 @@ class Stacks:
         if len(layers) < 2:
             return {}
         weights = {layer.element_id: layer.weight for layer in pointed(evaluated.scene.layers, layout.AnimLayer)}
-        still = {node.element_id: bool(node.visible) for node in pointed(self._opened.scene.nodes, layout.Node)}
+        still = {node.element_id: is_visible(node) for node in pointed(self._opened.scene.nodes, layout.Node)}
         found: dict[int, bool] = {}
         for layer in layers:
             for each_property in each(layer.properties, layout.AnimProp):

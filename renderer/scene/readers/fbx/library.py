@@ -24,6 +24,7 @@ __all__ = [
     "at",
     "each",
     "is_set",
+    "is_visible",
     "matrix",
     "number_of",
     "pointed",
@@ -221,6 +222,11 @@ def is_set(element: Any, name: bytes, default: bool = False) -> bool:
 def number_of(element: Any, name: bytes) -> float:
     """A property of an element that is a number; 0 where it is not there."""
     return float(_library().ufbx_find_real_len(ctypes.addressof(element.props), name, len(name), 0.0))
+
+
+def is_visible(node: Any) -> bool:
+    """Whether a node is visible: files before FBX 6 say so in percent, which ufbx 0.21 takes for no number."""
+    return bool(node.visible) or abs(number_of(node, b"Visibility")) >= 1
 
 
 def value_at(curve: int, seconds: float) -> float:

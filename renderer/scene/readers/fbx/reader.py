@@ -15,7 +15,7 @@ from renderer.scene.description import Camera, Instance, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.fbx import layout, lights
 from renderer.scene.readers.fbx.animation import Stacks
-from renderer.scene.readers.fbx.library import Opened, array, at, each, is_set, matrix, number_of, pointed, text
+from renderer.scene.readers.fbx.library import Opened, array, at, each, is_set, is_visible, matrix, number_of, pointed, text
 from renderer.scene.readers.fbx.materials import Materials
 from renderer.scene.readers.fbx.meshes import Part, parts_of
 from renderer.scene.readers.fbx.shapes import Skin, blended, turned_with
@@ -123,7 +123,7 @@ class _Reader:
         return shown, restless
 
     def _is_visible(self, node: Any) -> bool:
-        return self._visible.get(node.element_id, bool(node.visible))
+        return self._visible.get(node.element_id, is_visible(node))
 
     @staticmethod
     def _is_coarse(node: Any, parent: Any) -> bool:
