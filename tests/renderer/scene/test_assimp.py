@@ -146,7 +146,7 @@ def test_blenders_collada_says_how_many_watts_its_lights_have(scene):
     assert next(light for light in found.lights if light.name == "day").intensity == pytest.approx([math.pi, math.pi / 2, 0])
 
 
-def test_collada_keeps_its_own_unit_and_stands_upright(scene, Notes()):
+def test_collada_keeps_its_own_unit_and_stands_upright(scene):
     description = scene("a.dae", collada("Z_UP", 0.01))
     assert corners(description) == [(0, 0, 0), (5, 2, 0)]
 

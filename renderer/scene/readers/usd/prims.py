@@ -39,8 +39,9 @@ class Placed:
     name: str = ""
 
 
-def upright(stage: Any, notes: Notes) -> Matrix:
+def upright(stage: Any, notes: Notes | None = None) -> Matrix:
     """From the stage's units and axes to metres with Y up."""
+    notes = Notes() if notes is None else notes
     unit = unit_of(stage, notes)
     turn = _Z_UP if is_z_up(stage, notes) else np.eye(4)
     return product(turn, np.diag([unit, unit, unit, 1.0]))
