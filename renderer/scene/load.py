@@ -25,7 +25,8 @@ from renderer.settings import chosen
 __all__ = ["Shot", "light_with", "read"]
 
 _START = Moment()
-_REASONS = 3  # warnings that the error for an empty scene lists
+_ATTRIBUTES = ("normals", "uvs", "uvs1", "colors", "tangents")
+_REASONS = 3  # warnings, or meshes, that a sentence lists
 
 
 class Shot:
@@ -69,6 +70,25 @@ class Shot:
             if id(mesh.positions) not in known and not np.isfinite(mesh.positions).all():
                 raise SceneError(f"{main}: mesh {mesh.name} holds positions that are not finite numbers; export the file again")
             self._finite[id(mesh.positions)] = mesh.positions
+        self._check_attributes(main, description, known)
+
+    def _check_attributes(self, main: str, description: SceneDescription, known: dict[int, F32]) -> None:
+        """Leaves out attributes of meshes that hold values which are not finite, with a count."""
+        left_out: dict[str, list[str]] = {}
+        for mesh in description.meshes:
+            for name in _ATTRIBUTES:
+                values: F32 | None = getattr(mesh, name)
+                if values is None:
+                    continue
+                if id(values) not in known and not np.isfinite(values).all():
+                    setattr(mesh, name, None)
+                    left_out.setdefault(name, []).append(mesh.name)
+                    continue
+                self._finite[id(values)] = values
+        for name, meshes in left_out.items():
+            named = ", ".join(meshes[:_REASONS]) + (", ..." if len(meshes) > _REASONS else "")
+            words = f"{main}: {name} that are not finite numbers are left out ({len(meshes)}): {named[:200]}."
+            description.warnings.append(words)
 
     def over(self, moment: Moment = _START, asked: Mapping[str, Any] = MappingProxyType({})) -> SceneDescription:
         """The scene while the shutter is open: what moves has keys. asked: the settings of a shutter, as far as they are asked

@@ -61,8 +61,10 @@ def _refuse_warnings(warnings: Sequence[str], request: dict[str, Any]) -> None:
     """Raises SettingsError with all warnings of a scene; that it has no light of its own is none where the request gives it."""
     said = [w for w in warnings if not (request.get("environment") and "lit by a soft studio light" in w)]
     if said:
-        listed = " ".join(said)
-        raise SettingsError(f"strict makes the scene's {len(said)} warning{'' if len(said) == 1 else 's'} errors: {listed}")
+        listed = " ".join(said).rstrip(".")
+        if len(said) == 1:
+            raise SettingsError(f"strict makes the scene's 1 warning an error: {listed}")
+        raise SettingsError(f"strict makes the scene's {len(said)} warnings errors: {listed}")
 
 
 def frame_settings(

@@ -1,6 +1,6 @@
 """Reads every scene file below given folders, each in a process of its own, and counts what comes of them by format.
 
-    python3 farm.py bench files DIR... [--packages] [--timeout 60] [--jobs 2] [--refusals]
+    python3 farm.py bench files --in DIR... [--packages] [--timeout 60] [--jobs 2] [--refusals]
 
 A file loads, loads with warnings (that a studio lights it is none), is refused with a sentence, crashes (any other end) or is
 slow (over the time limit). The counts in docs/correctness.md are of this table.
@@ -83,7 +83,7 @@ def table(found: list[Found]) -> str:
 def main() -> None:
     """Reads the command line, and prints the table. Exits with 1 where a file crashes."""
     parser = argparse.ArgumentParser(description="Reads every scene file below folders, and counts what comes of them.")
-    parser.add_argument("folders", nargs="*", type=Path, metavar="DIR")
+    parser.add_argument("--in", dest="folders", nargs="*", default=[], type=Path, metavar="DIR", help="folders of scene files")
     parser.add_argument("--packages", action="store_true", help="also the files that installed packages bring")
     parser.add_argument("--timeout", type=float, default=60.0, help="seconds for one file")
     parser.add_argument("--jobs", type=int, default=2, help="files that are read at a time")
@@ -91,7 +91,7 @@ def main() -> None:
     given = parser.parse_args()
     folders = [*given.folders, *([Path(sysconfig.get_path("purelib"))] if given.packages else [])]
     if not folders:
-        print("No folder is given: python3 farm.py bench files DIR... [--packages]")
+        print("No folder is given: python3 farm.py bench files --in DIR... [--packages]")
         return
     files = scene_files(folders)
     with ThreadPoolExecutor(given.jobs) as pool:
