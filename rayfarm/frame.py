@@ -51,6 +51,7 @@ class Order:
     first: int  # sample number
     turntable: float | None  # seconds in which the camera goes around once
     threads: int | None
+    strict: bool = False  # whether a scene's warnings are errors
 
     def settings(self, summary: dict[str, Any], moment: Moment, shutter: Shutter | None = None) -> RenderSettings:
         """What to render at a moment of a scene. shutter: another one than is asked for. Raises CommandError or SettingsError."""

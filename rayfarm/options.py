@@ -65,6 +65,23 @@ Variant = Annotated[
         metavar="NAME|N", help="One of a glTF file's variants of its materials, by name or number from 0.", rich_help_panel="View"
     ),
 ]
+Strict = Annotated[
+    bool,
+    typer.Option(
+        "--strict",
+        help="Whatever the file's reader guesses, drops or replaces is an error: lists all of it and exits with 1.",
+        rich_help_panel="View",
+    ),
+]
+Root = Annotated[
+    Path | None,
+    typer.Option(
+        "--root",
+        metavar="DIR",
+        help="A folder that holds the scene and what it refers to above its own folder.",
+        rich_help_panel="View",
+    ),
+]
 Frame = Annotated[
     float | None,
     typer.Option(

@@ -52,13 +52,14 @@ def load_scene(
     camera: str | None = None,
     shutter: Mapping[str, Any] = MappingProxyType({}),
     before: Callable[[Stage], None] = lambda stage: None,
+    root: Path | None = None,
 ) -> tuple[CompiledScene, dict[str, Any]]:
     """The compiled scene and its summary; brute: without a BVH. variant: of its materials. threads: None for all cores.
 
     moment: of what moves in it. camera: the one it is seen by. shutter: what is asked for of its settings. before: done first,
-    while the scene's files are open.
+    while the scene's files are open. root: a folder above the scene, whose files it may refer to.
     """
-    with bar() as progress, open_stage(scene, environment, variant, camera, brute, threads, shutter) as stage:
+    with bar() as progress, open_stage(scene, environment, variant, camera, brute, threads, shutter, root) as stage:
         task = progress.add_task("reading", total=None)
 
         def say(step: str) -> None:

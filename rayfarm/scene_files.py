@@ -19,7 +19,7 @@ from renderer.frames import frame_name, numbers_of
 from renderer.zip_names import entry_names
 from renderer.zips import DAMAGED
 
-__all__ = ["belonging", "is_numbered", "opened"]
+__all__ = ["belonging", "below", "is_numbered", "opened"]
 
 _ENCODINGS: tuple[str, ...] = (
     "utf-8",
@@ -62,11 +62,11 @@ def check(scene: Path) -> None:
 
 
 @contextlib.contextmanager
-def opened(scene: Path, environment: Path | None = None) -> Iterator[tuple[Path, str, str | None]]:
+def opened(scene: Path, environment: Path | None = None, root: Path | None = None) -> Iterator[tuple[Path, str, str | None]]:
     """For reading a scene here: its folder, its main file and the environment image, both by their path inside the folder.
 
-    A .zip is unpacked for the while. Readers open nothing outside the folder, so an environment image from elsewhere is
-    brought together with the scene's files in a folder of their own.
+    root: a folder above the scene, whose files it may refer to. A .zip is unpacked for the while. Readers open nothing outside
+    the folder, so an environment image from elsewhere is brought together with the scene's files in a folder of their own.
     """
     check(scene)
     with contextlib.ExitStack() as stack:
@@ -74,8 +74,8 @@ def opened(scene: Path, environment: Path | None = None) -> Iterator[tuple[Path,
         def scratch() -> Path:
             return Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rayfarm-")))
 
-        folder = scene if scene.is_dir() else scene.parent
-        names = [scene.name]
+        folder = scene if scene.is_dir() else scene.parent if root is None else root
+        names = [scene.name if root is None else below(scene, root)]
         if scene.is_dir():
             names = [p.relative_to(scene).as_posix() for p in scene.rglob("*") if p.is_file()]
         if scene.suffix.lower() in ARCHIVE_SUFFIXES:
@@ -83,7 +83,7 @@ def opened(scene: Path, environment: Path | None = None) -> Iterator[tuple[Path,
             names = _unpack(scene, folder)
         elif environment is not None:
             folder = scratch()
-            for name, path in belonging(scene).items():
+            for name, path in belonging(scene, root).items():
                 _link(path, folder / name)
         inside = None
         if environment is not None:
@@ -138,27 +138,38 @@ def _inside(name: str) -> str:
     return "/".join(part for part in name.split("\0")[0].split("/") if part not in ("", ".", "..") and not part.endswith(":"))
 
 
-def belonging(scene: Path) -> dict[str, Path]:
+def below(scene: Path, root: Path) -> str:
+    """The name of a scene below a root. Raises CommandError where it is not below it, or no single file."""
+    if scene.is_dir() or scene.suffix.lower() in ARCHIVE_SUFFIXES:
+        raise CommandError(f"--root goes with a scene file; {scene.name} holds its own files.")
+    try:
+        return scene.resolve().relative_to(root.resolve()).as_posix()
+    except ValueError:
+        raise CommandError(f"--root is {root}, which is no folder above {scene}.") from None
+
+
+def belonging(scene: Path, root: Path | None = None) -> dict[str, Path]:
     """The files to upload by their path inside the scene: the scene, and every neighbour that a file taken along names.
 
-    Names are looked for as bytes, so no format need be understood; a file too many does no harm.
+    root: the folder that holds the neighbours; the scene's own where it is None. Names are looked for as bytes, so no format
+    need be understood; a file too many does no harm.
     """
     check(scene)
     if is_numbered(scene):
         here = {path.name: path for path in scene.parent.iterdir()}
         frames = [here[frame_name(scene.name, number)] for number in numbers_of(scene.name, here)]
-        return {name: path for frame in frames for name, path in belonging(frame).items()}
+        return {name: path for frame in frames for name, path in belonging(frame, root).items()}
     if scene.is_dir():
         files = {p.relative_to(scene).as_posix(): p for p in scene.rglob("*") if p.is_file()}
         return {name: path for name, path in files.items() if not is_junk(name)}
-    taken = {scene.name: scene}
+    taken = {scene.name if root is None else below(scene, root): scene}
     if scene.suffix.lower() == ".obj":  # a renamed file's materials, which it may name otherwise
         beside = [path for path in scene.parent.iterdir() if path.suffix.lower() == ".mtl" and path.is_file()]
         same = [path for path in beside if path.stem.casefold() == scene.stem.casefold()]
-        taken |= {path.name: path for path in (same or beside) if len(same or beside) == 1}
+        taken |= {path.name if root is None else below(path, root): path for path in (same or beside) if len(same or beside) == 1}
     if scene.suffix.lower() not in NAMING_SUFFIXES:
         return taken
-    neighbours = _neighbours(scene)
+    neighbours = _neighbours(scene, scene.parent if root is None else root)
     unread = list(taken.values())
     while unread:
         text = _text(unread.pop())
@@ -214,11 +225,11 @@ def _spellings(name: str) -> list[str]:
     ]
 
 
-def _neighbours(scene: Path) -> dict[str, Path]:
+def _neighbours(scene: Path, root: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
-    for path in scene.parent.rglob("*"):
-        name = path.relative_to(scene.parent).as_posix()
-        if path != scene and path.is_file() and not is_junk(name):
+    for path in root.rglob("*"):
+        name = path.relative_to(root).as_posix()
+        if path.resolve() != scene.resolve() and path.is_file() and not is_junk(name):
             found[name] = path
             if len(found) >= MAX_NEIGHBOURS:
                 break

@@ -17,6 +17,7 @@ from rayfarm.output_files import check_writable
 from rayfarm.rendering import Clock, Show
 from rayfarm.stage import Stage
 from rayfarm.steady import Steadying
+from rayfarm.strict import refuse
 from renderer.errors import RayfarmError
 from renderer.frames import frame_name, frame_text, frames_text
 from renderer.scene.animation import Moment
@@ -153,7 +154,9 @@ def _render(
     motion = motion_of(stage, order, moment, clock, needed=is_held)
     compiled, summary = stage.at(moment)
     clock.mark("prepare_s")
-    for warning in options.told(summary["warnings"], order.picture.environment()):
+    warnings = options.told(summary["warnings"], order.picture.environment())
+    refuse(f"{shot.scene.name}, frame {frame:g}", warnings, order.strict)
+    for warning in warnings:
         if warning not in told:
             told.add(warning)
             err.print(f"note: {warning}", markup=False, soft_wrap=True)

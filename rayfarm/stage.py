@@ -133,14 +133,15 @@ def open_stage(
     brute: bool = False,
     threads: int | None = None,
     shutter: Mapping[str, Any] = MappingProxyType({}),
+    root: Path | None = None,
 ) -> Iterator[Stage]:
     """A scene's files, open for as long as frames of it are asked for; brute: without a BVH. threads: None for all cores.
 
-    shutter: what is asked for of its settings.
+    shutter: what is asked for of its settings. root: a folder above the scene, whose files it may refer to.
     """
     from renderer.scene.load import Shot
 
-    with opened(scene, environment.image) as (folder, main, inside):
+    with opened(scene, environment.image, root) as (folder, main, inside):
         if environment.sky is not None:
             inside = "sky:{:g},{:g}".format(*environment.sky)
         inside = environment.preset or inside

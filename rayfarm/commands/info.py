@@ -10,8 +10,10 @@ from typing import Annotated, Any
 
 import typer
 
+from rayfarm import options
 from rayfarm.console import out
 from rayfarm.scene_files import opened
+from rayfarm.strict import refuse
 from renderer.scene.animation import Moment
 
 __all__ = ["register"]
@@ -25,6 +27,8 @@ def register(app: typer.Typer) -> None:
 def info(
     scene: Annotated[Path, typer.Argument(help="A scene file, a folder, or a .zip.")],
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    strict: options.Strict = False,
+    root: options.Root = None,
 ) -> None:
     """Show what is in a scene: its cameras, counts and bounds, and what is wrong with it.
 
@@ -36,7 +40,7 @@ def info(
     from renderer.scene.load import Shot
 
     begun = time.perf_counter()
-    with opened(scene) as (folder, main, _):
+    with opened(scene, root=root) as (folder, main, _):
         shot = Shot(folder, main)
         description = shot.at(Moment(shot.start))
         compiled = compile_scene(description)
@@ -44,8 +48,9 @@ def info(
     summary["seconds"] = round(time.perf_counter() - begun, 3)
     if as_json:
         print(json.dumps(summary, indent=1))
-        return
-    _show(summary)
+    else:
+        _show(summary)
+    refuse(scene.name, summary["warnings"], strict)
 
 
 def _show(summary: dict[str, Any]) -> None:

@@ -20,6 +20,7 @@ from rayfarm.rendering import Clock, load_kernels, load_scene, shown
 from rayfarm.replay import show_path
 from rayfarm.sequence import Sequence, check_outputs, render_sequence
 from rayfarm.stage import open_stage
+from rayfarm.strict import refuse
 from renderer import aovs
 from renderer.denoise import is_available
 from renderer.formats import SCENE_SUFFIXES
@@ -58,6 +59,8 @@ def render(
     ] = None,
     picture: Picture = Picture(),
     variant: options.Variant = None,
+    strict: options.Strict = False,
+    root: options.Root = None,
     frame: options.Frame = None,
     frames: options.Frames = None,
     overwrite: options.Overwrite = False,
@@ -112,11 +115,11 @@ def render(
     """
     moment = Moment(frame or 0.0, fps, clip)
     rectangle = options.parse_tile(tile) if tile else None
-    order = Order(picture, [], denoise, exposure, tonemap, rectangle, first, turntable, threads)
+    order = Order(picture, [], denoise, exposure, tonemap, rectangle, first, turntable, threads, strict)
     if pixel is not None:
         if frames is not None:
             raise CommandError("--pixel follows a path of one frame: name it by --frame")
-        _replay(scene, variant, moment, order, pixel, sample or 0, no_bvh, as_json)
+        _replay(scene, variant, moment, order, pixel, sample or 0, no_bvh, as_json, root)
         return
     if output is None:
         raise typer.BadParameter("Name the picture to write, or a path to follow by --pixel.", param_hint="'--output' / '-o'")
@@ -130,7 +133,7 @@ def render(
     shot = None if frames is None else Sequence(scene, parse_frames(frames), output, moment, overwrite)
     _check(output, shot, order, stats)
     if shot is not None:
-        with open_stage(scene, picture.environment(), variant, picture.camera, no_bvh, threads, picture.shutter()) as stage:
+        with open_stage(scene, picture.environment(), variant, picture.camera, no_bvh, threads, picture.shutter(), root) as stage:
             if is_movie(output):
                 about = (picture, variant, turntable, exposure, tonemap, tile, first)
                 found = render_movie(shot, stage, order, about)
@@ -151,8 +154,11 @@ def render(
     compiled, summary = load_scene(
         *(scene, environment, clock, no_bvh, variant, threads, moment, picture.camera, picture.shutter()),
         before=lambda stage: motion.append(motion_of(stage, order, moment, clock)),
+        root=root,
     )
-    for warning in options.told(summary["warnings"], environment):
+    warnings = options.told(summary["warnings"], environment)
+    refuse(scene.name, warnings, strict)
+    for warning in warnings:
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
     load_kernels(settings, compiled, clock)
@@ -185,11 +191,20 @@ def _check(output: Path, shot: Sequence | None, order: Order, stats: Path | None
 
 
 def _replay(
-    scene: Path, variant: str | None, moment: Moment, order: Order, pixel: str, sample: int, no_bvh: bool, as_json: bool
+    scene: Path,
+    variant: str | None,
+    moment: Moment,
+    order: Order,
+    pixel: str,
+    sample: int,
+    no_bvh: bool,
+    as_json: bool,
+    root: Path | None,
 ) -> None:
     x, y = options.parse_pixel(pixel)
     environment, camera, shutter = order.picture.environment(), order.picture.camera, order.picture.shutter()
-    compiled, summary = load_scene(scene, environment, Clock(), no_bvh, variant, None, moment, camera, shutter)
+    compiled, summary = load_scene(scene, environment, Clock(), no_bvh, variant, None, moment, camera, shutter, root=root)
+    refuse(scene.name, options.told(summary["warnings"], environment), order.strict)
     settings = order.settings(summary, moment)
     if not (x < settings.width and y < settings.height):
         raise CommandError(f"--pixel is {x},{y}; the picture has {settings.width}x{settings.height} pixels, counted from 0")

@@ -17,8 +17,9 @@ from rayfarm.errors import EXIT_INTERRUPTED, CommandError
 from rayfarm.login import farm_client
 from rayfarm.output_files import check_writable, write
 from rayfarm.picture import Picture, takes_picture
-from rayfarm.scene_files import belonging, is_numbered
+from rayfarm.scene_files import belonging, below, is_numbered
 from rayfarm.shot import FarmShot, fetch_shot
+from rayfarm.strict import refuse
 from renderer.frames import frames_text
 from service.clock import deadline_of
 from service.watching.movie import MOVIES
@@ -60,6 +61,8 @@ def submit(
     project: Annotated[
         str, typer.Option(metavar="NAME", help="The project whose members alone see it; by default everybody does.")
     ] = "",
+    strict: options.Strict = False,
+    root: options.Root = None,
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.", rich_help_panel=QUEUE)] = 0,
     after: Annotated[
         list[str] | None,
@@ -130,9 +133,11 @@ def submit(
     picture.check()
     place = {"after": after, "max_slots": max_slots, "deadline": _deadline(deadline), "needs": need, "verify": verify}
     with farm_client(server) as farm:
-        main = scene.name if is_numbered(scene) else None
-        ready = _prepared(farm, farm.upload(belonging(scene), main=main, name=scene.name, project=project))
-        for warning in options.told(ready.warnings, picture.environment()):
+        main = below(scene, root) if root is not None else scene.name if is_numbered(scene) else None
+        ready = _prepared(farm, farm.upload(belonging(scene, root), main=main, name=scene.name, project=project))
+        warnings = options.told(ready.warnings, picture.environment())
+        refuse(scene.name, warnings, strict)
+        for warning in warnings:
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
         asked = picture.request([asdict(camera) for camera in ready.cameras])
         if (image := picture.environment().image) is not None:

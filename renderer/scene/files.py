@@ -143,6 +143,9 @@ class SceneFiles:
         parts = [p for p in cleaned.split("/") if p not in ("", ".") and not p.endswith(":")]
         if not parts or "\0" in cleaned or len(cleaned) > _MOST_CHARACTERS:
             return None
+        direct = _joined(home, parts)
+        if ".." in parts and direct is not None and (found := self._match(PurePosixPath(), direct)):
+            return found
         while ".." in parts:  # `a/../b` is `b`; a leading `..` leads to what only the author's machine has
             i = parts.index("..")
             del parts[max(i - 1, 0) : i + 1]
@@ -154,13 +157,23 @@ class SceneFiles:
                     return found
         return self._search(parts[-1]) if parts else None
 
+    def is_outside(self, reference: str, beside: str) -> bool:
+        """Whether a relative reference of a scene file leads out of the folder."""
+        parts = [part for part in reference.replace("\\", "/").split("/") if part not in ("", ".")]
+        return _joined(PurePosixPath(beside).parent, parts) is None
+
     def resolve_uri(self, uri: str, beside: str) -> str | None:
-        """`find` for a URI (glTF, Collada): percent escapes are undone and file: is dropped. None for other schemes."""
+        """`find` for a URI (glTF, Collada), without file:. None for other schemes.
+
+        Tried are the URI as it is written, then with percent escapes undone, then both without a query and a fragment.
+        """
         if uri.lower().startswith("file:"):
             uri = uri[5:]
         elif "://" in uri:
             return None
-        return self.find(uri, beside) or self.find(unquote(uri), beside)
+        bare = uri.partition("#")[0].partition("?")[0]
+        tried = dict.fromkeys((uri, unquote(uri), bare, unquote(bare)))
+        return next((found for name in tried if (found := self.find(name, beside)) is not None), None)
 
     def siblings(self, beside: str, suffixes: tuple[str, ...]) -> list[str]:
         """Names of the scene's plain files in the same folder that end in one of the suffixes, in order of the alphabet."""
@@ -234,6 +247,19 @@ class SceneFiles:
 def folded(name: str) -> str:
     """A name as it is compared: systems write accents as one character or as two, and do not keep upper and lower case."""
     return name.lower() if name.isascii() else unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
+
+
+def _joined(home: PurePosixPath, parts: list[str]) -> list[str] | None:
+    """The parts of a path below a folder without `..`; None where they lead out of the scene."""
+    found = list(home.parts)
+    for part in parts:
+        if part != "..":
+            found.append(part)
+        elif found:
+            found.pop()
+        else:
+            return None
+    return found
 
 
 def data_uri(uri: str, where: str) -> bytes:

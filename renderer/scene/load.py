@@ -26,6 +26,8 @@ from renderer.settings import chosen
 __all__ = ["Shot", "light_with", "read"]
 
 _START = Moment()
+_ATTRIBUTES = ("normals", "uvs", "uvs1", "colors", "tangents")
+_REASONS = 3  # warnings, or meshes, that a sentence lists
 
 
 class Shot:
@@ -74,6 +76,25 @@ class Shot:
                 whole = filled(np.full(len(mesh.triangles), 3), corners, mesh.positions, title, shelf).face
                 mesh = description.meshes[i] = of_triangles(mesh, whole)
             self._finite[id(mesh.positions)] = mesh.positions
+        self._check_attributes(main, description, known)
+
+    def _check_attributes(self, main: str, description: SceneDescription, known: dict[int, F32]) -> None:
+        """Leaves out attributes of meshes that hold values which are not finite, with a count."""
+        left_out: dict[str, list[str]] = {}
+        for mesh in description.meshes:
+            for name in _ATTRIBUTES:
+                values: F32 | None = getattr(mesh, name)
+                if values is None:
+                    continue
+                if id(values) not in known and not np.isfinite(values).all():
+                    setattr(mesh, name, None)
+                    left_out.setdefault(name, []).append(mesh.name)
+                    continue
+                self._finite[id(values)] = values
+        for name, meshes in left_out.items():
+            named = ", ".join(meshes[:_REASONS]) + (", ..." if len(meshes) > _REASONS else "")
+            words = f"{main}: {name} that are not finite numbers are left out ({len(meshes)}): {named[:200]}."
+            description.warnings.append(words)
 
     def over(self, moment: Moment = _START, asked: Mapping[str, Any] = MappingProxyType({})) -> SceneDescription:
         """The scene while the shutter is open: what moves has keys. asked: the settings of a shutter, as far as they are asked
@@ -146,10 +167,13 @@ def _check(main: str, description: SceneDescription) -> None:
     if not description.materials:
         description.materials.append(Material())
     shown = sum(len(description.meshes[i.mesh].triangles) for i in description.instances) + len(description.spheres)
-    if shown == 0 and description.moves:
-        raise SceneError(f"{main}: shows no surface at this frame; a picture needs one, however far away")
-    if shown == 0:
-        raise SceneError(f"{main}: shows no surface: no triangles and no spheres. Export it with its meshes")
+    if shown:
+        return
+    what = "shows no surface at this frame; a picture needs one, however far away"
+    if not description.moves:
+        what = "shows no surface: no triangles and no spheres. Export it with its meshes"
+    reasons = [warning.rstrip(".") for warning in description.warnings[:_REASONS]]
+    raise SceneError(f"{main}: {what}{'. What was left out: ' if reasons else ''}{'; '.join(reasons)}")
 
 
 def _emits(description: SceneDescription) -> bool:

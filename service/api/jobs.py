@@ -273,7 +273,9 @@ def _laid_out(id: str, farm: Farm, begun: Begun | None = None) -> JobOut:
 
 def _left_out(request: JobIn) -> set[str]:
     """What says nothing where it is not asked for: a request of before these were there is the same one."""
-    return {name for name in ("fresh", "verify") if not getattr(request, name)} - ({"verify"} if request.verify == 0 else set())
+    return {name for name in ("fresh", "strict", "verify") if not getattr(request, name)} - (
+        {"verify"} if request.verify == 0 else set()
+    )
 
 
 @contextmanager

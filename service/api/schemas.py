@@ -141,6 +141,7 @@ class JobIn(QueueIn):
     verify: float | None = Field(
         None, ge=0, le=1, description="the share of its batches that is rendered twice and compared; empty: as the farm does"
     )
+    strict: bool = Field(False, description="refused, or failed, where the scene has warnings")
     fresh: bool = Field(False, description="rendered from the first sample, whatever earlier jobs have of the same picture")
 
     @field_validator("camera", mode="before")

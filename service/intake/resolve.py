@@ -38,6 +38,8 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     request = job.request
     info = scene.info or {}
     defaults = info.get("defaults") or {}
+    if request.get("strict"):
+        _refuse_warnings([*scene.notes, *info.get("warnings", [])], request)
     width, height = _size(request, defaults)
     if width * height > max_pixels:
         raise SettingsError(f"width x height is {width * height} pixels; at most {max_pixels} are rendered")
@@ -53,6 +55,16 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
         job.shot = Shot().to_json()  # of one frame: what moves meanwhile has keys, and is compiled with them
     job.settings = settings.to_json()
     job.picture = picture_of(job)
+
+
+def _refuse_warnings(warnings: Sequence[str], request: dict[str, Any]) -> None:
+    """Raises SettingsError with all warnings of a scene; that it has no light of its own is none where the request gives it."""
+    said = [w for w in warnings if not (request.get("environment") and "lit by a soft studio light" in w)]
+    if said:
+        listed = " ".join(said).rstrip(".")
+        if len(said) == 1:
+            raise SettingsError(f"strict makes the scene's 1 warning an error: {listed}")
+        raise SettingsError(f"strict makes the scene's {len(said)} warnings errors: {listed}")
 
 
 def frame_settings(

@@ -357,7 +357,7 @@ class _Reader:
         path, wrap_s, wrap_t = model.textures.get(number, ("", "repeat", "repeat"))
         material = Material(PurePosixPath(path).stem or "texture", base_color=(1.0, 1.0, 1.0))
         if path.lower().lstrip("/") in self._names:
-            image = self._shelf.image_bytes(f"{PurePosixPath(path).name} in {self._main}", self._bytes(path))
+            image = self._shelf.image_bytes(f"{self._main}: {PurePosixPath(path).name}", self._bytes(path))
             material.base_color_texture = self._shelf.texture(image, wrap_s, wrap_t)
         else:
             self._shelf.missing(path or number, self._main)

@@ -263,11 +263,11 @@ def test_what_is_damaged_is_said(scene):
     def beyond(g, sampler):
         sampler["output"] = 99
 
-    for change, sentence in (
-        (fewer, r"samplers\[1\]\.output has 5 values for 2 times"),
-        (back, r"samplers\[1\]\.input has times that do not grow"),
-        (odd, r"interpolation is 'WOBBLY'; known are STEP, LINEAR, CUBICSPLINE"),
-        (beyond, r"samplers\[1\]\.output is 99, which points outside"),
+    for change, what, place in (
+        (fewer, "has 5 values for 2 times", "samplers[1].output"),
+        (back, "has times that do not grow", "samplers[1].input"),
+        (odd, "is 'WOBBLY'; known are STEP, LINEAR, CUBICSPLINE", "samplers[1].interpolation"),
+        (beyond, "is 99, which points outside of what the file holds", "samplers[1].output"),
     ):
-        with pytest.raises(SceneError, match=sentence):
-            scene("arm.glb", spoiled(change))
+        warnings = scene("arm.glb", spoiled(change)).warnings
+        assert any("1 unusable part is left out" in w and what in w and place in w for w in warnings), warnings

@@ -120,7 +120,8 @@ class Materials:
         if number.isascii() and number.isdigit() and len(number) < 10 and int(number) < len(self._imported.textures):
             inside = int(number)
         if inside is not None and self._imported.textures[inside][1]:
-            return self._shelf.image_bytes(f"picture {inside} in {self._main}", self._imported.textures[inside][1], srgb), UNMOVED
+            name, data = self._imported.textures[inside]
+            return self._shelf.image_bytes(f"{self._main} (picture {inside}): {name or reference}", data, srgb), UNMOVED
         if is_tiled(unquote(reference)):
             return self._shelf.found(unquote(reference).removeprefix("file:"), self._main, user, srgb)
         found = self._files.resolve_uri(reference, self._main)

@@ -8,7 +8,7 @@ from typing import Any
 from renderer.scene.animation import Clip, Moment
 from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.readers.fbx import layout
-from renderer.scene.readers.fbx.library import Opened, at, each, pointed, text
+from renderer.scene.readers.fbx.library import Opened, at, each, is_visible, pointed, text, value_at
 from renderer.scene.readers.names import number_of
 
 __all__ = ["Stacks"]
@@ -33,11 +33,42 @@ class Stacks:
         """The animation to evaluate; None where there is none. Raises SceneError where there is no such clip."""
         names = [clip.name for clip in self.clips]
         if moment.clip == ALL_CLIPS and ALL_CLIPS not in names and len(names) > 1:
-            layers = [layer for stack in self._stacks for layer in pointed(stack.layers, layout.AnimLayer)]
-            return self._opened.together([int(layer.typed_id) for layer in layers], self._file)
+            return self._together(self._stacks)
+        chosen = self._stacks[:1]
         if moment.clip is not None and (moment.clip != ALL_CLIPS or ALL_CLIPS in names):
-            return int(self._stacks[number_of("clip", names, moment.clip, self._file)].anim)
-        return int(self._stacks[0].anim) if self._stacks else None
+            chosen = [self._stacks[number_of("clip", names, moment.clip, self._file)]]
+        if self._opened.unturned:
+            return self._together(chosen)
+        return int(chosen[0].anim) if chosen else None
+
+    def _together(self, stacks: list[Any]) -> int:
+        layers = [layer for stack in stacks for layer in pointed(stack.layers, layout.AnimLayer)]
+        return self._opened.together([int(layer.typed_id) for layer in layers], self._file)
+
+    def shown(self, anim: int, evaluated: Opened, seconds: float) -> dict[int, bool]:
+        """Whether nodes, by id, are visible where several layers say so: the topmost curve of a layer that has a weight counts.
+
+        ufbx adds and mixes the layers' values of a property that is yes or no, whose products are neither.
+        """
+        layers = pointed(layout.Anim.from_address(anim).layers, layout.AnimLayer)
+        if len(layers) < 2:
+            return {}
+        weights = {layer.element_id: layer.weight for layer in pointed(evaluated.scene.layers, layout.AnimLayer)}
+        still = {node.element_id: is_visible(node) for node in pointed(self._opened.scene.nodes, layout.Node)}
+        found: dict[int, bool] = {}
+        for layer in layers:
+            for each_property in each(layer.properties, layout.AnimProp):
+                value = at(layout.AnimValue, each_property.value)
+                element = at(layout.Element, each_property.element)
+                if value is None or element is None or element.element_id not in still:
+                    continue
+                if text(each_property.name) != "Visibility":
+                    continue
+                found.setdefault(element.element_id, still[element.element_id])
+                curve = value.curves[0]
+                if curve and weights.get(layer.element_id, layer.weight) > 0:
+                    found[element.element_id] = int(value_at(curve, seconds)) != 0
+        return found
 
     def moving(self, anim: int | None) -> set[int]:
         """The elements, by id, of which something has another value at another time."""

@@ -39,6 +39,7 @@ __all__ = [
     "Mesh",
     "Node",
     "Notice",
+    "PropOverride",
     "Scene",
     "SkinCluster",
     "SkinDeformer",
@@ -223,4 +224,5 @@ LoadOptions = _structure(
 EvaluateOptions = _structure(
     "EvaluateOptions", "_:uint temporary:Allocator result:Allocator _:bool _:bool _:uint _:bool _:Callback _:uint"
 )
-AnimOptions = _structure("AnimOptions", "_:uint layers:list _:list _:list _:list _:bool result:Allocator _:uint")
+PropOverride = _structure("PropOverride", "element:uint name:list value:real*4 text:list number:long")
+AnimOptions = _structure("AnimOptions", "_:uint layers:list _:list overrides:list _:list _:bool result:Allocator _:uint")

@@ -18,7 +18,20 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.readers.fbx import layout
 
-__all__ = ["Opened", "array", "at", "each", "is_set", "matrix", "number_of", "pointed", "seen", "text"]
+__all__ = [
+    "Opened",
+    "array",
+    "at",
+    "each",
+    "is_set",
+    "is_visible",
+    "matrix",
+    "number_of",
+    "pointed",
+    "seen",
+    "text",
+    "value_at",
+]
 
 _KNOWN = range(21_000, 22_000)  # 0.21: versions whose structures layout.py has
 _OUT_OF_MEMORY = {5, 6, 7}  # ufbx_error_type: memory, memory limit, allocation limit
@@ -26,6 +39,7 @@ _RIGHT_Y_FRONT = (0, 2, 4)  # +X to the right, +Y up, +Z to the front
 _DEPTH = 1000
 _FBX = 1
 _AS_WRITTEN = 5  # ufbx_unicode_error_handling: strings are what the file has
+_TURNS = (b"RotationOrder", b"PreRotation", b"PostRotation")
 
 
 @functools.cache
@@ -68,6 +82,8 @@ def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
     library.ufbx_free_anim.argtypes = [ctypes.c_void_p]
     library.ufbx_free_scene.restype = None
     library.ufbx_free_scene.argtypes = [opened]
+    library.ufbx_evaluate_curve.restype = ctypes.c_double
+    library.ufbx_evaluate_curve.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_double]
     library.ufbx_find_bool_len.restype = ctypes.c_bool
     library.ufbx_find_bool_len.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_bool]
     library.ufbx_find_real_len.restype = ctypes.c_double
@@ -81,11 +97,11 @@ class Opened:
     def __init__(self, pointer: Any) -> None:
         self._pointer = pointer
         self.scene = pointer.contents
-        self._together: int | None = None
+        self._made: dict[tuple[int, ...], int] = {}  # animations by their layers
 
     def __del__(self) -> None:
-        if self._together is not None:
-            _library().ufbx_free_anim(self._together)
+        for anim in self._made.values():
+            _library().ufbx_free_anim(anim)
         _library().ufbx_free_scene(self._pointer)
 
     @classmethod
@@ -110,13 +126,38 @@ class Opened:
         return Opened(found) if found else _failed(error, name)
 
     def together(self, layers: list[int], name: str) -> int:
-        """The address of an animation of all these of the scene's layers, of which the last counts. Raises SceneError."""
-        if self._together is None:
+        """The address of an animation of these of the scene's layers, the last on top, by the rules of RotationActive.
+
+        Raises SceneError.
+        """
+        key = tuple(layers)
+        if key not in self._made:
             numbers = (ctypes.c_uint32 * len(layers))(*layers)
             options, error = layout.AnimOptions(), layout.Error()
             options.layers.data, options.layers.count = ctypes.addressof(numbers), len(layers)
-            self._together = _library().ufbx_create_anim(self._pointer, ctypes.byref(options), ctypes.byref(error))
-        return self._together or int(_failed(error, name))
+            unturned = self.unturned
+            overrides = (layout.PropOverride * (len(unturned) * len(_TURNS)))()
+            names = [ctypes.create_string_buffer(each) for each in _TURNS]
+            for i, override in enumerate(overrides):
+                override.element = unturned[i // len(_TURNS)]
+                turn = i % len(_TURNS)
+                override.name.data, override.name.count = ctypes.addressof(names[turn]), len(_TURNS[turn])
+            options.overrides.data, options.overrides.count = ctypes.addressof(overrides), len(overrides)
+            made = _library().ufbx_create_anim(self._pointer, ctypes.byref(options), ctypes.byref(error))
+            self._made[key] = made or int(_failed(error, name))
+        return self._made[key]
+
+    @functools.cached_property
+    def unturned(self) -> list[int]:
+        """The nodes, by id, whose rotation order, pre- and post-rotation the FBX SDK leaves out and this version of ufbx not.
+
+        ufbx itself reads RotationActive and RotationSpaceForLimitOnly since 0.23.
+        """
+        return [
+            node.element_id
+            for node in pointed(self.scene.nodes, layout.Node)
+            if not is_set(node, b"RotationActive", True) or is_set(node, b"RotationSpaceForLimitOnly")
+        ]
 
 
 def _failed(error: Any, name: str) -> Any:
@@ -180,3 +221,13 @@ def is_set(element: Any, name: bytes, default: bool = False) -> bool:
 def number_of(element: Any, name: bytes) -> float:
     """A property of an element that is a number; 0 where it is not there."""
     return float(_library().ufbx_find_real_len(ctypes.addressof(element.props), name, len(name), 0.0))
+
+
+def is_visible(node: Any) -> bool:
+    """Whether a node is visible: files before FBX 6 say so in percent, which ufbx 0.21 takes for no number."""
+    return bool(node.visible) or abs(number_of(node, b"Visibility")) >= 1
+
+
+def value_at(curve: int, seconds: float) -> float:
+    """The value of an animation curve, by its address, at a time."""
+    return float(_library().ufbx_evaluate_curve(curve, seconds, 0.0))

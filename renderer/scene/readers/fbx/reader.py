@@ -15,7 +15,7 @@ from renderer.scene.description import Camera, Instance, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.fbx import layout, lights
 from renderer.scene.readers.fbx.animation import Stacks
-from renderer.scene.readers.fbx.library import Opened, array, at, each, is_set, matrix, number_of, pointed, text
+from renderer.scene.readers.fbx.library import Opened, array, at, each, is_set, is_visible, matrix, number_of, pointed, text
 from renderer.scene.readers.fbx.materials import Materials
 from renderer.scene.readers.fbx.meshes import Part, parts_of
 from renderer.scene.readers.fbx.shapes import Skin, blended, turned_with
@@ -57,14 +57,26 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     anim = stacks.played(moment)
     moving = stacks.moving(anim)
     description.moves |= len(moving) > 0
-    shown = opened.at(anim, moment.seconds(description.fps), main) if anim is not None and moving else opened
-    _Reader(files, main, description, shown, moving).read()
+    seconds = moment.seconds(description.fps)
+    needs = anim is not None and bool(moving or opened.unturned)
+    evaluated = opened.at(anim, seconds, main) if anim is not None and needs else opened
+    shown = stacks.shown(anim, evaluated, seconds) if anim is not None and needs else {}
+    _Reader(files, main, description, evaluated, moving, shown).read()
 
 
 class _Reader:
     """Reads one scene of the library."""
 
-    def __init__(self, files: SceneFiles, main: str, description: SceneDescription, opened: Opened, moving: set[int]) -> None:
+    def __init__(
+        self,
+        files: SceneFiles,
+        main: str,
+        description: SceneDescription,
+        opened: Opened,
+        moving: set[int],
+        visible: dict[int, bool],
+    ) -> None:
+        self._visible = visible  # of nodes by id, where that is not the node's own
         self._files, self._main, self._description, self._opened, self._moving = files, main, description, opened, moving
         scene = opened.scene
         self._scene = scene
@@ -104,11 +116,14 @@ class _Reader:
                 restless.add(node.element_id)
             if parent is not None and parent.attrib_type == _LOD_GROUP and self._is_coarse(node, parent):
                 self._odd["coarser levels of detail"] += 1
-            elif node.visible and (parent is None or parent.element_id in shown):
+            elif self._is_visible(node) and (parent is None or parent.element_id in shown):
                 shown.add(node.element_id)
-            elif not node.visible and (parent is None or parent.element_id in shown):
+            elif not self._is_visible(node) and (parent is None or parent.element_id in shown):
                 self._odd["hidden nodes"] += 1
         return shown, restless
+
+    def _is_visible(self, node: Any) -> bool:
+        return self._visible.get(node.element_id, is_visible(node))
 
     @staticmethod
     def _is_coarse(node: Any, parent: Any) -> bool:

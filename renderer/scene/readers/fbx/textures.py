@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import ctypes
 import math
+from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from renderer.image.read import IMAGE_SUFFIXES
 from renderer.scene.description import UvTransform, Wrap
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.fbx import layout
@@ -61,9 +63,10 @@ class Pictures:
         said = [text(name) for name in (picture.relative, picture.filename, picture.absolute)]
         named = [name for name in said if name]
         if picture.content.count:
-            name = named[0].replace("\\", "/").rsplit("/", 1)[-1] if named else text(picture.name) or "picture"
+            names = [name.replace("\\", "/").rsplit("/", 1)[-1] for name in (*named, text(picture.name), "picture") if name]
+            name = next((each for each in names if PurePosixPath(each).suffix.lower() in IMAGE_SUFFIXES), names[0])
             data = ctypes.string_at(picture.content.data, picture.content.count)
-            return self._shelf.image_bytes(f"{name} in {self._main} ({picture.element_id})", data, srgb), UNMOVED
+            return self._shelf.image_bytes(f"{self._main} ({picture.element_id}): {name}", data, srgb), UNMOVED
         for name in named:
             tiles = tiles_of(name, lambda each: self._files.find(each, self._main)) if is_tiled(name) else None
             if tiles or (tiles is None and self._files.find(name, self._main) is not None):

@@ -11,6 +11,7 @@ from renderer.errors import SceneError
 from renderer.scene.files import SceneFiles, data_uri
 from renderer.scene.readers.gltf import meshopt
 from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.gltf.faults import DamagedError
 
 __all__ = ["Accessors", "as_floats"]
 
@@ -34,7 +35,7 @@ class Accessors:
     """The arrays of one glTF file. Buffers are opened when first used."""
 
     def __init__(self, root: Json, binary: memoryview | None, files: SceneFiles) -> None:
-        self._file = root.file
+        self._root, self._file = root, root.file
         self._binary = binary
         self._files = files
         self._buffers = root.objects("buffers")
@@ -44,38 +45,44 @@ class Accessors:
         self._unpacked_views: dict[int, memoryview] = {}
         self._values_given = self._bare = 0
         self._floats: dict[int, npt.NDArray[np.float32]] = {}
+        self._finite: set[int] = set()
 
-    def floats(self, index: int, *widths: int) -> npt.NDArray[np.float32]:
+    def floats(self, index: int, *widths: int, finite: bool = True) -> npt.NDArray[np.float32]:
         """(count, width) float32 of one of the widths; integers become 0..1 or -1..1 where the accessor says `normalized`.
 
-        Made once; whoever gets it leaves it as it is. Raises SceneError for another width and for values that are not finite.
+        Made once; the caller does not write to it. Raises DamagedError for another width, and for values that are not finite
+        unless `finite` is False.
         """
         known = self._floats.get(index)
         if known is not None and known.shape[1] in widths:
-            return known
+            values = known
+        else:
+            normalized = self.accessors[index].value.get("normalized") is True
+            values = self._floats[index] = as_floats(self._values(index, widths), normalized)
         accessor = self.accessors[index]
-        values = as_floats(self._values(index, widths), accessor.value.get("normalized") is True)
-        if not np.isfinite(values).all():
-            raise SceneError(f"{self._file}: {accessor.where} holds values that are not finite numbers; export the file again")
-        self._floats[index] = values
+        if finite and index not in self._finite:
+            if not np.isfinite(values).all():
+                raise DamagedError(self._file, accessor.where, "holds values that are not finite numbers")
+            self._finite.add(index)
         return values
 
     def integers(self, index: int) -> npt.NDArray[np.integer]:
         """(count,) integers of the file's own type: indices."""
         values = self._values(index, (1,))
         if values.dtype.kind == "f":
-            raise SceneError(
-                f"{self._file}: {self.accessors[index].where} holds floats where indices belong; export the file again"
-            )
+            raise DamagedError(self._file, self.accessors[index].where, "holds floats where indices belong")
         return values.reshape(-1)
 
     def judge_bare(self, index: int) -> None:
         """Before a mesh is made of it. Raises SceneError where too much of the file's meshes has no data behind it."""
         accessor = self.accessors[index]
         if "bufferView" not in accessor:
-            self._bare += accessor.integer("count", low=1, high=MAX_ELEMENTS + 1)
+            self._bare += accessor.integer("count", high=MAX_ELEMENTS + 1)
         if self._bare > MAX_BARE:
-            raise accessor.wrong("bufferView", f"is missing: more than {MAX_BARE >> 20} million vertices or indices have no data")
+            raise SceneError(
+                f"{self._file}: more than {MAX_BARE >> 20} million vertices or indices have no data "
+                f"({accessor.where}.bufferView is missing); export the file again"
+            )
 
     def view_bytes(self, index: int) -> memoryview:
         """The bytes of a buffer view."""
@@ -87,7 +94,7 @@ class Accessors:
         offset = view.integer("byteOffset", 0)
         length = view.integer("byteLength")
         if offset + length > len(buffer):
-            raise SceneError(f"{self._file}: {view.where} reads past its buffer's end; the file is damaged, export it again")
+            raise DamagedError(self._file, view.where, "reads past its buffer's end", "the file is damaged, export it again")
         return buffer[offset : offset + length]
 
     def _unpacked(self, index: int, packing: Json, length: int) -> memoryview:
@@ -95,8 +102,8 @@ class Accessors:
             buffer = self._buffer(packing.integer("buffer", high=len(self._buffers)))
             offset, packed = packing.integer("byteOffset", 0), packing.integer("byteLength")
             if offset + packed > len(buffer):
-                raise SceneError(
-                    f"{self._file}: {packing.where} reads past its buffer's end; the file is damaged, export it again"
+                raise DamagedError(
+                    self._file, packing.where, "reads past its buffer's end", "the file is damaged, export it again"
                 )
             self._unpacked_views[index] = meshopt.decode(packing, buffer[offset : offset + packed], length)
         return self._unpacked_views[index]
@@ -114,7 +121,7 @@ class Accessors:
     def _open(self, buffer: Json, index: int) -> memoryview:
         if "uri" not in buffer:
             if index != 0 or self._binary is None:
-                raise SceneError(f"{self._file}: {buffer.where} has no data; the file is damaged, export it again")
+                raise DamagedError(self._file, buffer.where, "has no data", "the file is damaged, export it again")
             data = self._binary
         else:
             uri = buffer.text("uri", "")
@@ -123,11 +130,12 @@ class Accessors:
             else:
                 name = self._files.resolve_uri(uri, self._file)
                 if name is None:
-                    raise SceneError(f"{self._file}: its buffer {uri[:120]} is not among the files; add it, or export as .glb")
+                    what = f"is {uri[:120]}, which is not among the files"
+                    raise DamagedError(self._file, buffer.where, what, "add it, or export as .glb")
                 data = memoryview(self._files.read(name))
         length = buffer.integer("byteLength")
         if length > len(data):
-            raise SceneError(f"{self._file}: {buffer.where} has {len(data)} of {length} bytes; the data was cut, take it again")
+            self._root.faults.note(f"{self._file}: {buffer.where} has {len(data)} of {length} bytes; what is there is read.")
         return data[:length]
 
     def _values(self, index: int, widths: tuple[int, ...]) -> npt.NDArray[Any]:
@@ -139,14 +147,14 @@ class Accessors:
             raise accessor.wrong(
                 "type", f"is {kind[:10]} of component type {accessor.value.get('componentType')}, which does not fit here"
             )
-        count = accessor.integer("count", low=1, high=MAX_ELEMENTS + 1)
+        count = accessor.integer("count", high=MAX_ELEMENTS + 1)
         self._values_given += count * width
         if self._values_given > MAX_VALUES:
             raise SceneError(f"{self._file}: its arrays hold more than {MAX_VALUES >> 20} million values; simplify its meshes")
-        view = accessor.index("bufferView", self._views)
-        if view is None:
+        if "bufferView" not in accessor or count == 0:
             values = np.zeros((count, width), component)
         else:
+            view = accessor.integer("bufferView", high=len(self._views))
             values = self._strided(view, accessor.integer("byteOffset", 0), count, width, np.dtype(component), accessor.where)
         sparse = accessor.object("sparse")
         return self._replaced(values, sparse) if sparse else values
@@ -158,7 +166,7 @@ class Accessors:
             "byteStride", size, low=size, high=253 if "byteStride" in self._views[view] else 1 << 10
         )
         if offset + stride * (count - 1) + size > len(data):
-            raise SceneError(f"{self._file}: {where} reads past the end of its data; the file is damaged, export it again")
+            raise DamagedError(self._file, where, "reads past the end of its data", "the file is damaged, export it again")
         little = component.newbyteorder("<")
         return np.ndarray((count, width), little, data, offset, (stride, component.itemsize))
 

@@ -5,7 +5,9 @@ Every channel says where in the JSON it writes, so all that reads the file reads
 
 from __future__ import annotations
 
+import contextlib
 import functools
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +20,7 @@ from renderer.scene.readers.changed import Changed, Path
 from renderer.scene.readers.gltf import pointers
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.readers.names import number_of
 
 __all__ = ["EXTENSION", "Animations"]
@@ -77,7 +80,7 @@ class Animations:
                 if path[-2] == "weights" and not self._has_weight(changed, path):
                     continue
                 changed.set(path, values[0] != 0 if kind == "flag" else values[0] if kind == "number" else values)
-        return Json(self._root.file, "", changed.root)
+        return Json(self._root.file, "", changed.root, self._root.faults)
 
     def _are_apart(self) -> bool:
         """Whether no two animations move the same."""
@@ -93,7 +96,7 @@ class Animations:
     def _has_weight(self, changed: Changed, path: Path) -> bool:
         """Whether there is such a weight; a node that has its mesh's gets a list of its own."""
         family, number, _, which = path
-        source = mesh = Json(self._root.file, f"{family}[{number}]", changed.root[str(family)][number])
+        source = mesh = Json(self._root.file, f"{family}[{number}]", changed.root[str(family)][number], self._root.faults)
         if family == "nodes":
             if self._meshes is None:
                 self._meshes = self._root.objects("meshes")
@@ -108,15 +111,30 @@ class Animations:
         return isinstance(which, int) and which < max(targets, len(weights))
 
     def _extent(self, source: Json) -> tuple[float, float]:
-        samplers = source.objects("samplers")
-        times = [self._input(sampler) for sampler in samplers if "input" in sampler]
+        times = []
+        for sampler in source.objects("samplers"):
+            with self._left_out(sampler):
+                if "input" in sampler:
+                    times.append(self._input(sampler))
+        times = [each[np.isfinite(each)] for each in times]
+        times = [each for each in times if len(each)]
         return (min(float(t[0]) for t in times), max(float(t[-1]) for t in times)) if times else (0.0, 0.0)
 
+    @staticmethod
+    @contextlib.contextmanager
+    def _left_out(source: Json) -> Iterator[None]:
+        """Counts what is damaged as a fault of the file."""
+        try:
+            yield
+        except DamagedError as fault:
+            source.faults.add(fault)
+
     def _input(self, sampler: Json) -> npt.NDArray[np.float64]:
+        """The times of keys, some of which may not be finite. Raises DamagedError."""
         at = sampler.integer("input", high=len(self._accessors.accessors))
         if at not in self._times:
-            times = self._accessors.floats(at, 1).reshape(-1).astype(np.float64)
-            if (np.diff(times) < 0).any():
+            times = self._accessors.floats(at, 1, finite=False).reshape(-1).astype(np.float64)
+            if (np.diff(times[np.isfinite(times)]) < 0).any():
                 raise sampler.wrong("input", "has times that do not grow")
             self._times[at] = times
         return self._times[at]
@@ -136,8 +154,9 @@ class Animations:
             if kind is None or path is None or self._is_fixed(path):
                 left_out.append(pointer[:120])
                 continue
-            sampler = samplers[channel.integer("sampler", high=len(samplers))]
-            found.append(Channel(path, kind, self._curve(sampler, kind)))
+            with self._left_out(channel):
+                sampler = samplers[channel.integer("sampler", high=len(samplers))]
+                found.append(Channel(path, kind, self._curve(sampler, kind)))
         moving = {channel.path for channel in found if not channel.curve.is_constant}
         if not left_out:
             return found, moving, []
@@ -154,13 +173,22 @@ class Animations:
     def _curve(self, sampler: Json, kind: pointers.Kind) -> Curve:
         times = self._input(sampler)
         at = sampler.integer("output", high=len(self._accessors.accessors))
-        values = self._accessors.floats(at, _WIDTHS[kind]).astype(np.float64)
+        values = self._accessors.floats(at, _WIDTHS[kind], finite=False).astype(np.float64)
         way = sampler.text("interpolation", "LINEAR")
         if way not in ("STEP", "LINEAR", "CUBICSPLINE"):
-            raise sampler.wrong("interpolation", f"is {way[:20]!r}; known are STEP, LINEAR, CUBICSPLINE")
+            sampler.fault("interpolation", f"is {way[:20]!r}; known are STEP, LINEAR, CUBICSPLINE")
+            way = "LINEAR"
         rows = len(times) * (3 if way == "CUBICSPLINE" else 1)
-        if len(values) % rows or (kind != "list" and len(values) != rows):
+        if not rows or len(values) % rows or (kind != "list" and len(values) != rows):
             raise sampler.wrong("output", f"has {len(values)} values for {len(times)} times")
+        values = values.reshape(len(times), -1)
+        finite = np.isfinite(times) & np.isfinite(values).all(axis=1)
+        if not finite.all():
+            what = f"has {int((~finite).sum())} of {len(times)} keys that are not finite numbers"
+            if not finite.any():
+                raise sampler.wrong("output", what)
+            sampler.fault("output", what)
+            times, values = times[finite], values[finite]
         turns = kind == "rotation"
         if way != "CUBICSPLINE":
             return Curve(times, values.reshape(len(times), -1), is_step=way == "STEP" or kind == "flag", is_rotation=turns)
@@ -175,4 +203,4 @@ def _pointer(target: Json) -> str | None:
     if path == "pointer" and extension:
         return extension.text("pointer", "")
     node = target.value.get("node")
-    return None if node is None else f"/nodes/{target.integer('node')}/{path}"
+    return None if node is None else f"/nodes/{target.integer('node', 1 << 30)}/{path}"

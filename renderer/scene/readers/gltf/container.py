@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from renderer.errors import SceneError
+from renderer.scene.readers.gltf.faults import DamagedError, Faults
 
 __all__ = ["Json", "parse"]
 
@@ -19,14 +20,20 @@ _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 
 MAX_JSON_BYTES = 256 << 20
 _JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
+_CHUNKS = (_JSON_CHUNK, _BINARY_CHUNK)
 
 
 class Json:
-    """An object of the JSON and where it stands, for errors. Every getter raises SceneError for a value of the wrong kind."""
+    """An object of the JSON and where it stands.
 
-    def __init__(self, file: str, where: str, value: Any) -> None:
+    Getters with a default, and those of lists and optional objects, leave a value of the wrong kind out and count it as a fault;
+    getters of what has to be there raise DamagedError.
+    """
+
+    def __init__(self, file: str, where: str, value: Any, faults: Faults | None = None) -> None:
+        self.faults = Faults() if faults is None else faults
         if not isinstance(value, dict):
-            raise SceneError(f"{file}: {where or 'the file'} is not a JSON object; export it again")
+            raise DamagedError(file, where or "the file", "is not a JSON object")
         self.file, self.where, self.value = file, where, value
 
     def __contains__(self, key: str) -> bool:
@@ -36,70 +43,104 @@ class Json:
         """The path of a key, as `materials[2].emissiveFactor`."""
         return f"{self.where}.{key}" if self.where else key
 
-    def wrong(self, key: str, what: str) -> SceneError:
+    def wrong(self, key: str, what: str) -> DamagedError:
         """The error to raise for the value of a key."""
-        return SceneError(f"{self.file}: {self.place(key)} {what}; export the file again")
+        return DamagedError(self.file, self.place(key), what)
+
+    def fault(self, key: str, what: str) -> None:
+        """Counts the value of a key as left out."""
+        self.faults.add(self.wrong(key, what))
 
     def object(self, key: str) -> Json | None:
         """The object under a key, if there."""
-        return Json(self.file, self.place(key), self.value[key]) if key in self.value else None
+        return self._child(self.place(key), self.value[key]) if key in self.value else None
 
     def objects(self, key: str) -> list[Json]:
-        """The list of objects under a key; empty if not there."""
+        """The list of objects under a key; empty if not there. Of what is no object, an empty one."""
         values = self.value.get(key, [])
         if not isinstance(values, list):
-            raise self.wrong(key, "is not a list")
-        return [Json(self.file, f"{self.place(key)}[{i}]", v) for i, v in enumerate(values)]
+            self.fault(key, "is not a list")
+            return []
+        places = [f"{self.place(key)}[{i}]" for i in range(len(values))]
+        return [
+            self._child(place, value) or Json(self.file, place, {}, self.faults)
+            for place, value in zip(places, values, strict=True)
+        ]
+
+    def _child(self, place: str, value: Any) -> Json | None:
+        try:
+            return Json(self.file, place, value, self.faults)
+        except DamagedError as fault:
+            self.faults.add(fault)
+            return None
 
     def integer(self, key: str, default: int | None = None, low: int = 0, high: int = 1 << 40) -> int:
-        """The integer under a key, low <= it < high."""
+        """The integer under a key, low <= it < high. Raises DamagedError for another without a default."""
         value = self.value.get(key, default)
         if isinstance(value, float) and value.is_integer():
             value = int(value)
         if not isinstance(value, int) or isinstance(value, bool):
-            raise self.wrong(key, "is missing" if value is None else "is not an integer")
-        if not low <= value < high:
-            raise self.wrong(key, f"is {value}, which points outside of what the file holds ({low} to {high - 1})")
-        return value
+            fault = self.wrong(key, "is missing" if value is None else "is not an integer")
+        elif not low <= value < high:
+            held = f"{low} to {high - 1}" if high > low else "none"
+            fault = self.wrong(key, f"is {value}, which points outside of what the file holds ({held})")
+        else:
+            return value
+        if default is None:
+            raise fault
+        self.faults.add(fault)
+        return default
 
     def index(self, key: str, into: Sequence[Any]) -> int | None:
-        """The index under a key, if there, into a list."""
-        return self.integer(key, high=len(into)) if key in self.value else None
+        """The index under a key, if there and inside of a list."""
+        if key not in self.value:
+            return None
+        try:
+            return self.integer(key, high=len(into))
+        except DamagedError as fault:
+            self.faults.add(fault)
+            return None
 
     def indices(self, key: str, into: Sequence[Any]) -> list[int]:
-        """The list of indices under a key into a list."""
+        """The list of indices under a key that are inside of a list."""
         values = self.value.get(key, [])
-        if not isinstance(values, list) or not all(isinstance(v, int) and 0 <= v < len(into) for v in values):
-            raise self.wrong(key, f"is not a list of numbers from 0 to {len(into) - 1}")
-        return values
+        listed = values if isinstance(values, list) else []
+        good = [v for v in listed if isinstance(v, int) and not isinstance(v, bool) and 0 <= v < len(into)]
+        if not isinstance(values, list) or len(good) < len(values):
+            self.fault(key, f"is not a list of numbers from 0 to {len(into) - 1}" if into else "names what is not there")
+        return good
 
     def number(self, key: str, default: float) -> float:
         """The finite number under a key."""
         value = self.value.get(key, default)
-        if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
-            raise self.wrong(key, "is not a number")
+        if not _is_finite(value):
+            self.fault(key, "is not a number")
+            return default
         return float(value)
 
     def vector(self, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
         """As many finite numbers as the default has."""
         values = self.value.get(key, default)
         good = isinstance(values, list | tuple) and len(values) == len(default)
-        if not good or not all(isinstance(v, int | float) and math.isfinite(v) for v in values):
-            raise self.wrong(key, f"is not a list of {len(default)} numbers")
+        if not good or not all(map(_is_finite, values)):
+            self.fault(key, f"is not a list of {len(default)} numbers")
+            return default
         return tuple(float(v) for v in values)
 
     def numbers(self, key: str) -> tuple[float, ...]:
-        """The list of finite numbers under a key; empty if not there."""
+        """The list of finite numbers under a key; empty if not there. 0 for what is none."""
         values = self.value.get(key, [])
-        if not isinstance(values, list) or not all(isinstance(v, int | float) and math.isfinite(v) for v in values):
-            raise self.wrong(key, "is not a list of numbers")
+        if not isinstance(values, list) or not all(map(_is_finite, values)):
+            self.fault(key, "is not a list of numbers")
+            return tuple(float(v) if _is_finite(v) else 0.0 for v in values) if isinstance(values, list) else ()
         return tuple(float(v) for v in values)
 
     def text(self, key: str, default: str) -> str:
         """The string under a key."""
         value = self.value.get(key, default)
         if not isinstance(value, str):
-            raise self.wrong(key, "is not a string")
+            self.fault(key, "is not a string")
+            return default
         return value[:MAX_NAME] if key == "name" else value
 
     def extension(self, name: str) -> Json | None:
@@ -108,13 +149,20 @@ class Json:
         return extensions.object(name) if extensions else None
 
 
+def _is_finite(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
 def _integer(digits: str) -> int | float:
     """A whole number; one that no float holds is infinite, as 1e999 is."""
     return int(digits) if len(digits) < _MOST_DIGITS else float(digits)
 
 
 def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
-    """The JSON of a .gltf or .glb, and the GLB's binary chunk. Told apart by the bytes, whatever the name says."""
+    """The JSON of a .gltf or .glb, and the GLB's binary chunk. Told apart by the bytes, whatever the name says.
+
+    Raises SceneError. A wrong length of the file or of its binary chunk, and chunks without padding, are faults of the JSON.
+    """
     if data[:4] != b"glTF":
         return _parse_json(data, file), None
     if len(data) < 20:
@@ -122,24 +170,36 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
     version, length = struct.unpack_from("<II", data, 4)
     if version != 2:
         raise SceneError(f"{file}: is GLB version {version}; export it as glTF 2.0")
-    if length > len(data):
-        raise SceneError(f"{file}: has {len(data)} of {length} bytes; the upload or download was cut, take it again")
-    json_chunk: bytes | None = None
-    binary: memoryview | None = None
+    notes = []
+    if length != len(data):
+        notes.append(f"{file}: has {len(data)} bytes, and its header says {length}; all of them are read.")
+    chunks: dict[int, memoryview] = {}
     at = 12
-    while at + 8 <= length:
+    while at + 8 <= len(data):
         size, kind = struct.unpack_from("<II", data, at)
-        if at + 8 + size > length:
-            raise SceneError(f"{file}: a chunk runs past the file's end; the file is damaged, export it again")
-        chunk = memoryview(data)[at + 8 : at + 8 + size]
-        if kind == _JSON_CHUNK and json_chunk is None:
-            json_chunk = bytes(chunk)
-        elif kind == _BINARY_CHUNK and binary is None:
-            binary = chunk
-        at += 8 + size + (-size % 4)
-    if json_chunk is None:
+        end = at + 8 + size
+        if end > len(data):
+            if kind == _JSON_CHUNK:
+                raise SceneError(f"{file}: ends inside its JSON; the upload or download was cut, take it again")
+            if kind in _CHUNKS:
+                notes.append(f"{file}: its binary data has {len(data) - at - 8} of {size} bytes; what is there is read.")
+        if kind in _CHUNKS:
+            chunks.setdefault(kind, memoryview(data)[at + 8 : end])
+        at = end
+        if size % 4:
+            is_padded = not _is_chunk(data, end) and (_is_chunk(data, end + -size % 4) or end + -size % 4 == len(data))
+            at += -size % 4 if is_padded else 0
+            notes.append(f"{file}: a chunk has {size} bytes, which is no multiple of four; it is read as it is.")
+    if _JSON_CHUNK not in chunks:
         raise SceneError(f"{file}: has no JSON chunk; the file is damaged, export it again")
-    return _parse_json(json_chunk, file), binary
+    root = _parse_json(bytes(chunks[_JSON_CHUNK]), file)
+    for sentence in notes:
+        root.faults.note(sentence)
+    return root, chunks.get(_BINARY_CHUNK)
+
+
+def _is_chunk(data: bytes, at: int) -> bool:
+    return at + 8 <= len(data) and struct.unpack_from("<I", data, at + 4)[0] in _CHUNKS
 
 
 def _whole(value: Any) -> Any:
@@ -157,7 +217,7 @@ def _parse_json(data: bytes, file: str) -> Json:
             f"{file}: holds {len(data) >> 20} MiB of JSON; export it as .glb, or with its buffers in files of their own"
         )
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode("utf-8-sig").rstrip("\0 ")
         value = json.loads(text, parse_int=_integer)
         root = Json(file, "", _whole(value) if _SURROGATE.search(text) else value)
     except (ValueError, RecursionError) as error:

@@ -13,6 +13,7 @@ from renderer.scene.description import F32, Mesh
 from renderer.scene.readable import read_only
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.readers.gltf.transforms import Matrix
 
 __all__ = ["Bones", "bind_matrices", "morphed", "skinned"]
@@ -26,7 +27,7 @@ class Bones(NamedTuple):
 
 
 def morphed(mesh: Mesh, targets: list[Json], weights: tuple[float, ...], accessors: Accessors) -> Mesh:
-    """The mesh plus its targets' displacements by their weights. Raises SceneError where one has another length."""
+    """The mesh plus its targets' displacements by their weights; those that are unusable are left out."""
     positions, normals, tangents = mesh.positions, mesh.normals, mesh.tangents
     for target, weight in zip(targets, weights, strict=False):
         if weight == 0:
@@ -46,18 +47,22 @@ def _displacement(target: Json, key: str, count: int, accessors: Accessors) -> F
     at = target.index(key, accessors.accessors)
     if at is None:
         return None
-    values = accessors.floats(at, 3)
+    try:
+        values = accessors.floats(at, 3)
+    except DamagedError as fault:
+        target.faults.add(fault)
+        return None
     if len(values) != count:
-        raise target.wrong(key, f"has {len(values)} displacements of {count} vertices")
+        target.fault(key, f"has {len(values)} displacements of {count} vertices")
+        return None
     return values
 
 
 def bind_matrices(skin: Json, count: int, accessors: Accessors) -> Matrix:
-    """(count, 4, 4): from the mesh's space into that of each joint."""
-    at = skin.index("inverseBindMatrices", accessors.accessors)
-    if at is None:
+    """(count, 4, 4): from the mesh's space into that of each joint. Raises DamagedError."""
+    if "inverseBindMatrices" not in skin:
         return np.tile(np.eye(4), (count, 1, 1))
-    values = accessors.floats(at, 16)
+    values = accessors.floats(skin.integer("inverseBindMatrices", high=len(accessors.accessors)), 16)
     if len(values) < count:
         raise skin.wrong("inverseBindMatrices", f"has {len(values)} matrices for {count} joints")
     return values[:count].astype(np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)  # column-major

@@ -19,7 +19,7 @@ __all__ = ["METALLIC_ROUGHNESS", "NAMES", "has_thickness", "read_extensions", "r
 
 METALLIC_ROUGHNESS = "pbrMetallicRoughness"
 
-_ONE_EACH = {"color": 3, "radiance": 3, "triple": 3}
+_ONE_EACH = ("color", "radiance", "triple")
 
 
 def read_parameters(source: Json, material: Material, textures: Textures, metallic_roughness: bool) -> None:
@@ -61,8 +61,8 @@ def _value(parameter: Parameter, owner: Json, key: str, material: Material, text
     if parameter.form == "flag":
         return owner.value[key] is True
     if parameter.form in _ONE_EACH:
-        return tuple(parameter.clamped(c) for c in owner.vector(key, (0.0,) * _ONE_EACH[parameter.form]))
-    return parameter.clamped(owner.number(key, 0.0))
+        return tuple(parameter.clamped(c) for c in owner.vector(key, getattr(material, parameter.name)))
+    return parameter.clamped(owner.number(key, getattr(material, parameter.name)))
 
 
 def _ior(source: Json, material: Material) -> None:

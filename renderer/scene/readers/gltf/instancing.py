@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.errors import SceneError
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.readers.gltf.transforms import Matrix, compose
 
 __all__ = ["EXTENSION", "instance_transforms"]
@@ -17,16 +19,24 @@ _DEFAULTS = {"TRANSLATION": (0.0, 0.0, 0.0), "ROTATION": (0.0, 0.0, 0.0, 1.0), "
 
 
 def instance_transforms(source: Json, accessors: Accessors, limit: int) -> Matrix:
-    """(N, 4, 4): the places of a node's instances in the node. Raises SceneError where there are more than limit."""
+    """(N, 4, 4): the places of a node's instances in the node.
+
+    Raises SceneError where there are more than limit, DamagedError where none is usable.
+    """
     attributes = source.object("attributes")
     found = {}
     for key, width in _WIDTHS.items():
         at = attributes.index(key, accessors.accessors) if attributes else None
         if at is not None:
-            count = accessors.accessors[at].integer("count", low=1)
-            if count > limit:
-                raise source.wrong("attributes", f"shows its mesh {count} times where {limit} are left; show it less often")
-            found[key] = accessors.floats(at, width).astype(np.float64)
+            try:
+                count = accessors.accessors[at].integer("count", low=1)
+                if count > limit:
+                    raise SceneError(
+                        f"{source.file}: {source.where} shows its mesh {count} times where {limit} are left; show it less often"
+                    )
+                found[key] = accessors.floats(at, width).astype(np.float64)
+            except DamagedError as fault:
+                source.faults.add(fault)
     counts = {len(values) for values in found.values()}
     if len(counts) != 1:
         raise source.wrong("attributes", "has no arrays of places, or arrays of different lengths")

@@ -89,8 +89,8 @@ class Materials:
     def _alpha_mode(self, source: Json, material: Material) -> None:
         mode = source.text("alphaMode", "OPAQUE")
         if mode not in _ALPHA_MODES:
-            raise source.wrong("alphaMode", f"is {mode[:20]!r}; known are {', '.join(_ALPHA_MODES)}")
-        material.alpha_mode = _ALPHA_MODES[mode]
+            source.fault("alphaMode", f"is {mode[:20]!r}; known are {', '.join(_ALPHA_MODES)}")
+        material.alpha_mode = _ALPHA_MODES.get(mode, "opaque")
 
     def _emission(self, source: Json, material: Material) -> None:
         extension = source.extension("KHR_materials_emissive_strength")

@@ -14,6 +14,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import morphed, skinned
+from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.readers.gltf.materials import Materials
 from renderer.scene.readers.gltf.moving import Moving
 from renderer.scene.readers.gltf.primitives import Primitive, read_primitive
@@ -84,7 +85,7 @@ class Meshes:
     def look_again(self, root: Json, meshes: Iterable[int]) -> None:
         """The file's JSON is another: of some meshes, the weights are."""
         for index in meshes:
-            self.sources[index] = Json(root.file, self.sources[index].where, root.value["meshes"][index])
+            self.sources[index] = Json(root.file, self.sources[index].where, root.value["meshes"][index], root.faults)
 
     def passed_by(self, number: int, unseen: bool, shadeless: bool) -> int:
         """The material of one of the description's meshes, as one that the camera does not see, or that casts no shadow."""
@@ -109,7 +110,11 @@ class Meshes:
         return self._sources[index]
 
     def _read(self, source: Json, index: int, uv_sets: tuple[int, ...]) -> Primitive | None:
-        return read_primitive(source, self.name(index), self._accessors, self._shelf, self._thickness, uv_sets)
+        try:
+            return read_primitive(source, self.name(index), self._accessors, self._shelf, self._thickness, uv_sets)
+        except DamagedError as fault:
+            source.faults.add(fault)
+            return None
 
     def _weights(self, index: int, node: Json) -> tuple[float, ...]:
         return (node if "weights" in node else self.sources[index]).numbers("weights")

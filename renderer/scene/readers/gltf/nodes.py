@@ -14,6 +14,7 @@ from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.cameras import read_camera
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import bind_matrices
+from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.readers.gltf.meshes import Meshes
 from renderer.scene.readers.gltf.moving import Moving
 from renderer.scene.readers.gltf.profiles import Profiles
@@ -57,6 +58,7 @@ class Nodes:
         self._shining: dict[int, int] = {}  # the description's light
         self._lacks_view = False
         self._bent: list[int] = []
+        self._unskinned: set[str] = set()  # nodes whose skins are unusable
         self._taken = {camera.name for camera in description.cameras}
         self._known_joints: dict[int, tuple[list[int], bool]] = {}  # of each skin, and whether one of them moves
         self._carrying: dict[int, Matrix] = {}  # what `_joints` gave of skins
@@ -92,7 +94,7 @@ class Nodes:
         nodes = root.value["nodes"]
         moved = [index for index in self._parents if index in self._moving.nodes]
         for index in {*moved, *self._moving.reshaped}:
-            self._nodes[index] = Json(root.file, self._nodes[index].where, nodes[index])
+            self._nodes[index] = Json(root.file, self._nodes[index].where, nodes[index], root.faults)
         self._meshes.look_again(root, self._moving.meshes)
         self._worlds |= self._in_world(moved, self._worlds)
         self._carrying.clear()
@@ -134,14 +136,19 @@ class Nodes:
 
     def _is_skinned(self, index: int) -> bool:
         node = self._nodes[index]
-        return "skin" in node and not node.extension(instancing.EXTENSION)
+        return node.index("skin", self._skins) is not None and not self._has_copies(node) and node.where not in self._unskinned
+
+    @staticmethod
+    def _has_copies(node: Json) -> bool:
+        return node.extension(instancing.EXTENSION) is not None
 
     def _is_bent(self, index: int) -> bool:
         """Whether a node's mesh has other vertices at another moment."""
         node = self._nodes[index]
-        if "mesh" not in node:
+        mesh = node.index("mesh", self._meshes.sources)
+        if mesh is None:
             return False
-        if self._moving.reshapes(node.integer("mesh"), node):
+        if self._moving.reshapes(mesh, node):
             return True
         if not self._is_skinned(index):
             return False
@@ -150,7 +157,13 @@ class Nodes:
     def _places(self, node: Json, world: Matrix, most: int) -> Matrix | list[Matrix]:
         """Where a node shows its mesh; raises SceneError where it does so more often than `most` times."""
         copies = node.extension(instancing.EXTENSION)
-        return product(world, instancing.instance_transforms(copies, self._accessors, most)) if copies else [world]
+        if copies is None:
+            return [world]
+        try:
+            return product(world, instancing.instance_transforms(copies, self._accessors, most))
+        except DamagedError as fault:
+            self._root.faults.add(fault)
+            return [world]
 
     def _in_world(self, order: list[int], known: dict[int, Matrix]) -> dict[int, Matrix]:
         """Where nodes are, each after its parent or with that known. All of one depth at once: files have ten thousands."""
@@ -174,8 +187,10 @@ class Nodes:
                     places = product(np.stack(outer), places)
             bad = ~np.isfinite(places).all(axis=(1, 2))
             if bad.any():
-                where = self._nodes[level[int(np.argmax(bad))]].where
-                raise SceneError(f"{self._root.file}: {where} has a transform that is not finite; export the file again")
+                for i in np.flatnonzero(bad):  # stands where its parent does
+                    node = self._nodes[level[i]]
+                    node.faults.add(DamagedError(node.file, node.where, "has a transform that is not finite"))
+                    places[i] = outer[i] if depth[level[0]] else np.eye(4)
             worlds.update(zip(level, places, strict=True))
         return worlds
 
@@ -188,9 +203,10 @@ class Nodes:
             index, parent, shown = stack.pop()
             node = self._nodes[index]
             if index in parents:
-                raise SceneError(
-                    f"{self._root.file}: {node.where} hangs below two parents or below itself; export the file again"
-                )
+                where = "" if parent is None else f" in {self._nodes[parent].where}.children"
+                what = "hangs below two parents or below itself; it is shown once"
+                node.faults.add(DamagedError(node.file, f"{node.where}{where}", what))
+                continue
             parents[index] = parent
             visibility = node.extension(VISIBILITY)
             shown = shown and (visibility is None or visibility.value.get("visible") is not False)
@@ -205,28 +221,41 @@ class Nodes:
             self._description.name = scene.text("name", "") or self._description.name
             return scene.indices("nodes", self._nodes)
         children = {c for n in self._nodes for c in n.indices("children", self._nodes)}
-        return [i for i in range(len(self._nodes)) if i not in children]
+        return [i for i in range(len(self._nodes)) if i not in children] or list(range(min(len(self._nodes), 1)))
 
     def _place(self, node: Json, world: Matrix, moves: bool) -> None:
         mesh = node.index("mesh", self._meshes.sources)
         if mesh is not None:
             name = self._unique(node.text("name", "") or self._meshes.name(mesh))
-            copies = node.extension(instancing.EXTENSION)
             skin = node.index("skin", self._skins)
-            if copies:
+            if self._has_copies(node):
                 left = MAX_INSTANCES - len(self._description.instances)
-                places = product(world, instancing.instance_transforms(copies, self._accessors, left))
-                for i, place in enumerate(places):
+                for i, place in enumerate(self._places(node, world, left)):
                     self._show(node, self._meshes.of(mesh, node), place, f"{name} [{i}]", moves)
-            elif skin is not None:
-                found = self._meshes.skinned(mesh, node, self._joints(skin), self._joints_of(skin)[1])
-                self._show(node, found, np.eye(4), name, self._moving.appears(node))
-            else:
+            elif skin is None or not self._show_skinned(node, mesh, skin, name):
                 self._show(node, self._meshes.of(mesh, node), world, name, moves)
         self._description.lights += self._lights_on(node, world)
 
+    def _show_skinned(self, node: Json, mesh: int, skin: int, name: str) -> bool:
+        """Adds a node's mesh as its skin bends it; False where the skin is unusable, which then counts as a fault."""
+        try:
+            found = self._meshes.skinned(mesh, node, self._joints(skin), self._joints_of(skin)[1])
+        except DamagedError as fault:
+            self._root.faults.add(fault)
+            self._unskinned.add(node.where)
+            return False
+        self._show(node, found, np.eye(4), name, self._moving.appears(node))
+        return True
+
     def _lights_on(self, node: Json, world: Matrix, name: str = "") -> list[Light]:
-        """What shines on a node, by that name or the file's own."""
+        """What shines on a node, by that name or the file's own; one that is unusable counts as a fault."""
+        try:
+            return self._read_lights(node, world, name)
+        except DamagedError as fault:
+            self._root.faults.add(fault)
+            return []
+
+    def _read_lights(self, node: Json, world: Matrix, name: str) -> list[Light]:
         found = []
         name = name or node.text("name", "")
         spare = f"light {len(self._description.lights)}"

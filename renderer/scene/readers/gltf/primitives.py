@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.errors import SceneError
-from renderer.scene.description import F32, I32, Mesh
+from renderer.scene.description import F32, Mesh
 from renderer.scene.readers.gltf import draco
 from renderer.scene.readers.gltf.accessors import Accessors, as_floats
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import Bones
+from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.readers.gltf.textures import UV_SETS
 from renderer.scene.readers.gltf.thickened import thickened
 from renderer.scene.textures import TextureShelf
@@ -40,8 +40,11 @@ def read_primitive(
     thickness: float | None = None,
     uv_sets: tuple[int, ...] = UV_SETS,
 ) -> Primitive | None:
-    """The primitive, with these of the file's sets of UVs; None, with a warning, for points and lines without a thickness."""
-    mode = source.integer("mode", _LIST, high=7)
+    """The primitive, with these of the file's sets of UVs; None, with a warning, for points and lines without a thickness.
+
+    Raises DamagedError where its positions or its indices are unusable; of other attributes, those are left out.
+    """
+    mode = source.integer("mode", high=7) if "mode" in source else _LIST
     if mode < _LIST and thickness is None:
         shelf.warn(
             f"Mesh {name}: its points or lines have no surface and are left out. To see them, give them a thickness in a scene "
@@ -51,20 +54,19 @@ def read_primitive(
     attributes = _Attributes(source, accessors)
     for bare in attributes.bare():
         accessors.judge_bare(bare)
-    positions = attributes.get("POSITION", (3,))
+    positions = attributes.positions()
     if positions is None:
         shelf.warn(f"Mesh {name}: has no positions and is left out.")
         return None
     indices: npt.NDArray[np.integer] | None = attributes.indices
     if indices is None:
-        at = source.index("indices", accessors.accessors)
+        at = source.integer("indices", high=len(accessors.accessors)) if "indices" in source else None
         indices = np.arange(len(positions), dtype=np.int64) if at is None else accessors.integers(at)
-    if indices.size and (indices.min() < 0 or indices.max() >= len(positions)):
-        raise SceneError(
-            f"{source.file}: {source.where} has the index {int(indices.max())} where there are {len(positions)} vertices; "
-            "export the file again"
-        )
+    if not indices.size:
+        raise source.wrong("attributes" if "indices" not in source else "indices", "has no vertices")
     if mode < _LIST and thickness is not None:
+        if _is_bad(indices, len(positions)).any() or not np.isfinite(positions).all():
+            raise source.wrong("indices", "has indices outside of its vertices, or positions that are not finite numbers")
         shown = thickened(name, positions, indices, mode, _with_alpha(attributes.get("COLOR_0", (3, 4))), thickness)
         if shown is None:
             shelf.warn(f"Mesh {name}: its points or lines are all in one place, and left out.")
@@ -72,15 +74,42 @@ def read_primitive(
         if source.objects("targets") or "JOINTS_0" in attributes:
             shelf.warn(f"Mesh {name}: its points or lines are not bent by a skin or by morph targets.")
         return Primitive(shown, [], None)
-    mesh = Mesh(name, positions, _triangles(indices, _LIST if attributes.indices is not None else mode))
-    mesh.normals = attributes.get("NORMAL", (3,))
-    mesh.uvs, mesh.uvs1, *_ = (*(attributes.get(f"TEXCOORD_{number}", (2,)) for number in uv_sets), None)
-    mesh.tangents = attributes.get("TANGENT", (4,)) if mesh.normals is not None else None  # specification 3.7.2.1
-    mesh.colors = _with_alpha(attributes.get("COLOR_0", (3, 4)))
-    for values in (mesh.normals, mesh.uvs, mesh.uvs1, mesh.tangents, mesh.colors):
-        if values is not None and len(values) != len(positions):
-            raise source.wrong("attributes", f"has {len(values)} of an attribute and {len(positions)} of POSITION")
-    return Primitive(mesh, source.objects("targets"), _bones(attributes, source, len(positions)))
+    triangles = _triangles(indices, _LIST if attributes.indices is not None else mode)
+    positions, triangles = _usable(source, positions, triangles)
+    mesh = Mesh(name, positions, triangles.astype(np.int32))
+    count = len(positions)
+    mesh.normals = attributes.of_vertices("NORMAL", (3,), count)
+    mesh.uvs, mesh.uvs1, *_ = (*(attributes.of_vertices(f"TEXCOORD_{number}", (2,), count) for number in uv_sets), None)
+    if mesh.normals is not None:  # specification 3.7.2.1
+        mesh.tangents = attributes.of_vertices("TANGENT", (4,), count)
+    mesh.colors = _with_alpha(attributes.of_vertices("COLOR_0", (3, 4), count))
+    return Primitive(mesh, source.objects("targets"), _bones(attributes, source, count))
+
+
+def _is_bad(indices: npt.NDArray[np.integer], count: int) -> npt.NDArray[np.bool_]:
+    return (indices < 0) | (indices >= count)
+
+
+def _usable(source: Json, positions: F32, triangles: npt.NDArray[np.integer]) -> tuple[F32, npt.NDArray[np.integer]]:
+    """Without triangles that need a vertex which is not there or not finite. Raises DamagedError where none is left."""
+    bad: npt.NDArray[np.bool_] = _is_bad(triangles, len(positions)).any(axis=1)
+    if bad.any():
+        largest = int(triangles.max())
+        what = f"has the index {largest} where there are {len(positions)} vertices, in {int(bad.sum())} triangles"
+        if bad.all():
+            raise source.wrong("indices", what)
+        source.fault("indices", what)
+        triangles = triangles[~bad]
+    finite: npt.NDArray[np.bool_] = np.isfinite(positions).all(axis=1)
+    if finite.all():
+        return positions, triangles
+    needed: npt.NDArray[np.bool_] = ~finite[triangles].all(axis=1)
+    what = f"has positions that are not finite numbers, in {int(needed.sum())} triangles"
+    if needed.all():
+        raise source.wrong("attributes", what)
+    source.fault("attributes", what)
+    positions = np.where(finite[:, None], positions, positions[np.argmax(finite)])
+    return positions, triangles[~needed]
 
 
 class _Attributes:
@@ -107,26 +136,53 @@ class _Attributes:
         places = None if "POSITION" in self._decoded else self._attributes.index("POSITION", known)
         return [at for at in (found, places) if at is not None]
 
+    def positions(self) -> F32 | None:
+        """(V, 3), which need not be finite; None where the primitive has none. Raises DamagedError."""
+        if "POSITION" not in self._decoded and "POSITION" in self._attributes:
+            self._attributes.integer("POSITION", high=len(self._accessors.accessors))
+        return self._values("POSITION", (3,), finite=False)
+
     def get(self, key: str, widths: tuple[int, ...]) -> F32 | None:
-        """(count, width) float32, of one of the widths; None where the primitive has none."""
+        """(count, width) float32, of one of the widths; None where the primitive has none, or one that is unusable."""
+        try:
+            return self._values(key, widths)
+        except DamagedError as fault:
+            self._source.faults.add(fault)
+            return None
+
+    def of_vertices(self, key: str, widths: tuple[int, ...], count: int) -> F32 | None:
+        """The same, of as many vertices."""
+        values = self.get(key, widths)
+        if values is not None and len(values) != count:
+            self._attributes.fault(key, f"has {len(values)} values for {count} vertices")
+            return None
+        return values
+
+    def _values(self, key: str, widths: tuple[int, ...], finite: bool = True) -> F32 | None:
         at = self._attributes.index(key, self._accessors.accessors)
         if key not in self._decoded:
-            return None if at is None else self._accessors.floats(at, *widths)
+            return None if at is None else self._accessors.floats(at, *widths, finite=finite)
         normalized = at is not None and self._accessors.accessors[at].value.get("normalized") is True
         values = as_floats(self._decoded[key], normalized)
-        if values.shape[1] not in widths or not np.isfinite(values).all():
-            raise self._source.wrong("attributes", f"has a damaged {key}")
+        if values.shape[1] not in widths:
+            raise self._attributes.wrong(key, f"has {values.shape[1]} numbers for each vertex")
+        if finite and not np.isfinite(values).all():
+            raise self._attributes.wrong(key, "holds values that are not finite numbers")
         return values
 
 
 def _bones(attributes: _Attributes, source: Json, count: int) -> Bones | None:
     joints, weights = [], []
     for k in itertools.count():  # sets of four joints each
-        of, by = attributes.get(f"JOINTS_{k}", (4,)), attributes.get(f"WEIGHTS_{k}", (4,))
-        if of is None or by is None:
+        if f"JOINTS_{k}" not in attributes or f"WEIGHTS_{k}" not in attributes:
             break
-        if len(of) != count or len(by) != count or of.min(initial=0) < 0:
-            raise source.wrong("attributes", f"has {len(of)} of JOINTS_{k}, {len(by)} of WEIGHTS_{k} and {count} of POSITION")
+        of = attributes.of_vertices(f"JOINTS_{k}", (4,), count)
+        by = attributes.of_vertices(f"WEIGHTS_{k}", (4,), count)
+        if of is None or by is None:
+            continue
+        if of.min(initial=0) < 0:
+            source.fault("attributes", f"has negative joints in JOINTS_{k}")
+            continue
         joints.append(of.astype(np.int64))
         weights.append(np.maximum(by, 0))
     return Bones(np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)) if joints else None
@@ -141,13 +197,14 @@ def _with_alpha(colors: F32 | None) -> F32 | None:
     return None if (colors == 1).all() else colors  # white changes nothing
 
 
-def _triangles(indices: npt.NDArray[np.integer], mode: int) -> I32:
+def _triangles(indices: npt.NDArray[np.integer], mode: int) -> npt.NDArray[np.integer]:
+    """(T, 3) corners of a list, a strip or a fan."""
     if mode == _LIST:
-        return indices[: len(indices) // 3 * 3].reshape(-1, 3).astype(np.int32)
+        return indices[: len(indices) // 3 * 3].reshape(-1, 3)
     count = max(len(indices) - 2, 0)
     i = np.arange(count)
     if mode == _STRIP:  # every second triangle is wound the other way: p_i, p_(i + 1 + i % 2), p_(i + 2 - i % 2)
         corners = np.stack([i, i + 1 + i % 2, i + 2 - i % 2], axis=1)
     else:
         corners = np.stack([i + 1, i + 2, np.zeros_like(i)], axis=1)
-    return indices[corners].reshape(-1, 3).astype(np.int32)
+    return indices[corners].reshape(-1, 3)

@@ -62,6 +62,7 @@ def read(
     known: Again | None = files.known(key) if is_alone else None
     if known is not None and known.at(moment, description):
         return
+    meshes_before = len(description.meshes)
     root, binary = files.recall(("glTF", main), lambda: parse(files.read(main), main))
     shelf = TextureShelf(description, files)
     _check_extensions(root, shelf)
@@ -80,6 +81,9 @@ def read(
     shaping = profiles.Profiles(root, accessors, files, shelf)
     walked = nodes.Nodes(root, accessors, meshes, shelf, description, restless, shaping)
     walked.walk()
+    root.faults.say(shelf.warn)
+    if root.faults.first is not None and len(description.meshes) == meshes_before:
+        raise root.faults.first
     if is_alone and moving.clips and restless.is_of_places and not any(meshes.refracts(m) for m in walked.deforming()):
         files.keep(key, Again(moving, walked, description))
 

@@ -9,6 +9,7 @@ from renderer.scene.description import TexelFilter, UvTransform, Wrap
 from renderer.scene.files import SceneFiles, data_uri
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.textures import UNMOVED, TextureShelf
 
 __all__ = ["EXTENSIONS", "UV_SETS", "Textures", "uv_sets_of"]
@@ -60,7 +61,15 @@ class Textures:
         """The description's number of the texture under a key of a material or extension; None where there is none.
 
         srgb: its colours are so encoded, as base colour, emission, specular and sheen colour are; other textures are data.
+        One that is unusable counts as a fault of the file.
         """
+        try:
+            return self._find(owner, key, user, srgb)
+        except DamagedError as fault:
+            owner.faults.add(fault)
+            return None
+
+    def _find(self, owner: Json, key: str, user: str, srgb: bool) -> int | None:
         info = owner.object(key)
         if info is None:
             return None

@@ -12,6 +12,7 @@ from renderer.scene.readers.gltf.container import Json
 
 __all__ = ["Matrix", "compose", "local", "unit_vector", "vec3"]
 
+_IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 _NOWHERE, _UNTURNED, _AS_IT_IS = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
 
 
@@ -21,7 +22,7 @@ def local(nodes: Sequence[Json]) -> Matrix:
     whole = {}
     for i, node in enumerate(nodes):
         if "matrix" in node:
-            whole[i] = np.array(node.vector("matrix", (0.0,) * 16)).reshape(4, 4).T  # column-major
+            whole[i] = np.array(node.vector("matrix", _IDENTITY)).reshape(4, 4).T  # column-major
             continue
         if "translation" in node:
             parts[i, :3] = node.vector("translation", _NOWHERE)

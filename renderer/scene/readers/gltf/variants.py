@@ -24,5 +24,5 @@ class Variants:
         mapped = primitive.extension(EXTENSION) if self._chosen is not None else None
         for mapping in mapped.objects("mappings") if mapped else []:
             if self._chosen in mapping.indices("variants", self.names):
-                return mapping.integer("material", high=len(materials))
+                return mapping.index("material", materials)
         return primitive.index("material", materials)

@@ -149,8 +149,12 @@ class _Opener:
             return None
         found = self._sources.find(reference, beside)
         if found is None:
-            wanted = PurePosixPath(reference.replace("\\", "/")).name or reference
-            self._notes.say(f"{beside}: its layer {wanted[:120]} is not among the files; add it. Rendered without it meanwhile.")
+            why = "is not among the files; add it"
+            if self._sources.is_outside(reference, beside):
+                why = "lies above the scene's folder; give the folder that holds both, by --root or as the scene"
+            said = reference.split(":SDF_FORMAT_ARGS:")[0].replace("\\", "/")
+            wanted = said if not PurePosixPath(said).is_absolute() and ":" not in said else PurePosixPath(said).name
+            self._notes.say(f"{beside}: its layer {wanted[:200]} {why}. Rendered without it meanwhile.")
             return None
         if PurePosixPath(found.rstrip("]")).suffix.lower() not in (*LAYER_SUFFIXES, mtlx.SUFFIX):
             self._notes.add("Referenced files that are no USD layers are left out", found)

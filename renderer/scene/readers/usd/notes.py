@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-__all__ = ["Notes"]
+from pxr import Tf
+
+__all__ = ["UNREADABLE", "Notes"]
+
+# What reading a prim raises that has values of other types than its schema's, or arrays that do not fit.
+UNREADABLE = (Tf.ErrorException, TypeError, ValueError, AttributeError, IndexError, OverflowError)
 
 _NAMED = 3
 

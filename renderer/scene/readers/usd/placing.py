@@ -24,7 +24,8 @@ from renderer.scene.readers.usd.ies import Profiles
 from renderer.scene.readers.usd.layers import Stage
 from renderer.scene.readers.usd.lights import glow_of, is_light, lamp_of
 from renderer.scene.readers.usd.meshes import MAX_VERTICES, Shape, Wanted, area_of, deforms, read_mesh
-from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.metadata import is_z_up, unit_of
+from renderer.scene.readers.usd.notes import UNREADABLE, Notes
 from renderer.scene.readers.usd.prims import MAX_INSTANCES, Placed
 from renderer.scene.readers.usd.shapes import is_shape, shape_of
 from renderer.scene.readers.usd.skeletons import Skeletons
@@ -54,7 +55,7 @@ class Placing:
         self._files, self._source, self._stage, self._description = files, source, stage.stage, description
         self._shelf, self._images, self._notes, self._time = shelf, images, notes, time
         self._is_still = stage.span is None
-        self._unit = float(UsdGeom.GetStageMetersPerUnit(self._stage))
+        self._unit = unit_of(self._stage, notes)
         self._surfaces = Surfaces(images, shelf, description.materials, notes, time, self._unit)
         self._profiles = Profiles(images, files, notes, time)
         self._skeletons = Skeletons(time, notes)
@@ -67,20 +68,26 @@ class Placing:
         self._bind([each.prim for each in found if each.shown and each.prim.IsA(UsdGeom.Gprim)])
         self._skeletons.gather(found)
         for each in found:
-            prim = each.prim
-            if prim.IsA(UsdGeom.Camera):
-                self._camera(each)
-            elif not each.shown:
-                continue
-            elif is_dome(prim):
-                up = str(UsdGeom.GetStageUpAxis(self._stage))
-                add_dome(prim, each.places[0], up, self._images, self._shelf, self._description, self._time, self._notes)
-            elif is_light(prim):
-                self._light(each)
-            elif prim.IsA(UsdGeom.Gprim):
-                self._gprim(each)
-            elif prim.IsA(UsdLux.PluginLight):
-                self._notes.add(f"Lights of the kind {prim.GetTypeName()} are left out", str(prim.GetPath()))
+            try:
+                self._place_one(each)
+            except UNREADABLE:
+                self._notes.add("Prims that are damaged, or have values of other types, are left out", str(each.prim.GetPath()))
+
+    def _place_one(self, each: Placed) -> None:
+        prim = each.prim
+        if prim.IsA(UsdGeom.Camera):
+            self._camera(each)
+        elif not each.shown:
+            return
+        elif is_dome(prim):
+            up = "Z" if is_z_up(self._stage, self._notes) else "Y"
+            add_dome(prim, each.places[0], up, self._images, self._shelf, self._description, self._time, self._notes)
+        elif is_light(prim):
+            self._light(each)
+        elif prim.IsA(UsdGeom.Gprim):
+            self._gprim(each)
+        elif prim.IsA(UsdLux.PluginLight):
+            self._notes.add(f"Lights of the kind {prim.GetTypeName()} are left out", str(prim.GetPath()))
 
     def _gprim(self, each: Placed) -> None:
         prim = each.prim

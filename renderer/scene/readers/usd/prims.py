@@ -11,6 +11,7 @@ from pxr import Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, UsdSkel
 
 from renderer.errors import SceneError
 from renderer.scene.matrices import Matrix, product
+from renderer.scene.readers.usd.metadata import is_z_up, unit_of
 from renderer.scene.readers.usd.notes import Notes
 
 __all__ = ["MAX_INSTANCES", "Placed", "matrix", "walk"]
@@ -38,10 +39,11 @@ class Placed:
     name: str = ""
 
 
-def upright(stage: Any) -> Matrix:
+def upright(stage: Any, notes: Notes | None = None) -> Matrix:
     """From the stage's units and axes to metres with Y up."""
-    unit = float(UsdGeom.GetStageMetersPerUnit(stage))
-    turn = _Z_UP if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4)
+    notes = Notes() if notes is None else notes
+    unit = unit_of(stage, notes)
+    turn = _Z_UP if is_z_up(stage, notes) else np.eye(4)
     return product(turn, np.diag([unit, unit, unit, 1.0]))
 
 
@@ -53,12 +55,12 @@ def matrix(given: Any) -> Matrix:
 def walk(stage: Any, time: Any, notes: Notes) -> list[Placed]:
     """All of a stage's prims that are of interest, in the order of the stage."""
     walked = _Walk(stage, time, notes)
-    found = list(walked.below(stage.GetPseudoRoot(), upright(stage)[None]))
+    found = list(walked.below(stage.GetPseudoRoot(), upright(stage, notes)[None]))
     if walked.proxies and not walked.stands_in:
         if not any(each.prim.IsA(UsdGeom.Gprim) for each in found):
             notes.say("All that the stage shows has the purpose proxy, which renderers do not draw; it is drawn here.")
             walked = _Walk(stage, time, notes, (*_DRAWN_PURPOSES, "proxy"))
-            found = list(walked.below(stage.GetPseudoRoot(), upright(stage)[None]))
+            found = list(walked.below(stage.GetPseudoRoot(), upright(stage, notes)[None]))
         else:
             for path in walked.proxies:
                 notes.add("Prims of the purpose proxy are not drawn, and none of the purpose render stands in for them", path)

@@ -12,6 +12,7 @@ from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.names import number_of
 from renderer.scene.readers.usd.layers import Stage, muted, open_stage, telling
+from renderer.scene.readers.usd.metadata import rate_of
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.placing import Placing
 from renderer.scene.readers.usd.prims import Placed, walk
@@ -31,8 +32,8 @@ def read_stage(files: SceneFiles, main: str, description: SceneDescription, vari
         sources = files.recall(("usd files", main), lambda: Sources(files))
         stage, variants = files.recall(("usd stage", main, variant), lambda: open_stage(sources, main, variant))
         description.variants = variants
-        time = _time(stage, main, description, moment)
         notes = Notes()
+        time = _time(stage, main, description, moment, notes)
         placing = Placing(files, (main, variant), stage, description, shelf, Images(stage, sources, shelf, notes), notes, time)
         settings = _render_settings(stage.stage)
         placing.place(_seen_by_its_camera(walk(stage.stage, time, notes), settings))
@@ -41,10 +42,10 @@ def read_stage(files: SceneFiles, main: str, description: SceneDescription, vari
         _resolution(settings, description)
 
 
-def _time(stage: Stage, main: str, description: SceneDescription, moment: Moment) -> Any:
+def _time(stage: Stage, main: str, description: SceneDescription, moment: Moment, notes: Notes) -> Any:
     """The time code that is shown; the description learns what may be asked for. Frame 0 is the stage's start."""
     root = stage.stage
-    rate = float(root.GetTimeCodesPerSecond()) or 24.0
+    rate = rate_of(root, "timeCodesPerSecond", notes)
     span = stage.span
     if span is None:
         if moment.clip is not None:
@@ -57,7 +58,7 @@ def _time(stage: Stage, main: str, description: SceneDescription, moment: Moment
         number_of("clip", [_CLIP], moment.clip, main)
     description.clips = [Clip(_CLIP, 0.0, (end - start) / rate)]
     description.moves = True
-    fps = float(root.GetFramesPerSecond())
+    fps = rate_of(root, "framesPerSecond", notes)
     if 1e-3 <= fps <= 1e4:
         description.fps = fps
     return Usd.TimeCode(start + moment.seconds(description.fps) * rate)

@@ -59,10 +59,8 @@ class Skeletons:
             own = None if normals is None else normals.astype(np.float32)
             return Shape(points.astype(np.float32), own, own)
         given = query.ComputeSkinningTransforms(self._time)
-        mapper = skinning.GetJointMapper()
-        if mapper and not mapper.IsIdentity() and not mapper.IsNull():
-            given = mapper.RemapTransforms(given)
         transforms = np.asarray(given, np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
+        transforms = self._in_order(transforms, query.GetJointOrder(), skinning)
         if len(transforms) == 0 or joints.max(initial=0) >= len(transforms) or joints.min(initial=0) < 0:
             self._notes.add("Meshes whose joints are not in their skeleton are not bent", str(prim.GetPath()))
             return None
@@ -75,6 +73,19 @@ class Skeletons:
             bent += weights[:, k : k + 1] * _moved(whole[joints[:, k]], points)
         turned = None if normals is None else self._turned(mesh, normals, whole, joints, weights)
         return Shape(bent.astype(np.float32), turned, None if normals is None else normals.astype(np.float32))
+
+    def _in_order(self, transforms: Matrix, order: Any, skinning: Any) -> Matrix:
+        """The transforms of a skeleton's joints in the order of a mesh's own `skel:joints`; of those it lacks, the identity."""
+        own = skinning.GetJointOrder()
+        if own is None or not len(own):
+            return transforms
+        number = {str(joint): i for i, joint in enumerate(order) if i < len(transforms)}
+        joints = [str(joint) for joint in own]
+        if lacking := [joint for joint in joints if joint not in number]:
+            what = f"Joints of meshes that their skeletons lack stand still ({', '.join(lacking[:3])[:120]})"
+            self._notes.add(what, str(skinning.GetPrim().GetPath()))
+        with_rest = np.concatenate([transforms, np.eye(4)[None]])
+        return with_rest[[number.get(joint, -1) for joint in joints]]
 
     def places_of(self, prim: Any, own: Matrix) -> Matrix:
         """Where a bent mesh is drawn: as its skeleton stands; by itself where only blend shapes bend it."""
@@ -105,9 +116,10 @@ class Skeletons:
         given = animation.ComputeBlendShapeWeights(self._time) if animation else None
         if not given:
             return points
-        mapper = skinning.GetBlendShapeMapper()
-        if mapper and not mapper.IsIdentity():
-            given = mapper.Remap(given, defaultValue=0.0)
+        own = skinning.GetBlendShapeOrder()
+        if own is not None and len(own):
+            by_name = dict(zip(map(str, animation.GetBlendShapeOrder()), given, strict=False))
+            given = [float(by_name.get(str(name), 0.0)) for name in own]
         blend = UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(skinning.GetPrim()))
         computed = blend.ComputeSubShapeWeights(given)
         sub_weights, blend_indices, sub_indices = computed[-3:]

@@ -41,6 +41,10 @@ class Sources:
             return found
         return self._in_package(found, inside, "")
 
+    def is_outside(self, reference: str, beside: str) -> bool:
+        """Whether an asset path, relative to a layer, leads out of the scene's folder."""
+        return self._files.is_outside(split(reference)[0], split(beside)[0])
+
     def path(self, name: str) -> str:
         """Where USD opens a layer. Raises SceneError where it is not to be opened."""
         outer, inner = split(name)

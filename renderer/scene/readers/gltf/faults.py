@@ -1,0 +1,48 @@
+"""What a glTF file holds that cannot be used: left out one by one, counted, and named in warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from renderer.errors import SceneError
+
+__all__ = ["DamagedError", "Faults"]
+
+_NAMED = 6  # places that a warning lists
+
+
+class DamagedError(SceneError):
+    """A part of the file is unusable; the rest may be read without it. Limits and missing decoders are other errors."""
+
+    def __init__(self, file: str, place: str, what: str, advice: str = "export the file again") -> None:
+        super().__init__(f"{file}: {place} {what}; {advice}")
+        self.file, self.place, self.what, self.advice = file, place, what, advice
+
+
+class Faults:
+    """The unusable parts of one file, by what is wrong with them. Adding a part twice counts it once."""
+
+    def __init__(self) -> None:
+        self._places: dict[str, dict[str, None]] = {}
+        self._notes: dict[str, None] = {}
+        self._file = ""
+        self.first: DamagedError | None = None
+
+    def add(self, fault: DamagedError) -> None:
+        """Counts a part that is left out."""
+        self.first = self.first or fault
+        self._file = fault.file
+        self._places.setdefault(fault.what, {})[fault.place] = None
+
+    def note(self, sentence: str) -> None:
+        """Keeps a sentence about the file as a whole."""
+        self._notes[sentence] = None
+
+    def say(self, warn: Callable[[str], None]) -> None:
+        """Passes one sentence for each kind of fault, with a count."""
+        for sentence in self._notes:
+            warn(sentence)
+        for what, places in self._places.items():
+            more = ", ..." if len(places) > _NAMED else ""
+            parts = "1 unusable part is" if len(places) == 1 else f"{len(places)} unusable parts are"
+            warn(f"{self._file}: {parts} left out ({what}): {', '.join(list(places)[:_NAMED])}{more}.")

@@ -1,0 +1,71 @@
+"""A stage's metadata, whatever type they are stored as: a field of the wrong type is no damage of the file."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pxr import Tf, UsdGeom
+
+from renderer.scene.readers.usd.notes import Notes
+
+__all__ = ["is_z_up", "rate_of", "stored", "unit_of"]
+
+_UNIT = 0.01  # metres, where a stage does not say
+_RATE = 24.0
+
+
+def stored(stage: Any, key: str) -> Any:
+    """The value of a field of the stage, of the type that its root layer stores; None where there is none."""
+    try:
+        return stage.GetMetadata(key)
+    except Tf.ErrorException:
+        pass
+    try:
+        root = stage.GetRootLayer().pseudoRoot
+        return root.GetInfo(key) if root.HasInfo(key) else None
+    except Tf.ErrorException:
+        return None
+
+
+def unit_of(stage: Any, notes: Notes) -> float:
+    """Metres per unit."""
+    try:
+        found = float(UsdGeom.GetStageMetersPerUnit(stage))
+    except Tf.ErrorException:
+        found = _number(stage, "metersPerUnit", _UNIT, notes)
+    if not (math.isfinite(found) and found > 0):
+        notes.say(f"The stage's metersPerUnit is {found}, which is no length; {_UNIT} is taken.")
+        return _UNIT
+    return found
+
+
+def is_z_up(stage: Any, notes: Notes) -> bool:
+    """Whether Z is up, and not Y."""
+    try:
+        return bool(UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z)
+    except Tf.ErrorException:
+        found = stored(stage, "upAxis")
+    notes.say(f"The stage's upAxis is stored as {type(found).__name__} {str(found)[:20]!r}; it is read as that.")
+    return str(found).strip().upper() == "Z"
+
+
+def rate_of(stage: Any, key: str, notes: Notes) -> float:
+    """Time codes, or frames, per second."""
+    try:
+        found = float(stage.GetTimeCodesPerSecond() if key == "timeCodesPerSecond" else stage.GetFramesPerSecond())
+    except Tf.ErrorException:
+        found = _number(stage, key, _RATE, notes)
+    return found if math.isfinite(found) and found > 0 else _RATE
+
+
+def _number(stage: Any, key: str, default: float, notes: Notes) -> float:
+    """The value of a field that is stored as another type than USD wants."""
+    value = stored(stage, key)
+    try:
+        found = float(value)
+    except (TypeError, ValueError):
+        notes.say(f"The stage's {key} is stored as {type(value).__name__} {str(value)[:20]!r}; {default:g} is taken.")
+        return default
+    notes.say(f"The stage's {key} is not stored as a double; {found:g} is read.")
+    return found

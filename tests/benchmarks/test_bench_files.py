@@ -1,0 +1,25 @@
+"""The table of what comes of many files."""
+
+from pathlib import Path
+
+from tests.benchmarks.bench_files import Found, read_one, scene_files, table
+from tests.renderer.scene.builders import Gltf, cup
+
+
+def test_files_are_counted_by_what_comes_of_them(tmp_path):
+    bad = Gltf()
+    bad.mesh()
+    bad.mesh()
+    bad.root["accessors"][1]["count"] = 0
+    for name, data in (("a.glb", cup()), ("b.glb", bad.glb()), ("c.glb", b"glTF"), ("d.txt", b"")):
+        (tmp_path / name).write_bytes(data)
+    files = scene_files([tmp_path])
+    assert [path.name for path in files] == ["a.glb", "b.glb", "c.glb"]
+    found = [read_one(path, 120.0) for path in files]
+    assert [each.end for each in found] == ["loads", "warnings", "refused"], found
+    assert table(found).splitlines()[2].startswith("| .glb | 3 | 2 | 1 | 1 | 0 | 0 |")
+
+
+def test_a_crash_is_counted():
+    rows = table([Found(Path("a.iqm"), "crashed", 1.0, "exit code -11")]).splitlines()
+    assert rows[-1].startswith("| all | 1 | 0 | 0 | 0 | 1 | 0 | 1.0 | 1.0 |")

@@ -1,0 +1,29 @@
+"""--strict and --root on the command line."""
+
+import pytest
+
+from rayfarm.errors import CommandError
+from rayfarm.scene_files import belonging, below, opened
+from rayfarm.strict import refuse
+
+
+def test_all_warnings_are_listed_and_none_are_no_error():
+    refuse("a.glb", [], True)
+    refuse("a.glb", ["One.", "Two."], False)
+    with pytest.raises(CommandError) as caught:
+        refuse("a.glb", ["One.", "Two."], True)
+    assert str(caught.value) == "a.glb: 2 warnings, and --strict makes them errors:\n  One.\n  Two."
+
+
+def test_files_below_a_root_belong_to_a_scene(tmp_path):
+    inner = tmp_path / "scenes"
+    inner.mkdir()
+    (tmp_path / "x.usda").write_text('#usda 1.0\ndef Cube "m" {}\n')
+    scene = inner / "a.usda"
+    scene.write_text('#usda 1.0\ndef "a" (references = @../x.usda@</m>) {}\n')
+    assert set(belonging(scene)) == {"a.usda"}
+    assert set(belonging(scene, tmp_path)) == {"scenes/a.usda", "x.usda"}
+    with opened(scene, root=tmp_path) as (folder, main, _):
+        assert (folder, main) == (tmp_path, "scenes/a.usda")
+    with pytest.raises(CommandError, match="no folder above"):
+        below(tmp_path / "x.usda", inner)

@@ -1,0 +1,78 @@
+"""USD files whose fields are stored as other types than USD's schemas say, and skins with joints of their own."""
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
+
+from renderer.errors import SceneError
+from renderer.scene.load import read
+from tests.renderer.scene.builders import world
+
+
+def test_a_unit_that_is_stored_as_float_is_read(tmp_path):
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usdc"))
+    UsdGeom.Cube.Define(stage, "/m")
+    UsdGeom.SetStageMetersPerUnit(stage, 0.5)
+    stage.GetRootLayer().Save()
+    data = (tmp_path / "a.usdc").read_bytes()
+    assert data.count(b"\x09\x40") == 1  # an inlined double, whose payload is a float's
+    (tmp_path / "a.usdc").write_bytes(data.replace(b"\x09\x40", b"\x08\x40"))
+    description = read(tmp_path, "a.usdc")
+    assert np.ptp(world(description)[..., 0]) == pytest.approx(1.0)
+    assert "The stage's metersPerUnit is not stored as a double; 0.5 is read." in description.warnings
+
+
+def test_prims_with_values_of_other_types_are_left_out_and_counted(tmp_path):
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
+    UsdGeom.Cube.Define(stage, "/m")
+    for name, kind, key in (("/c", "Camera", "focalLength"), ("/l", "SphereLight", "inputs:radius")):
+        stage.DefinePrim(name, kind)
+        Sdf.AttributeSpec(stage.GetRootLayer().GetPrimAtPath(name), key, Sdf.ValueTypeNames.String).default = "x"
+    stage.GetRootLayer().Save()
+    description = read(tmp_path, "a.usda")
+    assert len(description.instances) == 1
+    said = "Prims that are damaged, or have values of other types, are left out (2): /c, /l."
+    assert said in description.warnings
+
+
+@pytest.mark.parametrize("joints", [["b", "a"], ["b"], ["a", "b", "c"]])
+def test_a_skin_with_joints_of_its_own_follows_them(tmp_path, joints):
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdSkel.Root.Define(stage, "/r")
+    skeleton = UsdSkel.Skeleton.Define(stage, "/r/s")
+    still = Vt.Matrix4dArray([Gf.Matrix4d(1.0)] * 2)
+    skeleton.CreateJointsAttr(["a", "b"])
+    skeleton.CreateBindTransformsAttr(still)
+    skeleton.CreateRestTransformsAttr(still)
+    moves = UsdSkel.Animation.Define(stage, "/r/s/anim")
+    moves.CreateJointsAttr(["a", "b"])
+    moves.CreateTranslationsAttr([(0, 0, 0), (5, 0, 0)])
+    moves.CreateRotationsAttr([Gf.Quatf(1, 0, 0, 0)] * 2)
+    moves.CreateScalesAttr([(1, 1, 1)] * 2)
+    UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets(["/r/s/anim"])
+    mesh = UsdGeom.Mesh.Define(stage, "/r/m")
+    mesh.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (0, 1, 0)])
+    mesh.CreateFaceVertexCountsAttr([3])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2])
+    mesh.CreateSubdivisionSchemeAttr("none")
+    bound = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
+    bound.CreateSkeletonRel().SetTargets(["/r/s"])
+    bound.CreateJointsAttr(joints)
+    bound.CreateJointIndicesPrimvar(False, 1).Set([joints.index("b")] * 3)
+    bound.CreateJointWeightsPrimvar(False, 1).Set([1.0] * 3)
+    stage.GetRootLayer().Save()
+    description = read(tmp_path, "a.usda")
+    np.testing.assert_allclose(world(description)[0], [(5, 0, 0), (6, 0, 0), (5, 1, 0)], atol=1e-6)
+    assert any("lack stand still (c)" in w for w in description.warnings) == ("c" in joints)
+
+
+def test_a_layer_above_the_folder_is_named_or_read_below_a_root(tmp_path):
+    inner = tmp_path / "scenes"
+    inner.mkdir()
+    (tmp_path / "x.usda").write_text('#usda 1.0\n(defaultPrim = "m")\ndef Cube "m" {}\n')
+    (inner / "a.usda").write_text('#usda 1.0\ndef "a" (references = @../x.usda@) {}\n')
+    with pytest.raises(SceneError, match=r"its layer \.\./x\.usda lies above the scene's folder"):
+        read(inner, "a.usda")
+    description = read(tmp_path, "scenes/a.usda")
+    assert len(description.instances) == 1

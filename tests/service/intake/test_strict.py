@@ -1,0 +1,23 @@
+"""A job whose request is strict: a scene's warnings are errors."""
+
+import pytest
+
+from renderer.errors import SettingsError
+from service.intake.resolve import resolve
+from service.store.models import Job, Scene
+
+
+def test_a_strict_job_is_refused_with_all_warnings():
+    scene = Scene(notes=["Several files."], info={"warnings": ["A texture is missing."]})
+    with pytest.raises(SettingsError, match=r"2 warnings errors: Several files\. A texture is missing$"):
+        resolve(Job(request={"strict": True}), scene, 1)
+
+
+def test_light_of_its_own_is_no_guess():
+    studio = "The scene has no light: lit by a soft studio light. Give an environment to change that."
+    scene = Scene(notes=[], info={"warnings": [studio]})
+    request = {"strict": True, "environment": {"color": [1, 1, 1]}, "width": 64, "height": 64}
+    with pytest.raises(SettingsError, match=r"^width x height"):
+        resolve(Job(request=request), scene, 1)
+    with pytest.raises(SettingsError, match="1 warning an error"):
+        resolve(Job(request={"strict": True}), scene, 1)
