@@ -50,10 +50,10 @@ def _nest_at(scene, stack, o, time):
 
 
 @device
-def nest_of_camera(scene, stack, camera):
+def nest_of_camera(scene, stack, camera, samples):
     """The nest that all paths of a picture begin in: that of where its middle's ray begins, in the middle of the shutter.
 
-    None where there are no media.
+    None where there are no media. samples: number of samples in the batch; 0: no ray is traced.
     """
     nest = _WORLD
     if scene.has.media is not None:
@@ -61,6 +61,6 @@ def nest_of_camera(scene, stack, camera):
         o, _, _ = camera_ray(camera, x, y, _MIDDLE)
         if scene.has.motion is not None:
             o, _, _ = moving_ray(camera, x, y, _MIDDLE, _HALF)
-        if len(scene.medium) > 1:
+        if len(scene.medium) > 1 and samples > 0:
             nest = _nest_at(scene, stack, o, where_present(scene.has.motion, _HALF))
     return where_present(scene.has.media, nest)
