@@ -113,8 +113,9 @@ def whole_frame(
     from renderer.render import render_frame
 
     def quiet_enough(sums: Sums) -> bool:
-        enough = noise is not None and int(sums[SAMPLES].max()) >= LEAST_SAMPLES
-        return enough and noise_of(sums, settings.film_exponent) <= noise
+        if noise is None or int(sums[SAMPLES].max()) < LEAST_SAMPLES:
+            return False
+        return noise_of(sums, settings.film_exponent) <= noise
 
     return render_frame(compiled, settings, spp, threads, progress=show, stats=done, stop=quiet_enough, time_limit=time_limit)
 
