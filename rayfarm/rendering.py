@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Clock", "Show", "load_kernels", "load_scene", "part_of_frame", "shown", "whole_frame"]
 
+LEAST_SAMPLES = 16  # of each pixel, before noise may end a frame: fewer that agree by chance would end it too early
 Show = Callable[[int, int], None]  # told how many samples are done, of how many
 
 
@@ -107,12 +108,15 @@ def whole_frame(
     done: RenderStats,
     show: Show,
 ) -> Sums:
-    """The whole frame's sums."""
+    """The whole frame's sums. noise: the frame ends when it is reached, with LEAST_SAMPLES a pixel or more."""
+    from renderer.film import SAMPLES
     from renderer.film import noise as noise_of
     from renderer.render import render_frame
 
     def quiet_enough(sums: Sums) -> bool:
-        return noise is not None and noise_of(sums, settings.film_exponent) <= noise
+        if noise is None or int(sums[SAMPLES].max()) < LEAST_SAMPLES:
+            return False
+        return noise_of(sums, settings.film_exponent) <= noise
 
     return render_frame(compiled, settings, spp, threads, progress=show, stats=done, stop=quiet_enough, time_limit=time_limit)
 

@@ -19,6 +19,7 @@ import zipfile
 from pathlib import Path
 from typing import IO
 
+from renderer.places import make_private
 from renderer.zips import DAMAGED
 
 __all__ = ["MAX_BYTES", "ArtefactError", "is_name", "is_signed", "name_of", "pack", "signed_anew", "unpack"]
@@ -105,7 +106,7 @@ def _signature(file: IO[bytes], key: str) -> bytes:
 
 
 def _write(path: Path, data: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_private(path.parent)
     with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".part-", delete=False) as beside:
         try:
             beside.write(data)

@@ -25,7 +25,7 @@ from typing import IO, Any, ClassVar
 import llvmlite.binding as llvm  # which has nothing of Numba's options
 
 from renderer import __version__, sources
-from renderer.places import cache_home
+from renderer.places import make_private, private_folder
 from renderer.without import without
 
 __all__ = [
@@ -81,7 +81,7 @@ HAS_AVX512 = _CPU == "x86-64-v4"
 def _meaning(name: str, parts: Iterable[str]) -> str:
     """What these sources mean: kept beside the files that Python compiles them to, so that no new cache has to find it."""
     beside = sources.ROOT / "__pycache__"
-    folder = beside if os.access(beside, os.W_OK) else cache_home() / "sources"
+    folder = beside if os.access(beside, os.W_OK) else private_folder("sources")
     return sources.kept_meaning(sources.files_of(parts), folder / f"{name}.meaning")
 
 
@@ -107,10 +107,12 @@ def kind() -> str:
 def cache_folder() -> Path:
     """Where the machine code is kept: $RAYFARM_CACHE/kernels/<hash>, by default under ~/.cache/rayfarm.
 
+    Where others may write there, a private folder (renderer/places.py).
+
     Numba looks at the age of one function's file only, so a change in a function that it calls would go unseen: hence a
     folder of its own for each state of the sources.
     """
-    return cache_home() / "kernels" / _MACHINE_CODE[:16]
+    return private_folder(f"kernels/{_MACHINE_CODE[:16]}")
 
 
 def _configure() -> None:
@@ -181,10 +183,7 @@ class KeptByMeaning(UserProvidedCacheLocator):
         """The locator, or None for a function that is not ours."""
         key = py_file, os.environ.get("RAYFARM_CACHE")
         if key not in cls._of_modules:  # looked for once for all functions of a module
-            found = cls(py_func, py_file) if Path(py_file).is_relative_to(sources.ROOT) else None
-            if found is not None:
-                found.ensure_cache_path()
-            cls._of_modules[key] = found
+            cls._of_modules[key] = cls(py_func, py_file) if Path(py_file).is_relative_to(sources.ROOT) else None
         return cls._of_modules[key]
 
 
@@ -303,9 +302,8 @@ def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[bo
     in vain, because the one is stopped or the file system has no locks, compiles too.
     """
     folder = cache_folder()
-    folder.mkdir(parents=True, exist_ok=True)
     done = folder / f"{name}.done"
-    with (folder / f"{name}.lock").open("wb") as lock:
+    with _lock(folder / f"{name}.lock") as lock:
         deadline = time.monotonic() + COMPILE_PATIENCE_S
         while not done.exists() and not _is_taken(lock) and time.monotonic() < deadline:
             time.sleep(0.1)
@@ -313,7 +311,8 @@ def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[bo
             fetch()
         with noted() as files, contextlib.nullcontext() if done.exists() else rare_collections():
             yield not done.exists()
-        _list(done, {path.relative_to(folder).as_posix() for path in files})
+        with contextlib.suppress(OSError):  # a folder that can only be read: the next process compiles what is not there
+            _list(done, {path.relative_to(folder).as_posix() for path in files})
     _ready.add(name)
 
 
@@ -337,8 +336,21 @@ def _list(done: Path, names: set[str]) -> None:
         beside.replace(done)
 
 
-def _is_taken(lock: IO[bytes]) -> bool:
+@contextlib.contextmanager
+def _lock(path: Path) -> Iterator[IO[bytes] | None]:
+    """The lock's file; None in a folder that can only be read."""
+    with contextlib.ExitStack() as stack:
+        lock = None
+        with contextlib.suppress(OSError):
+            make_private(path.parent)
+            lock = stack.enter_context(path.open("wb"))
+        yield lock
+
+
+def _is_taken(lock: IO[bytes] | None) -> bool:
     """Take the lock; False where another process has it."""
+    if lock is None:
+        return True
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -19,6 +19,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.serialize import dumps
 
 from renderer.linking import rebuilt
+from renderer.places import distrust, make_private, read_private
 
 __all__ = ["SUFFIX", "Kept", "noted"]
 
@@ -78,23 +79,36 @@ class _Files:
         self._is_kernel = is_kernel
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep it, whole or not at all: where there is no room for it, the next process compiles it again."""
+        """Keep it, whole or not at all: where it cannot be written, the next process compiles it again."""
         path = self._path(key)
+        try:
+            make_private(self._folder)
+            if distrust(self._folder.stat()):
+                return
+        except OSError:
+            return
         beside = path.with_name(f".part-{os.getpid()}-{threading.get_ident()}-{path.name}")
         try:
+            beside.touch(0o600)
             beside.write_bytes(dumps(data))
             beside.replace(path)
         except OSError:
             return
         finally:
-            beside.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                beside.unlink(missing_ok=True)
         self._note(path)
 
     def load(self, key: Any) -> Any:
-        """What was kept, or None. A file that a power cut left damaged counts as none, and one that names what is no more."""
+        """What was kept, or None. A file counts as none that a power cut left damaged, that names what is no more, or that other
+        users may have written.
+        """
         path = self._path(key)
         try:
-            data = pickle.loads(path.read_bytes())
+            found = read_private(path)
+            if found is None:
+                return None
+            data = pickle.loads(found)
         except (OSError, EOFError, pickle.UnpicklingError, ImportError, AttributeError):
             return None
         self._note(path)

@@ -1,16 +1,102 @@
-"""Where this machine keeps what can be made again: kernels, what sources mean, fetched scenes, a worker's log."""
+"""Where this machine keeps what can be made again: kernels, what sources mean, fetched scenes, a worker's log.
+
+Kernels are pickles and machine code: whoever can write them runs code as this user. So only files and folders count that belong
+to this user or to root and that nobody else can write; new folders are the user's alone (0700).
+"""
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import logging
 import os
+import stat
+import tempfile
 from pathlib import Path
 
 import platformdirs
 
-__all__ = ["cache_home"]
+__all__ = ["cache_home", "distrust", "make_private", "private_folder", "read_private", "trusted"]
+
+_log = logging.getLogger(__name__)
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def cache_home() -> Path:
     """$RAYFARM_CACHE, by default the user's cache folder: on Linux ~/.cache/rayfarm."""
     named = os.environ.get("RAYFARM_CACHE")
     return Path(named).expanduser() if named else platformdirs.user_cache_path("rayfarm", appauthor=False)
+
+
+def distrust(status: os.stat_result) -> str:
+    """Why a file or folder with this status must not be loaded from, as the end of a sentence; "" where it may be."""
+    if status.st_uid not in (os.geteuid(), 0):
+        return f"belongs to user {status.st_uid}, neither to this user ({os.geteuid()}) nor to root"
+    if status.st_mode & _OTHERS_WRITE:
+        return f"can be written by other users (mode {stat.S_IMODE(status.st_mode):04o})"
+    return ""
+
+
+def make_private(folder: Path) -> None:
+    """Creates a folder and its missing parents with mode 0700. Raises OSError."""
+    if not folder.is_dir():
+        if not folder.parent.exists():
+            make_private(folder.parent)
+        folder.mkdir(mode=0o700, exist_ok=True)
+
+
+def private_folder(name: str) -> Path:
+    """The folder `name`, a relative path, in the cache; where it or a folder on the way to it is not to be trusted, the one of
+    that name in a private folder of this user: in the cache, or else in the temporary folder. Creates nothing in the cache
+    proper; warns once of each folder that is not used.
+    """
+    return trusted(cache_home(), name)
+
+
+def trusted(home: Path, name: str = "") -> Path:
+    """As `private_folder`, of another cache folder than that of `cache_home`."""
+    fault = _fault(home, name)
+    if not fault:
+        return home / name
+    for base in (home / f"private-{os.geteuid()}", Path(tempfile.gettempdir()) / f"rayfarm-private-{os.geteuid()}"):
+        with contextlib.suppress(OSError):
+            base.mkdir(mode=0o700, exist_ok=True)
+            if not _fault(base, name):
+                _warn(f"{fault}; {base / name} is used instead")
+                return base / name
+    beside = _own_temporary()
+    _warn(f"{fault}; what is kept there is compiled or fetched anew, in {beside}")
+    return beside / name
+
+
+def _fault(home: Path, name: str) -> str:
+    """A sentence about the first folder from `home` on to `name` in it that is not to be trusted; "" where all are, or are not
+    there yet.
+    """
+    for folder in (home, *(home.joinpath(*Path(name).parts[: k + 1]) for k in range(len(Path(name).parts)))):
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError, PermissionError):
+            if reason := distrust(folder.stat()):
+                return f"the folder {folder} {reason}"
+    return ""
+
+
+@functools.cache
+def _own_temporary() -> Path:
+    return Path(tempfile.mkdtemp(prefix="rayfarm-"))
+
+
+@functools.cache
+def _warn(fault: str) -> None:
+    _log.warning("%s. Make it this user's alone (chown, chmod go-w), or set RAYFARM_CACHE to another folder.", fault)
+
+
+def read_private(path: Path) -> bytes | None:
+    """The bytes of a file that is to be trusted, in a folder that is; None, with a warning, where one is not. Raises OSError."""
+    if reason := distrust(path.parent.stat()):
+        _warn(f"the folder {path.parent} {reason}; what is in it is compiled anew")
+        return None
+    with path.open("rb") as file:
+        if reason := distrust(os.fstat(file.fileno())):
+            _warn(f"the file {path} {reason}; it is compiled anew")
+            return None
+        return file.read()

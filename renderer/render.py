@@ -183,7 +183,9 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
     _check_pixel(settings, x, y)
     if not 0 <= sample < MAX_SPP:
         raise SettingsError(f"sample is {sample}; it lies between 0 and {MAX_SPP - 1}")
-    log = np.zeros((settings.max_depth + MAX_AGAIN + MAX_PASSED, record.COLUMNS))
+    options = kernel_options(settings, scene)
+    most = options.max_depth + options.transmission_depth + MAX_AGAIN + MAX_PASSED
+    log = np.zeros((most, record.COLUMNS))
     batch, _ = _render(_prepared(scene, settings), settings, Tile(x, y, 1, 1), sample, 1, log)
     return read_log(batch, settings.film_exponent, settings.max_depth, log)
 

@@ -138,7 +138,7 @@ def read_log(batch: BatchSums, film_exponent: int, max_depth: int, log: npt.NDAr
     if batch.sums[SAMPLES, 0, 0] == 1:
         red, green, blue = (float(v) * 2.0**-film_exponent for v in batch.sums[COLOR, 0, 0])
         value = (red, green, blue)
-    rows = [row for row in log if row[record.KIND] != record.UNSEEN]
+    rows = list(log[log[:, record.KIND] != record.UNSEEN])
     scattering = sum(row[record.KIND] in (record.SURFACE, record.IN_MEDIUM) for row in rows)
     end = _end(rows[-1], scattering >= max_depth) if rows else None
     return Replay(value, [_vertex(row) for row in rows], end, float(rows[0][record.TIME]) if rows else 0.0)

@@ -1,8 +1,7 @@
 """What a picture is asked to be: the view, the size, and everything else a sample's colour depends on.
 
-A sample's colour is a function of (compiled scene, settings, pixel, sample number) alone; `RenderSettings` is the second of
-these, and the one place where each of them is declared (renderer/declared.py). Plain numpy-free data, so that the service and the
-client can build and check it without the kernel.
+`RenderSettings` is the one place where all that a sample's colour depends on beside the scene is declared (renderer/declared.py).
+Plain numpy-free data, so that the service and the client can build and check it without the kernel.
 """
 
 from __future__ import annotations
@@ -123,14 +122,10 @@ _lit = ("path", "direct", "whitted")
 class RenderSettings:
     """Everything but the scene that a sample's colour depends on; what each is, its annotation says.
 
-    film_exponent: the film's quantum is 2**-film_exponent (see renderer/film.py).
-    environment: linear RGB radiance that replaces the scene's own environment, or None to keep it.
-    mistake: light-cutoff: a light's sample is dropped where 1/d^2 < 0.001, though all samples are divided by; attenuation:
-    radiance falls by 1/d^2 once more.
-    sampling: mixture aims at lights and marked things without shadow rays (renderer/kernel/integrators/mixture.py).
-    heuristic: how mis weighs the two strategies (Veach 1997).
-    views: of a camera that moves while the shutter is open: at equal steps from when it opens to when it closes. Of things that
-    move, the compiled scene knows.
+    film_exponent: the film's quantum is 2**-film_exponent. environment: linear RGB radiance; None keeps the scene's own.
+    mistake: light-cutoff drops a light's sample where 1/d^2 < 0.001; attenuation makes radiance fall by 1/d^2 once more.
+    sampling: see renderer/kernel/integrators/mixture.py; heuristic: Veach 1997.
+    views: of a camera that moves: at equal steps from when the shutter opens to when it closes.
     """
 
     width: Annotated[int, Setting(1, MAX_SIZE), Shown("Width", "Pixels.", "px", "basic", "Size and quality")]
@@ -149,6 +144,17 @@ class RenderSettings:
             usual=(1, 64),
         ),
     ] = 8
+    transmission_depth: Annotated[
+        int,
+        Setting(1, MAX_DEPTH, off=0),
+        Shown(
+            "Transmission depth",
+            "Smooth glass and panes that a path passes without using up max depth.",
+            integrators=("path",),
+            off="all count as depth",
+            phrase="transmission {}",
+        ),
+    ] = 256
     sampling: Annotated[
         str,
         Setting(choices=SAMPLINGS),

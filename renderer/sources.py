@@ -14,6 +14,8 @@ import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from renderer.places import make_private
+
 __all__ = ["ARRAYS", "MACHINE_CODE", "files_of", "kept_meaning", "meaning"]
 
 ROOT = Path(__file__).parent
@@ -98,7 +100,7 @@ def kept_meaning(files: Iterable[Path], kept: Path, root: Path = ROOT) -> str:
             return found
     found = meaning(files, root)
     with contextlib.suppress(OSError):  # where nothing can be written it takes that time again, no more
-        kept.parent.mkdir(parents=True, exist_ok=True)
+        make_private(kept.parent)
         beside = kept.with_name(f"{kept.name}.{os.getpid()}")
         beside.write_text(f"{raw.hexdigest()} {found}")
         beside.replace(kept)

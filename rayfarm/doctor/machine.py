@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from rayfarm.doctor.finding import Finding, fault, fine, note
-from renderer.places import cache_home
+from renderer.places import cache_home, distrust
 
 __all__ = ["look_at_machine"]
 
@@ -88,6 +88,10 @@ def _cache(folder: Path) -> Iterator[Finding]:
             "Set RAYFARM_CACHE to a folder of yours.",
         )
         return
+    if reason := distrust(place.stat()) if place == folder else "":
+        yield note(
+            "Cache", f"{folder} {reason}; a private folder in it is used.", "Make it this user's alone: chown, chmod go-w."
+        )
     free = shutil.disk_usage(place).free
     if free < NEEDED_CACHE:
         yield note(

@@ -26,7 +26,7 @@ from renderer.arrays.rows import (
     TEXTURED,
     TRANSFORM_COLUMNS,
 )
-from renderer.bvh.layout import INSTANCE, KEY_COLUMNS, NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
+from renderer.bvh.layout import INSTANCE, KEY_COLUMNS, NEVER, NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH, Bvh
 from renderer.errors import SceneError
 
 __all__ = ["LAYOUT", "CompiledScene", "check", "example", "flat", "nested", "seal"]
@@ -180,6 +180,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "texel": ("|u1", ("Q", 4)),
 }
 
+_NEVER_EMPTY = "NHWABm"  # lengths in LAYOUT that are at least 1: nodes, the environment and its cut points, media
+
 
 def flat(scene: CompiledScene) -> dict[str, Array]:
     """The arrays by name, in the layout's order."""
@@ -194,8 +196,20 @@ def nested(arrays: dict[str, Array]) -> CompiledScene:
 
 
 def example() -> CompiledScene:
-    """A scene of the arrays' types and with nothing in them, to compile kernels with."""
-    return nested({name: _read_only(np.zeros([2] * len(shape), kind)) for name, (kind, shape) in LAYOUT.items()})
+    """An empty scene that `check` accepts, of the types that kernels are compiled for: one root without children, one black
+    texel around it, one medium, and no geometry, materials or lights.
+    """
+    arrays = {name: np.zeros([_example_length(each) for each in shape], kind) for name, (kind, shape) in LAYOUT.items()}
+    arrays["bvh.node"][:, 0:ROW_CHILD:2], arrays["bvh.node"][:, 1:ROW_CHILD:2] = np.inf, -np.inf
+    arrays["bvh.keyed"][:] = NEVER, 1
+    return nested({name: _read_only(array) for name, array in arrays.items()})
+
+
+def _example_length(length: int | str) -> int:
+    """Length of an example's axis: a number of LAYOUT, or 1 for what no scene lacks, else 0; one more for "+1"."""
+    if isinstance(length, int):
+        return length
+    return int(length[0] in _NEVER_EMPTY) + int(length.endswith("+1"))
 
 
 def _read_only(array: Array) -> Array:
@@ -282,7 +296,7 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
     if not np.where(child < 0, ~child < lengths["L"], further).all():
         raise SceneError("the light tree points outside its nodes or lights, or back")
     _check_motion(arrays, lengths)
-    if min(lengths[letter] for letter in "NHWAB") < 1:
+    if min(lengths[letter] for letter in _NEVER_EMPTY) < 1:
         raise SceneError("the BVH or the environment is empty")
     if not 1 <= lengths["m"] < MOST_MEDIA:
         raise SceneError("there is no medium around the scene, or more than a path can tell apart")

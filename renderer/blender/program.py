@@ -9,7 +9,7 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-from renderer.places import cache_home
+from renderer.places import private_folder
 
 __all__ = ["BPY", "NAMED", "Blender", "BlenderError", "environment_python", "find", "look_at"]
 
@@ -43,7 +43,7 @@ class Blender:
 
 def environment_python() -> Path:
     """The Python of the environment that `rayfarm worker --blender` makes for Blender."""
-    return cache_home() / "blender" / "bin" / "python"
+    return private_folder("blender") / "bin" / "python"
 
 
 def find() -> Blender | None:

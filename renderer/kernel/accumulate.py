@@ -113,7 +113,7 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
     rays = 0
     scale = options.scale
     hit = local_floats(FIRST_HIT_SLOTS)
-    nest = nest_of_camera(scene, stack, camera)
+    nest = nest_of_camera(scene, stack, camera, sums.shape[1] * sums.shape[2] * count)
     for y in range(sums.shape[1]):
         for x in range(sums.shape[2]):
             pixel = pixel_key(x0 + x, y0 + y)

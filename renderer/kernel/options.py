@@ -39,7 +39,8 @@ class Options(NamedTuple):
     sampling: np.int32
     heuristic: np.int32
     mistake: np.int32
-    max_depth: int  # segments
+    max_depth: int  # segments that count
+    transmission_depth: int  # smooth transmissions of a path that do not count; 0: all do
     light_samples: int
     splitting: int  # branches that a path's first vertex scatters it into
     scale: np.float32  # 2**film_exponent
@@ -62,6 +63,7 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         heuristic=np.int32(HEURISTICS.index(settings.heuristic)),
         mistake=np.int32(MISTAKES.index(settings.mistake)),
         max_depth=min(settings.max_depth, 2) if settings.integrator == "direct" else settings.max_depth,
+        transmission_depth=settings.transmission_depth if settings.integrator == "path" else 0,
         light_samples=settings.light_samples,
         splitting=settings.splitting if settings.sampling == "mis" else 1,  # else to compare strategies, each by itself
         scale=np.float32(2.0**settings.film_exponent),

@@ -29,7 +29,7 @@ from renderer.scene.geometry import NOWHERE, Geometry, by_triangle
 from renderer.scene.grown import grow
 from renderer.scene.guides import list_guides
 from renderer.scene.kept import Cuts, Kept
-from renderer.scene.lights import list_lights
+from renderer.scene.lights import list_lights, with_area
 from renderer.scene.objects import number_objects
 from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.stood import Stood, stand
@@ -42,6 +42,7 @@ __all__ = ["AUTO_CAMERA", "camera_names", "compile_scene", "own_cameras", "summa
 AUTO_CAMERA = "auto"
 
 Progress = Callable[[str, float], None]
+NO_AREA = "Triangles that emit and have no area give no light: {n}."
 
 
 def compile_scene(
@@ -76,7 +77,10 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     emission = kept.recall("emission", lambda: maps, lambda: tabulate_emission(maps))
     punctual = tabulate_punctual(description.lights, stood.bounds, maps, emission)
     double_sided = np.array([m.double_sided for m in description.materials], bool)
-    emitters = emitting_triangles(packed, geometry)
+    all_emitters = emitting_triangles(packed, geometry)
+    emitters = with_area(all_emitters, geometry)
+    if left_out := max(len(all_emitters.triangle) - len(emitters.triangle), _dark_lamps(description, packed.emitted)):
+        description.warnings.append(NO_AREA.format(n=left_out))
     sphere_keys = over_the_shutter.sphere_keys(description, stood.spheres[stood.still_spheres :])
     even = sends_evenly(packed, geometry)
     of_spheres = sphere, stood.sphere_material
@@ -288,6 +292,17 @@ def _suns(primitive: I32, kind: I32, bodies: int) -> I32:
     return (
         np.flatnonzero((number >= 0) & is_sun[np.maximum(number, 0)]).astype(np.int32) if is_sun.any() else np.zeros(0, np.int32)
     )
+
+
+def _dark_lamps(description: SceneDescription, emitted: np.ndarray) -> int:
+    """Number of triangles of emissive meshes that have no area; those of what stands still are left out where it is placed."""
+    count = 0
+    for instance in description.instances:
+        mesh = description.meshes[instance.mesh]
+        if emitted[mesh.material if instance.material is None else instance.material] > 0:
+            a, b, c = (mesh.positions[mesh.triangles[:, k]].astype(np.float64) for k in range(3))
+            count += int((~np.cross(b - a, c - a).any(axis=1)).sum())
+    return count
 
 
 def _parts(geometry: Geometry, emitting: np.ndarray) -> I32:

@@ -15,7 +15,7 @@ from renderer.scene.light_tree import LightBounds, build_light_tree
 from renderer.scene.parallelograms import pair, tabulate_parallelograms
 from renderer.scene.punctual import Punctual
 
-__all__ = ["TREE_FROM", "Emitters", "LightList", "chosen_by", "cumulative", "list_lights"]
+__all__ = ["TREE_FROM", "Emitters", "LightList", "chosen_by", "cumulative", "list_lights", "with_area"]
 
 TREE_FROM = 3  # lights; of two triangles that are no parallelogram, the walk costs more than it saves (docs/speed-notes.md)
 _BETWEEN_KEYS = 0.1  # radians, by which a normal may stray further between two keys
@@ -63,7 +63,7 @@ def list_lights(
     never choose a candle under a stadium's lamps. sphere_keys: (K or 0, Z, 4) of the last spheres while the shutter is open; of
     what moves meanwhile, powers and bounds are the greatest.
     """
-    lamps = _lamps(_with_area(emitters, geometry), even, geometry)
+    lamps = _lamps(emitters, even, geometry)
     emitters, pairs = lamps.emitters, lamps.pairs
     triangles, brightness = emitters.triangle, emitters.emitted
     spheres = np.flatnonzero(emitted[sphere_material] > 0) if len(sphere) else np.zeros(0, np.int64)
@@ -135,8 +135,8 @@ def _lamps(emitters: Emitters, even: npt.NDArray[np.bool_], geometry: Geometry) 
     return _Lamps(first, corners[:, kept], most[kept], np.searchsorted(kept, pairs), second, shapes)
 
 
-def _with_area(emitters: Emitters, geometry: Geometry) -> Emitters:
-    """Without triangles that have no area, as those of what deforms may have at a moment."""
+def with_area(emitters: Emitters, geometry: Geometry) -> Emitters:
+    """Emitting triangles that have an area; what deforms may have others at a moment."""
     a, b, c = (geometry.position[geometry.triangle[emitters.triangle, k]].astype(np.float64) for k in range(3))
     solid = np.cross(b - a, c - a).any(axis=1)
     return emitters if solid.all() else Emitters(emitters.triangle[solid], emitters.material[solid], emitters.emitted[solid])

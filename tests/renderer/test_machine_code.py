@@ -40,7 +40,8 @@ def test_a_damaged_file_is_none(files: Any, tmp_path: Path, left: bytes) -> None
 
 
 def test_where_there_is_no_room_nothing_is_kept(tmp_path: Path) -> None:
-    files = machine_code._Files(tmp_path / "gone", "path._render-1.py311", "stamp")
+    (tmp_path / "file").touch()
+    files = machine_code._Files(tmp_path / "file" / "gone", "path._render-1.py311", "stamp")
     files.save(KEY, 1)
     assert files.load(KEY) is None
 

@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from renderer.places import cache_home
+from renderer.places import distrust, make_private, private_folder, trusted
 from worker.exchange.errors import MachineError
 from worker.exchange.link import FarmAnswer, Link
 
@@ -31,7 +31,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 
 def default_cache_dir() -> Path:
     """Beside the kernels' cache (renderer.jit)."""
-    return cache_home() / "blobs"
+    return private_folder("blobs")
 
 
 class BlobCache:
@@ -43,7 +43,7 @@ class BlobCache:
 
     def __init__(self, link: Link, farm: FarmAnswer, folder: Path, max_bytes: int = 32 << 30) -> None:
         self.link = link
-        self.folder = folder
+        self.folder = trusted(folder)
         self.max_bytes = max_bytes
         self.shared = _shared_blobs(farm)
 
@@ -61,6 +61,7 @@ class BlobCache:
             return mine
         target = self._target(sha256)
         with self._explained(), self._locked(sha256):
+            _drop_distrusted(target)
             if size is not None and target.is_file() and target.stat().st_size != size:
                 target.unlink()
             if not target.is_file():
@@ -156,7 +157,7 @@ class BlobCache:
             ) from error
 
     def _made(self, folder: Path) -> Path:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_private(folder)
         return folder
 
     def _evict(self, keep: Path, max_bytes: int) -> None:
@@ -176,6 +177,18 @@ class BlobCache:
             if path != keep:
                 path.unlink(missing_ok=True)
                 total -= size
+
+
+def _drop_distrusted(target: Path) -> None:
+    """Removes a fetched file that other users may have written, and their access to its folder where it is ours."""
+    with contextlib.suppress(FileNotFoundError):
+        folder = target.parent.stat()
+        if distrust(folder):
+            if folder.st_uid == os.geteuid():
+                target.parent.chmod(0o700)
+            target.unlink()
+        elif distrust(target.stat()):
+            target.unlink()
 
 
 def _remove_orphan(path: Path) -> None:

@@ -21,6 +21,7 @@ def settings_of(scene: Any, layer: Any) -> dict[str, Any]:
     cycles = getattr(scene, "cycles", None)
     if render.engine == "CYCLES" and cycles is not None:
         found["max_depth"] = min(cycles.max_bounces + 2, 1024)  # their first bounce is what a camera's hit is lit by
+        found["transmission_depth"] = min(max(int(getattr(cycles, "transmission_bounces", 12)), 1), 1024)
         if cycles.sample_clamp_indirect not in (0.0, USUAL_CLAMP):
             found["clamp_indirect"] = min(float(cycles.sample_clamp_indirect), MOST_CLAMP)
         if cycles.pixel_filter_type == "BOX":

@@ -166,7 +166,7 @@ def _follow(scene, stack, path, number, passed, time, options, stream, log, firs
         if not goes_on:
             break
         number += 1
-        if number - path.depth > MAX_AGAIN:
+        if number - path.depth > options.transmission_depth + MAX_AGAIN:
             break
     return path, splits, other, passed_before, rays
 
@@ -289,7 +289,7 @@ def _bounce(scene, vertex, path, number, options, numbers, branches):
     else:
         wi, weight, pdf, eta2 = special_bounce(material, options.sampling, wo, numbers[2], u)
     weight, pdf = of_branch(weight, pdf, np.float32(branches))
-    path = scattered(scene, vertex, path, number, wi, weight, pdf, eta2)
+    path = scattered(scene, vertex, path, number, wi, weight, pdf, eta2, options)
     most = ON_SURFACES
     if scene.has.media is not None and material.kind == MEDIUM:
         most = IN_MEDIA

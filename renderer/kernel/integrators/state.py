@@ -16,6 +16,7 @@ from renderer.kernel.material.normal_map import shading_frame
 from renderer.kernel.medium.nesting import crossed
 from renderer.kernel.surface.departure import departure, leaves
 from renderer.kernel.surface.surface import Surface
+from renderer.wide.values import not_, where
 
 __all__ = [
     "MAX_AGAIN",
@@ -23,6 +24,7 @@ __all__ = [
     "Vertex",
     "beyond",
     "camera_path",
+    "is_counted",
     "scattered",
     "vertex_at",
     "with_nest",
@@ -121,12 +123,22 @@ def vertex_at(scene, surface, path, stream, number, layers, time):
 
 
 @device
-def scattered(scene, vertex, path, number, wi, weight, pdf, eta2):
+def is_counted(surface, reflected, d, pdf, options):
+    """Whether a segment of direction d counts as depth, its vertex having scattered it with that pdf. Of one path, or of eight.
+
+    Smooth transmission, the only one whose pdf is 0, counts only where `transmission_depth` is 0. A ray that meets its own facet
+    again, as bent normals make some do, has not left the vertex, and is not counted. Else what is white would darken towards its
+    rims, the more so the fewer bounces there may be.
+    """
+    has_left = leaves(surface, reflected, d)
+    is_clear = (pdf == _ZERO) & not_(reflected)
+    return where(options.transmission_depth > 0, has_left & not_(is_clear), has_left)
+
+
+@device
+def scattered(scene, vertex, path, number, wi, weight, pdf, eta2, options):
     """The path after its vertex has scattered it into wi, of its frame. weight, pdf, eta2: as `sample_material` gives them;
     number: how many vertices it had before.
-
-    A ray that meets its own facet again, as bent normals make some do, has not left the vertex: no segment is counted.
-    Else what is white would darken towards its rims, the more so the fewer bounces there may be.
     """
     s, t, n = vertex.frame
     d = vec.to_world(s, t, n, wi)
@@ -140,6 +152,6 @@ def scattered(scene, vertex, path, number, wi, weight, pdf, eta2):
         vec.mul(path.throughput, weight),
         path.radiance,
         worth_after(path.worth, np.float32(number), weight, eta2),
-        path.depth + 1 if leaves(vertex.surface, reflected, d) else path.depth,
+        path.depth + 1 if is_counted(vertex.surface, reflected, d, pdf, options) else path.depth,
         path.nest if reflected else beyond(scene, vertex, path.nest),
     )

@@ -20,7 +20,7 @@ __all__ = ["MAX_PASSED", "light_left", "transmittance"]
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
 _BLACK = (_ZERO, _ZERO, _ZERO)
-MAX_PASSED = 256  # surfaces that light passes by their alpha; what lies behind more of them is dark
+MAX_PASSED = 56 << 10  # surfaces that a ray passes by their alpha: 64 << 10 numbers are set aside (transport.py)
 
 
 @subroutine

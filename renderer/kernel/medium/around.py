@@ -8,6 +8,7 @@ from renderer.absent import where_present
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.camera import camera_ray, moving_ray
+from renderer.kernel.integrators.visibility import MAX_PASSED
 from renderer.kernel.medium.nesting import NO_MEDIUM, beneath, entered, holds, left
 from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import surface_at
@@ -21,7 +22,6 @@ _INF = np.float32(np.inf)
 _ROOT = np.int32(0)
 _WORLD, _NEXT = np.uint32(0), np.uint32(1)
 _MIDDLE = (_HALF, _HALF)
-_MOST = 256  # surfaces that are looked at
 # As good as any, and along no wall that anybody builds.
 _UPWARDS = (np.float32(0.36), np.float32(0.8), np.float32(0.48))
 
@@ -31,7 +31,7 @@ def _nest_at(scene, stack, o, time):
     """What a point lies in: the media of the surfaces that a ray from there leaves without having entered them."""
     out_of_line()
     nest, on_the_way, depth = _WORLD, _WORLD, _WORLD
-    for _ in range(_MOST):
+    for _ in range(MAX_PASSED):
         hit = closest_hit(scene.bvh, stack, o, _UPWARDS, _INF, time, _ROOT)
         if hit.primitive == NO_PRIMITIVE:
             break
@@ -50,10 +50,10 @@ def _nest_at(scene, stack, o, time):
 
 
 @device
-def nest_of_camera(scene, stack, camera):
+def nest_of_camera(scene, stack, camera, samples):
     """The nest that all paths of a picture begin in: that of where its middle's ray begins, in the middle of the shutter.
 
-    None where there are no media.
+    None where there are no media. samples: number of samples in the batch; 0: no ray is traced.
     """
     nest = _WORLD
     if scene.has.media is not None:
@@ -61,6 +61,6 @@ def nest_of_camera(scene, stack, camera):
         o, _, _ = camera_ray(camera, x, y, _MIDDLE)
         if scene.has.motion is not None:
             o, _, _ = moving_ray(camera, x, y, _MIDDLE, _HALF)
-        if len(scene.medium) > 1:
+        if len(scene.medium) > 1 and samples > 0:
             nest = _nest_at(scene, stack, o, where_present(scene.has.motion, _HALF))
     return where_present(scene.has.media, nest)

@@ -11,7 +11,7 @@ from renderer.kernel import vec
 from renderer.kernel.integrators.record import AGAIN
 from renderer.kernel.integrators.roulette import IN_MEDIA, ON_SURFACES, survival, worth_after
 from renderer.kernel.integrators.splitting import beside, of_branch, turned
-from renderer.kernel.integrators.state import MAX_AGAIN
+from renderer.kernel.integrators.state import MAX_AGAIN, is_counted
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.medium.nesting import crossed
 from renderer.kernel.pool.lists import (
@@ -63,7 +63,7 @@ from renderer.kernel.pool.rows import (
     write,
 )
 from renderer.kernel.sampling.sampler import Stream, draw4
-from renderer.kernel.surface.departure import departure, leaves
+from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
 from renderer.wide.values import as_floats, as_ints, nil, to_int, where
 
@@ -221,13 +221,13 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
                 begins_in = as_floats(where(wi[2] > _ZERO, nest, through))
             write(pool, rows, LAMP, (*brought, depth + _TWO, balance, light_pdf, begins_in, none))
 
-        depth = where(leaves(surface, reflected, d), depth + _ONE, depth)
+        depth = where(is_counted(surface, reflected, d, pdf, options), depth + _ONE, depth)
         throughput = vec.mul(throughput, weight)
         worth = worth_after(ray[7], number, weight, eta2)
         chance = survival(throughput, worth, depth, options, ON_SURFACES if is_surface is not None else IN_MEDIA)
         # A throughput that is no number lives on, so that the film is told of it.
         goes_on = where(u[3] >= chance, -chance, chance)
-        goes_on = where(number + _ONE - depth > _MOST_AGAIN, _AGAIN, goes_on)
+        goes_on = where(number + _ONE - depth > _MOST_AGAIN + np.float32(options.transmission_depth), _AGAIN, goes_on)
         goes_on = where(vec.maximum(throughput) <= _ZERO, none, goes_on)
         throughput = vec.scale(throughput, _ONE / chance)
         if second:

@@ -71,8 +71,9 @@ def render_with_pool(scene, pool, camera, options, batch, output):
     for k in range(PATHS):
         append(lists, DONE, k)
     following = Next(np.int64(0), np.int64(0), np.int64(batch.first))
-    nest = nest_of_camera(scene, pool.alone, camera)
-    while width * height * batch.count > 0:
+    samples = width * height * batch.count
+    nest = nest_of_camera(scene, pool.alone, camera, samples)
+    while samples > 0:
         following = begin(paths, lists, following, width, height, camera, options, batch, scene.has.motion, nest)
         if length(lists, ACTIVE) == 0:
             break

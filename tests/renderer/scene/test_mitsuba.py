@@ -36,7 +36,7 @@ def test_old_names_defaults_and_the_film(tmp_path: Path) -> None:
         + BALL.format('<bsdf type="dielectric"><string name="intIOR" value="water"/></bsdf><float name="radius" value="2"/>'),
         "0.6.0",
     )
-    assert found.defaults == {"width": 200, "height": 100, "spp": 12, "max_depth": 7, "filter": "tent"}
+    assert found.defaults == {"width": 200, "height": 100, "spp": 12, "max_depth": 7, "transmission_depth": 0, "filter": "tent"}
     view = found.cameras[0].view
     assert view.eye == (0, 0, 5)
     assert np.tan(np.radians(view.fov / 2)) == pytest.approx(np.tan(np.radians(30)) / 2)  # Mitsuba's fov is across

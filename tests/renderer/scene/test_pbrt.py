@@ -28,7 +28,7 @@ def places(description):
 def test_the_film_the_sampler_and_the_camera(pbrt):
     found = pbrt(BALL)
     assert found.warnings == [STUDIO_ALONE]
-    assert found.defaults == {"width": 48, "height": 32, "spp": 16, "max_depth": 5, "filter": "box"}
+    assert found.defaults == {"width": 48, "height": 32, "spp": 16, "max_depth": 5, "transmission_depth": 0, "filter": "box"}
     view = found.cameras[0].view
     # pbrt's world is left-handed: the scene is mirrored, and its fov is across the shorter side.
     assert view.eye == pytest.approx((-0.6, 1.2, 3.6))
@@ -44,7 +44,7 @@ def test_the_film_the_sampler_and_the_camera(pbrt):
 def test_what_is_not_said_is_as_in_pbrt(pbrt):
     found = pbrt(BALL, head='Camera "perspective" WorldBegin ')
     # Its Gaussian is as wide as a tent of two pixels.
-    assert found.defaults == {"width": 1280, "height": 720, "spp": 16, "max_depth": 6, "filter": "tent"}
+    assert found.defaults == {"width": 1280, "height": 720, "spp": 16, "max_depth": 6, "transmission_depth": 0, "filter": "tent"}
     assert found.cameras[0].view.fov == pytest.approx(90)
     assert found.materials[0].base_color == (0.5, 0.5, 0.5)
     shade = pbrt(

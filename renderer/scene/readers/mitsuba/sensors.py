@@ -124,6 +124,8 @@ def add_integrator(source: Element, document: Document, description: SceneDescri
         document.ignore(f"{source.what}: rendered by path tracing")
     depth = int(source.number("max_depth", -1))
     description.defaults["max_depth"] = _UNBOUNDED if depth < 0 else min(max(depth, 1), MAX_DEPTH)
+    if depth >= 0:
+        description.defaults["transmission_depth"] = 0  # Mitsuba counts every bounce
 
 
 def note_what_lies_beyond(source: Element, document: Document, description: SceneDescription) -> None:

@@ -130,6 +130,7 @@ def set_integrator(source: Parameters, description: SceneDescription, notes: Not
     if source.flag("regularize", False):
         notes.add(source.place, "regularize of the integrator is not taken over: nothing is made rougher")
     description.defaults["max_depth"] = min(max(source.integer("maxdepth", 5) + 1, 1), MAX_DEPTH)
+    description.defaults["transmission_depth"] = 0  # pbrt counts every bounce
     source.used.update(source.values)
 
 

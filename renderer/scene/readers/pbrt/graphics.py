@@ -292,6 +292,7 @@ class Graphics:
             description.defaults.setdefault(key, size)
         description.defaults.setdefault("spp", 16)
         description.defaults.setdefault("max_depth", 6)
+        description.defaults.setdefault("transmission_depth", 0)
         description.defaults.setdefault("filter", cameras.FILTER)
         if cameras.mirrors(source, to_world):
             outer = cameras.MIRROR

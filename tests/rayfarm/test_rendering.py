@@ -1,0 +1,28 @@
+"""When a frame that is rendered here has few enough noise."""
+
+import numpy as np
+import pytest
+
+from rayfarm import rendering
+from rayfarm.rendering import LEAST_SAMPLES, whole_frame
+from renderer import film, render
+from renderer.render import RenderStats
+from renderer.settings import RenderSettings, View
+
+
+@pytest.mark.parametrize(("spp", "ends"), [(1024, LEAST_SAMPLES), (5, 5)])
+def test_noise_ends_no_frame_before_each_pixel_has_enough_samples(monkeypatch, spp, ends) -> None:
+    """However little there seems to be: few samples of a tiny picture may agree by chance."""
+    settings = RenderSettings(2, 2, View((0, 0, 1), (0, 0, 0)))
+    monkeypatch.setattr(render, "_prepared", lambda scene, settings: scene)
+
+    def batch(scene, settings, tile, first, count, log=None):
+        sums = np.zeros((film.CHANNELS, tile.h, tile.w), np.int64)
+        sums[film.SAMPLES] = count
+        return film.BatchSums(sums, [], 0), 0
+
+    monkeypatch.setattr(render, "_render", batch)
+    monkeypatch.setattr(film, "noise", lambda sums, exponent: 0.0)
+    sums = whole_frame(None, settings, spp, 1, 0.5, None, RenderStats(), lambda part, whole: None)
+    assert (sums[film.SAMPLES] == ends).all()
+    assert rendering.LEAST_SAMPLES == 16

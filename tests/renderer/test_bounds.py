@@ -1,0 +1,47 @@
+"""Kernels read and write inside their arrays alone: every array ends, or begins, at an inaccessible page."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from renderer.arrays.has import EDITIONS
+from renderer.arrays.scene import check, example, flat
+from tests.renderer.fenced import KERNELS, SIDES
+from tests.renderer.kernel.pool.features import FEATURES
+
+
+def rendered(side: str, kernel: str, names: list[str]) -> None:
+    """Renders in a process of its own, with fences; fails with the name of what died there."""
+    command = [sys.executable, "-m", "tests.renderer.fenced", side, kernel, *names]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{done.stdout.splitlines()[-1:]} died of {-done.returncode}: {done.stderr[-2000:]}"
+    assert done.stdout.splitlines() == names
+
+
+def test_the_example_scene_is_one() -> None:
+    check(flat(example()))
+
+
+def test_warming_up_the_media_kernels_reads_no_foreign_memory() -> None:
+    rendered("behind", "pool", ["warm-up of media", "fog"])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_every_feature_stays_inside_its_arrays(side: str, kernel: str) -> None:
+    warmed = [f"warm-up of {edition}" for edition in EDITIONS] if kernel == "pool" else []
+    rendered(side, kernel, [*warmed, *FEATURES])
+
+
+@pytest.mark.long
+def test_a_fence_stops_what_reads_beyond() -> None:
+    """Else the tests above would pass whatever kernels read."""
+    program = "import numpy as np; from tests.renderer.fenced import fenced; a = fenced(np.ones(3), '{}'); "
+    program += "print(np.lib.stride_tricks.as_strided(a[{}:], (2,), ({},)))"
+    for side, first, stride in (("behind", 2, 8), ("before", 0, -8)):
+        done = subprocess.run([sys.executable, "-c", program.format(side, first, stride)], check=False, capture_output=True)
+        assert done.returncode == -11, side

@@ -1,0 +1,77 @@
+"""What lets all light pass takes none, however many there are of it: panes of clear glass, and layers of alpha 0."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from renderer.film import COLOR
+from renderer.render import render_frame
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import Environment, Instance, Light, Material, Mesh, SceneDescription
+from renderer.settings import RenderSettings, View
+from tests.renderer.builders import gray, square
+
+VIEW = View((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), fov=20.0)
+GLASS = Material(kind="glass", base_color=gray(1.0), roughness=0.0)
+LAYERED = Material(base_color=gray(1.0), metallic=0.0, roughness=0.0, transmission=1.0)
+LIT = 0.5  # reflectance, and radiance, of a wall under an irradiance of pi
+
+
+def mean(description: SceneDescription, spp: int, **settings: object) -> float:
+    """The mean of a picture of 16 x 16 pixels."""
+    asked = RenderSettings(16, 16, VIEW, **settings)
+    sums = render_frame(compile_scene(description), asked, spp)
+    return float(sums[COLOR].mean()) * 2.0**-asked.film_exponent / spp
+
+
+def panes(count: int, material: Material) -> SceneDescription:
+    """Closed panes, one behind the other, all around white."""
+    x, y, z = (np.array([0, 0, 0, 0, 1, 1, 1, 1]), np.array([0, 0, 1, 1] * 2), np.array([0, 1] * 4))
+    corners = np.stack([4.0 * x - 2, 4.0 * y - 2, 0.04 * z], 1)
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))], np.int32)
+    meshes = [Mesh("pane", (corners - (0, 0, 0.3 * k)).astype(np.float32), triangles) for k in range(count)]
+    return SceneDescription(
+        meshes=meshes,
+        instances=[Instance(k) for k in range(count)],
+        materials=[material],
+        environment=Environment(color=gray(1.0)),
+    )
+
+
+def layers(count: int, **material: object) -> SceneDescription:
+    """Layers between the camera, a light behind it, and a wall, which they would both hide."""
+    cards = [square((0, 0, -3.0 * k / count), (3, 0, 0), (0, 3, 0), 0) for k in range(count)]
+    return SceneDescription(
+        meshes=[*cards, square((0, 0, -5), (9, 0, 0), (0, 9, 0), 1)],
+        instances=[Instance(k) for k in range(count + 1)],
+        materials=[Material(opacity=0.0, **material), Material(base_color=gray(LIT))],
+        lights=[Light("directional", gray(math.pi), direction=(0.0, 0.0, -1.0))],
+    )
+
+
+@pytest.mark.parametrize("material", [GLASS, LAYERED], ids=["glass", "layered"])
+@pytest.mark.parametrize("count", [3, 4, 6])
+def test_panes_of_clear_glass_in_a_white_furnace_are_white(count: int, material: Material) -> None:
+    assert mean(panes(count, material), 64) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_where_all_transmission_counts_it_uses_up_the_depth() -> None:
+    """As other renderers count; two bounces of glass more than there may be let nothing through but what is reflected."""
+    assert mean(panes(4, GLASS), 64, transmission_depth=0) < 0.2
+    assert mean(panes(4, GLASS), 64, transmission_depth=0, max_depth=64) == pytest.approx(1.0, abs=5e-3)
+
+
+def test_max_depth_1_shows_what_emits_and_nothing_through_glass() -> None:
+    assert mean(panes(1, GLASS), 4, max_depth=1) == 0.0
+
+
+@pytest.mark.parametrize(
+    "material", [{"alpha_mode": "blend"}, {"alpha_mode": "mask", "alpha_cutoff": 0.5}], ids=["blend", "mask"]
+)
+@pytest.mark.parametrize("count", [100, 300, 1000])
+def test_layers_of_alpha_0_hide_nothing_from_the_camera_nor_from_lights(count: int, material: dict[str, object]) -> None:
+    assert mean(layers(count, **material), 4) == pytest.approx(LIT, rel=1e-3)
