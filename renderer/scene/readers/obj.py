@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import re
 from pathlib import PurePosixPath
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from renderer.scene.closed import is_closed
 from renderer.scene.description import F32, I32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed_together
+from renderer.scene.origin import exact
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.mtl import read_mtl
 from renderer.scene.readers.obj_lines import Statements, parse
@@ -48,6 +50,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         description.warnings.append(f"{main}: numbers with decimal commas, or that are none, are read as what they seem to mean.")
     if said.colors is None and b"#MRGB" in text:
         said = said._replace(colors=_polypaint(text, len(said.positions)))
+    said = said._replace(positions=exact(said.positions))
     said.uvs[:, 1] = 1 - said.uvs[:, 1]  # OBJ counts v from the image's lower edge
     _check_corners(said, main)
     shelf = TextureShelf(description, files)
@@ -152,11 +155,11 @@ def _meshes(names: list[str], said: Statements, stretches: list[npt.NDArray[np.i
     return found
 
 
-def _picked(table: F32, at: I32) -> F32:
+def _picked(table: npt.NDArray[Any], at: I32) -> npt.NDArray[Any]:
     """Rows of a table; zeros for -1."""
     if not len(table):
         return np.zeros((len(at), table.shape[1]), np.float32)
-    return np.where(at[:, None] >= 0, table[np.maximum(at, 0)], np.float32(0))
+    return np.where(at[:, None] >= 0, table[np.maximum(at, 0)], table.dtype.type(0))
 
 
 def _joined(corners: I32, begin: npt.NDArray[np.int64]) -> tuple[I32, I32, npt.NDArray[np.int64]]:

@@ -17,6 +17,7 @@ from renderer.kernel.text.numbers import read_number
 __all__ = ["Statements", "parse"]
 
 F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
 I32 = npt.NDArray[np.int32]
 Bytes = npt.NDArray[np.uint8]
 Offsets = npt.NDArray[np.int64]
@@ -29,7 +30,7 @@ _FINE, _TOO_FEW, _NOT_FINITE, _NO_CORNER, _NOT_THERE = range(5)
 class Statements(NamedTuple):
     """What a file says. Numbers count from 0; -1 is none."""
 
-    positions: F32  # (V, 3)
+    positions: F64  # (V, 3)
     colors: F32 | None  # (V, 3), where every vertex has one
     uvs: F32  # (U, 2)
     normals: F32  # (N, 3)
@@ -44,7 +45,7 @@ def parse(data: bytes, file: str) -> Statements:
     """The statements of a file. Raises SceneError with the line of what is wrong."""
     text = np.frombuffer(data, np.uint8)
     counts = _count(text)
-    positions, colors = np.empty((counts[_V], 3), np.float32), np.empty((counts[_V], 3), np.float32)
+    positions, colors = np.empty((counts[_V], 3)), np.empty((counts[_V], 3), np.float32)
     uvs, normals = np.empty((counts[_VT], 2), np.float32), np.empty((counts[_VN], 3), np.float32)
     corners, starts = np.empty((counts[_OTHER], 3), np.int32), np.zeros(counts[_F] + 1, np.int64)
     names = np.empty((counts[_USEMTL] + counts[_MTLLIB], 4), np.int64)
@@ -160,7 +161,7 @@ def _count(text: Bytes) -> Offsets:
 
 
 @device
-def _row(text: Bytes, i: int, needed: int, wanted: int, row: F32) -> tuple[int, int]:
+def _row(text: Bytes, i: int, needed: int, wanted: int, row: F64) -> tuple[int, int]:
     """Reads up to `wanted` numbers of a line into row. The code, and how many there were."""
     count = 0
     while count < wanted:
@@ -168,8 +169,8 @@ def _row(text: Bytes, i: int, needed: int, wanted: int, row: F32) -> tuple[int, 
         value, end = read_number(text, i)
         if end == i:
             break
-        row[count] = np.float32(value)
-        if not np.isfinite(row[count]):
+        row[count] = value
+        if not np.isfinite(np.float32(value)):
             return _NOT_FINITE, count
         count += 1
         i = end
@@ -192,10 +193,10 @@ def _integer(text: Bytes, i: int) -> tuple[int, int]:
 
 @builder
 def _fill(
-    text: Bytes, positions: F32, colors: F32, uvs: F32, normals: F32, corners: I32, starts: Offsets, names: Offsets
+    text: Bytes, positions: F64, colors: F32, uvs: F32, normals: F32, corners: I32, starts: Offsets, names: Offsets
 ) -> tuple[int, int, int, int, bool]:
     """(code, place, value, count, whether all vertices have colours); the rest stands in the arrays."""
-    row = np.zeros(6, np.float32)
+    row = np.zeros(6)
     known = np.zeros(3, np.int64)  # positions, uvs, normals so far
     corner, face, name, colored = 0, 0, 0, True
     i = 0

@@ -10,6 +10,7 @@ from pxr import Usd, UsdGeom, UsdSkel
 
 from renderer.scene.description import F32
 from renderer.scene.matrices import Matrix
+from renderer.scene.origin import exact
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.meshes import Shape
 from renderer.scene.readers.usd.notes import Notes
@@ -57,7 +58,7 @@ class Skeletons:
         joints, weights = self._influences(skinning, len(points))
         if weights is None:
             own = None if normals is None else normals.astype(np.float32)
-            return Shape(points.astype(np.float32), own, own)
+            return Shape(exact(points), own, own)
         given = query.ComputeSkinningTransforms(self._time)
         mapper = skinning.GetJointMapper()
         if mapper and not mapper.IsIdentity() and not mapper.IsNull():
@@ -74,7 +75,7 @@ class Skeletons:
         for k in range(joints.shape[1]):
             bent += weights[:, k : k + 1] * _moved(whole[joints[:, k]], points)
         turned = None if normals is None else self._turned(mesh, normals, whole, joints, weights)
-        return Shape(bent.astype(np.float32), turned, None if normals is None else normals.astype(np.float32))
+        return Shape(exact(bent), turned, None if normals is None else normals.astype(np.float32))
 
     def places_of(self, prim: Any, own: Matrix) -> Matrix:
         """Where a bent mesh is drawn: as its skeleton stands; by itself where only blend shapes bend it."""
