@@ -109,7 +109,8 @@ def _mended(text: bytes) -> bytes:
 
 def _check_corners(said: Statements, file: str) -> None:
     highest = said.corners.max(axis=0, initial=-1)
-    for k, (table, what) in enumerate(((said.positions, "v"), (said.uvs, "vt"), (said.normals, "vn"))):
+    tables: list[tuple[npt.NDArray[Any], str]] = [(said.positions, "v"), (said.uvs, "vt"), (said.normals, "vn")]
+    for k, (table, what) in enumerate(tables):
         if highest[k] >= len(table):
             raise SceneError(f"{file}: a face names {what} {highest[k] + 1} where the file has {len(table)}; export it again")
 
@@ -135,7 +136,8 @@ def _meshes(names: list[str], said: Statements, stretches: list[npt.NDArray[np.i
     ends = np.cumsum([0, *map(len, stretches)])
     begin = np.concatenate([[0], np.cumsum(count)])[ends]  # the first triangle of each
     corners, triangles, starts = _joined(said.corners[fans.reshape(-1)], 3 * begin)
-    positions, uvs, normals = (_picked(table, corners[:, k]) for k, table in enumerate((said.positions, said.uvs, said.normals)))
+    tables: list[npt.NDArray[Any]] = [said.positions, said.uvs, said.normals]
+    positions, uvs, normals = (_picked(table, corners[:, k]) for k, table in enumerate(tables))
     has = [np.concatenate([[0], np.cumsum(corners[:, k] >= 0)])[starts] for k in (1, 2)]
     colors = None if said.colors is None else said.colors[corners[:, 0]]
     found: list[Mesh | None] = []

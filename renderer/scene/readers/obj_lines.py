@@ -5,7 +5,7 @@ Source: Alias/Wavefront, Advanced Visualizer Manual, appendix B1.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +30,7 @@ _FINE, _TOO_FEW, _NOT_FINITE, _NO_CORNER, _NOT_THERE = range(5)
 class Statements(NamedTuple):
     """What a file says. Numbers count from 0; -1 is none."""
 
-    positions: F64  # (V, 3)
+    positions: npt.NDArray[Any]  # (V, 3), as `exact` of renderer/scene/origin.py keeps it
     colors: F32 | None  # (V, 3), where every vertex has one
     uvs: F32  # (U, 2)
     normals: F32  # (N, 3)

@@ -64,7 +64,7 @@ def facets_pass(cosine: float, ior: float, alpha: float, distribution: str = "gg
     h = np.stack([slope * height * np.cos(phi), slope * height * np.sin(phi), height])
     o = np.array([np.sqrt(1 - cosine * cosine), 0.0, cosine])[:, None, None]
     seen = (o * h).sum(axis=0)
-    weight = 2 * v / v.size * np.maximum(seen, 0) / (cosine * height) * _masking(np.float64(cosine), alpha, distribution)
+    weight = 2 * v / v.size * np.maximum(seen, 0) / (cosine * height) * _masking(np.array(cosine), alpha, distribution)
     square = 1 - (1 - seen * seen) / (ior * ior)
     beyond = np.sqrt(np.maximum(square, 0))
     with np.errstate(divide="ignore", invalid="ignore"):
