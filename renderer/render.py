@@ -29,6 +29,7 @@ from renderer.replay import Replay, read_log
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.environment import left_to_surfaces, relit, sampled_alone
 from renderer.scene.lights import chosen_by
+from renderer.scene.origin import fixed_place, seen_from
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
 from renderer.threads import cores
 
@@ -87,9 +88,9 @@ def _render(
     bad_count, rays = kernel(
         scene,
         new_scratch(kernel, tile.w, tile.h),
-        camera_frame(settings),
+        camera_frame(seen_from(settings, scene.origin)),
         kernel_options(settings, scene),
-        Batch(tile.x, tile.y, first, count),
+        Batch(tile.x, tile.y, first, count, fixed_place(scene.origin, settings.film_exponent)),
         Output(sums, bad, log),
     )
     listed = [BadSample(*map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]]
@@ -187,7 +188,7 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
     most = options.max_depth + options.transmission_depth + MAX_AGAIN + MAX_PASSED
     log = np.zeros((most, record.COLUMNS))
     batch, _ = _render(_prepared(scene, settings), settings, Tile(x, y, 1, 1), sample, 1, log)
-    return read_log(batch, settings.film_exponent, settings.max_depth, log)
+    return read_log(batch, settings.film_exponent, settings.max_depth, log, scene.origin)
 
 
 def pixel_samples(

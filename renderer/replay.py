@@ -72,6 +72,7 @@ class Replay(NamedTuple):
 
 
 _KINDS = {record.SURFACE: "surface", record.PASSED: "passed", record.MISSED: "missed", record.IN_MEDIUM: "medium"}
+_WORLD = np.zeros(3)
 _BODIES = (record.SURFACE, record.PASSED)
 
 
@@ -80,7 +81,12 @@ def _vec(row: npt.NDArray[np.float64], column: int) -> Vec3:
     return x, y, z
 
 
-def _vertex(row: npt.NDArray[np.float64]) -> Vertex:
+def _place(row: npt.NDArray[np.float64], column: int, origin: npt.NDArray[np.float64]) -> Vec3:
+    x, y, z = (float(v + o) for v, o in zip(row[column : column + 3], origin, strict=True))
+    return x, y, z
+
+
+def _vertex(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Vertex:
     kind = int(row[record.KIND])
     met = kind != record.MISSED
     before, emitted, direct = (np.array(_vec(row, c)) for c in (record.BEFORE, record.EMITTED, record.DIRECT))
@@ -90,14 +96,14 @@ def _vertex(row: npt.NDArray[np.float64]) -> Vertex:
     is_told = int(row[record.TOLD])
     return Vertex(
         share=float(row[record.OWN_SHARE]) if is_told and np.any(own != 0) else None,
-        lamp=_lamp(row) if met and row[record.LAMP_PDF] > 0 else None,
+        lamp=_lamp(row, origin) if met and row[record.LAMP_PDF] > 0 else None,
         survival=abs(end) if is_told == record.SCATTERED and end not in (0.0, record.AGAIN) else None,
         kind=_KINDS[kind],
         object=int(row[record.OBJECT]) - 1 if kind in _BODIES else None,
         material=int(row[record.MATERIAL]) - 1 if kind in _BODIES else None,
         distance=float(row[record.DISTANCE]),
         pdf=float(row[record.PDF]) if row[record.PDF] > 0 else None,
-        point=_vec(row, record.POINT) if met else None,
+        point=_place(row, record.POINT, origin) if met else None,
         normal=_vec(row, record.NORMAL) if kind in _BODIES else None,
         direction=_vec(row, record.DIRECTION),
         throughput=_vec(row, record.THROUGHPUT),
@@ -107,11 +113,11 @@ def _vertex(row: npt.NDArray[np.float64]) -> Vertex:
     )
 
 
-def _lamp(row: npt.NDArray[np.float64]) -> Lamp:
+def _lamp(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Lamp:
     end, point = np.array(_vec(row, record.LAMP_AT)), np.array(_vec(row, record.POINT))
     away = float(np.linalg.norm(end - point))
     x, y, z = (float(v) for v in (end - point) / (away or 1.0))
-    at = None if away >= FAR else _vec(row, record.LAMP_AT)
+    at = None if away >= FAR else _place(row, record.LAMP_AT, origin)
     return Lamp(at, (x, y, z), float(row[record.LAMP_PDF]), float(row[record.LAMP_SHARE]), _vec(row, record.BROUGHT))
 
 
@@ -132,8 +138,17 @@ def _end(row: npt.NDArray[np.float64], is_last: bool) -> End | None:
     return "absorbed" if survival == 0 else "roulette"
 
 
-def read_log(batch: BatchSums, film_exponent: int, max_depth: int, log: npt.NDArray[np.float64]) -> Replay:
-    """The replay that a batch of one sample and its log tell: rows as renderer/kernel/integrators/record.py writes them."""
+def read_log(
+    batch: BatchSums,
+    film_exponent: int,
+    max_depth: int,
+    log: npt.NDArray[np.float64],
+    origin: npt.NDArray[np.float64] = _WORLD,
+) -> Replay:
+    """The replay that a batch of one sample and its log tell: rows as renderer/kernel/integrators/record.py writes them.
+
+    origin: of the compiled scene that the log's places are about.
+    """
     value = None
     if batch.sums[SAMPLES, 0, 0] == 1:
         red, green, blue = (float(v) * 2.0**-film_exponent for v in batch.sums[COLOR, 0, 0])
@@ -141,4 +156,4 @@ def read_log(batch: BatchSums, film_exponent: int, max_depth: int, log: npt.NDAr
     rows = list(log[log[:, record.KIND] != record.UNSEEN])
     scattering = sum(row[record.KIND] in (record.SURFACE, record.IN_MEDIUM) for row in rows)
     end = _end(rows[-1], scattering >= max_depth) if rows else None
-    return Replay(value, [_vertex(row) for row in rows], end, float(rows[0][record.TIME]) if rows else 0.0)
+    return Replay(value, [_vertex(row, origin) for row in rows], end, float(rows[0][record.TIME]) if rows else 0.0)

@@ -22,6 +22,7 @@ from renderer.bvh.traverse import new_stack
 from renderer.kernel.camera import axes_of, camera_frame
 from renderer.kernel.vectors import see_places
 from renderer.scene.compiled import CompiledScene
+from renderer.scene.origin import seen_from
 from renderer.settings import RenderSettings, View
 from renderer.threads import Team, parts_of
 
@@ -47,6 +48,7 @@ def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int 
     """
     sharp = [replace(view, aperture=0.0) for view in settings.views]
     settings = replace(settings, view=replace(settings.view, aperture=0.0), views=tuple(sharp))
+    settings = seen_from(settings, scene.origin)
     views = [settings.views[k] for k in (0, len(sharp) // 2, -1)] if sharp else [settings.view] * 3
     places = np.empty((settings.height, settings.width, 3, 4))
     prepared, camera = only(scene, _MOVING), camera_frame(settings)

@@ -112,6 +112,9 @@ class CompiledScene(NamedTuple):
     key_emission_frame: Array = np.zeros((0, 4), np.float32)  # (J, 4) f32: rows of `emission_frame`, light by light
     key_texture: Array = np.zeros((0, 6), np.float32)  # (F, 6) f32: matrices of `texture_transform`, texture by texture
 
+    # (3,) f64: the place in the world that is (0, 0, 0) here (renderer/scene/origin.py); world space above means about it.
+    origin: Array = np.zeros(3)
+
     has: Has = EVERYTHING  # which parts of the kernel the scene needs
 
 
@@ -166,6 +169,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "environment_column_start": ("<i4", ("H", "B")),
     "environment_frame": ("<f4", (12,)),
     "bounds": ("<f4", (2, 3)),
+    "origin": ("<f8", (3,)),
     "bvh.motion": ("<f8", ("R", KEY_COLUMNS)),
     "bvh.instance_motion": ("<i4", ("I?", 2)),
     "bvh.keyed": ("<i4", (2,)),

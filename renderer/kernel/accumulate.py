@@ -84,12 +84,16 @@ def _ray(camera, x, y, u, time):
 
 
 class Batch(NamedTuple):
-    """Which samples are wanted: `count` from number `first` on, of each pixel of a tile with its corner at (x, y)."""
+    """Which samples are wanted: `count` from number `first` on, of each pixel of a tile with its corner at (x, y).
+
+    origin: the compiled scene's, in the film's fixed point; added to the position of each first hit.
+    """
 
     x: int
     y: int
     first: int
     count: int  # type: ignore[assignment]  # hides tuple.count, which nobody needs
+    origin: tuple[int, int, int] = (0, 0, 0)
 
 
 class Output(NamedTuple):
@@ -143,6 +147,8 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
                 albedo = _sum3(albedo, _fixed3(base, scale))
                 normal = _sum3(normal, _fixed3(upright, scale))
                 position = _sum3(position, _fixed3(place, scale))
+                if distance > _ZERO:
+                    position = _sum3(position, batch.origin)
                 depth += fixed(distance + start if distance > _ZERO else distance, scale)
                 samples += 1
                 if sample == 0:  # numbers cannot be averaged, so one sample has the say

@@ -16,7 +16,7 @@ from renderer.jit import device, entry, out_of_line, subroutine
 from renderer.kernel.camera import moving_ray
 from renderer.kernel.integrators.visibility import MAX_PASSED
 from renderer.kernel.material.material import is_lamp, is_transparent, opacity
-from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.departure import onward
 from renderer.kernel.surface.surface import surface_at
 from renderer.reference import by_reference
 
@@ -115,7 +115,7 @@ def _seen(scene, stack, o, d):
                 break
             if opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], _HALF) >= _HALF:
                 break
-        o = departure(surface, False, d)
+        o = onward(surface)
         hit = closest_hit(scene.bvh, stack, o, d, _INF, _HALF, root)
     return hit, o
 

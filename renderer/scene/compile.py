@@ -31,6 +31,7 @@ from renderer.scene.guides import list_guides
 from renderer.scene.kept import Cuts, Kept
 from renderer.scene.lights import list_lights, with_area
 from renderer.scene.objects import number_objects
+from renderer.scene.origin import origin_of, rebased
 from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.stood import Stood, stand
 from renderer.scene.studio import STUDIO_TOO, light_studio
@@ -67,6 +68,8 @@ def compile_scene(
 
 def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team, kept: Kept) -> CompiledScene:
     say("placing meshes", 0.0)
+    origin = origin_of(description, kept)
+    whole, description = description, rebased(description, origin, kept)
     stood = stand(description, team, kept)
     sphere, joined, placement = stood.sphere, stood.joined, stood.placement
     geometry = joined.geometry
@@ -87,12 +90,12 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     lights = list_lights(packed.emitted, emitters, double_sided, even, geometry, *of_spheres, punctual, sphere_keys)
     lit_on_purpose = bool(description.lights or description.environment)  # whoever places lights means the dark between them
     if description.studio_for_accents and not lit_on_purpose and are_accents(lights.power, stood.bounds):
-        light_studio(description)
-        description.warnings.append(STUDIO_TOO)
+        light_studio(whole)
+        whole.warnings.append(STUDIO_TOO)
     environment, search = kept.recall(
         "environment",
-        lambda: (description.environment, _image_of(description)),
-        lambda: _environment(description),
+        lambda: (whole.environment, _image_of(whole)),
+        lambda: _environment(whole),
     )
     chance = choose_environment(environment, lights.power, stood.bounds)
     say("building the BVH", 0.5)
@@ -158,6 +161,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         key_punctual=over_the_shutter.punctual_keys(description.lights),
         key_emission_frame=over_the_shutter.emission_frame_keys(description.lights, maps),
         key_texture=packed.key_texture,
+        origin=origin,
     )
     kept.lights_power = lights.power
     kept.cuts = _cuts(stood, laid, (environment, search), emission)
@@ -213,7 +217,10 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
     else 24. clips: its animations, with the seconds of their first and last key. objects, materials: their names in the order
     of their numbers, which the film's OBJECT and MATERIAL planes hold plus 1.
     """
-    cameras = [*own_cameras(description, compiled), Camera(AUTO_CAMERA, frame(_visible_points(compiled), description.up))]
+    cameras = [
+        *own_cameras(description, compiled),
+        Camera(AUTO_CAMERA, frame(_visible_points(compiled) + compiled.origin, description.up)),
+    ]
     return {
         "cameras": [_camera_dict(c) for c in cameras],
         "counts": {
@@ -229,7 +236,7 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
         },
         "objects": number_objects(description).names,
         "materials": [m.name for m in description.materials],
-        "bounds": [[float(c) for c in corner] for corner in compiled.bounds],
+        "bounds": _bounds(compiled).tolist(),
         "animations": [clip.name for clip in description.clips],
         "up": list(description.up),
         "fps": description.fps,
@@ -245,13 +252,13 @@ def summarise_again(description: SceneDescription, compiled: CompiledScene, befo
 
     The camera named "auto" frames the bounds, and does not look closer.
     """
-    low, high = compiled.bounds
+    low, high = _bounds(compiled)
     corners = np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)], np.float64)
     cameras = [*own_cameras(description, compiled), Camera(AUTO_CAMERA, frame(corners, description.up))]
     return {
         **before,
         "cameras": [_camera_dict(c) for c in cameras],
-        "bounds": [[float(c) for c in corner] for corner in compiled.bounds],
+        "bounds": _bounds(compiled).tolist(),
         "warnings": list(description.warnings),
     }
 
@@ -265,7 +272,7 @@ def camera_names(description: SceneDescription) -> list[str]:
 def own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
     """The file's own cameras, as `summarise` gives them."""
     names = camera_names(description)
-    bounds = compiled.bounds
+    bounds = _bounds(compiled)
     return [
         Camera(name, _aimed(c.view, bounds), tuple(_aimed(view, bounds) for view in c.keys))
         for name, c in zip(names, description.cameras, strict=False)
@@ -317,6 +324,11 @@ def _filling(compiled: CompiledScene) -> int:
     """How many triangles are nowhere, and only fill a page."""
     first = np.searchsorted(compiled.triangle[:, 3], np.arange(len(compiled.part) + 1))
     return int(np.diff(first)[compiled.part[:, PART_OBJECT] == NOWHERE].sum())
+
+
+def _bounds(compiled: CompiledScene) -> np.ndarray:
+    """(2, 3) f64: the corners of all geometry in the world."""
+    return compiled.bounds.astype(np.float64) + compiled.origin
 
 
 def _visible_points(compiled: CompiledScene) -> np.ndarray:

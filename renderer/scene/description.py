@@ -102,7 +102,7 @@ class Mesh:
     """Triangles in the mesh's own space. normals None: flat shading. uvs None: (0, 0). One material a mesh."""
 
     name: str
-    positions: F32  # (V, 3)
+    positions: npt.NDArray[Any]  # (V, 3) float32; float64 where that is far from the origin (renderer/scene/origin.py)
     triangles: I32  # (T, 3)
     normals: F32 | None = None  # (V, 3), need not be unit
     uvs: F32 | None = None  # (V, 2)
@@ -111,7 +111,7 @@ class Mesh:
     colors: F32 | None = None  # (V, 4) linear RGBA, multiplies the base colour
     tangents: F32 | None = None  # (V, 4), w the bitangent's sign, as glTF has them; None: from the UVs, where needed
     deforms: bool = False  # whether its vertices are others at another moment
-    keys: tuple[tuple[F32, F32 | None], ...] = ()  # positions and normals, as Instance.keys
+    keys: tuple[tuple[npt.NDArray[Any], F32 | None], ...] = ()  # positions and normals, as Instance.keys
 
 
 @dataclass

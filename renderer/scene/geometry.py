@@ -16,6 +16,7 @@ from renderer.scene.crowd import MOST_VERTICES, placed_together
 from renderer.scene.description import F32, I32, SceneDescription
 from renderer.scene.instances import Group, Sharing, goes_straight
 from renderer.scene.objects import number_objects
+from renderer.scene.opposed import set_apart
 from renderer.scene.placed import Placed, placed, with_keys
 from renderer.scene.readable import read_only
 from renderer.scene.tangents import needs_tangents
@@ -106,12 +107,12 @@ class Section(NamedTuple):
 def make_still(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
     """What stands still. Raises SceneError where a place is beyond the range of float32."""
     world = _copies(description, sharing.copied, objects, team)
-    return _section(world, [_group(description, group, team) for group in sharing.groups], team)
+    return _section(world, [_group(description, group, team) for group in sharing.groups], team, apart=True)
 
 
 def make_bodies(description: SceneDescription, sharing: Sharing, team: Team) -> Section:
     """What moves and stays in shape."""
-    return _section([], [_group(description, group, team) for group in sharing.bodies], team)
+    return _section([], [_group(description, group, team) for group in sharing.bodies], team, apart=True)
 
 
 def make_loose(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
@@ -125,9 +126,14 @@ def make_loose(description: SceneDescription, sharing: Sharing, objects: Sequenc
     return section
 
 
-def _section(world: list[_Part], trees: list[list[_Part]], team: Team) -> Section:
+def _section(world: list[_Part], trees: list[list[_Part]], team: Team, apart: bool = False) -> Section:
+    """apart: whether faces that lie back to back are set apart."""
     geometry = _together(world + [part for tree in trees for part in tree])
     ends = np.cumsum([_count(world), *(map(_count, trees))]).tolist()
+    if apart:
+        material, looks = by_triangle(geometry, geometry.material), (geometry.color, geometry.uv, geometry.uv1)
+        apart_ones = set_apart(geometry.position, geometry.triangle, material, looks, [end for end in ends[:-1] if end])
+        geometry = geometry._replace(position=apart_ones)
     position, triangle = read_only(geometry.position), read_only(geometry.triangle)
     corners = [_corners_of(position, triangle, a, b, team) for a, b in pairwise([0, *ends])]
     return Section(geometry, ends[0], tuple(pairwise(ends)), tuple(corners))

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from renderer.kernel.mesh.smooth import measure_corners, round_corners, sort_corners
 from renderer.scene.description import F32, I32, Mesh
+from renderer.scene.origin import about_centre
 from renderer.scene.readable import read_only
 from renderer.scene.unique import unique_threes
 
@@ -72,7 +73,7 @@ def _smoothed(meshes: list[Mesh], limit: float, surfaces: list[int | I32] | None
             raise IndexError(f"a triangle of {mesh.name} names a vertex that is not there")
     offset = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
     begin = np.cumsum([0, *(len(mesh.triangles) for mesh in meshes)])
-    positions = read_only(_joined([mesh.positions for mesh in meshes]).astype(np.float32, copy=False))
+    positions = read_only(_joined([about_centre(mesh.positions)[0] for mesh in meshes]).astype(np.float32, copy=False))
     triangles = [mesh.triangles.astype(np.int32, copy=False) for mesh in meshes]
     triangle = read_only(_joined([each + np.int32(at) if at else each for each, at in zip(triangles, offset, strict=False)]))
     corners = triangle.reshape(-1)

@@ -15,7 +15,7 @@ from renderer.kernel.material.material import LAYER_SLOTS, fetch_material
 from renderer.kernel.material.normal_map import shading_frame
 from renderer.kernel.sampling.sampler import draw4
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
-from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.departure import departure, onward
 from renderer.kernel.surface.surface import surface_at
 
 __all__ = ["trace_ao"]
@@ -54,7 +54,7 @@ def trace_ao(scene, stack, o, d, time, nest, options, stream, log, first):
         if passed < len(log):
             record_surface(log, passed, surface, through, hit.t, with_throughput(path, throughput))
         if through:
-            path = with_origin(path, departure(surface, False, path.d))
+            path = with_origin(path, onward(surface))
             continue
         s, t, n = shading_frame(scene, surface, vec.neg(path.d), time)
         albedo = fetch_material(scene, surface, (s, t, n), layers, time).base

@@ -46,7 +46,7 @@ from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_materi
 from renderer.kernel.medium.nesting import crossed
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
-from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.departure import departure, onward
 from renderer.kernel.surface.surface import shines, surface_at
 
 __all__ = ["trace_path"]
@@ -176,7 +176,7 @@ def _past(scene, surface, path):
     """The path beyond a surface that it passes as if it were not there."""
     if scene.has.media is not None:
         path = with_nest(path, crossed(scene, path.nest, surface.material, surface.front))
-    return with_origin(path, departure(surface, False, path.d))
+    return with_origin(path, onward(surface))
 
 
 @template

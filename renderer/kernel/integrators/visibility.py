@@ -12,7 +12,7 @@ from renderer.kernel import vec
 from renderer.kernel.material.material import opacity
 from renderer.kernel.medium.flight import left_after
 from renderer.kernel.medium.nesting import coefficients, crossed
-from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.departure import onward
 from renderer.kernel.surface.surface import surface_at
 
 __all__ = ["MAX_PASSED", "light_left", "transmittance"]
@@ -43,7 +43,7 @@ def _through(scene, stack, start, end, time):
         left *= _ONE - opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], time)
         if not left > _ZERO:
             return _ZERO
-        o = departure(surface, False, d)
+        o = onward(surface)
     return _ZERO
 
 
@@ -74,7 +74,7 @@ def light_left(scene, stack, start, end, nest, time):
         if not vec.maximum(left) > _ZERO:
             return _BLACK
         nest = crossed(scene, nest, surface.material, surface.front)
-        o = departure(surface, False, d)
+        o = onward(surface)
     return _BLACK
 
 

@@ -36,7 +36,7 @@ from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular, sample_material
 from renderer.kernel.options import NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
-from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.departure import departure, onward
 from renderer.kernel.surface.surface import shines, surface_at
 
 __all__ = ["trace_whitted"]
@@ -164,7 +164,7 @@ def trace_whitted(scene, stack, o, d, time, nest, options, stream, log, first):
             passed += 1
             if passed == MAX_PASSED:
                 break
-            path = with_origin(path, departure(surface, False, path.d))
+            path = with_origin(path, onward(surface))
             continue
 
         vertex, path = vertex_at(scene, surface, path, stream, number, layers, time)

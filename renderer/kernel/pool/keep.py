@@ -30,14 +30,14 @@ _ZERO = np.float32(0.0)
 _INF = np.float32(np.inf)
 _ONE = np.float32(1.0)
 SUMS = 24  # numbers kept of a pixel: radiance 3, samples; of the half 3, samples; what the group FIRST has
-_SUMS, _PATHS, _1, _8, _16 = (np.uintp(k) for k in (SUMS, PATHS, 1, 8, 16))
+_SUMS, _PATHS, _1, _8, _16, _17, _18 = (np.uintp(k) for k in (SUMS, PATHS, 1, 8, 16, 17, 18))
 _OBJECT, _MATERIAL = 15, 19
 _COLUMNS = {SAMPLES: 3, SAMPLES_HALF: 7, DEPTH: 11, OBJECT: _OBJECT, MATERIAL: _MATERIAL}
 for _plane, _first in ((COLOR, 0), (COLOR_HALF, 4), (ALBEDO, 8), (NORMAL, 12), (POSITION, 16)):
     _COLUMNS.update({_plane.start + _k: _first + _k for _k in range(3)})
 _COLUMN_OF = np.array([_COLUMNS[channel] for channel in range(CHANNELS)], np.int64)
 _PLACE = FIRST + np.uintp(8)
-_OBJECT_OF, _MATERIAL_OF = FIRST + np.uintp(7), FIRST + np.uintp(11)
+_DEPTH_OF, _OBJECT_OF, _MATERIAL_OF = FIRST + np.uintp(3), FIRST + np.uintp(7), FIRST + np.uintp(11)
 _SAMPLE, _PIXEL = SAMPLE + np.uintp(1), SAMPLE + np.uintp(2)
 
 
@@ -47,6 +47,8 @@ def keep(pool, lists, film, scale, width, batch, bad, bad_count):
     Those that are no numbers are listed: their count.
     """
     out_of_line()
+    ox, oy, oz = batch.origin
+    is_far = (ox | oy | oz) != 0
     one = _ONE / scale  # which becomes 1 in the fixed point
     free = np.uintp(0)
     for k in range(length(lists, DONE)):
@@ -71,6 +73,10 @@ def keep(pool, lists, film, scale, width, batch, bad, bad_count):
         add_fixed8(film, base, light, scale)
         add_fixed8(film, base + _8, first, scale)
         add_fixed8(film, base + _16, beyond, scale)
+        if is_far and pool[at(path, _DEPTH_OF)] > _ZERO:
+            film[base + _16] += ox
+            film[base + _17] += oy
+            film[base + _18] += oz
         if sample == 0:  # numbers cannot be averaged, so one sample has the say
             film[base + np.uintp(_OBJECT)] += load_int(pool, at(path, _OBJECT_OF))
             film[base + np.uintp(_MATERIAL)] += load_int(pool, at(path, _MATERIAL_OF))

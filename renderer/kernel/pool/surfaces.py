@@ -58,7 +58,7 @@ from renderer.kernel.pool.rows import (
     write,
 )
 from renderer.kernel.pool.scatter import stream_of
-from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.departure import onward
 from renderer.kernel.surface.surface import shines, sphere_at
 from renderer.wide.values import any_of, as_floats, as_ints, lookup, nil, not_, u32, where, where3
 
@@ -219,7 +219,7 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         if scene.has.textures is not None and any_of(through):
             passed = where(through, passed + _ONE, passed)
             which_next = where(through, where(passed >= _MOST_PASSED, _OVER, _THROUGH), which_next)
-            write(pool, rows, RAY, (*where3(through, departure(surface, pdf != pdf, d), o), *d, pdf, ray[7]))
+            write(pool, rows, RAY, (*where3(through, onward(surface), o), *d, pdf, ray[7]))
             point = where3(through, few(pool, rows, PLACE, 3), point)  # the last vertex stays
             if scene.has.media is not None:
                 nest = as_ints(few(pool, rows, NEST, 1)[0])

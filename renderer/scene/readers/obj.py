@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import PurePosixPath
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,7 @@ from renderer.errors import SceneError
 from renderer.scene.description import F32, I32, Instance, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed_together
+from renderer.scene.origin import exact
 from renderer.scene.polygons import Cut
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.faces import filled
@@ -55,6 +57,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         said = said._replace(colors=_polypaint(text, len(said.positions)))
     elif said.colors is not None:
         said = said._replace(colors=_scaled(said.colors, main, shelf))
+    said = said._replace(positions=exact(said.positions))
     said.uvs[:, 1] = 1 - said.uvs[:, 1]  # OBJ counts v from the image's lower edge
     if said.lost:
         shelf.warn(

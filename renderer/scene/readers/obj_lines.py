@@ -5,7 +5,7 @@ Source: Alias/Wavefront, Advanced Visualizer Manual, appendix B1.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,7 @@ from renderer.kernel.text.numbers import read_number
 __all__ = ["Statements", "parse"]
 
 F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
 I32 = npt.NDArray[np.int32]
 Bytes = npt.NDArray[np.uint8]
 Offsets = npt.NDArray[np.int64]
@@ -30,7 +31,7 @@ _ABSENT, _LOST = -1, -2  # a corner's texture coordinate or normal: not named, n
 class Statements(NamedTuple):
     """The contents of a file. Numbers count from 0; -1 is none."""
 
-    positions: F32  # (V, 3), NaN where the file has no finite number
+    positions: npt.NDArray[Any]  # (V, 3), as `exact` of renderer/scene/origin.py keeps it; NaN for no finite number
     colors: F32 | None  # (V, 3), NaN where a vertex has none
     uvs: F32  # (U, 2)
     normals: F32  # (N, 3)
@@ -49,7 +50,7 @@ def parse(data: bytes, file: str) -> Statements:
     wrong."""
     text = np.frombuffer(data, np.uint8)
     counts = _count(text)
-    positions, colors = np.empty((counts[_V], 3), np.float32), np.empty((counts[_V], 3), np.float32)
+    positions, colors = np.empty((counts[_V], 3)), np.empty((counts[_V], 3), np.float32)
     uvs, normals = np.empty((counts[_VT], 2), np.float32), np.empty((counts[_VN], 3), np.float32)
     corners, starts = np.empty((counts[_OTHER], 3), np.int32), np.zeros(counts[_F] + 1, np.int64)
     names = np.empty((counts[_USEMTL] + counts[_MTLLIB] + counts[_S] + counts[_O], 4), np.int64)
@@ -194,7 +195,7 @@ def _is_word_of_no_number(text: Bytes, i: int) -> bool:
 
 
 @device
-def _row(text: Bytes, i: int, needed: int, wanted: int, row: F32) -> tuple[int, int]:
+def _row(text: Bytes, i: int, needed: int, wanted: int, row: F64) -> tuple[int, int]:
     """Reads up to `wanted` numbers of a line into row, NaN for those that are not finite. The code, and how many there were."""
     count = 0
     while count < wanted:
@@ -204,8 +205,8 @@ def _row(text: Bytes, i: int, needed: int, wanted: int, row: F32) -> tuple[int, 
             if not _is_word_of_no_number(text, i):
                 break
             value, end = np.nan, _past_word(text, i)
-        row[count] = np.float32(value)
-        if not np.isfinite(row[count]):
+        row[count] = value
+        if not np.isfinite(np.float32(value)):
             row[count] = np.nan
         count += 1
         i = end
@@ -228,10 +229,10 @@ def _integer(text: Bytes, i: int) -> tuple[int, int]:
 
 @builder
 def _fill(
-    text: Bytes, positions: F32, colors: F32, uvs: F32, normals: F32, corners: I32, starts: Offsets, names: Offsets
+    text: Bytes, positions: F64, colors: F32, uvs: F32, normals: F32, corners: I32, starts: Offsets, names: Offsets
 ) -> tuple[int, int, int, int, bool]:
     """(code, place, value, count, whether any vertex has a colour); the rest stands in the arrays."""
-    row = np.zeros(6, np.float32)
+    row = np.zeros(6)
     known = np.zeros(3, np.int64)  # positions, uvs, normals so far
     corner, face, name, colored = 0, 0, 0, False
     i = 0

@@ -18,6 +18,7 @@ from renderer.errors import SceneError
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Vec3
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
+from renderer.scene.origin import exact
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.faces import filled, used
 from renderer.scene.readers.points import add_points
@@ -83,7 +84,7 @@ def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: Texture
 def _points(geometry: Any) -> F32 | None:
     """The points of what has no faces; None of a surface."""
     if isinstance(geometry, trimesh.PointCloud) or (isinstance(geometry, trimesh.Trimesh) and len(geometry.faces) == 0):
-        points = np.asarray(geometry.vertices, np.float32)
+        points = exact(np.asarray(geometry.vertices))
         return points if points.ndim == 2 and points.shape[1] == 3 and len(points) else None
     return None
 
@@ -99,7 +100,7 @@ def _add_points(
 
 
 def _mesh(name: str, geometry: Any, main: str, shelf: TextureShelf) -> Mesh:
-    positions = np.asarray(geometry.vertices, np.float32)
+    positions = exact(np.asarray(geometry.vertices))
     triangles = np.asarray(geometry.faces, np.int64)
     whole = filled(np.full(len(triangles), 3), triangles.reshape(-1), positions, main, shelf).face
     triangles = triangles[whole]

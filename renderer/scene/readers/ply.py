@@ -13,6 +13,7 @@ from renderer.errors import SceneError
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed_together
+from renderer.scene.origin import exact
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.faces import codes, filled, of_triangles, split, used
 from renderer.scene.readers.ply_rows import Element, Lists, elements, textures_of
@@ -32,7 +33,6 @@ _CONSTANT = 0.28209479177387814
 _CORNERS = ("vertex_indices", "vertex_index", "vertex_indexes")
 _PICTURE = "texnumber"  # the place of a picture among the comments TextureFile, of a face or of a vertex
 _FACES, _STRIPS = ("face", "faces"), "tristrips"
-_FAR = 1e4  # sizes of the whole from the origin, beyond which numbers of 32 bits show steps
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
@@ -47,7 +47,7 @@ def read_data(data: bytes, files: SceneFiles, main: str, description: SceneDescr
     vertex = next((each for each in found if each.name == "vertex"), None)
     if vertex is None or not vertex.count or any(name not in vertex.columns for name in "xyz"):
         raise SceneError(f"{main}: holds no vertices with x, y and z; export it again")
-    positions = _positions(vertex, main, shelf)
+    positions = exact(_positions(vertex))
     faces = _faces(found, positions, main, shelf)
     if faces is None or not len(faces.triangles):
         add_points(positions, _bytes_of(vertex) if _has(vertex) else _splats(vertex), np.eye(4), main, description, shelf)
@@ -89,22 +89,11 @@ def _by_picture(
     return [*found, *([(None, np.flatnonzero(lost))] if lost.any() else [])]
 
 
-def _positions(vertex: Element, main: str, shelf: TextureShelf) -> F32:
-    """(V, 3). What lies very far away, as surveys do in the coordinates of their country, comes to the origin."""
+def _positions(vertex: Element) -> Array:
+    """(V, 3) float32, or float64 where one of the columns has more digits than that."""
     columns = [vertex.columns[name] for name in "xyz"]
-    if any(column.dtype.itemsize < 8 for column in columns):
-        return np.stack([column.astype(np.float32) for column in columns], axis=1)
-    whole = np.stack(columns, axis=1).astype(np.float64)
-    with np.errstate(over="ignore", invalid="ignore"):
-        low, high = whole.min(axis=0), whole.max(axis=0)
-        middle, size = np.rint((low + high) / 2), float((high - low).max())
-        if np.isfinite(middle).all() and np.isfinite(size) and np.abs(middle).max() > max(_FAR * size, 1.0):
-            shelf.warn(
-                f"{main}: lies so far from the origin that its shape would be lost; it is moved by "
-                f"({', '.join(f'{-c:.0f}' for c in middle)})."
-            )
-            whole -= middle
-        return whole.astype(np.float32)
+    kind = np.float32 if all(column.dtype == np.float32 for column in columns) else np.float64
+    return np.stack([column.astype(kind) for column in columns], axis=1)
 
 
 class _Faces:

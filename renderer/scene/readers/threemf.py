@@ -22,6 +22,7 @@ from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescr
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import product
 from renderer.scene.normals import smoothed_together
+from renderer.scene.origin import exact
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.spread import judge_spread
 from renderer.scene.readers.threemf_parts import NotSolid
@@ -69,10 +70,10 @@ class _Object:
     true: list[str] = field(default_factory=list)  # names of metadata whose value is true
 
     @property
-    def points(self) -> F32:
+    def points(self) -> npt.NDArray[Any]:
         """(V, 3)."""
         taken = [rows.stacked(("x", "y", "z")) for rows in self.rows if "x" in rows.columns]
-        return np.concatenate([*taken, np.array(self.vertices).reshape(-1, 3)]).astype(np.float32)
+        return exact(np.concatenate([*taken, np.array(self.vertices).reshape(-1, 3)]))
 
     @property
     def corners(self) -> npt.NDArray[np.int64]:

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError, SettingsError
-from renderer.kernel.mesh.skin import carry
 from renderer.scene import description as scene_description
 from renderer.scene.animation import DEFAULT_FPS, Moment
 from renderer.scene.description import Instance, Light, Mesh, SceneDescription
@@ -22,6 +21,7 @@ from renderer.scene.readers.assimp.animation import Movement
 from renderer.scene.readers.assimp.library import Camera, Imported, Lamp, Shape, import_file
 from renderer.scene.readers.assimp.materials import Materials
 from renderer.scene.readers.assimp.untrusted import judge
+from renderer.scene.readers.carried import carried
 from renderer.scene.readers.numbers import clamped
 from renderer.scene.textures import TextureShelf
 from renderer.settings import View
@@ -156,9 +156,9 @@ class _Reader:
         share[share.sum(axis=1) <= 0, -1] = 1.0
         none = np.zeros((0, 3), np.float32)
         normals = none if shape.normals is None else shape.normals
-        placed, turned = np.empty((count, 3), np.float32), np.empty(normals.shape, np.float32)
+        turned = np.empty(normals.shape, np.float32)
         arrays = (np.stack(places), table, share, shape.positions, normals, none)
-        carry(*(read_only(np.ascontiguousarray(a)) for a in arrays), placed, turned, none.copy())
+        placed = carried(*(read_only(np.ascontiguousarray(a)) for a in arrays), turned=turned, bent=none.copy())
         mesh = _bare(shape)
         mesh.positions, mesh.normals = placed, None if shape.normals is None else turned
         mesh.material = self._materials.number(shape.material)

@@ -13,6 +13,7 @@ from renderer.errors import SceneError, SettingsError
 from renderer.scene.animation import Moment
 from renderer.scene.description import Camera, Instance, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
+from renderer.scene.origin import exact
 from renderer.scene.readers.fbx import layout, lights
 from renderer.scene.readers.fbx.animation import Stacks
 from renderer.scene.readers.fbx.library import Opened, array, at, each, is_set, is_visible, matrix, number_of, pointed, text
@@ -188,7 +189,7 @@ class _Reader:
             if added is not None and part.normals is not None:
                 normals = (part.normals + added[part.point]).astype(np.float32)
             if skin is None:
-                made.append(_mesh(text(mesh.name), part, points[part.point].astype(np.float32), normals))
+                made.append(_mesh(text(mesh.name), part, exact(points[part.point]), normals))
                 continue
             placed, turned = skin.carried(part, points, normals, places)
             made.append(_mesh(text(mesh.name), part, placed, turned))
@@ -306,9 +307,9 @@ class _Reader:
             self._shelf.warn(f"{self._main}: {text(notice.description)[:160]}{times}.")
 
 
-def _points(mesh: Any, part: Part) -> npt.NDArray[np.float32]:
-    return array(mesh.vertices, np.float64, 3)[part.point].astype(np.float32)
+def _points(mesh: Any, part: Part) -> npt.NDArray[Any]:
+    return exact(array(mesh.vertices, np.float64, 3)[part.point])
 
 
-def _mesh(name: str, part: Part, points: npt.NDArray[np.float32], normals: npt.NDArray[np.float32] | None) -> Mesh:
+def _mesh(name: str, part: Part, points: npt.NDArray[Any], normals: npt.NDArray[np.float32] | None) -> Mesh:
     return Mesh(name, points, part.triangles, normals, part.uvs, 0, part.uvs1, part.colors)

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.kernel.mesh.skin import carry
 from renderer.scene.description import F32
 from renderer.scene.normals import corner_angles, face_normals
 from renderer.scene.readable import read_only
+from renderer.scene.readers.carried import carried
 from renderer.scene.readers.fbx import layout
 from renderer.scene.readers.fbx.library import array, at, each, matrix, pointed
 from renderer.scene.readers.fbx.meshes import Part
@@ -90,18 +90,17 @@ class Skin:
         clusters = pointed(deformer.clusters, layout.SkinCluster)
         return np.stack([*(matrix(cluster.geometry_to_world) for cluster in clusters), node])
 
-    def carried(self, part: Part, points: F64, normals: F32 | None, places: F64) -> tuple[F32, F32 | None]:
+    def carried(self, part: Part, points: F64, normals: F32 | None, places: F64) -> tuple[npt.NDArray[Any], F32 | None]:
         """A part's positions and normals in the world."""
         none = np.zeros((0, 3), np.float32)
         old = none if normals is None else normals
-        placed, turned = np.empty((len(part.point), 3), np.float32), np.empty(old.shape, np.float32)
+        turned = np.empty(old.shape, np.float32)
         point = np.minimum(part.point, len(self.joints) - 1)
-        carry(
+        placed = carried(
             read_only(places),
             *(read_only(np.ascontiguousarray(a)) for a in (self.joints[point], self.weights[point])),
             *(read_only(np.ascontiguousarray(a, np.float32)) for a in (points[part.point], old, none)),
-            placed,
-            turned,
-            none.copy(),
+            turned=turned,
+            bent=none.copy(),
         )
         return placed, None if normals is None else turned

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.kernel.mesh.skin import carry
 from renderer.scene.description import F32, Mesh
 from renderer.scene.readable import read_only
+from renderer.scene.readers.carried import carried
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.faults import DamagedError
@@ -70,21 +70,14 @@ def bind_matrices(skin: Json, count: int, accessors: Accessors) -> Matrix:
 
 def skinned(mesh: Mesh, bones: Bones, matrices: Matrix) -> Mesh:
     """The mesh in the world: each vertex moved by the mean of its joints' (J, 4, 4) matrices, by weight."""
-    count, none = len(mesh.positions), np.zeros((0, 3), np.float32)
+    none = np.zeros((0, 3), np.float32)
     normals = none if mesh.normals is None else mesh.normals
     tangents = none if mesh.tangents is None else mesh.tangents
-    placed, turned, bent = np.empty((count, 3), np.float32), np.empty(normals.shape, np.float32), none
+    turned, bent = np.empty(normals.shape, np.float32), none
     if mesh.tangents is not None:
         bent = mesh.tangents.astype(np.float32)  # whose last column stays
-    carry(
-        read_only(matrices),
-        read_only(bones.joints),
-        read_only(bones.weights),
-        *(read_only(array) for array in (mesh.positions, normals, tangents)),
-        placed,
-        turned,
-        bent,
-    )
+    arrays = (matrices, bones.joints, bones.weights, mesh.positions, normals, tangents)
+    placed = carried(*(read_only(array) for array in arrays), turned=turned, bent=bent)
     result = replace(mesh, positions=placed)
     if mesh.normals is not None:
         result.normals = turned

@@ -222,9 +222,12 @@ class Bsdfs:
         inside, outside = self._ior(source, "int_ior", "polypropylene"), self._ior(source, "ext_ior", "air")
         ior = clamped(inside / outside, 1.0, ALL_REFLECTING_IOR)
         rough = {"roughness": 0.0} if source.type == "plastic" else self._rough(source, 0.1)
-        left = 1.0 if source.type == "plastic" else rough_coat(ior, unit(self._textures.number(source, "alpha", 0.1)))
+        left, inner = 1.0, coat_over(ior)
+        if source.type != "plastic":
+            facets = "ggx" if source.get("distribution", "beckmann") == "ggx" else "beckmann"
+            left, inner = rough_coat(ior, unit(self._textures.number(source, "alpha", 0.1)), facets)
         if source.flag("nonlinear", False):
-            color, texture = self._textures.coated(color, texture, 1 - (1 - coat_over(ior)) / left)
+            color, texture = self._textures.coated(color, texture, inner)
         color, texture = self._textures.scaled(color, texture, left)
         return Material(kind="metallic_roughness", base_color=color, base_color_texture=texture, ior=ior, **rough)
 

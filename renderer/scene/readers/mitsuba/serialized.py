@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.scene.description import Mesh
+from renderer.scene.origin import exact
 
 __all__ = ["read_serialized"]
 
@@ -62,14 +63,14 @@ def _mesh(body: bytes, version: int, name: str, damaged: SceneError) -> Mesh:
 
     def take(width: int) -> npt.NDArray[Any]:
         nonlocal at
-        found = np.frombuffer(body, kind, vertices * width, at).reshape(-1, width).astype(np.float32)
+        found = np.frombuffer(body, kind, vertices * width, at).reshape(-1, width)
         at += vertices * width * kind.itemsize
         return found
 
-    positions = take(3)
-    normals = take(3) if flags & _NORMALS else None
-    uvs = take(2) if flags & _UVS else None
-    colors = take(3) if flags & _COLORS else None
+    positions = exact(take(3))
+    normals = take(3).astype(np.float32) if flags & _NORMALS else None
+    uvs = take(2).astype(np.float32) if flags & _UVS else None
+    colors = take(3).astype(np.float32) if flags & _COLORS else None
     wide = np.dtype("<u8" if vertices > 0xFFFFFFFF else "<u4")
     corners = np.frombuffer(body, wide, triangles * 3, at).reshape(-1, 3)
     if corners.max() >= vertices:

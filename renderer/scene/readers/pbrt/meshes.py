@@ -13,6 +13,7 @@ import numpy.typing as npt
 from renderer.scene.description import Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import face_normals, smoothed
+from renderer.scene.origin import exact
 from renderer.scene.readers import ply
 from renderer.scene.readers.pbrt.growth import Growth
 from renderer.scene.readers.pbrt.loop import subdivided
@@ -43,7 +44,7 @@ def mesh_of(source: Parameters, files: SceneFiles, notes: Notes, growth: Growth)
 def _triangles(source: Parameters, notes: Notes) -> Mesh:
     points = _points(source)
     indices = _indices(source, len(points), 3, None if len(points) != 3 else np.arange(3))
-    mesh = Mesh("trianglemesh", points.astype(np.float32), indices.astype(np.int32))
+    mesh = Mesh("trianglemesh", exact(points), indices.astype(np.int32))
     mesh.normals, mesh.uvs = _vectors(source, "N", len(points)), _uvs(source, len(points))
     if source.get("S") is not None:
         notes.add(source.place, "Tangents of a mesh (S) are not taken over: they are those of its UVs")
@@ -101,16 +102,16 @@ def _patches(source: Parameters, notes: Notes, growth: Growth) -> Mesh:
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v], axis=-1).reshape(-1, 4)
     own = np.stack([u, 1 - v], axis=-1).reshape(-1, 2)
 
-    def mixed(values: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
-        return np.einsum("sk,qkx->qsx", weights, values[corners].astype(float)).reshape(-1, values.shape[1]).astype(np.float32)
+    def mixed(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+        return np.einsum("sk,qkx->qsx", weights, values[corners].astype(float)).reshape(-1, values.shape[1])
 
     row = steps + 1
     at = (np.arange(steps)[:, None] * row + np.arange(steps)).reshape(-1)
     one = np.concatenate([np.stack([at, at + 1, at + row + 1], 1), np.stack([at, at + row + 1, at + row], 1)])
     triangles = (one[None] + (np.arange(len(corners)) * row * row)[:, None, None]).reshape(-1, 3)
-    mesh = Mesh("bilinearmesh", mixed(points), triangles.astype(np.int32))
-    mesh.uvs = np.tile(own, (len(corners), 1)).astype(np.float32) if uvs is None else mixed(uvs)
-    mesh.normals = None if normals is None else mixed(normals)
+    mesh = Mesh("bilinearmesh", exact(mixed(points)), triangles.astype(np.int32))
+    mesh.uvs = np.tile(own, (len(corners), 1)).astype(np.float32) if uvs is None else mixed(uvs).astype(np.float32)
+    mesh.normals = None if normals is None else mixed(normals).astype(np.float32)
     if normals is None and steps > 1:
         mesh = smoothed(mesh, _EVERY_EDGE)
     return _facing(mesh)
@@ -127,7 +128,7 @@ def _subdivided(source: Parameters, notes: Notes, growth: Growth) -> Mesh:
     if levels < wanted:
         notes.add(source.place, f"{source} is refined {levels} times and not {wanted}, so that it does not grow too large")
     fine, faces = subdivided(points, triangles, levels)
-    mesh = Mesh("loopsubdiv", fine.astype(np.float32), faces.astype(np.int32))
+    mesh = Mesh("loopsubdiv", exact(fine), faces.astype(np.int32))
     return turned(smoothed(mesh, _EVERY_EDGE))  # pbrt's normals of it are on the side from which its triangles run clockwise
 
 

@@ -35,7 +35,7 @@ class Wanted(NamedTuple):
 class Shape(NamedTuple):
     """A mesh as another than its file has it: bent by a skeleton."""
 
-    points: F32
+    points: npt.NDArray[Any]
     normals: F32 | None
     straight: F32 | None = None  # the normals when nothing is bent
 

@@ -8,15 +8,17 @@ from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.formats import MESH_FORMATS
 from renderer.scene.animation import Clip, Moment
-from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Sphere
+from renderer.scene.description import Instance, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.files import SceneFiles
 from renderer.scene.geometry import MAX_TRIANGLES
 from renderer.scene.matrices import product
 from renderer.scene.merge import merge
 from renderer.scene.normals import smoothed
+from renderer.scene.origin import exact
 from renderer.scene.readers import shapes
 from renderer.scene.readers.by_format import read_file
 from renderer.scene.readers.yaml import transforms
@@ -120,10 +122,10 @@ class Shapes:
         self._description.instances += [Instance(number, place, name=name, moves=moves) for name, place in placed]
 
     def _faces(self, source: dict[str, Any], name: str, path: Path) -> Mesh:
-        positions = self._table(source["positions"], 3, (*path, "positions"))
+        positions = exact(self._table(source["positions"], 3, (*path, "positions")))
         uvs = None
         if "uvs" in source:
-            uvs = self._table(source["uvs"], 2, (*path, "uvs"))
+            uvs = self._table(source["uvs"], 2, (*path, "uvs")).astype(np.float32)
             if len(uvs) != len(positions):
                 raise self._document.error((*path, "uvs"), f"has {len(uvs)} points where there are {len(positions)} positions")
         triangles = []
@@ -137,15 +139,16 @@ class Shapes:
         mesh = Mesh(name, positions, np.array(triangles, np.int32).reshape(-1, 3), uvs=uvs)
         return smoothed(mesh) if source.get("smooth", False) else mesh
 
-    def _table(self, rows: list[Any], width: int, path: Path) -> F32:
-        """(N, width) float32. Held to its form here: a schema's judgement of each number takes far longer."""
+    def _table(self, rows: list[Any], width: int, path: Path) -> npt.NDArray[np.float64]:
+        """(N, width). Held to its form here: a schema's judgement of each number takes far longer."""
         for i, row in enumerate(rows):
             if not isinstance(row, list) or len(row) != width or not all(type(v) in (int, float) for v in row):
                 raise self._document.error((*path, i), f"is no list of {width} numbers")
         with np.errstate(over="ignore"):
-            found = np.array(rows, np.float64).astype(np.float32).reshape(-1, width)
-        if not np.isfinite(found).all():
-            raise self._document.error((*path, int(np.argmin(np.isfinite(found).all(axis=1)))), "is beyond what numbers hold")
+            found = np.array(rows, np.float64).reshape(-1, width)
+            is_held = np.isfinite(found.astype(np.float32)).all(axis=1)
+        if not is_held.all():
+            raise self._document.error((*path, int(np.argmin(is_held))), "is beyond what numbers hold")
         return found
 
     def _spheres(self, source: dict[str, Any], material: int | None, placed: list[Place], path: Path, moves: bool) -> None:

@@ -1,0 +1,93 @@
+"""Faces back to back: two triangles with the same corners, which face away from each other.
+
+A ray meets both at the same distance, and rounding would decide. Each is moved a little to its own front, so that every viewer
+sees the one that faces them, whatever their order in the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import F32, I32
+
+__all__ = ["set_apart"]
+
+I64 = npt.NDArray[np.int64]
+
+_APART = 2.0**-17  # of the size of the whole: some eight micrometres a metre
+_ULPS = 2.0**-21  # of the coordinates: what float32 tells apart
+_ODD = [np.uint64(each) for each in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0x85EBCA77C2B2AE63)]
+_HALF = np.uint64(32)
+
+
+def set_apart(position: F32, triangle: I32, material: I32, attributes: Sequence[F32], begins: Sequence[int] = ()) -> F32:
+    """The vertices (V, 3), moved where faces lie back to back that look different.
+
+    triangle: (T, 3). material: (T,). attributes: (V, n) each, what else decides on the look of vertices. begins: the first
+    triangles of further spaces: what lies in different ones does not meet.
+    """
+    attributes = [each for each in attributes if len(each) and (each != each[0]).any()]
+    if len(triangle) < 2 or (not attributes and material.min() == material.max()):
+        return position
+    numbers = _repeated(position, triangle, begins)
+    if not len(numbers):
+        return position
+    space = np.searchsorted(np.asarray(begins, np.int64), numbers, "right")
+    corners = position[triangle[numbers]].astype(np.float64) + 0.0  # there are two zeros
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    # Sums over corners do not depend on which of them comes first.
+    sums = [each[triangle[numbers]].astype(np.float64).sum(axis=1) for each in attributes]
+    chosen = _facing_away(_places(corners, space), normal, _numbered([material[numbers], *sums]))
+    moved = np.zeros((len(position), 3))
+    for each in np.unique(space[chosen]).tolist():
+        here = np.flatnonzero(chosen & (space == each))
+        first, end = ([0, *begins, len(triangle)][each + k] for k in range(2))
+        size = float(np.ptp(position[triangle[first:end].reshape(-1)], axis=0).max())
+        step = max(_APART * size, _ULPS * float(np.abs(corners[here]).max()))
+        unit = normal[here] / np.linalg.norm(normal[here], axis=1, keepdims=True)
+        for k in range(3):
+            moved[triangle[numbers[here], k]] = step * unit
+    return (position + moved).astype(np.float32) if chosen.any() else position
+
+
+def _repeated(position: F32, triangle: I32, begins: Sequence[int]) -> I64:
+    """The triangles that have the corners of another one, in any order; by chance some more."""
+    vertex = np.zeros(len(position), np.uint64)
+    for axis in range(3):
+        bits = (position[:, axis] + np.float32(0)).view(np.uint32) * _ODD[axis]
+        vertex += (bits ^ (bits >> _HALF)) * _ODD[axis]
+    vertex = (vertex ^ (vertex >> _HALF)) * _ODD[3]
+    code = vertex[triangle[:, 0]] + vertex[triangle[:, 1]] + vertex[triangle[:, 2]]
+    for begin in begins:
+        code[begin:] += _ODD[0]
+    ordered = np.sort(code)
+    twice = ordered[1:][ordered[1:] == ordered[:-1]]
+    return np.flatnonzero(np.isin(code, twice)) if len(twice) else np.zeros(0, np.int64)
+
+
+def _places(corners: npt.NDArray[np.float64], space: I64) -> I64:
+    """(N,) numbers that agree where triangles of one space have the same corners."""
+    order = np.lexsort(corners.transpose(2, 0, 1), axis=1)
+    return _numbered([np.take_along_axis(corners, order[..., None], axis=1).reshape(len(corners), 9), space])
+
+
+def _numbered(columns: Sequence[npt.NDArray[np.generic]]) -> I64:
+    """(N,) numbers that agree where all columns do."""
+    _, number = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
+    return number.reshape(-1)
+
+
+def _facing_away(place: I64, normal: npt.NDArray[np.float64], look: I64) -> npt.NDArray[np.bool_]:
+    """(N,) which triangles lie where two of different looks face away from each other."""
+    count = int(place.max()) + 1
+    first = np.full(count, len(place))
+    np.minimum.at(first, place, np.arange(len(place)))
+    side = np.einsum("ij,ij->i", normal, normal[first[place]]) > 0
+    with_first = np.zeros(count, np.int64)
+    with_first[place[side]] = look[side]
+    meets = np.zeros(count, bool)
+    meets[place[~side][look[~side] != with_first[place[~side]]]] = True
+    return meets[place]

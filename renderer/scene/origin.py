@@ -1,0 +1,180 @@
+"""The point of the world that is the origin of a compiled scene's coordinates.
+
+Float32 has 24 bits. Coordinates of a map projection or of the geocentric system (1e5 ... 6e6) leave too few of them for the shape
+of a house. A scene that is far from the world's origin, compared with its own size, is compiled about its own centre: the
+differences are taken in float64. All other scenes keep the world's origin, and so their coordinates to the bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.description import F32, Instance, Light, SceneDescription, Sphere
+from renderer.scene.kept import Kept
+from renderer.settings import RenderSettings, Vec3, View
+
+__all__ = ["about_centre", "exact", "fixed_place", "origin_of", "rebased", "seen_from"]
+
+F64 = npt.NDArray[np.float64]
+
+_FAR = 16.0  # sizes of a scene: then a float32 coordinate is wrong by up to 1e-6 of the size
+_STRAYS_FAR = 4096.0  # sizes of the middle four fifths, where something else is elsewhere
+_SAMPLES = 4096
+_WORLD = np.zeros(3)
+_MOST_FIXED = 2.0**62
+
+
+def exact(points: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Points (N, 3) as a mesh holds them: in float32, or in float64 where they are far from the origin for their size."""
+    if points.dtype == np.float32 or not _origin(points).any():
+        return points.astype(np.float32, copy=False)
+    return points.astype(np.float64, copy=False)
+
+
+def about_centre(points: npt.NDArray[Any]) -> tuple[F32, F64]:
+    """Points (N, 3) as float32 about an offset (3,), which is zero of points in float32."""
+    if points.dtype == np.float32:
+        return points, _WORLD
+    offset = _origin(points)
+    return (points - offset).astype(np.float32), offset
+
+
+def origin_of(description: SceneDescription, kept: Kept | None = None) -> F64:
+    """The origin (3,) of the compiled scene: the centre of what stands still if that is far away for its size, else zero.
+
+    Only a scene in which everything moves has another origin at another moment. kept: of the same shot at another moment.
+    """
+    kept = kept or Kept()
+
+    def of_still() -> F64 | None:
+        points = _samples(description, False)
+        return _origin(points) if len(points) else None
+
+    found = kept.recall("origin", object, of_still, description.still)
+    if found is None:
+        found = _origin(_samples(description, True))
+    return found
+
+
+def _origin(points: F64) -> F64:
+    """The centre of all points, or of their middle four fifths, if it is far from zero for their size; else zero."""
+    finite = np.isfinite(points).all(axis=1)
+    points = points if finite.all() else points[finite]
+    with np.errstate(invalid="ignore", over="ignore"):
+        found = _centre(points, _FAR)
+        if found.any() or not len(points):
+            return found
+        some = points[:: max(1, len(points) // _SAMPLES)]
+        return _centre(np.percentile(some, (10.0, 90.0), axis=0), _STRAYS_FAR)
+
+
+def _centre(points: F64, far: float) -> F64:
+    """The centre of the points' box if it is more than `far` box sizes from the origin, else zero; to 1/256 of the size."""
+    if not len(points):
+        return _WORLD
+    low, high = points.min(axis=0), points.max(axis=0)
+    centre, size = 0.5 * (low + high), float((high - low).max())
+    if not (np.isfinite(size) and np.isfinite(centre).all()) or not 0.0 < far * size < np.abs(centre).max():
+        return _WORLD
+    step = 2.0 ** (np.floor(np.log2(size)) - 8.0)
+    return np.rint(centre / step) * step
+
+
+def _samples(description: SceneDescription, moving: bool) -> F64:
+    """Corners of triangles at equal steps through all instances that stand still, or move, and the boxes of such spheres."""
+    meshes = description.meshes
+    shown = [i for i in description.instances if (i.moves or meshes[i.mesh].deforms) == moving and len(meshes[i.mesh].triangles)]
+    ends = np.cumsum([len(meshes[i.mesh].triangles) for i in shown])
+    count = int(ends[-1]) if shown else 0
+    wanted = np.arange(0, count, max(1, -(-count // _SAMPLES)))
+    places = np.searchsorted(ends, wanted, "right")
+    # Sparse things, a ground of two triangles, count for the size of the scene.
+    firsts = np.arange(0, len(shown), max(1, -(-len(shown) // _SAMPLES)))
+    points = [_corners(description, shown[n], np.zeros(1, np.int64)) for n in firsts.tolist()]
+    for n in np.unique(places).tolist():
+        first = int(ends[n]) - len(meshes[shown[n].mesh].triangles)
+        points.append(_corners(description, shown[n], wanted[places == n] - first))
+    balls = [s for s in description.spheres if s.moves == moving]
+    box = np.array([(s.center, (s.radius,) * 3) for s in balls[:: max(1, len(balls) // _SAMPLES)]], np.float64).reshape(-1, 2, 3)
+    return np.concatenate([np.zeros((0, 3)), *points, box[:, 0] - box[:, 1], box[:, 0] + box[:, 1]])
+
+
+def _corners(description: SceneDescription, instance: Instance, triangles: npt.NDArray[np.int64]) -> F64:
+    mesh, place = description.meshes[instance.mesh], np.asarray(instance.transform, np.float64)
+    points = mesh.positions[mesh.triangles[triangles].reshape(-1)].astype(np.float64)
+    found: F64 = points[:, :1] * place[:3, 0] + points[:, 1:2] * place[:3, 1] + points[:, 2:] * place[:3, 2] + place[:3, 3]
+    return found
+
+
+def rebased(description: SceneDescription, origin: F64, kept: Kept | None = None) -> SceneDescription:
+    """The description with its meshes in float32 and its instances, spheres and lights about another origin.
+
+    Its cameras stay where they are. kept: of the same shot at another moment.
+    """
+    far = [n for n, mesh in enumerate(description.meshes) if mesh.positions.dtype != np.float32]
+    if not origin.any() and not far:
+        return description
+    meshes, offsets = list(description.meshes), {}
+    points = (kept or Kept()).recall(
+        "points", lambda: [meshes[n].positions for n in far], lambda: [about_centre(meshes[n].positions) for n in far]
+    )
+    for n, (position, offset) in zip(far, points, strict=True):
+        keys = tuple(((each - offset).astype(np.float32), normals) for each, normals in meshes[n].keys)
+        meshes[n], offsets[n] = replace(meshes[n], positions=position, keys=keys), offset
+    return replace(
+        description,
+        meshes=meshes,
+        instances=[_instance(each, origin, offsets.get(each.mesh, _WORLD)) for each in description.instances],
+        spheres=[_sphere(each, origin) for each in description.spheres],
+        lights=[_light(each, origin) for each in description.lights],
+    )
+
+
+def _instance(instance: Instance, origin: F64, offset: F64) -> Instance:
+    keys = tuple(_place(each, origin, offset) for each in instance.keys)
+    return replace(instance, transform=_place(instance.transform, origin, offset), keys=keys)
+
+
+def _place(transform: F64, origin: F64, offset: F64) -> F64:
+    found = np.array(transform, np.float64)
+    found[:3, 3] += found[:3, 0] * offset[0] + found[:3, 1] * offset[1] + found[:3, 2] * offset[2] - origin
+    return found
+
+
+def _sphere(sphere: Sphere, origin: F64) -> Sphere:
+    keys = tuple((_point(center, origin), radius) for center, radius in sphere.keys)
+    return replace(sphere, center=_point(sphere.center, origin), keys=keys)
+
+
+def _light(light: Light, origin: F64) -> Light:
+    return replace(light, position=_point(light.position, origin), keys=tuple(_light(each, origin) for each in light.keys))
+
+
+def _point(point: Sequence[float], origin: F64) -> Vec3:
+    x, y, z = (float(p) - float(o) for p, o in zip(point, origin, strict=True))
+    return x, y, z
+
+
+def seen_from(settings: RenderSettings, origin: F64) -> RenderSettings:
+    """The settings with their views about a compiled scene's origin."""
+    if not origin.any():
+        return settings
+    view, *views = (_view(each, origin) for each in (settings.view, *settings.views))
+    return replace(settings, view=view, views=tuple(views))
+
+
+def fixed_place(origin: F64, film_exponent: int) -> tuple[int, int, int]:
+    """An origin in the film's fixed point."""
+    if not origin.any():
+        return 0, 0, 0
+    x, y, z = (int(v) for v in np.rint(np.clip(origin * 2.0**film_exponent, -_MOST_FIXED, _MOST_FIXED)))
+    return x, y, z
+
+
+def _view(view: View, origin: F64) -> View:
+    return replace(view, eye=_point(view.eye, origin), target=_point(view.target, origin))
