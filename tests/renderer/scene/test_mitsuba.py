@@ -322,6 +322,27 @@ def test_a_focal_length_that_is_no_length_gets_a_sentence(tmp_path: Path) -> Non
         scene_of(tmp_path, '<sensor type="perspective"><string name="focal_length" value="wide"/></sensor>' + BALL.format(""))
 
 
+@pytest.mark.parametrize("owner", ["vertex", "face"])
+def test_float_colours_of_ply_are_linear_and_not_rounded(tmp_path: Path, owner: str) -> None:
+    """As Mitsuba's own writer names them."""
+    color = np.array([0.2137, 0.001, 0.7713], np.float32)
+    columns = {
+        each: "".join(f"property float color_{k}\n" for k in range(3)) if each == owner else "" for each in ("vertex", "face")
+    }
+    header = (
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        f"{columns['vertex']}element face 1\nproperty list uchar int vertex_indices\n{columns['face']}end_header\n"
+    )
+    written = {each: " " + " ".join(map(str, color)) if each == owner else "" for each in ("vertex", "face")}
+    rows = "".join(f"{corner}{written['vertex']}\n" for corner in ("0 0 0", "1 0 0", "0 1 0")) + f"3 0 1 2{written['face']}\n"
+    (tmp_path / "m.ply").write_text(header + rows)
+    texture = f'<texture type="mesh_attribute" name="reflectance"><string name="name" value="{owner}_color"/></texture>'
+    shape = f'<shape type="ply"><string name="filename" value="m.ply"/><bsdf type="diffuse">{texture}</bsdf></shape>'
+    mesh = scene_of(tmp_path, shape).meshes[0]
+    assert mesh.colors is not None
+    np.testing.assert_allclose(mesh.colors, np.tile([*color, 1], (3, 1)), rtol=1e-6)
+
+
 @pytest.mark.parametrize("flipped", [False, True])
 def test_a_light_shines_along_its_vertices_normals(tmp_path: Path, flipped: bool) -> None:
     """The winding says +Z, the normals -Z."""

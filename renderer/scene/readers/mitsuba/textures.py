@@ -38,7 +38,7 @@ class Textures:
         constant = constant_of(texture)
         if constant is not None:
             return rgb(constant, is_light), None
-        if texture.type == "mesh_attribute" and texture.get("name") == "vertex_color" and not is_light:
+        if texture.type == "mesh_attribute" and texture.get("name") in ("vertex_color", "face_color") and not is_light:
             self.by_vertices = True
             scale = texture.number("scale", 1.0)
             return (unit(scale),) * 3, None
