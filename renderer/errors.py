@@ -5,11 +5,21 @@ RayfarmError
 └── SettingsError   a request that cannot be rendered: which field and which values it takes
 """
 
+from __future__ import annotations
+
+import re
+
 __all__ = ["RayfarmError", "SceneError", "SettingsError"]
 
 
+_ADDRESS = re.compile(r"<[^<>]{0,200}? at 0x[0-9A-Fa-f]+>")
+
+
 class RayfarmError(Exception):
-    """A fault with one clear sentence for the person who can mend it."""
+    """A fault with one clear sentence for the person who can mend it. Object addresses from libraries' messages are left out."""
+
+    def __init__(self, *args: object) -> None:
+        super().__init__(*(_ADDRESS.sub("the data", each) if isinstance(each, str) else each for each in args))
 
 
 class SceneError(RayfarmError):

@@ -57,6 +57,9 @@ ARRAYS = (
     "blender",
     "scene",
     "image/__init__.py",
+    "image/channels.py",
+    "image/kinds.py",
+    "image/openimageio.py",
     "image/read.py",
     "image/tonemap.py",
 )

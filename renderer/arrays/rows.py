@@ -78,12 +78,16 @@ DIFFUSE_TRANSMISSION_COLOR_TEXTURE = 16
 SLOTS = 17
 
 # Columns of `texture`, int32, behind the first texel, the size and how it repeats.
-SRGB = 5  # 0 or 1
+ENCODING = 5  # of the texels: one of the four below
 UV_SET = 6
 ABOVE = 7  # the row of the layer that lies on this one; -1 for none
 BLEND = 8  # by which operation this one lies on what is beneath (renderer/kernel/material/blend.py)
 NEAREST = 9  # 0 or 1: each texel is seen as the square that it is
 TEXTURE_COLUMNS = 10
+
+# How texels are stored. Codes of 16 bits are little-endian, and a texel then takes two rows of `texel`: RG, BA.
+LINEAR_8, SRGB_8, LINEAR_16, HALF_16 = range(4)
+HALF_GAIN = 32768.0  # values 0 ... 1 are multiplied by it where they are stored as halves, for 29 bits of range
 
 # Columns of `texture_transform`, float32, behind the matrix: what a row means in a stack.
 STRENGTH = 6

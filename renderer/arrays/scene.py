@@ -17,6 +17,8 @@ from renderer.arrays.light_rows import CHILD, LIGHT_ROWS, LIGHT_WIDTH, PARALLELO
 from renderer.arrays.rows import (
     ABOVE,
     COLUMNS,
+    ENCODING,
+    LINEAR_16,
     MEDIUM_COLUMNS,
     MOST_MEDIA,
     PART_MATERIAL,
@@ -70,11 +72,11 @@ class CompiledScene(NamedTuple):
     medium: Array  # (m, MEDIUM_COLUMNS) f32: what light passes through, the world's first
     material_medium: Array  # (M,) i32: the row of its inside; -1 where passing it does not change what one is in
 
-    # (X, 9) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), sRGB (0/1), UV set, the row of the layer
+    # (X, 10) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), encoding, UV set, the row of the layer
     # above (-1: none), the operation by which it is a layer itself
     texture: Array
     texture_transform: Array  # (X, 9) f32: the rows of the 2x3 matrix that UVs go through; strength, gain and most in a stack
-    texel: Array  # (N, 4) u8 RGBA, all textures one behind the other, rows from the top
+    texel: Array  # (N, 4) u8 RGBA, or two rows of 16-bit RG and BA a texel; all textures in turn, rows from the top
 
     light_primitive: Array  # (L,) i32: the emitting primitive, or T + S + a row of `punctual`; environments are not listed
     light_cdf: Array  # (L + 1,) f32: lights chosen by power, 0 ... 1
@@ -282,7 +284,8 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
     if len(texture) and not (
         texture[:, :3].min() >= 0
         and texture[:, 1:3].min() > 0
-        and (texture[:, 0] + texture[:, 1] * texture[:, 2]).max() <= lengths["Q"]
+        and (texture[:, 0] + texture[:, 1] * texture[:, 2] * np.where(texture[:, ENCODING] >= LINEAR_16, 2, 1)).max()
+        <= lengths["Q"]
     ):
         raise SceneError("a texture reaches beyond the texels")
     maps = arrays["emission_map"].astype(np.int64)

@@ -3,106 +3,92 @@
 from __future__ import annotations
 
 import io
-import tempfile
 import warnings
 from importlib import import_module
-from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
 from PIL import Image
 
 from renderer.errors import SceneError
+from renderer.image.kinds import IMAGE_SUFFIXES, KTX2, PILLOW, is_deep_png, suffix_of, targa_alpha
+from renderer.image.openimageio import Decoded, Limits, straightened, through_openimageio
 
-__all__ = ["IMAGE_SUFFIXES", "MAX_PIXELS", "read"]
+__all__ = ["IMAGE_SUFFIXES", "MAX_PIXELS", "Decoded", "decode", "read"]
 
 MAX_PIXELS = 1 << 26  # 8192 x 8192
-
-# Formats of 8 bits a channel. Pillow's others stay shut: some start programs (EPS), none is a texture.
-_PILLOW = {
-    ".png": "PNG",
-    ".jpg": "JPEG",
-    ".jpeg": "JPEG",
-    ".webp": "WEBP",
-    ".avif": "AVIF",
-    ".tga": "TGA",
-    ".bmp": "BMP",
-    ".gif": "GIF",
-}
-_OPENIMAGEIO = (".exr", ".hdr", ".pic", ".tif", ".tiff", ".pfm", ".ppm", ".pgm", ".dds", ".psd", ".jp2", ".sgi", ".rgb")
-_KTX2 = ".ktx2"
-IMAGE_SUFFIXES = (*_PILLOW, *_OPENIMAGEIO, _KTX2)
-
-_MAGIC = (
-    (b"\x89PNG\r\n\x1a\n", ".png"),
-    (b"\xff\xd8\xff", ".jpg"),
-    (b"\x76\x2f\x31\x01", ".exr"),
-    (b"#?RADIANCE", ".hdr"),
-    (b"#?RGBE", ".hdr"),
-    (b"GIF8", ".gif"),
-    (b"BM", ".bmp"),
-    (b"II*\x00", ".tif"),
-    (b"MM\x00*", ".tif"),
-    (b"DDS ", ".dds"),
-    (b"\xabKTX 20\xbb\r\n\x1a\n", _KTX2),
-)
+_LARGER = 8  # times MAX_PIXELS: environments up to this are averaged to fewer pixels
 
 
 def read(data: bytes, name: str) -> npt.NDArray[Any]:
-    """The pixels of an image, rows from the top: (h, w, 4) uint8, or (h, w, 3) float32 where the format holds floats.
+    """The pixels of an image, as `decode` gives them."""
+    return decode(data, name).pixels
 
-    `name` is said in errors and its suffix is believed only where the bytes do not say their format.
-    Raises SceneError where the bytes are no image of a known format, are damaged, or hold more than MAX_PIXELS.
+
+def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
+    """The pixels of an image, rows from the top, and what was guessed or changed.
+
+    (h, w, 4) uint8; (h, w, 4) uint16 where the format has more bits and they are used; (h, w, 3) float32, linear, where it holds
+    floats, or (h, w, 4) with alpha. Alpha is straight: colours are not multiplied by it.
+    `name` is said in errors. The format is found from the bytes alone.
+    is_environment: floats have no alpha, colours stay multiplied by it, and what has more than MAX_PIXELS becomes smaller.
+    Raises SceneError where the bytes are no image of a known format, are damaged, or hold too many pixels.
     """
-    suffix = _suffix(data, name)
-    if suffix not in IMAGE_SUFFIXES:
+    suffix = suffix_of(data)
+    if suffix is None:
         raise SceneError(f"{name}: is no image of a known format; give one of {', '.join(IMAGE_SUFFIXES)}")
+    limits = Limits(MAX_PIXELS * _LARGER if is_environment else MAX_PIXELS, MAX_PIXELS)
     try:
-        if suffix in _PILLOW:
-            return _through_pillow(data, name, _PILLOW[suffix])
-        if suffix == _KTX2:
-            return _through_basisu(data, name)
-        return _through_openimageio(data, name, suffix)
+        if suffix == KTX2:
+            return Decoded(_through_basisu(data, name, limits), [])
+        if suffix in PILLOW and not (suffix == ".png" and is_deep_png(data)):
+            return _through_pillow(data, name, suffix, limits)
+        found = through_openimageio(data, name, suffix, limits, straight=not is_environment)
     except (SceneError, MemoryError):
         raise
     except Image.DecompressionBombError as error:  # Pillow's own limit lies above ours, and is judged first
         raise SceneError(f"{name}: has too many pixels; at most {MAX_PIXELS >> 20} million fit. Give a smaller image") from error
     except Exception as error:  # the decoders raise nearly every type on damaged data
         raise SceneError(f"{name}: the image is damaged or not what its name says ({error}); export it again") from error
+    pixels = found.pixels
+    if is_environment and pixels.dtype == np.float32:
+        pixels = np.ascontiguousarray(pixels[..., :3])
+    return Decoded(_in_eight_bits(pixels) if pixels.dtype == np.uint16 else pixels, found.notes)
 
 
-def _suffix(data: bytes, name: str) -> str:
-    for magic, suffix in _MAGIC:
-        if data.startswith(magic):
-            return suffix
-    if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
-        return ".webp"
-    if data[4:12] in (b"ftypavif", b"ftypavis"):
-        return ".avif"
-    return PurePosixPath(name).suffix.lower()
+def _in_eight_bits(pixels: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Pixels of 16 bits as ones of 8, where these say the same."""
+    codes = (pixels >> 8).astype(np.uint8)
+    return codes if (pixels == codes.astype(np.uint16) * 257).all() else pixels
 
 
-def _check_size(name: str, width: int, height: int) -> None:
-    if width < 1 or height < 1 or width * height > MAX_PIXELS:
-        raise SceneError(f"{name}: is {width} x {height} pixels; at most {MAX_PIXELS >> 20} million fit. Give a smaller image")
-
-
-def _through_pillow(data: bytes, name: str, format: str) -> npt.NDArray[Any]:
+def _through_pillow(data: bytes, name: str, suffix: str, limits: Limits) -> Decoded:
+    notes = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        with Image.open(io.BytesIO(data), formats=(format,)) as image:
-            _check_size(name, *image.size)
-            if image.mode.startswith("I"):  # 16-bit grey
-                grey = (np.asarray(image).astype(np.uint32) >> 8).clip(0, 255).astype(np.uint8)
-                return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
-            if image.mode == "CMYK":
-                return np.array(image.convert("RGB").convert("RGBA"))
-            return np.array(image.convert("RGBA"))
+        with Image.open(io.BytesIO(data), formats=(PILLOW[suffix],)) as source:
+            factor = limits.factor(name, *source.size)
+            image: Image.Image = source
+            if source.mode == "CMYK":
+                image = source.convert("RGB")
+            if factor > 1:
+                image = image.convert("RGBA").reduce(factor)
+                notes.append(
+                    f"{name}: its {source.width} x {source.height} pixels are averaged to {image.width} x {image.height}, "
+                    f"as at most {limits.kept >> 20} million are kept; give it in that size to save time"
+                )
+            pixels = np.array(image.convert("RGBA"))
+    if suffix == ".tga":
+        alpha = targa_alpha(data)
+        if alpha == "none":
+            pixels[..., 3] = 255
+        elif alpha == "premultiplied":
+            pixels = straightened(pixels)
+    return Decoded(pixels, notes)
 
 
-def _through_basisu(data: bytes, name: str) -> npt.NDArray[Any]:
+def _through_basisu(data: bytes, name: str, limits: Limits) -> npt.NDArray[Any]:
     """A KTX 2 file of Basis Universal (ETC1S or UASTC), as KHR_texture_basisu has them."""
     try:
         basisu = import_module("opengl_basisu")  # an extra
@@ -110,50 +96,7 @@ def _through_basisu(data: bytes, name: str) -> npt.NDArray[Any]:
         raise SceneError(f"{name}: is a KTX2 image; install the package opengl_basisu, or give a PNG") from error
     if len(data) < 80:
         raise SceneError(f"{name}: the image is cut off; export it again")
-    _check_size(name, int.from_bytes(data[20:24], "little"), max(int.from_bytes(data[24:28], "little"), 1))
+    size = int.from_bytes(data[20:24], "little"), max(int.from_bytes(data[24:28], "little"), 1)
+    Limits(limits.kept, limits.kept).factor(name, *size)
     image = basisu.open(data).transcode("rgba8", level=0)
     return np.array(image.data, np.uint8)
-
-
-def _through_openimageio(data: bytes, name: str, suffix: str) -> npt.NDArray[Any]:
-    # OpenImageIO's Python module reads named files only.
-    with tempfile.TemporaryDirectory(prefix="rayfarm-") as folder:
-        path = Path(folder) / f"image{suffix}"
-        path.write_bytes(data)
-        source = oiio.ImageInput.open(str(path))
-        if source is None:
-            raise SceneError(f"{name}: the image is damaged or not what its name says ({_error(oiio, path)}); export it again")
-        try:
-            spec = source.spec()
-            _check_size(name, spec.width, spec.height)
-            if spec.nchannels < 1 or spec.nchannels > 64 or spec.depth > 1:
-                raise SceneError(f"{name}: has {spec.nchannels} channels; give a plain RGB, RGBA or grey image")
-            floats = spec.format.basetype in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
-            channels = _colour_channels(list(spec.channelnames), spec.nchannels)
-            first, last = min(channels), max(channels) + 1
-            pixels = source.read_image(0, 0, first, last, oiio.FLOAT if floats else oiio.UINT8)
-            if pixels is None:
-                raise SceneError(f"{name}: the image is damaged ({_error(source, path)}); export it again")
-        finally:
-            source.close()
-    pixels = np.asarray(pixels).reshape(spec.height, spec.width, last - first)[..., [c - first for c in channels]]
-    if floats:
-        return np.nan_to_num(pixels[..., :3].astype(np.float32), nan=0.0, posinf=65504.0, neginf=0.0)
-    opaque = np.full((*pixels.shape[:2], 1), 255, np.uint8)
-    return np.ascontiguousarray(pixels if pixels.shape[2] == 4 else np.concatenate([pixels, opaque], axis=2))
-
-
-def _colour_channels(names: list[str], count: int) -> list[int]:
-    """Which channels are red, green, blue (and alpha), by name where the names say so, else by place."""
-    lower = [n.lower() for n in names]
-    if all(c in lower for c in "rgb"):
-        rgb = [lower.index(c) for c in "rgb"]
-        return [*rgb, lower.index("a")] if "a" in lower else rgb
-    if count < 3:
-        return [0, 0, 0, 1] if count == 2 else [0, 0, 0]
-    return list(range(min(count, 4)))
-
-
-def _error(source: Any, path: Path) -> str:
-    lines = str(source.geterror()).replace(str(path), path.name).strip().splitlines()
-    return lines[0] if lines else "no reason given"

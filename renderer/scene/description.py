@@ -58,7 +58,10 @@ UvTransform = tuple[float, float, float, float, float, float]
 
 @dataclass
 class Image:
-    """Pixels (h, w, 4) uint8 (colour is sRGB-encoded where `srgb`), or (h, w, 3) float32 linear for HDR."""
+    """Pixels (h, w, 4) uint8 or uint16 (colour is sRGB-encoded where `srgb`), or (h, w, 3 or 4) float32, linear, for HDR.
+
+    Alpha is straight. Floats of an image that is not `srgb` are data (normals, heights, roughness).
+    """
 
     name: str
     pixels: npt.NDArray[Any]

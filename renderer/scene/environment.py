@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from renderer.arrays.scene import CompiledScene
-from renderer.image.tonemap import decode_srgb
 from renderer.luminance import luminance
 from renderer.scene.cutpoints import cutpoints
 from renderer.scene.description import F32, Environment, SceneDescription
 from renderer.scene.lights import cumulative
+from renderer.scene.readers.linear import linear
 from renderer.scene.sky import Sun, image_of_sky, sun_of_sky
 
 __all__ = [
@@ -79,8 +80,8 @@ def _radiance(description: SceneDescription, source: Environment, color: np.ndar
         pixels = image_of_sky(source.sky)
     elif source.image is not None:
         pixels = description.images[source.image].pixels
-        if pixels.dtype == np.uint8:
-            pixels = _linear(pixels[..., :3])
+        if pixels.dtype != np.float32:
+            pixels = linear(replace(description.images[source.image], srgb=True))
     else:
         return np.minimum(color, _MAX_RADIANCE).astype(np.float32).reshape(1, 1, 3)
     with np.errstate(over="ignore"):
@@ -200,8 +201,3 @@ def are_accents(lights_power: float, bounds: F32) -> bool:
 def _sky_power(bounds: F32) -> float:
     radius = 0.5 * float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0]))
     return np.pi * np.pi * radius * radius
-
-
-def _linear(encoded: np.ndarray) -> np.ndarray:
-    table = decode_srgb((np.arange(256) / 255.0).astype(np.float32)).astype(np.float32)
-    return table[encoded]

@@ -157,9 +157,10 @@ def light_with(files: SceneFiles, name: str, description: SceneDescription) -> N
     found = files.find(name, ".")
     if found is None:
         raise SceneError(f"{name}: the environment is not among the scene's files; add it")
-    image = shelf.image_file(found)
+    image = shelf.environment_file(found)
     if image is None:
-        raise SceneError(f"{name}: the environment could not be read; give an .exr or .hdr image in equirectangular projection")
+        reason = description.warnings[-1].partition(";")[0] if description.warnings else name
+        raise SceneError(f"The environment cannot be read: {reason}; give an .exr or .hdr image in equirectangular projection")
     description.environment = Environment(image=image)
 
 

@@ -6,14 +6,28 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from renderer.arrays.rows import ABOVE, BLEND, GAIN, NEAREST, SRGB, TEXTURE_COLUMNS, TRANSFORM_COLUMNS, UV_SET
+from renderer.arrays.rows import (
+    ABOVE,
+    BLEND,
+    ENCODING,
+    GAIN,
+    HALF_16,
+    HALF_GAIN,
+    LINEAR_8,
+    LINEAR_16,
+    NEAREST,
+    SRGB_8,
+    TEXTURE_COLUMNS,
+    TRANSFORM_COLUMNS,
+    UV_SET,
+)
 from renderer.errors import SceneError
-from renderer.image.tonemap import decode_srgb, encode_srgb
+from renderer.image.tonemap import decode_srgb
 from renderer.kernel.light.mean_emission import mean_texels
 from renderer.kernel.material.blend import OPERATIONS
 from renderer.kernel.material.texture import CLAMP, MIRROR, REPEAT
 from renderer.luminance import luminance
-from renderer.scene.description import F32, I32, SceneDescription, Texture, UvTransform
+from renderer.scene.description import F32, I32, Image, SceneDescription, Texture, UvTransform
 
 __all__ = ["MAX_EMISSION", "Texels"]
 
@@ -22,6 +36,7 @@ _PATCHES = 32  # a side of the square over which a stack's mean is taken
 _LEAST_MEAN = 1e-4  # so that a bright spot between the points that are looked at does not go unsampled
 _WRAPS = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP}
 _MAX_TEXELS = (1 << 31) - 1
+_BAND = 1 << 22  # pixels that are encoded at a time
 _MOST_TRANSFORMED = 1e30  # beyond, float32 ends; nobody can tell such textures from one another
 
 
@@ -39,13 +54,14 @@ class Texels:
         self._textures: dict[tuple[int, bool], tuple[int, float]] = {}  # to row, scale
         self._block_of_row: list[int] = []
         self._means: dict[int, float] = {}  # of stacks by their first rows
-        self._block_means: dict[tuple[int, bool], float] = {}
+        self._block_means: dict[tuple[int, int], float] = {}
 
     def add(self, index: int, light: bool = False) -> tuple[int, float]:
         """The row of a texture, its layers behind it, and what its texels are to be multiplied by.
 
-        Texels have 8 bits. An HDR image of `light` shines undimmed: it is divided by its maximum, which is returned; of a
-        stack each row multiplies its own, and 1 is returned. In others it is clipped at 1, for no surface reflects more.
+        Texels have 8 bits where the image has, else 16. An HDR image of `light` shines undimmed: it is divided by its maximum,
+        which is returned; of a stack each row multiplies its own, and 1 is returned. In others it is clipped at 1, for no
+        surface reflects more.
         Raises SceneError where texels are too many.
         """
         if (index, light) not in self._textures:
@@ -67,9 +83,9 @@ class Texels:
     def mean_luminance(self, row: int) -> float:
         """The mean linear luminance of a row's texels, 0..1; of a stack, over the square 0..1 of UVs and never quite 0."""
         if self._rows[row][ABOVE] < 0:
-            key = self._block_of_row[row], bool(self._rows[row][SRGB])
+            key = self._block_of_row[row], self._rows[row][ENCODING]
             if key not in self._block_means:
-                self._block_means[key] = _mean_luminance(self._blocks[key[0]], srgb=key[1])
+                self._block_means[key] = _mean_luminance(self._blocks[key[0]], key[1])
             return self._block_means[key]
         if row not in self._means:
             uv, triangle = _patches()
@@ -86,11 +102,11 @@ class Texels:
     def _append(self, texture: Texture, light: bool) -> float:
         """Adds a row for one texture; its texels' scale."""
         image = self._description.images[texture.image]
-        floats = image.pixels.dtype != np.uint8
-        first, block, scale = self._place(texture.image, light and floats)
+        scaled = light and image.pixels.dtype == np.float32
+        first, block, scale = self._place(texture.image, scaled)
         height, width = image.pixels.shape[:2]
         wraps = _WRAPS[texture.wrap_s], _WRAPS[texture.wrap_t]
-        self._rows.append([first, width, height, *wraps, int(image.srgb or floats), texture.uv_set, -1, 0, 0])
+        self._rows.append([first, width, height, *wraps, _encoding(image, scaled), texture.uv_set, -1, 0, 0])
         self._rows[-1][NEAREST] = int(texture.filter == "nearest")
         self._transforms.append((*texture.transform, 1.0, 1.0, 1.0))
         self._keys.append(texture.keys)
@@ -130,11 +146,12 @@ class Texels:
 
     def _place(self, index: int, scaled: bool) -> tuple[int, int, float]:
         if (index, scaled) not in self._images:
-            pixels = self._description.images[index].pixels
+            image = self._description.images[index]
+            pixels = image.pixels
             scale = max(float(pixels.max(initial=0)), 1e-6) if scaled else 1.0
             if pixels.dtype != np.uint8:
-                pixels = _to_rgba8(pixels / np.float32(scale))
-            if self._count + pixels.shape[0] * pixels.shape[1] > _MAX_TEXELS:
+                pixels = _in_16_bits(image, scale, _encoding(image, scaled))
+            if self._count + pixels.size // 4 > _MAX_TEXELS:
                 raise SceneError("The scene's textures hold more than 2 billion texels; make them smaller")
             self._images[index, scaled] = (self._count, len(self._blocks), scale)
             self._blocks.append(np.ascontiguousarray(pixels).reshape(-1, 4))
@@ -155,13 +172,48 @@ def _most(light: bool) -> float:
     return MAX_EMISSION if light else 1.0
 
 
-def _to_rgba8(rgb: np.ndarray) -> np.ndarray:
-    encoded = (encode_srgb(np.clip(rgb, 0, 1)) * 255 + 0.5).astype(np.uint8)
-    return np.concatenate([encoded, np.full((*encoded.shape[:2], 1), 255, np.uint8)], axis=2)
+def _encoding(image: Image, scaled: bool) -> int:
+    """How the texels of an image are stored: light and colours with a constant relative precision, data with an absolute one."""
+    if image.pixels.dtype == np.uint8:
+        return SRGB_8 if image.srgb else LINEAR_8
+    return HALF_16 if image.srgb or scaled else LINEAR_16
 
 
-def _mean_luminance(texels: np.ndarray, srgb: bool) -> float:
+def _in_16_bits(image: Image, scale: float, encoding: int) -> np.ndarray:
+    """(2 h w, 4) uint8: codes of an image that has more than 8 bits, divided by a scale."""
+    height, width = image.pixels.shape[:2]
+    codes = np.full((height, width, 4), 0 if encoding == HALF_16 else 65535, "<u2")
+    step = max(1, _BAND // max(width, 1))
+    for top in range(0, height, step):
+        rows = slice(top, top + step)
+        values = _linear(image.pixels[rows], image.srgb)
+        values[..., :3] = np.clip(values[..., :3] / np.float32(scale), 0, 1)
+        if encoding == HALF_16:
+            codes[rows] = (values * np.float32(HALF_GAIN)).astype("<f2").view("<u2")
+        else:
+            codes[rows] = np.rint(np.clip(values, 0, 1) * 65535)
+    return codes.view(np.uint8).reshape(-1, 4)
+
+
+def _linear(pixels: np.ndarray, srgb: bool) -> F32:
+    """(h, w, 4) float32 of pixels of uint16 or float32."""
+    values = np.ones((*pixels.shape[:2], 4), np.float32)
+    if pixels.dtype == np.uint16:
+        values[:] = pixels.astype(np.float32) / np.float32(65535)
+        if srgb:
+            values[..., :3] = decode_srgb(values[..., :3])
+    else:
+        values[..., : pixels.shape[2]] = pixels
+        np.clip(values[..., 3], 0, 1, out=values[..., 3])
+    return values
+
+
+def _mean_luminance(texels: np.ndarray, encoding: int) -> float:
+    if encoding in (LINEAR_16, HALF_16):
+        codes = texels.view("<u2" if encoding == LINEAR_16 else "<f2").reshape(-1, 4)
+        gain = 65535.0 if encoding == LINEAR_16 else HALF_GAIN
+        return float(luminance(codes[:, :3].mean(axis=0, dtype=np.float64) / gain)) if len(codes) else 0.0
     counts = np.stack([np.bincount(texels[:, c], minlength=256) for c in range(3)], axis=1)
     level = np.arange(256) / 255.0
-    linear = decode_srgb(level) if srgb else level
+    linear = decode_srgb(level) if encoding == SRGB_8 else level
     return float(luminance((linear @ counts) / max(len(texels), 1)))

@@ -52,6 +52,21 @@ class TextureShelf:
                 self.warn_of_surface(f"{error}; rendered without it.")
         return self._images[key]
 
+    def environment_file(self, name: str, data: Callable[[], bytes] | None = None) -> int | None:
+        """The image in a file of the scene as light from all around: colours as they are, smaller where it is too large.
+
+        data: reads it where it is no file of its own. May raise SceneError.
+        """
+        key = (f"\0environment {name}", False)
+        if key not in self._images:
+            try:
+                pixels = self._pixels(key[0], name, data or (lambda: self._files.read(name)), is_environment=True)
+                self._images[key] = self.add(Image(name, pixels))
+            except SceneError as error:
+                self._images[key] = None
+                self.warn_of_surface(f"{error}; the light from all around is left out.")
+        return self._images[key]
+
     def image_bytes(self, name: str, data: bytes, srgb: bool = True) -> int | None:
         """The image that a scene file holds inside itself; `name` tells it from the others."""
         return self.image_made(name, lambda: data, srgb)
@@ -67,8 +82,16 @@ class TextureShelf:
                 self.warn_of_surface(f"{error}; rendered without it.")
         return self._images[key]
 
-    def _pixels(self, key: str, name: str, data: Callable[[], bytes]) -> npt.NDArray[Any]:
-        return self._files.recall(("pixels", key), lambda: read.read(data(), name))
+    @property
+    def last_warning(self) -> str:
+        """The sentence that was added last."""
+        return self._description.warnings[-1] if self._description.warnings else ""
+
+    def _pixels(self, key: str, name: str, data: Callable[[], bytes], is_environment: bool = False) -> npt.NDArray[Any]:
+        decoded: read.Decoded = self._files.recall(("pixels", key), lambda: read.decode(data(), name, is_environment))
+        for note in decoded.notes:
+            self.warn_of_surface(f"{note}.")
+        return decoded.pixels
 
     def texture(
         self,
@@ -161,12 +184,12 @@ class TextureShelf:
             return None, UNMOVED
 
         def make() -> npt.NDArray[Any]:
-            return side_by_side({number: read.read(self._files.read(name), name) for number, name in tiles.items()})
+            return side_by_side({number: read.read(self._files.read(name), name) for number, name in tiles.items()}, srgb)
 
         key = (f"\0tiles {tiles}", srgb)
         if key not in self._images:
             try:
-                pixels = self._files.recall(("tiles", tuple(tiles.values())), make)
+                pixels = self._files.recall(("tiles", tuple(tiles.values()), srgb), make)
                 self._images[key] = self.add(Image(reference, pixels, srgb))
             except SceneError as error:
                 self._images[key] = None

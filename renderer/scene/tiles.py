@@ -36,11 +36,13 @@ def tiles_of(reference: str, find: Callable[[str], str | None]) -> dict[int, str
     return {number: name for number, name in names if name is not None}
 
 
-def side_by_side(tiles: dict[int, npt.NDArray[Any]]) -> npt.NDArray[Any]:
-    """One image of tiles, each as large as the largest; black where there is none. tiles: pixels, sRGB where they have 8 bits."""
+def side_by_side(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> npt.NDArray[Any]:
+    """One image of tiles, each as large as the largest; black where there is none.
+
+    tiles: pixels as an `Image` holds them. srgb: integers among them are sRGB-encoded.
+    """
     across, up = _extent(tiles)
-    if any(pixels.dtype != np.uint8 for pixels in tiles.values()):
-        tiles = {number: _linear(pixels) for number, pixels in tiles.items()}
+    tiles = _of_one_kind(tiles, srgb)
     height, width = (max(pixels.shape[k] for pixels in tiles.values()) for k in (0, 1))
     height, width = min(height, MAX_ATLAS // up), min(width, MAX_ATLAS // across)
     first = next(iter(tiles.values()))
@@ -63,9 +65,26 @@ def _extent(numbers: dict[int, Any]) -> tuple[int, int]:
     return max((n - _FIRST) % 10 for n in numbers) + 1, max((n - _FIRST) // 10 for n in numbers) + 1
 
 
-def _linear(pixels: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
-    values = pixels[..., :3]
-    return np.asarray(decode_srgb(values / np.float32(255)) if pixels.dtype == np.uint8 else values, np.float32)
+def _of_one_kind(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> dict[int, npt.NDArray[Any]]:
+    """The tiles with one dtype: the one with the most digits among them."""
+    kinds = {pixels.dtype for pixels in tiles.values()}
+    if len(kinds) == 1 and len({pixels.shape[2] for pixels in tiles.values()}) == 1:
+        return tiles
+    if np.dtype(np.float32) in kinds:
+        return {number: _linear(pixels, srgb) for number, pixels in tiles.items()}
+    wide = np.uint16(257)  # the code of 16 bits for 1 of 8
+    return {number: pixels if pixels.dtype == np.uint16 else pixels.astype(np.uint16) * wide for number, pixels in tiles.items()}
+
+
+def _linear(pixels: npt.NDArray[Any], srgb: bool) -> npt.NDArray[np.float32]:
+    """(h, w, 4) linear colours with straight alpha."""
+    found = np.ones((*pixels.shape[:2], 4), np.float32)
+    found[..., : pixels.shape[2]] = pixels
+    if np.issubdtype(pixels.dtype, np.integer):
+        found /= np.float32(np.iinfo(pixels.dtype).max)
+        if srgb:
+            found[..., :3] = decode_srgb(found[..., :3])
+    return found
 
 
 def composed(inner: UvTransform, outer: UvTransform) -> UvTransform:

@@ -27,6 +27,8 @@ ROWS = 64
 def as_film(image: Path, name: str, film: Path) -> dict[str, object]:
     """Write the film; its size, whether it is display-referred, and how many pixels are changed. Raises SceneError."""
     pixels = read(image.read_bytes(), name)
+    if pixels.dtype == np.uint16:
+        pixels = (pixels >> 8).astype(np.uint8)  # as screens show it
     height, width = pixels.shape[:2]
     if max(width, height) > 0xFFFF:
         raise SceneError(f"{name}: is {width}x{height}; a side has at most 65535 pixels")

@@ -10,7 +10,7 @@ import numpy as np
 
 from renderer.errors import SceneError
 from renderer.image import encode
-from renderer.image.read import read
+from renderer.image.read import decode
 from worker.exchange.patience import patiently
 from worker.process.context import WorkerContext
 from worker.protocol.contract import BlobRef, Manifest, ShowEnvironment
@@ -43,15 +43,15 @@ def show_environment(worker: WorkerContext, work: ShowEnvironment) -> dict[str, 
 
 
 def _pixels(folder: Path, path: str) -> np.ndarray:
-    pixels = read((folder / path).read_bytes(), path)
+    pixels = decode((folder / path).read_bytes(), path, is_environment=True).pixels
     height, width = pixels.shape[:2]
     if not NARROWEST < width / height < WIDEST:
         raise SceneError(
             f"{path}: is {width}x{height}; an environment shows all directions, and so is twice as wide as high "
             "(equirectangular, also called latitude-longitude)"
         )
-    if pixels.dtype == np.uint8:
-        pixels = (pixels[..., :3].astype(np.float32) / 255) ** 2.2
+    if pixels.dtype != np.float32:
+        pixels = (pixels[..., :3].astype(np.float32) / np.iinfo(pixels.dtype).max) ** 2.2
     if not np.isfinite(pixels[..., :3]).any() or not pixels[..., :3].any():
         raise SceneError(f"{path}: is black all over; it lights nothing")
     return np.asarray(pixels[..., :3])

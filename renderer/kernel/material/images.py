@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arrays.rows import ABOVE, NEAREST, TEXTURE_COLUMNS, TRANSFORM_COLUMNS
+from renderer.arrays.rows import ENCODING, LINEAR_16, NEAREST, TEXTURE_COLUMNS, TRANSFORM_COLUMNS
 from renderer.jit import device
 from renderer.kernel.fetch import columns
 from renderer.kernel.material.texture import CLAMP, DECODED, LARGE, MIRROR
@@ -16,7 +16,7 @@ from renderer.kernel.polynomial import floor
 from renderer.wide.rows import words
 from renderer.wide.values import any_of, as_wide, lookup, not_, to_float, to_int, where
 
-__all__ = ["image_colors", "is_layered"]
+__all__ = ["image_colors", "is_rare"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -26,14 +26,16 @@ _NEXT = np.uint32(1)
 _CLAMP, _MIRROR = np.uint32(CLAMP), np.uint32(MIRROR)
 _NO_LAYER = np.uint32(2**32 - 1)
 _CODE = np.uint32(255)
+_SIXTEEN_BITS = np.uint32(LINEAR_16)
 _BYTE, _TWO_BYTES = np.uint32(8), np.uint32(16)
 _CODES = np.uint32(256)
 
 
 @device
-def is_layered(scene, number):
-    """Which of eight textures have others on them."""
-    return not_(columns(scene.texture, number, TEXTURE_COLUMNS, ABOVE, 1)[0] == _NO_LAYER)
+def is_rare(scene, number):
+    """Which of eight textures have others on them, or texels of 16 bits a channel: `image_colors` reads neither."""
+    encoding, _, above = columns(scene.texture, number, TEXTURE_COLUMNS, ENCODING, 3)
+    return not_((above == _NO_LAYER) & (encoding < _SIXTEEN_BITS))
 
 
 @device

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arrays.rows import ABOVE, BLEND, GAIN, MOST, NEAREST, SRGB, STRENGTH, UV_SET
+from renderer.arrays.rows import ABOVE, BLEND, ENCODING, GAIN, HALF_GAIN, LINEAR_16, MOST, NEAREST, SRGB_8, STRENGTH, UV_SET
 from renderer.bvh.motion import step_at
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.material.blend import blended
@@ -21,6 +21,10 @@ _LINEAR = _CODES.astype(np.float32)  # decoded value of each code
 _SRGB = np.where(_CODES <= 0.04045, _CODES / 12.92, ((_CODES + 0.055) / 1.055) ** 2.4).astype(np.float32)  # IEC 61966-2-1
 DECODED = np.concatenate([_LINEAR, _SRGB])  # both
 _HALF = np.float32(0.5)
+_CODES_16 = np.float32(1 / 65535)
+# The bits of a half, moved to where float32 has them, are its value by 2**(127 - 15).
+_HALVES = np.float32(2.0**112 / HALF_GAIN)
+_UNSIGNED, _TO_MANTISSA = np.int32(0x7FFF), np.int32(13)
 LARGE = np.float32(1e6)  # texels: beyond, float32 has none left to mix
 
 
@@ -48,6 +52,35 @@ def _decoded(texel, place, srgb):
 @device
 def _mix(a, b, t):
     return a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2]), a[3] + t * (b[3] - a[3])
+
+
+@device
+def _code(texel, row, column):
+    return np.int32(texel[row, column]) | (np.int32(texel[row, column + 1]) << np.int32(8))
+
+
+@device
+def _decoded_16(texel, first, place, encoding):
+    """Linear RGBA of a texel of 16 bits a channel. place: of its first row, if each took one."""
+    row = first + np.int64(2) * (place - first)
+    r, g, b, a = _code(texel, row, 0), _code(texel, row, 2), _code(texel, row + 1, 0), _code(texel, row + 1, 2)
+    if encoding == LINEAR_16:
+        return np.float32(r) * _CODES_16, np.float32(g) * _CODES_16, np.float32(b) * _CODES_16, np.float32(a) * _CODES_16
+    return _from_half(r), _from_half(g), _from_half(b), _from_half(a)
+
+
+@device
+def _from_half(code):
+    return np.int32((code & _UNSIGNED) << _TO_MANTISSA).view(np.float32) * _HALVES
+
+
+@subroutine
+def _mixed_16(texel, first, a, b, c, d, s, t, encoding):
+    """The mean of four texels of 16 bits a channel, which are rare."""
+    out_of_line()
+    above = _mix(_decoded_16(texel, first, a, encoding), _decoded_16(texel, first, b, encoding), s)
+    below = _mix(_decoded_16(texel, first, c, encoding), _decoded_16(texel, first, d, encoding), s)
+    return _mix(above, below, t)
 
 
 @device
@@ -80,7 +113,8 @@ def _look_up_image(texture, transform, texel, number, uv, uv1, keys, time):
     first = np.int64(texture[number, 0])
     width = np.int64(texture[number, 1])
     height = np.int64(texture[number, 2])
-    srgb = texture[number, SRGB] != 0
+    encoding = texture[number, ENCODING]
+    srgb = encoding == SRGB_8
     second = texture[number, UV_SET] != 0
     u = uv1[0] if second else uv[0]
     v = uv1[1] if second else uv[1]
@@ -103,6 +137,8 @@ def _look_up_image(texture, transform, texel, number, uv, uv1, keys, time):
     x1 = _wrap(left + 1, width, texture[number, 3])
     y0 = first + width * _wrap(upper, height, texture[number, 4])
     y1 = first + width * _wrap(upper + 1, height, texture[number, 4])
+    if encoding >= LINEAR_16:
+        return _mixed_16(texel, first, y0 + x0, y0 + x1, y1 + x0, y1 + x1, s, t, encoding)
     above = _mix(_decoded(texel, y0 + x0, srgb), _decoded(texel, y0 + x1, srgb), s)
     below = _mix(_decoded(texel, y1 + x0, srgb), _decoded(texel, y1 + x1, srgb), s)
     return _mix(above, below, t)

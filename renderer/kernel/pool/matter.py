@@ -30,7 +30,7 @@ from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import columns
 from renderer.kernel.integrators.transport import COLOR_BLOCK, PASSING_BLOCK, absorbed
-from renderer.kernel.material.images import image_colors, is_layered
+from renderer.kernel.material.images import image_colors, is_rare
 from renderer.kernel.material.material import colored_index, opacity, texture_factors
 from renderer.kernel.material.normal_map import bent_frame
 from renderer.kernel.pool.rows import AXES, MAPPED, MATTER, PLACE, few, write
@@ -146,9 +146,7 @@ def _texture_factors(scene, surface, textured, time):
     base = u32(lookup(scene.material_texture, slots + np.uint32(BASE_TEXTURE)))
     other = u32(lookup(scene.material_texture, slots + np.uint32(METALLIC_ROUGHNESS_TEXTURE)))
     of_base, of_other = textured & (base != _NO_TEXTURE), textured & (other != _NO_TEXTURE)
-    stacked = of_base & is_layered(scene, where(of_base, base, _NONE)) | of_other & is_layered(
-        scene, where(of_other, other, _NONE)
-    )
+    stacked = of_base & is_rare(scene, where(of_base, base, _NONE)) | of_other & is_rare(scene, where(of_other, other, _NONE))
     if any_of(stacked) or _textures_move(scene, time):
         return each_lane(texture_factors, textured, (scene, surface.material, surface.uv, surface.uv1, time))
     _, roughness, metallic = _image_factors(scene, other, of_other, surface)

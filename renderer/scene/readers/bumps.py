@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import F32, Image, Mesh, Texture
-from renderer.scene.readers.linear import linear
+from renderer.scene.readers.linear import encoded, linear
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["MOST_STRENGTH", "BumpMaps", "Bumps", "rounded", "spans_of"]
@@ -103,7 +103,7 @@ class BumpMaps:
         if not (size > 0 and math.isfinite(size)):
             return None
         what = f"normals of heights {step} {texture.transform} {texture.wrap_s} {texture.wrap_t}"
-        made = self._shelf.derived(heights, what, lambda it: _encoded(f"{it.name} as normals", slopes / np.float32(size)))
+        made = self._shelf.derived(heights, what, lambda it: _as_normals(it, slopes / np.float32(size)))
         return None if made is None else (made, size)
 
 
@@ -125,10 +125,9 @@ def _differences(height: F32, axis: int, repeats: bool) -> F32:
     return np.asarray(np.gradient(height, axis=axis))
 
 
-def _encoded(name: str, slopes: F32) -> Image:
-    """Slopes as glTF's normals: green is up the picture."""
+def _as_normals(heights: Image, slopes: F32) -> Image:
+    """Slopes as glTF's normals: green is up the picture. As precise as the heights are."""
     normals = np.stack([-slopes[..., 0], slopes[..., 1], np.ones(slopes.shape[:2], np.float32)], axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    pixels = np.full((*slopes.shape[:2], 4), 255, np.uint8)
-    pixels[..., :3] = np.rint((0.5 + 0.5 * normals) * 255)
-    return Image(name, pixels, srgb=False)
+    values = np.concatenate([0.5 + 0.5 * normals, np.ones_like(normals[..., :1])], axis=-1)
+    return Image(f"{heights.name} as normals", encoded(values, heights), srgb=False)

@@ -1,4 +1,4 @@
-"""What readers of polygon files share: faces as triangles without lost vertices, values at corners, colours as codes."""
+"""What readers of polygon files share: faces as triangles without lost vertices, values at corners, colours as fractions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from renderer.scene.polygons import Cut, triangulate
 from renderer.scene.textures import TextureShelf
 from renderer.scene.unique import unique_corners, used_among
 
-__all__ = ["codes", "filled", "of_triangles", "split", "used"]
+__all__ = ["filled", "fractions", "of_triangles", "split", "used"]
 
 Array = npt.NDArray[Any]
 
@@ -76,10 +76,10 @@ def split(mesh: Mesh, uvs: F32 | None, colors: F32 | None) -> Mesh:
     return Mesh(mesh.name, mesh.positions[at], triangles, normals, pick(mesh.uvs, uvs), colors=pick(mesh.colors, colors))
 
 
-def codes(values: Array) -> npt.NDArray[np.uint8]:
-    """Colours of 8 bits: of bytes; of numbers of 16 bits, by their range; of fractions, up to 1 unless some are larger."""
+def fractions(values: Array) -> F32:
+    """Colours from 0 to 1: of bytes; of numbers of 16 bits, by their range; of fractions, up to 1 unless some are larger."""
     if values.dtype.kind != "f":
         most = float(np.iinfo(values.dtype).max) if values.dtype.itemsize == 2 else 255.0
     else:
         most = 255.0 if values.max(initial=0.0) > 1.0 else 1.0
-    return np.rint(np.clip(np.nan_to_num(values.astype(np.float64) / most), 0, 1) * 255).astype(np.uint8)
+    return np.clip(np.nan_to_num(values.astype(np.float64) / most), 0, 1).astype(np.float32)

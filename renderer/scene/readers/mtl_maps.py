@@ -7,10 +7,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.image.tonemap import decode_srgb, encode_srgb
 from renderer.scene.description import Image, TextureLayer, UvTransform, Vec3, Wrap
+from renderer.scene.readers.linear import Codes, alike, alpha, codes, encoded, linear, most
 from renderer.scene.textures import UNMOVED, TextureShelf
 
 __all__ = [
@@ -146,7 +146,7 @@ def _is_number(word: str) -> bool:
 
 def holds_normals(image: Image) -> bool:
     """Whether an image looks like a normal map: bluish, and its red and green even out. Heights are grey."""
-    mean = image.pixels[..., :3].reshape(-1, 3).mean(axis=0) / (255.0 if image.pixels.dtype == np.uint8 else 1.0)
+    mean = image.pixels[..., :3].reshape(-1, 3).mean(axis=0, dtype=np.float64) / most(image.pixels)
     return bool(mean[2] > 0.65 and abs(mean[0] - 0.5) < 0.15 and abs(mean[1] - 0.5) < 0.15)
 
 
@@ -155,11 +155,13 @@ def with_decal(shelf: TextureShelf, texture: int | None, decal: int, color: Vec3
 
     Source: the specification of `decal`: the texture's colour times the decal, plus the material's times 1 - decal.
     """
-    codes = np.rint(encode_srgb(np.array(color, np.float32)) * 255).astype(np.uint8)
+    srgb = encode_srgb(np.array(color, np.float32))
 
     def make(image: Image) -> Image:
-        hidden = 255 - _scalar(image)
-        return Image(f"{image.name} as a decal", np.dstack([np.broadcast_to(codes, (*hidden.shape, 3)), hidden]))
+        shown = _scalar(image)
+        painted = np.rint(srgb * most(shown)).astype(shown.dtype)
+        hidden = np.iinfo(shown.dtype).max - shown
+        return Image(f"{image.name} as a decal", np.dstack([np.broadcast_to(painted, (*hidden.shape, 3)), hidden]))
 
     over = shelf.derived(decal, f"decal on {color}", make)
     return texture if over is None else shelf.stacked(texture, (TextureLayer(over),))
@@ -169,10 +171,15 @@ def with_opacity(shelf: TextureShelf, color: int | None, opacity: int) -> int | 
     """A texture with one's colour, white where None, and the opacity that another shows: its alpha where it has some."""
 
     def make(image: Image, mask: Image) -> Image:
-        pixels = _rgba8(image).copy()
-        pixels[..., 3] = _resized(_scalar(mask), pixels.shape)
+        if color is not None and image.pixels.dtype == np.float32:
+            shown = _resized(_scalar(mask), image.pixels.shape)
+            pixels = np.dstack([image.pixels[..., :3], (shown / np.float32(most(shown))).astype(np.float32)])
+            return Image(f"{image.name} with opacity", pixels, image.srgb)
+        own, shown = alike(codes(image), _scalar(mask))
+        pixels = own.copy()
+        pixels[..., 3] = _resized(shown, pixels.shape)
         if color is None:
-            pixels[..., :3] = 255
+            pixels[..., :3] = np.iinfo(pixels.dtype).max
         return Image(f"{image.name} with opacity", pixels, image.srgb)
 
     return shelf.combined(opacity if color is None else color, opacity, "colour and opacity", make)
@@ -184,12 +191,12 @@ def with_roughness_and_metal(shelf: TextureShelf, roughness: int | None, metal: 
         return None
 
     def make(first: Image, second: Image) -> Image:
-        base = _rgba8(first)
-        pixels = np.full_like(base, 255)
+        base, other = alike(codes(first), codes(second))
+        pixels = np.full_like(base, np.iinfo(base.dtype).max)
         if roughness is not None:
             pixels[..., 1] = base[..., 0]
         if metal is not None:
-            pixels[..., 2] = _resized(_rgba8(second)[..., 0], pixels.shape)
+            pixels[..., 2] = _resized(other[..., 0], pixels.shape)
         return Image(f"{first.name} as roughness and metal", pixels, srgb=False)
 
     one, other = (metal if roughness is None else roughness), (roughness if metal is None else metal)
@@ -201,7 +208,11 @@ def as_alpha(shelf: TextureShelf, texture: int | None) -> int | None:
 
     def make(image: Image) -> Image:
         grey = _scalar(image)
-        return Image(f"{image.name} as alpha", np.dstack([np.full((*grey.shape, 3), 255, np.uint8), grey]), srgb=False)
+        return Image(
+            f"{image.name} as alpha",
+            np.dstack([np.full((*grey.shape, 3), np.iinfo(grey.dtype).max, grey.dtype), grey]),
+            srgb=False,
+        )
 
     return shelf.derived(texture, "as alpha", make)
 
@@ -210,8 +221,8 @@ def inverted(shelf: TextureShelf, texture: int | None) -> int | None:
     """A texture of data with 1 less what another shows: roughness of gloss."""
 
     def make(image: Image) -> Image:
-        pixels = _rgba8(image).copy()
-        pixels[..., :3] = 255 - pixels[..., :3]
+        pixels = codes(image).copy()
+        pixels[..., :3] = np.iinfo(pixels.dtype).max - pixels[..., :3]
         return Image(f"{image.name} inverted", pixels, srgb=False)
 
     return shelf.derived(texture, "inverted", make)
@@ -233,33 +244,31 @@ def _spanned(image: Image, span: tuple[float, float]) -> Image:
     """An image whose linear values are moved and stretched."""
     base, gain = span
     name = f"{image.name} from {base:g} by {gain:g}"
-    if image.pixels.dtype != np.uint8:
-        return Image(name, np.clip(base + gain * image.pixels.astype(np.float64), 0, _MOST).astype(np.float32), image.srgb)
+    if image.pixels.dtype == np.float32:
+        moved = np.clip(base + gain * image.pixels[..., :3].astype(np.float64), 0, _MOST).astype(np.float32)
+        return Image(name, np.concatenate([moved, image.pixels[..., 3:]], axis=2), image.srgb)
+    if image.pixels.dtype == np.uint16:
+        moved = np.clip(base + gain * linear(image), 0, 1)
+        return Image(name, encoded(np.dstack([moved, alpha(image)]), image, srgb=image.srgb), image.srgb)
     level = np.arange(256) / 255
-    linear = decode_srgb(level) if image.srgb else level
-    moved = np.clip(base + gain * linear, 0, 1).astype(np.float32)
-    codes = np.rint((encode_srgb(moved) if image.srgb else moved) * 255).astype(np.uint8)
+    moved = np.clip(base + gain * (decode_srgb(level) if image.srgb else level), 0, 1).astype(np.float32)
+    table = np.rint((encode_srgb(moved) if image.srgb else moved) * 255).astype(np.uint8)
     pixels = image.pixels.copy()
-    pixels[..., :3] = codes[pixels[..., :3]]
+    pixels[..., :3] = table[pixels[..., :3]]
     return Image(name, pixels, image.srgb)
 
 
-def _scalar(image: Image) -> npt.NDArray[np.uint8]:
+def _scalar(image: Image) -> Codes:
     """(h, w): the alpha of an image that has some, else its grey."""
-    pixels = _rgba8(image)
-    found: npt.NDArray[np.uint8] = pixels[..., 3] if (pixels[..., 3] < 255).any() else pixels[..., :3].max(axis=2)
-    return found
+    pixels = codes(image)
+    alphas: Codes = pixels[..., 3]
+    if (alphas < np.iinfo(alphas.dtype).max).any():
+        return alphas
+    grey: Codes = pixels[..., :3].max(axis=2)
+    return grey
 
 
-def _rgba8(image: Image) -> npt.NDArray[np.uint8]:
-    if image.pixels.dtype == np.uint8:
-        return image.pixels
-    values = np.clip(image.pixels[..., :3], 0, 1)
-    opaque = np.ones((*values.shape[:2], 1), np.float32)
-    return np.rint(np.concatenate([values, opaque], axis=2) * 255).astype(np.uint8)
-
-
-def _resized(channel: npt.NDArray[np.uint8], shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
+def _resized(channel: Codes, shape: tuple[int, ...]) -> Codes:
     rows = np.arange(shape[0]) * channel.shape[0] // shape[0]
     columns = np.arange(shape[1]) * channel.shape[1] // shape[1]
     return channel[rows[:, None], columns]

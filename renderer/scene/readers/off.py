@@ -17,7 +17,7 @@ from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescr
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
-from renderer.scene.readers.faces import codes, filled, split, used
+from renderer.scene.readers.faces import filled, fractions, split, used
 from renderer.scene.readers.points import add_points
 from renderer.scene.text import decoded, with_points
 from renderer.scene.textures import TextureShelf
@@ -99,24 +99,24 @@ def _faces(lines: list[str], count: int, main: str) -> _Faces:
     mapped = sum(len(each) == 1 for each in rest)
     colors = None
     if has.any():
-        colors = np.full((count, 4), 255, np.uint8)
+        colors = np.ones((count, 4), np.float32)
         for width in (3, 4):
             of = np.flatnonzero([len(each) == width or (width == 4 and len(each) > width) for each in rest])
             if len(of):
-                colors[of, :width] = _codes([rest[k][:width] for k in of.tolist()])
+                colors[of, :width] = _fractions([rest[k][:width] for k in of.tolist()])
     return _Faces(counts, corners, colors, int((~has).sum()), mapped)
 
 
-def _codes(rows: list[list[str]]) -> npt.NDArray[np.uint8]:
+def _fractions(rows: list[list[str]]) -> F32:
     """Colours as they are written: whole numbers count up to 255, others up to 1."""
     whole = np.array([all(word.lstrip("+").isdigit() for word in row) for row in rows])
     values = np.array(rows, np.float64)
-    found = np.empty(values.shape, np.uint8)
+    found = np.empty(values.shape, np.float32)
     if whole.any() and values[whole].max() > 1:
-        found[whole] = np.clip(values[whole], 0, 255).astype(np.uint8)
-        found[~whole] = codes(values[~whole])
+        found[whole] = np.clip(values[whole], 0, 255) / 255
+        found[~whole] = fractions(values[~whole])
         return found
-    return codes(values)
+    return fractions(values)
 
 
 def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, description: SceneDescription) -> None:
@@ -124,18 +124,18 @@ def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, 
     at = 3
     normals: F32 | None = None
     uvs: F32 | None = None
-    colors: npt.NDArray[np.uint8] | None = None
+    colors: F32 | None = None
     if head.has_normals:
         normals, at = _columns(rows, at, 3, main).astype(np.float32), at + 3
     if head.has_colors:
         width = max(rows.shape[1] - at - (2 if head.has_uvs else 0), 3)
-        colors, at = codes(_columns(rows, at, min(width, 4), main)), at + min(width, 4)
+        colors, at = fractions(_columns(rows, at, min(width, 4), main)), at + min(width, 4)
     if head.has_uvs:
         uvs, at = _columns(rows, at, 2, main).astype(np.float32), at + 2
         uvs[:, 1] = 1 - uvs[:, 1]  # counted from the lower edge
     further = rows.shape[1] - at
     if further in (3, 4) and at == 3 and (rows[:, at:] >= 0).all():
-        colors = codes(rows[:, at:])
+        colors = fractions(rows[:, at:])
         shelf.warn_of_surface(
             f"{main}: its vertices have {further} further numbers that no prefix names; they are taken as colours."
         )

@@ -15,7 +15,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed_together
 from renderer.scene.origin import exact
 from renderer.scene.readers.colors import vertex_colors
-from renderer.scene.readers.faces import codes, filled, of_triangles, split, used
+from renderer.scene.readers.faces import filled, fractions, of_triangles, split, used
 from renderer.scene.readers.ply_rows import Element, Lists, elements, textures_of
 from renderer.scene.readers.points import add_points
 from renderer.scene.textures import TextureShelf
@@ -27,6 +27,7 @@ Array = npt.NDArray[Any]
 _NORMALS = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 _UVS = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("tx", "ty"))
 _COLORS = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
+_LINEAR = ("color_0", "color_1", "color_2")  # as Mitsuba writes them
 _ALPHAS = ("alpha", "diffuse_alpha", "a")
 _SPLATS = ("f_dc_0", "f_dc_1", "f_dc_2")  # of 3D Gaussians: the constant term of spherical harmonics
 _CONSTANT = 0.28209479177387814
@@ -50,7 +51,7 @@ def read_data(data: bytes, files: SceneFiles, main: str, description: SceneDescr
     positions = exact(_positions(vertex))
     faces = _faces(found, positions, main, shelf)
     if faces is None or not len(faces.triangles):
-        add_points(positions, _bytes_of(vertex) if _has(vertex) else _splats(vertex), np.eye(4), main, description, shelf)
+        add_points(positions, _values_of(vertex) if _has(vertex) else _splats(vertex), np.eye(4), main, description, shelf)
         return
     mesh = _mesh(PurePosixPath(main).stem, positions, vertex, faces, main, shelf)
     named = textures_of(data) if has_pictures else []
@@ -146,7 +147,7 @@ def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, 
     uvs = _stacked(vertex, _UVS)
     mesh.uvs = None if uvs is None else _upright(uvs)
     if _has(vertex):
-        mesh.colors = vertex_colors(_bytes_of(vertex))
+        mesh.colors = _linear_of(vertex)
     wedges = None if faces.element is None else faces.element.lists.get("texcoord")
     if wedges is not None and (wedges.count == 2 * faces.lists.count).all():
         corner_uvs = _upright(wedges.values.reshape(-1, 2).astype(np.float32))[faces.corners.reshape(-1)]
@@ -154,7 +155,7 @@ def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, 
     if wedges is not None and wedges.count.any():
         shelf.warn_of_surface(f"{main}: its faces have texture coordinates for some corners only; they are left out.")
     if mesh.colors is None and faces.element is not None and _has(faces.element):
-        colors = vertex_colors(_bytes_of(faces.element))
+        colors = _linear_of(faces.element)
         return mesh if colors is None else split(mesh, None, np.repeat(colors[faces.face], 3, axis=0))
     return mesh
 
@@ -173,19 +174,28 @@ def _upright(uvs: F32) -> F32:
 
 
 def _has(element: Element) -> bool:
-    return any(all(name in element.columns for name in names) for names in _COLORS)
+    return any(all(name in element.columns for name in names) for names in (*_COLORS, _LINEAR))
 
 
-def _bytes_of(element: Element) -> npt.NDArray[np.uint8]:
-    """(N, 4) the colours of rows that have some, sRGB."""
-    names = next(names for names in _COLORS if all(name in element.columns for name in names))
-    found = np.full((element.count, 4), 255, np.uint8)
+def _linear_of(element: Element) -> F32 | None:
+    """(N, 4) the linear colours of rows that have some; None where all are white."""
+    values = _values_of(element)
+    colors = vertex_colors(values)
+    if colors is not None and not any(all(name in element.columns for name in names) for names in _COLORS):
+        colors[:, :3] = values[:, :3]
+    return colors
+
+
+def _values_of(element: Element) -> F32:
+    """(N, 4) the colours of rows that have some, 0 ... 1, as they are written: sRGB, but for those of `_LINEAR`."""
+    names = next(names for names in (*_COLORS, _LINEAR) if all(name in element.columns for name in names))
+    found = np.ones((element.count, 4), np.float32)
     alpha = next((name for name in _ALPHAS if name in element.columns), None)
     for k, name in enumerate((*names, alpha)):
         if name is not None:
-            found[:, k] = codes(element.columns[name])
+            found[:, k] = fractions(element.columns[name])
     if not found[:, 3].any():  # what nobody would see is not what is meant
-        found[:, 3] = 255
+        found[:, 3] = 1
     return found
 
 

@@ -57,10 +57,10 @@ def spacing(points: F32) -> float:
     return float(np.sqrt(np.median(found))) if found else 0.0
 
 
-def balls(name: str, points: F32, colors: npt.NDArray[np.uint8] | None, radius: float | None = None) -> tuple[Mesh, float]:
+def balls(name: str, points: F32, colors: npt.NDArray[np.uint8] | F32 | None, radius: float | None = None) -> tuple[Mesh, float]:
     """A mesh of a ball about each point, and the balls' radius: without one they reach to their neighbours.
 
-    colors: (P, 3 or 4) sRGB.
+    colors: (P, 3 or 4) sRGB, codes of 8 bits or 0 ... 1.
     """
     corners, faces = _icosahedron() if len(points) <= _FINE else _octahedron()
     extent = float(np.ptp(points, axis=0).max(initial=0.0))
@@ -76,7 +76,7 @@ def balls(name: str, points: F32, colors: npt.NDArray[np.uint8] | None, radius: 
 
 def add_points(
     points: F32,
-    colors: npt.NDArray[np.uint8] | None,
+    colors: npt.NDArray[np.uint8] | F32 | None,
     place: npt.NDArray[np.float64],
     main: str,
     description: SceneDescription,

@@ -224,7 +224,7 @@ def test_images_that_together_are_too_large_are_left_out(scene, png, monkeypatch
 
 
 def test_an_environment_that_is_missing_or_no_image(scene):
-    for others, said in (({}, "not among"), ({"sky.hdr": b"no"}, "could not be read")):
+    for others, said in (({}, "not among"), ({"sky.hdr": b"no"}, "cannot be read")):
         with pytest.raises(SceneError, match=said):
             scene("a.obj", TRIANGLE_OBJ, others, environment="sky.hdr")
 

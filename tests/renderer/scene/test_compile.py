@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from renderer import film
-from renderer.arrays.rows import PART_OBJECT
+from renderer.arrays.rows import HALF_16, HALF_GAIN, PART_OBJECT
 from renderer.arrays.scene import flat, seal
 from renderer.errors import SceneError
 from renderer.luminance import luminance
@@ -155,9 +155,10 @@ def test_an_hdr_image_shines_undimmed_and_colours_at_most_all():
     scene = compile_scene(description)
     np.testing.assert_array_equal(scene.material[0, 3:6], [8, 8, 8])
     base, emission = scene.texture[scene.material_texture[0, 0]], scene.texture[scene.material_texture[0, 1]]
-    assert base[1:].tolist() == emission[1:].tolist() == [2, 1, 2, 1, 1, 0, -1, 0, 0]
-    assert scene.texel[base[0]].tolist() == [255, 255, 0, 255]
-    assert scene.texel[emission[0]].tolist() == [255, 188, 0, 255]  # 0.5 in sRGB
+    assert base[1:].tolist() == emission[1:].tolist() == [2, 1, 2, 1, HALF_16, 0, -1, 0, 0]
+    halves = scene.texel.view("<f2").reshape(-1, 4) / HALF_GAIN
+    assert halves[base[0] // 2].tolist() == [1, 1, 0, 1]
+    assert halves[emission[0] // 2].tolist() == [1, 0.5, 0, 1]
 
 
 def test_one_image_in_several_textures_is_packed_once():

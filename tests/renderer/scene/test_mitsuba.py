@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 
 from renderer.errors import SceneError
+from renderer.image.encode import write
 from renderer.scene.description import SceneDescription
 from renderer.scene.load import read
 from renderer.scene.readers.mitsuba.values import Spectrum
+from renderer.scene.tangents import vertex_tangents
 from tests.peers.test_mitsuba_files import SHAPES, write_files
 
 BALL = '<shape type="sphere">{}</shape>'
@@ -290,6 +292,88 @@ def test_a_window_of_the_film_is_rendered(tmp_path: Path) -> None:
     assert view.shift_y * 20 == pytest.approx(50 - 20)
     with pytest.raises(SceneError, match="outside of its 200x100 pixels"):
         scene_of(tmp_path, f'<sensor type="perspective">{film.format(window.replace("120", "170"))}</sensor>')
+
+
+@pytest.mark.parametrize(
+    ("lens", "axis", "half"),
+    [
+        ("", "diagonal", np.hypot(36, 24) / 100),
+        ('<string name="focal_length" value="35mm"/>', "diagonal", np.hypot(36, 24) / 70),
+        ('<float name="fov" value="40"/>', "x", np.tan(np.radians(20))),
+        ('<float name="fov" value="40"/><string name="fov_axis" value="diagonal"/>', "diagonal", np.tan(np.radians(20))),
+        ('<float name="fov" value="40"/><string name="fov_axis" value="smaller"/>', "smaller", np.tan(np.radians(20))),
+        ('<float name="fov" value="40"/><string name="fov_axis" value="larger"/>', "larger", np.tan(np.radians(20))),
+    ],
+)
+@pytest.mark.parametrize(("width", "height"), [(100, 100), (200, 100), (100, 200)])
+@pytest.mark.parametrize("kind", ["perspective", "thinlens"])
+def test_a_sensor_without_a_field_of_view_has_a_lens_of_50_mm(
+    tmp_path: Path, lens: str, axis: str, half: float, width: int, height: int, kind: str
+) -> None:
+    """On film of 36 x 24 mm, by its diagonal: 34.0 degrees on a square."""
+    film = f'<film type="hdrfilm"><integer name="width" value="{width}"/><integer name="height" value="{height}"/></film>'
+    found = scene_of(tmp_path, f'<sensor type="{kind}">{lens}{film}</sensor>' + BALL.format(""))
+    sides = {"x": width, "diagonal": np.hypot(width, height), "smaller": min(width, height), "larger": max(width, height)}
+    assert np.tan(np.radians(found.cameras[0].view.fov / 2)) == pytest.approx(half * height / sides[axis])
+
+
+def test_a_focal_length_that_is_no_length_gets_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="focal_length is 'wide'; write it in millimetres"):
+        scene_of(tmp_path, '<sensor type="perspective"><string name="focal_length" value="wide"/></sensor>' + BALL.format(""))
+
+
+@pytest.mark.parametrize("owner", ["vertex", "face"])
+def test_float_colours_of_ply_are_linear_and_not_rounded(tmp_path: Path, owner: str) -> None:
+    """As Mitsuba's own writer names them."""
+    color = np.array([0.2137, 0.001, 0.7713], np.float32)
+    columns = {
+        each: "".join(f"property float color_{k}\n" for k in range(3)) if each == owner else "" for each in ("vertex", "face")
+    }
+    header = (
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        f"{columns['vertex']}element face 1\nproperty list uchar int vertex_indices\n{columns['face']}end_header\n"
+    )
+    written = {each: " " + " ".join(map(str, color)) if each == owner else "" for each in ("vertex", "face")}
+    rows = "".join(f"{corner}{written['vertex']}\n" for corner in ("0 0 0", "1 0 0", "0 1 0")) + f"3 0 1 2{written['face']}\n"
+    (tmp_path / "m.ply").write_text(header + rows)
+    texture = f'<texture type="mesh_attribute" name="reflectance"><string name="name" value="{owner}_color"/></texture>'
+    shape = f'<shape type="ply"><string name="filename" value="m.ply"/><bsdf type="diffuse">{texture}</bsdf></shape>'
+    mesh = scene_of(tmp_path, shape).meshes[0]
+    assert mesh.colors is not None
+    np.testing.assert_allclose(mesh.colors, np.tile([*color, 1], (3, 1)), rtol=1e-6)
+
+
+@pytest.mark.parametrize("flipped", [False, True])
+def test_a_light_shines_along_its_vertices_normals(tmp_path: Path, flipped: bool) -> None:
+    """The winding says +Z, the normals -Z."""
+    corners = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvn 0 0 -1\n"
+    (tmp_path / "o.obj").write_text(corners + "f 1//1 2//1 3//1\nf 1//1 3//1 4//1\n")
+    more = f'<boolean name="flip_normals" value="{str(flipped).lower()}"/>'
+    light = '<emitter type="area"><rgb name="radiance" value="1"/></emitter>'
+    found = scene_of(tmp_path, f'<shape type="obj"><string name="filename" value="o.obj"/>{more}{light}</shape>')
+    mesh = found.meshes[0]
+    a, b, c = (mesh.positions[mesh.triangles[:, k]] for k in range(3))
+    assert (np.cross(b - a, c - a)[:, 2] > 0).all() == flipped
+
+
+@pytest.mark.parametrize("shape", ["rectangle", "cube", "disk", "sphere", "cylinder"])
+def test_a_bump_map_leans_away_from_where_heights_rise(tmp_path: Path, shape: str) -> None:
+    """Heights are linear in v: the normal loses a part of dp/dv everywhere."""
+    ramp = np.repeat(np.linspace(0, 1, 64, dtype=np.float32)[:, None, None], 64, axis=1)
+    write(tmp_path / "ramp.exr", np.repeat(ramp, 3, axis=2))
+    texture = '<texture type="bitmap"><string name="filename" value="ramp.exr"/><boolean name="raw" value="true"/></texture>'
+    found = scene_of(tmp_path, f'<shape type="{shape}"><bsdf type="bumpmap">{texture}<bsdf type="diffuse"/></bsdf></shape>')
+    mesh = found.meshes[found.instances[0].mesh]
+    assert mesh.uvs is not None and mesh.normals is not None
+    tangents = vertex_tangents(mesh.positions, mesh.normals, mesh.uvs, mesh.triangles) if mesh.tangents is None else mesh.tangents
+    image = found.images[found.textures[found.materials[mesh.material].normal_texture or 0].image]
+    green = 2.0 * image.pixels[32, 32, 1] / np.iinfo(image.pixels.dtype).max - 1
+    corner = mesh.triangles[len(mesh.triangles) // 2]
+    p, uv = mesh.positions[corner].astype(float), mesh.uvs[corner].astype(float)
+    along = np.linalg.lstsq(uv[1:] - uv[0], p[1:] - p[0], rcond=None)[0]  # dp/du, dp/dv
+    normal = mesh.normals[corner[0]]
+    across = np.cross(normal, tangents[corner[0], :3]) * tangents[corner[0], 3]
+    assert green * float(across @ along[1]) < 0
 
 
 def test_curves_are_tubes_as_wide_as_their_file_says(tmp_path: Path) -> None:

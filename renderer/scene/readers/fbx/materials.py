@@ -15,6 +15,7 @@ from renderer.scene.readers.coats import tint_beneath
 from renderer.scene.readers.fbx import layout
 from renderer.scene.readers.fbx.library import each, text
 from renderer.scene.readers.fbx.textures import Pictures
+from renderer.scene.readers.linear import alpha
 from renderer.scene.readers.mtl_maps import as_alpha, holds_normals, inverted, with_opacity, with_roughness_and_metal
 from renderer.scene.readers.numbers import clamped, unit, unit_color
 from renderer.scene.readers.scattering import attenuating
@@ -109,7 +110,7 @@ class Materials:
         mask = said.fbx_texture("transparency_color") if is_old else said.texture("opacity")
         if mask is None or material.transmission > 0:
             return
-        if is_old and (self._shelf.image_of(mask).pixels[..., 3:] == 255).all():
+        if is_old and (alpha(self._shelf.image_of(mask)) == 1).all():
             self._shelf.warn_of_surface(f"Material {material.name}: its map of transparency has no alpha, and is left out.")
             return
         same = mask == material.base_color_texture

@@ -12,6 +12,7 @@ from renderer.scene.description import Image
 from renderer.scene.material import ALL_REFLECTING_IOR, Material
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.textures import Textures
+from renderer.scene.readers.linear import alpha, encoded
 from renderer.scene.readers.numbers import unit, unit_color
 from renderer.scene.textures import TextureShelf
 
@@ -42,8 +43,7 @@ def read_specular_glossiness(source: Json, material: Material, textures: Texture
 
 def _roughness(image: Image, glossiness: float) -> Image:
     """glTF's roughness (G) of glossiness (A)."""
-    alpha = image.pixels[..., 3] if image.pixels.shape[2] == 4 else np.full(image.pixels.shape[:2], 255, np.uint8)
-    pixels = np.zeros((*alpha.shape, 4), np.uint8)
-    pixels[..., 1] = np.rint(255 - alpha * np.float32(glossiness))
-    pixels[..., 3] = 255
-    return Image(f"{image.name} as roughness", pixels, srgb=False)
+    rough = 1 - alpha(image) * np.float32(glossiness)
+    black = np.zeros_like(rough)
+    values = np.dstack([black, rough, black, np.ones_like(rough)])
+    return Image(f"{image.name} as roughness", encoded(values, image), srgb=False)

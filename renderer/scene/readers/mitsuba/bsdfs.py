@@ -72,6 +72,7 @@ class Bsdfs:
         self._document, self._textures, self._media, self._description = document, textures, media, description
         self._numbers: dict[tuple[Any, ...], int] = {}
         self._bumps = BumpMaps(textures.shelf, _LUMINANCE)
+        self.bumpy: set[int] = set()  # materials whose normal map is made of heights
         self.by_vertices: set[int] = set()  # materials whose colour is that of a mesh's vertices
         self.inside_out: set[int] = set()  # materials thinner than what surrounds them: theirs is the outside that is filled
 
@@ -94,6 +95,7 @@ class Bsdfs:
             made = self._made(source, 0) if source is not None else Material(base_color=(grey,) * 3)
             if bumps is not None and length is not None:
                 made = self._bumpy(bumps, made, length)
+                self.bumpy.add(len(self._description.materials))
             if source is not None and source.type == "null" and emitter is not None:
                 made = Material(source.id or "null", base_color=(0.0, 0.0, 0.0), lamp=True)
             elif source is not None and source.type == "null" and inside is not None:

@@ -114,7 +114,7 @@ def _image(source: Element, document: Document, shelf: TextureShelf, description
     if name is None:
         shelf.missing(wanted, source.what)
         return
-    image = shelf.image_file(name)
+    image = shelf.environment_file(name)
     if image is None:
         return
     world = source.matrix()

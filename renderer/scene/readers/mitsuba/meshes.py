@@ -17,7 +17,7 @@ from renderer.scene.readers.mitsuba import formulas
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.serialized import read_serialized
 
-__all__ = ["FORMULAS", "MESH_FILES", "file_of", "meshes_of", "turned"]
+__all__ = ["FORMULAS", "MESH_FILES", "file_of", "meshes_of", "turned", "wound_by_normals"]
 
 MESH_FILES = ("obj", "ply", "serialized")
 _NORMALS = {"obj": rb"(?m)^\s*vn\s", "ply": rb"\A[^\0]{0,20000}?property\s+\w+\s+nx\b"}  # where a file has some
@@ -95,6 +95,20 @@ def turned(mesh: Mesh) -> Mesh:
     """Inside out."""
     normals = None if mesh.normals is None else -mesh.normals
     return replace(mesh, triangles=np.ascontiguousarray(mesh.triangles[:, ::-1]), normals=normals)
+
+
+def wound_by_normals(mesh: Mesh) -> Mesh:
+    """The mesh with triangles turned whose vertices' normals oppose them: Mitsuba's lights shine along normals."""
+    if mesh.normals is None:
+        return mesh
+    a, b, c = (mesh.positions[mesh.triangles[:, k]].astype(np.float64) for k in range(3))
+    towards = mesh.normals[mesh.triangles].sum(axis=1, dtype=np.float64)
+    opposed = np.einsum("ij,ij->i", np.cross(b - a, c - a), towards) < 0
+    if not opposed.any():
+        return mesh
+    triangles = mesh.triangles.copy()
+    triangles[opposed] = triangles[opposed][:, ::-1]
+    return replace(mesh, triangles=triangles)
 
 
 def _between(shape: Element) -> np.ndarray:

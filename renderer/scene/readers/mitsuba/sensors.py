@@ -56,15 +56,14 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
 
 
 def vertical_fov(source: Element, width: int, height: int) -> float:
-    """The vertical field of view, in degrees."""
+    """The vertical field of view, in degrees, of a lens of 50 mm on film of 35 mm unless a sensor says otherwise."""
     ratio = width / height
-    length = source.get("focal_length")
-    if length is not None:
-        millimetres = float(str(length).removesuffix("mm"))
-        angle, axis = 2 * math.atan(_DIAGONAL_MM / 2 / millimetres), "diagonal"
+    fov = source.get("fov")
+    axis = str(source.get("fov_axis", "x"))
+    if fov is not None:
+        half = math.tan(min(max(math.radians(source.number("fov", 50.0)), 1e-6), math.radians(179.9)) / 2)
     else:
-        angle, axis = math.radians(source.number("fov", 50.0)), str(source.get("fov_axis", "x"))
-    half = math.tan(min(max(angle, 1e-6), math.radians(179.9)) / 2)
+        half, axis = _DIAGONAL_MM / 2 / _millimetres(source), "diagonal"
     if axis == "larger":
         axis = "x" if ratio > 1 else "y"
     elif axis == "smaller":
@@ -74,6 +73,18 @@ def vertical_fov(source: Element, width: int, height: int) -> float:
     elif axis == "diagonal":
         half /= math.hypot(ratio, 1)
     return min(max(math.degrees(2 * math.atan(half)), 0.01), 179.0)
+
+
+def _millimetres(source: Element) -> float:
+    """A sensor's focal length. Raises SceneError."""
+    written = str(source.get("focal_length", "50mm"))
+    try:
+        found = float(written.strip().removesuffix("mm"))
+    except ValueError:
+        found = math.nan
+    if not (0 < found < math.inf):
+        raise SceneError(f"{source.file}: {source.what}: its focal_length is {written[:40]!r}; write it in millimetres, as 50mm")
+    return found
 
 
 def _film(source: Element, document: Document, description: SceneDescription, is_first: bool) -> tuple[int, int, Window]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
 from renderer.scene.readers.mitsuba.curves import CURVES, mesh_of_curves
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.formulas import sphere
-from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, file_of, meshes_of, turned
+from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, file_of, meshes_of, turned, wound_by_normals
 from renderer.scene.readers.mitsuba.values import Matrix
 from renderer.scene.readers.spread import judge_spread
 
@@ -68,6 +69,10 @@ class Shapes:
                 material = mesh.material = self._bsdfs.material(shape, _spans(mesh, world @ place))
                 if material in self._bsdfs.inside_out:
                     mesh = turned(mesh)
+                if material in self._bsdfs.bumpy:
+                    mesh = replace(mesh, tangents=None)  # heights rise along the picture's axes, whichever way these go
+                if any(shape.of("emitter")):
+                    mesh = wound_by_normals(mesh)
                 if material not in self._bsdfs.by_vertices:
                     mesh.colors = None
                 self._description.meshes.append(mesh)

@@ -9,7 +9,7 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.scene.description import Image, TexelFilter, UvTransform, Vec3, Wrap
 from renderer.scene.readers.coats import under_a_coat
-from renderer.scene.readers.linear import linear
+from renderer.scene.readers.linear import encoded, linear
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.values import Matrix, Spectrum, numbers, planck, rgb
 from renderer.scene.readers.mtl_maps import with_opacity, with_roughness_and_metal
@@ -38,7 +38,7 @@ class Textures:
         constant = constant_of(texture)
         if constant is not None:
             return rgb(constant, is_light), None
-        if texture.type == "mesh_attribute" and texture.get("name") == "vertex_color" and not is_light:
+        if texture.type == "mesh_attribute" and texture.get("name") in ("vertex_color", "face_color") and not is_light:
             self.by_vertices = True
             scale = texture.number("scale", 1.0)
             return (unit(scale),) * 3, None
@@ -111,9 +111,8 @@ class Textures:
 
         def make(image: Image) -> Image:
             bright = np.clip(linear(image) @ _LUMINANCE, 0, 1) ** power
-            grey = np.rint(bright * 255).astype(np.uint8)
-            opaque = np.full_like(grey, 255)
-            return Image(f"{image.name} to {power:g}", np.stack([grey, grey, grey, opaque], axis=-1), srgb=False)
+            values = np.stack([bright, bright, bright, np.ones_like(bright)], axis=-1)
+            return Image(f"{image.name} to {power:g}", encoded(values, image), srgb=False)
 
         return self.shelf.derived(texture, f"brightness to {power}", make)
 

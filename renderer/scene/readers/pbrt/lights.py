@@ -178,7 +178,7 @@ class Lights:
         if name is None:
             self._textures.shelf.missing(source.text("filename"), str(source.place))
         else:
-            image = self._textures.shelf.image_file(name)
+            image = self._textures.shelf.environment_file(name)
         if image is None:
             return
         pixels = np.maximum(linear(self._description.images[image]), 0)

@@ -11,12 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.image.tonemap import encode_srgb
 from renderer.scene.description import Image, SceneDescription, TexelFilter, UvTransform, Vec3, Wrap
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix
 from renderer.scene.readers.baked import SIZE, Grid, checks, grid, looked_up
-from renderer.scene.readers.linear import linear
+from renderer.scene.readers.linear import encoded, linear
 from renderer.scene.readers.pbrt.mappings import UPRIGHT, Mapping, mapping_of
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameter, Parameters, text_of
@@ -145,16 +144,16 @@ class Textures:
 
         def cut(image: Image | None, by: Image) -> Image:
             mask = np.clip(linear(by)[..., 0] * factor, 0, 1)
-            rgb = np.full((*mask.shape, 3), 255, np.uint8)
-            if image is not None:
-                if image.pixels.dtype == np.uint8 and image.srgb:
-                    rgb = image.pixels[..., :3]
-                else:
-                    rgb = np.rint(encode_srgb(np.clip(linear(image), 0, 1)) * 255).astype(np.uint8)
+            sources = [by] if image is None else [image, by]
+            if image is not None and image.pixels.dtype == np.uint8 and image.srgb and by.pixels.dtype == np.uint8:
+                rgb = image.pixels[..., :3]
+            else:
+                color = np.ones((*mask.shape, 3), np.float32) if image is None else linear(image)
+                rgb = encoded(color, *sources, srgb=True)
             if rgb.shape[:2] != mask.shape:
                 rows, columns = (np.arange(n) * m // n for n, m in zip(rgb.shape[:2], mask.shape, strict=True))
                 mask = mask[rows[:, None], columns[None, :]]
-            return Image(f"{by.name} as holes", np.dstack([rgb, np.rint(mask * 255).astype(np.uint8)]))
+            return Image(f"{by.name} as holes", np.dstack([rgb, encoded(mask, *sources)]))
 
         if color is None:
             return self.shelf.derived(alpha.texture, f"holes by {factor}", lambda it: cut(None, it))

@@ -52,18 +52,21 @@ def baked(shelf: TextureShelf, taken: Sequence[Taken], what: str, formula: Formu
                 found = np.broadcast_to(formula([of(at) for of in each]), (at.stop - first, width, 4))
                 yield at, np.nan_to_num(found, nan=0.0, posinf=_MOST, neginf=-_MOST).astype(np.float32)
 
-        codes = np.full((height, width, 4), 255, np.uint8)
+        is_fine = any(image.pixels.dtype != np.uint8 for image in images)
+        codes = np.full((height, width, 4), 65535 if is_fine else 255, np.uint16 if is_fine else np.uint8)
+        most_code = float(np.iinfo(codes.dtype).max)
         for at, values in bands():
             if float(values[..., :3].min()) < -_NEAR or float(values[..., :3].max()) > 1 + _NEAR:
                 break
-            codes[at, :, :3] = np.rint(encode_srgb(np.clip(values[..., :3], 0, 1)) * 255)
+            codes[at, :, :3] = np.rint(encode_srgb(np.clip(values[..., :3], 0, 1)) * most_code)
             if has_alpha:
-                codes[at, :, 3] = np.rint(np.clip(values[..., 3], 0, 1) * 255)
+                codes[at, :, 3] = np.rint(np.clip(values[..., 3], 0, 1) * most_code)
         else:
             return Image(name, codes, True)
-        lights = np.empty((height, width, 3), np.float32)  # more, or less, than colours may be
+        channels = 4 if has_alpha else 3
+        lights = np.empty((height, width, channels), np.float32)  # more, or less, than colours may be
         for at, values in bands():
-            lights[at] = values[..., :3]
+            lights[at] = values[..., :channels]
         return Image(name, lights, True)
 
     found = shelf.calculated(f"{what} of {[*zip(taken, textures, strict=True)]}", images, make)
@@ -74,7 +77,7 @@ def baked(shelf: TextureShelf, taken: Sequence[Taken], what: str, formula: Formu
 def span_of(shelf: TextureShelf, taken: Taken) -> tuple[float, float]:
     """The least and the greatest number that an image's values can be."""
     pixels = shelf.image_of(taken.texture).pixels
-    return (0.0, 1.0) if pixels.dtype == np.uint8 else (float(pixels.min(initial=0)), float(pixels.max(initial=1)))
+    return (0.0, 1.0) if pixels.dtype != np.float32 else (float(pixels.min(initial=0)), float(pixels.max(initial=1)))
 
 
 def _lies_as(one: Texture, other: Texture) -> bool:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.scene.description import Image
-from renderer.scene.readers.linear import linear
+from renderer.scene.readers.linear import alpha, linear
 from renderer.scene.readers.usd.preview_surface import Read
 from renderer.scene.readers.usd.textures import CHANNELS, Taken
 from renderer.scene.textures import TextureShelf
@@ -64,7 +64,7 @@ def _plain(shelf: TextureShelf, taken: Taken, channel: str) -> int | None:
     """A texture of one channel as it is."""
 
     def make(image: Image) -> Image:
-        values = linear(image)[..., CHANNELS[channel]] if channel != "a" else image.pixels[..., 3] / np.float32(255)
+        values = linear(image)[..., CHANNELS[channel]] if channel != "a" else alpha(image)
         return Image(f"{image.name} {channel}", np.repeat(values[..., None], 3, axis=2).astype(np.float32), srgb=False)
 
     return shelf.derived(taken.texture, f"heights in {channel}", make)

@@ -50,8 +50,10 @@ def add_dome(
         description.environment = Environment(color)
         return
     file = dome.GetTextureFileAttr()
-    found = images.find(file, f"Light {prim.GetName()}", True, time) if images.named(file, time) else None
+    found = images.find(file, f"Light {prim.GetName()}", True, time, is_environment=True) if images.named(file, time) else None
     if found is None:
+        if images.named(file, time):
+            notes.add("Dome lights whose picture cannot be read shine evenly in their colour", name)
         description.environment = Environment(color)
         return
     # USD's middle column looks along +Z, ours along -Z.

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from renderer.scene.description import Vec3
 from renderer.scene.material import Material
+from renderer.scene.readers.linear import most
 from renderer.scene.readers.mtl_maps import with_opacity, with_roughness_and_metal
 from renderer.scene.readers.numbers import clamped, unit, unit_color
 from renderer.scene.readers.usd.blenders import is_blenders
@@ -152,10 +151,10 @@ def fill_opacity(read: Read, opacity: Input, threshold: float, base: Taken | Non
 
 
 def _opaque(image: Any) -> Any:
-    if image.pixels.shape[2] < 4 or image.pixels.dtype != np.uint8:
+    if image.pixels.shape[2] < 4:
         return image
     pixels = image.pixels.copy()
-    pixels[..., 3] = 255
+    pixels[..., 3] = most(pixels)
     return replace(image, name=f"{image.name} opaque", pixels=pixels)
 
 

@@ -11,8 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.image.read import read as read_image
-from renderer.image.tonemap import decode_srgb, encode_srgb
+from renderer.image.tonemap import decode_srgb
 from renderer.scene.description import Image, UvTransform, Wrap
+from renderer.scene.readers.linear import alpha, encoded
+from renderer.scene.readers.linear import linear as linear_colors
 from renderer.scene.readers.usd.layers import Stage
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.sources import Sources
@@ -65,7 +67,9 @@ class Images:
                 return named, self._stage.file_of(spec.layer)
         return None
 
-    def find(self, attribute: Any, user: str, srgb: bool, time: Any) -> tuple[int, UvTransform] | None:
+    def find(
+        self, attribute: Any, user: str, srgb: bool, time: Any, is_environment: bool = False
+    ) -> tuple[int, UvTransform] | None:
         """The image that an attribute names, and how UVs go to it; None, with a warning, where it is missing."""
         named = self.named(attribute, time)
         if named is None:
@@ -77,7 +81,10 @@ class Images:
         if name is None:
             self.shelf.missing(reference, user)
             return None
-        found = self._image(name, srgb)
+        if is_environment:
+            found = self.shelf.environment_file(name, lambda: self._sources.read(name))
+        else:
+            found = self._image(name, srgb)
         return None if found is None else (found, UNMOVED)
 
     def file(self, attribute: Any, time: Any) -> tuple[str, Callable[[], bytes]] | None:
@@ -108,7 +115,7 @@ class Images:
                 self._atlases[key] = None
                 return None
             pixels = {n: read_image(self._sources.read(name), name) for n, name in tiles.items()}
-            image = self.shelf.add(Image(reference, side_by_side(pixels), srgb))
+            image = self.shelf.add(Image(reference, side_by_side(pixels, srgb), srgb))
             self._atlases[key] = image, placed(tiles)
         return self._atlases[key]
 
@@ -126,12 +133,14 @@ def linear(image: Image) -> F32:
     """(h, w, 4): the image's values as shaders see them."""
     pixels = image.pixels
     values = np.ones((*pixels.shape[:2], 4), np.float32)
-    if pixels.dtype == np.uint8:
+    if pixels.dtype == np.uint16:
+        values[..., :3], values[..., 3] = linear_colors(image), alpha(image)
+    elif pixels.dtype == np.uint8:
         level = np.arange(256, dtype=np.float32) / 255
         values[..., :3] = (decode_srgb(level) if image.srgb else level)[pixels[..., :3]]
         values[..., 3] = level[pixels[..., 3]]
     else:
-        values[..., :3] = pixels[..., :3]
+        values[..., : pixels.shape[2]] = pixels
     return values
 
 
@@ -142,9 +151,7 @@ def grey(shelf: TextureShelf, taken: Taken) -> int | None:
 
     def make(image: Image) -> Image:
         values = np.clip(linear(image)[..., CHANNELS[channel]] * scale + bias, 0, 1)
-        pixels = np.full((*values.shape, 4), 255, np.uint8)
-        pixels[..., :3] = np.rint(values * 255).astype(np.uint8)[..., None]
-        return Image(f"{image.name} {channel}", pixels, srgb=False)
+        return Image(f"{image.name} {channel}", encoded(np.dstack([values] * 3 + [np.ones_like(values)]), image), srgb=False)
 
     return shelf.derived(taken.texture, f"{channel} {scale} {bias}", make)
 
@@ -163,8 +170,10 @@ def colored(shelf: TextureShelf, taken: Taken, most: float = 1.0) -> tuple[tuple
             values[..., :3] = (values[..., CHANNELS[taken.channel]] * scale + bias)[..., None]
         else:
             values[..., :3] = values[..., :3] * np.array(taken.scale[:3], np.float32) + np.array(taken.bias[:3], np.float32)
-        codes = np.rint(np.concatenate([encode_srgb(np.clip(values[..., :3], 0, 1)), values[..., 3:]], axis=2) * 255)
-        return Image(f"{image.name} {taken.channel}", codes.astype(np.uint8), srgb=True)
+        name = f"{image.name} {taken.channel}"
+        if image.pixels.dtype == np.float32:
+            return Image(name, np.clip(values, 0, max(most, 1.0)).astype(np.float32), srgb=True)
+        return Image(name, encoded(values, image, srgb=True), srgb=True)
 
     key = f"colour {taken.channel} {taken.scale} {taken.bias}"
     return (1.0, 1.0, 1.0), shelf.derived(taken.texture, key, make)
@@ -180,7 +189,7 @@ def normals(shelf: TextureShelf, taken: Taken) -> tuple[int | None, float]:
 
     def make(image: Image) -> Image:
         pixels = image.pixels.copy()
-        pixels[..., 1] = 255 - pixels[..., 1] if pixels.dtype == np.uint8 else 1 - pixels[..., 1]
+        pixels[..., 1] = (1 if pixels.dtype == np.float32 else np.iinfo(pixels.dtype).max) - pixels[..., 1]
         return replace(image, name=f"{image.name} with green downwards", pixels=pixels)
 
     return shelf.derived(taken.texture, "green downwards", make), abs(x) / 2

@@ -133,7 +133,10 @@ def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, 
         name = files.find(source["image"], document.file)
         if name is None:
             raise document.error(("environment", "image"), f"{source['image'][:120]} is not among the files; add it")
-        image = shelf.image_file(name)
+        image = shelf.environment_file(name)
+        if image is None:
+            reason = str(shelf.last_warning).partition(";")[0]
+            raise document.error(("environment", "image"), f"cannot be read: {reason}; give an .exr or .hdr image")
     fields = dict(source["sky"]) if "sky" in source else None
     if "preset" in source:
         by_name = SceneDescription(name="light")

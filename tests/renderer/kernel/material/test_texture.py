@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from renderer.arrays.rows import EMISSION, EMISSION_TEXTURE, METALLIC_ROUGHNESS_TEXTURE
 from renderer.errors import SceneError
 from renderer.film import ALBEDO, mean
 from renderer.jit import entry
@@ -86,8 +87,10 @@ def looked_up(scene, slot=0, count=2000):
 def expected_of(texture, images, uv, uv1):
     """RGBA in float64 of one texture without its layers, (n, 4)."""
     image = images[texture.image]
-    pixels = image.pixels / 255.0
-    if image.srgb:
+    pixels = image.pixels / (np.iinfo(image.pixels.dtype).max if image.pixels.dtype != np.float32 else 1)
+    if pixels.shape[2] == 3:
+        pixels = np.dstack([pixels, np.ones(pixels.shape[:2])])
+    if image.srgb and image.pixels.dtype != np.float32:
         rgb = pixels[..., :3]
         pixels = np.concatenate([np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4), pixels[..., 3:]], 2)
     rows = np.array(texture.transform, np.float64).reshape(2, 3)
@@ -122,6 +125,44 @@ def expected_stack(textures, number, images, uv, uv1, most=1.0):
         mixed = found[:, :3] + layer.strength * color[:, 3:] * (BLENDS[layer.blend](found[:, :3], color[:, :3]) - found[:, :3])
         found[:, :3] = np.clip(mixed, 0, most)
     return found
+
+
+WIDE = RANDOM.integers(0, 65536, (5, 4, 4)).astype(np.uint16)
+FLOATS = (RANDOM.random((5, 4, 4)) ** 6).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("image", "relative", "absolute"),
+    [
+        (Image("data", WIDE, srgb=False), 0, 1e-5),
+        (Image("colours", WIDE), 6e-4, 1e-6),
+        (Image("floats", FLOATS), 6e-4, 1e-6),
+        (Image("floats without alpha", FLOATS[..., :3]), 6e-4, 1e-6),
+        (Image("float data", FLOATS, srgb=False), 0, 1e-5),
+    ],
+    ids=lambda value: value.name if isinstance(value, Image) else None,
+)
+def test_images_of_more_than_eight_bits_keep_their_precision(image, relative, absolute):
+    """16-bit codes to half a code, halves to half a unit in the last place, and single precision of places."""
+    images = [IMAGES[0], image]  # the texels of 8 bits before them are found where they were
+    textures = [Texture(0), Texture(1, "repeat", "mirror", transform=MOVED)]
+    materials = [Material(base_color_texture=1, metallic_roughness_texture=0)]
+    scene = compiled(textures, materials, images)
+    uv, uv1, found = looked_up(scene)
+    np.testing.assert_allclose(found, expected_of(textures[1], images, uv, uv1), rtol=relative, atol=absolute + 2e-5)
+    _, _, found = looked_up(scene, METALLIC_ROUGHNESS_TEXTURE)
+    np.testing.assert_allclose(found, expected_of(textures[0], images, uv, uv1), atol=2e-5)
+
+
+def test_emission_keeps_a_range_of_ten_million():
+    levels = np.array([500.0, 0.02, 5e-5, 31.25], np.float32)
+    image = Image("levels", np.repeat(levels[None, :, None], 3, axis=2))
+    material = Material(emission=(1, 1, 1), emission_texture=0)
+    scene = compiled([Texture(0, filter="nearest")], material, [image])
+    uv, _, found = looked_up(scene, EMISSION_TEXTURE)
+    shown = found[:, 0] * scene.material[0, EMISSION]
+    expected = levels[np.floor(uv[:, 0] * 4).astype(int) % 4]
+    np.testing.assert_allclose(shown, expected, rtol=1e-3)
 
 
 @pytest.mark.parametrize(("wrap_s", "wrap_t"), [("repeat", "mirror"), ("mirror", "clamp"), ("clamp", "repeat")])

@@ -1,0 +1,242 @@
+"""Images decoded by OpenImageIO: floats, 16 bits, layers, compressed blocks."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
+
+from renderer.errors import SceneError
+from renderer.image.channels import Colour, colour_of
+
+__all__ = ["Decoded", "Limits", "straightened", "through_openimageio"]
+
+_MOST_CHANNELS = 1024  # of all layers together
+_BAND = 1 << 22  # pixels that are decoded at a time where an image is made smaller
+_RESOLUTION = re.compile(rb"\n([-+])([XY])\s+\d+\s+([-+])([XY])\s+\d+\s*\n")
+_LONGEST_HEADER = 1 << 20
+_MOST = 65504.0  # in place of infinity: the greatest half
+_FLOATS = (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
+# Luminance weights of Rec. 709, by which OpenEXR's Y, RY and BY are made.
+_YR, _YG, _YB = 0.2126, 0.7152, 0.0722
+
+
+class Decoded(NamedTuple):
+    """Pixels, rows from the top, and what was guessed or changed."""
+
+    pixels: npt.NDArray[Any]
+    notes: list[str]
+
+
+class Limits(NamedTuple):
+    """Of pixels: how many an image may have, and from how many on it is made smaller."""
+
+    most: int
+    kept: int
+
+    def factor(self, name: str, width: int, height: int) -> int:
+        """How many pixels each way become one. Raises SceneError where the image is too large, or empty."""
+        if width < 1 or height < 1 or width * height > self.most:
+            raise SceneError(f"{name}: is {width} x {height} pixels; at most {self.most >> 20} million fit. Give a smaller image")
+        factor = 1
+        while -(-width // factor) * -(-height // factor) > self.kept:
+            factor += 1
+        return factor
+
+
+def through_openimageio(data: bytes, name: str, suffix: str, limits: Limits, straight: bool) -> Decoded:
+    """Decodes an image. straight: divides colours by the alpha they were multiplied by. Raises SceneError."""
+    # OpenImageIO's Python module reads named files only.
+    with tempfile.TemporaryDirectory(prefix="rayfarm-") as folder:
+        path = Path(folder) / f"image{suffix}"
+        path.write_bytes(data)
+        wish = oiio.ImageSpec()
+        wish.attribute("oiio:UnassociatedAlpha", 1)
+        source = oiio.ImageInput.open(str(path), wish)
+        if source is None:
+            raise SceneError(f"{name}: the image is damaged or not what its name says ({_error(oiio, path)}); export it again")
+        try:
+            return _read(source, data, name, suffix, limits, straight, path)
+        finally:
+            source.close()
+
+
+def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, straight: bool, path: Path) -> Decoded:
+    colour, spec = _chosen(source, name, suffix)
+    notes = []
+    if colour.others:
+        others = ", ".join(sorted({f'"{other}"' for other in colour.others}))[:200]
+        notes.append(
+            f'{name}: holds several layers; "{colour.layer}" is shown, not {others}. Name one of them Combined, or drop them'
+        )
+    width, height = spec.width, spec.height
+    factor = limits.factor(name, width, height)
+    if suffix == ".exr":
+        factor = max(factor, limits.factor(name, spec.full_width, spec.full_height))
+    numbers = [colour.channels[key] for key in colour.channels if key in ("r", "g", "b", "a", "y", "ry", "by")]
+    first, last = min(numbers), max(numbers) + 1
+    kind = oiio.FLOAT if spec.format.basetype in _FLOATS else oiio.UINT8 if spec.format.size() == 1 else oiio.UINT16
+    if factor > 1:
+        pixels = _smaller(source, spec, (first, last), kind, factor)
+        notes.append(
+            f"{name}: its {width} x {height} pixels are averaged to {pixels.shape[1]} x {pixels.shape[0]}, "
+            f"as at most {limits.kept >> 20} million are kept; give it in that size to save time"
+        )
+    else:
+        found = source.read_image(colour.part, 0, first, last, kind)
+        pixels = None if found is None else np.asarray(found).reshape(height, width, last - first)
+    if pixels is None:
+        raise SceneError(f"{name}: the image is damaged ({_error(source, path)}); export it again")
+    planes = {key: pixels[..., number - first] for key, number in colour.channels.items() if first <= number < last}
+    rgba = _rgba(planes, colour, suffix)
+    if suffix == ".exr":
+        rgba = _within_display(rgba, spec, factor)
+    if suffix == ".hdr":
+        rgba = _upright(rgba, data)
+    if rgba.dtype == np.float32:
+        rgba = np.nan_to_num(rgba, nan=0.0, posinf=_MOST, neginf=0.0)
+    is_associated = suffix == ".exr" or (suffix in (".tif", ".tiff") and not spec.getattribute("oiio:UnassociatedAlpha"))
+    if str(spec.getattribute("compression")) in ("DXT2", "DXT4"):
+        is_associated = True
+    return Decoded(straightened(rgba) if straight and is_associated else np.ascontiguousarray(rgba), notes)
+
+
+def _chosen(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
+    """The channels that are read, and the part of the file which has them, to which the source is set."""
+    parts, count = [], 0
+    while source.seek_subimage(len(parts), 0):
+        spec = source.spec()
+        count += spec.nchannels
+        if spec.nchannels < 1 or count > _MOST_CHANNELS or spec.depth > 1:
+            raise SceneError(f"{name}: has {count} channels; give a plain RGB, RGBA or grey image")
+        title = str(spec.getattribute("name") or spec.getattribute("oiio:subimagename") or "") if suffix == ".exr" else ""
+        parts.append((title, ["deep"] * spec.nchannels if spec.deep else list(spec.channelnames)))
+        if suffix != ".exr":
+            break
+    colour = colour_of(parts)
+    if colour is None or all(name == "deep" for name in parts[colour.part][1]):
+        if not parts or suffix == ".exr":
+            listed = ", ".join(channel for _, channels in parts for channel in channels)[:200]
+            raise SceneError(f"{name}: none of its channels ({listed}) is named R, G, B or Y; export it with these names")
+        colour = Colour(0, "", *_by_place(len(parts[0][1])), [])
+    source.seek_subimage(colour.part, 0)
+    return colour, source.spec()
+
+
+def _by_place(count: int) -> tuple[str, dict[str, int]]:
+    """Channels of formats that do not name them."""
+    if count < 3:
+        return "y", {"y": 0, "a": 1} if count == 2 else {"y": 0}
+    return "rgb", dict(zip("rgba", range(count), strict=False))
+
+
+def _rgba(planes: dict[str, npt.NDArray[Any]], colour: Colour, suffix: str) -> npt.NDArray[Any]:
+    """(h, w, 4), or (h, w, 3) of floats without alpha."""
+    some = next(iter(planes.values()))
+    if colour.kind == "y":
+        rgb = [planes["y"]] * 3
+    elif colour.kind == "chroma":
+        y = planes["y"]
+        red, blue = (planes["ry"] + 1) * y, (planes["by"] + 1) * y
+        rgb = [red, (y - _YR * red - _YB * blue) / _YG, blue]
+    else:
+        rgb = [planes.get(key, np.zeros_like(some)) for key in "rgb"]
+        if suffix == ".dds" and "b" not in planes:
+            rgb = [some, some, some] if "g" not in planes else [*rgb[:2], _third(*rgb[:2])]
+    if "a" in planes:
+        rgb.append(planes["a"])
+    elif some.dtype != np.float32:
+        rgb.append(np.full_like(some, np.iinfo(some.dtype).max))
+    return np.stack(rgb, axis=-1)
+
+
+def _third(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """The third coordinate of unit normals that are stored as codes from -1 to 1, as blocks of two channels (BC5) have them."""
+    most = 1.0 if x.dtype == np.float32 else float(np.iinfo(x.dtype).max)
+    squares = sum((2 * (each.astype(np.float32) / np.float32(most)) - 1) ** 2 for each in (x, y))
+    z = 0.5 + 0.5 * np.sqrt(np.maximum(1 - squares, 0))
+    return np.asarray(z if x.dtype == np.float32 else np.rint(z * most)).astype(x.dtype)
+
+
+def _smaller(source: Any, spec: Any, channels: tuple[int, int], kind: Any, factor: int) -> npt.NDArray[Any] | None:
+    """The means of squares of pixels, read in bands of rows; None where the file is damaged."""
+    tile = spec.tile_height or 1
+    step = np.lcm(factor, tile)
+    step = int(step * max(1, _BAND // (spec.width * step)))
+    bands = []
+    for top in range(0, spec.height, step):
+        rows = min(step, spec.height - top)
+        y, x = spec.y + top, spec.x
+        if spec.tile_width:
+            band = source.read_tiles(x, x + spec.width, y, y + rows, spec.z, spec.z + 1, *channels, kind)
+        else:
+            band = source.read_scanlines(y, y + rows, spec.z, *channels, kind)
+        if band is None:
+            return None
+        bands.append(_means(np.asarray(band).reshape(rows, spec.width, -1), factor))
+    return np.concatenate(bands)
+
+
+def _means(pixels: npt.NDArray[Any], factor: int) -> npt.NDArray[Any]:
+    """Means of squares of `factor` pixels each way, fewer at the right and lower edge."""
+    rows, columns = (np.arange(0, length, factor) for length in pixels.shape[:2])
+    total = np.add.reduceat(pixels.astype(np.float32), rows, axis=0)
+    total = np.add.reduceat(total, columns, axis=1)
+    counts = [np.diff(np.append(starts, length)) for starts, length in zip((rows, columns), pixels.shape[:2], strict=True)]
+    total /= (counts[0][:, None] * counts[1])[..., None].astype(np.float32)
+    return total if pixels.dtype == np.float32 else np.rint(total).astype(pixels.dtype)
+
+
+def _within_display(pixels: npt.NDArray[Any], spec: Any, factor: int) -> npt.NDArray[Any]:
+    """The display window of an image whose data window is another: black, and transparent, where there are no data."""
+    window = spec.full_x, spec.full_y, spec.full_width, spec.full_height
+    if window == (spec.x, spec.y, spec.width, spec.height) or spec.full_width < 1 or spec.full_height < 1:
+        return pixels
+    left, top = ((a - b) // factor for a, b in ((spec.x, spec.full_x), (spec.y, spec.full_y)))
+    height, width = -(-spec.full_height // factor), -(-spec.full_width // factor)
+    shown = np.zeros((height, width, pixels.shape[2]), pixels.dtype)
+    y0, x0 = max(top, 0), max(left, 0)
+    y1, x1 = min(top + pixels.shape[0], height), min(left + pixels.shape[1], width)
+    if y0 < y1 and x0 < x1:
+        shown[y0:y1, x0:x1] = pixels[y0 - top : y1 - top, x0 - left : x1 - left]
+    return shown
+
+
+def _upright(pixels: npt.NDArray[Any], data: bytes) -> npt.NDArray[Any]:
+    """The pixels of a Radiance file in one of eight orientations, with the first row at the top and the first column at the left.
+
+    Source: "Radiance file formats", Picture File Format: the resolution string names the axis of scanlines first.
+    """
+    found = _RESOLUTION.search(data, 0, _LONGEST_HEADER)
+    if found is None:
+        return pixels
+    signs = {found[2]: found[1], found[4]: found[3]}
+    if found[2] == b"X":
+        pixels = pixels.swapaxes(0, 1)
+    flips = [axis for axis, name, sign in ((0, b"Y", b"+"), (1, b"X", b"-")) if signs.get(name) == sign]
+    return np.flip(pixels, flips)
+
+
+def straightened(pixels: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Pixels whose colours were multiplied by alpha, without that; where alpha is 0 they stay."""
+    if pixels.shape[2] < 4:
+        return np.ascontiguousarray(pixels)
+    most = np.float32(1.0 if pixels.dtype == np.float32 else np.iinfo(pixels.dtype).max)
+    alpha = pixels[..., 3:].astype(np.float32) / most
+    partial = (alpha > 0) & (alpha < 1)
+    if not partial.any():
+        return np.ascontiguousarray(pixels)
+    rgb = pixels[..., :3].astype(np.float32) / np.where(partial, alpha, np.float32(1))
+    if pixels.dtype != np.float32:
+        rgb = np.rint(np.minimum(rgb, most))
+    return np.concatenate([rgb.astype(pixels.dtype), pixels[..., 3:]], axis=2)
+
+
+def _error(source: Any, path: Path) -> str:
+    lines = str(source.geterror()).replace(str(path), path.name).strip().splitlines()
+    return lines[0] if lines else "no reason given"
