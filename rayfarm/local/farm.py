@@ -116,18 +116,19 @@ class LocalFarm:
         self._start(Part("redis", [str(server), str(config)], self._log("redis"), grace_s=3.0))
         self.wait(self._redis_answers, "redis", stopped)
 
+        listening = "" if self.host == "::" else self.host  # asyncio binds "" to IPv4 and IPv6, but "::" to IPv6 alone
         env = {
             "RAYFARM_DATA": str(self.data),
             "RAYFARM_REDIS_URL": self.redis_url,
             "RAYFARM_TOKEN": self.secrets.token,
-            "RAYFARM_HOST": self.host,
+            "RAYFARM_HOST": listening,
             "RAYFARM_PORT": str(self.port),
             "PYTHONUNBUFFERED": "1",
         }
         if self.names:
             env["RAYFARM_ALLOWED_HOSTS"] = json.dumps(self.names)
         uvicorn = [sys.executable, "-m", "service.standby", "--no-access-log"]
-        uvicorn += ["--host", self.host, "--port", str(self.port), "--timeout-graceful-shutdown", "2"]
+        uvicorn += ["--host", listening, "--port", str(self.port), "--timeout-graceful-shutdown", "2"]
         if self.tls:
             uvicorn += ["--ssl-certfile", str(self.tls.certificate), "--ssl-keyfile", str(self.tls.key)]
             env[TRUST_VARIABLE] = str(self.tls.certificate)
