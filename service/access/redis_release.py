@@ -12,7 +12,7 @@ __all__ = ["OLDEST", "RedisRelease", "release_of", "release_printed"]
 OLDEST = (6, 2)  # without LMPOP and ZRANGE BYSCORE Celery's queues do not work
 # The first patch release of each series with the fixes of CVE-2025-49844 (code execution by a Lua script) and CVE-2025-21605
 # (output buffers that grow without a login); of Valkey 9.0 also of CVE-2026-27623 (a crash without a login).
-FIXED: dict[str, dict[tuple[int, int], int]] = {
+FIXED: dict[str, dict[tuple[int, ...], int]] = {
     "Redis": {(6, 2): 20, (7, 2): 11, (7, 4): 6, (8, 0): 4, (8, 2): 2},
     "Valkey": {(7, 2): 11, (8, 0): 6, (8, 1): 4, (9, 0): 3},
 }
@@ -43,7 +43,7 @@ class RedisRelease:
         series = self.numbers[:2]
         if series > max(fixed) or self.numbers[2:3] >= (fixed.get(series, 1 << 30),):
             return None
-        wanted = ", ".join(f"{a}.{b}.{patch}" for (a, b), patch in sorted(fixed.items()) if (a, b) >= series)
+        wanted = ", ".join(f"{'.'.join(map(str, (*each, patch)))}" for each, patch in sorted(fixed.items()) if each >= series)
         return (
             f"{self} has known security flaws (CVE-2025-49844, CVE-2025-21605) unless its distribution has fixed them. "
             f"Use {self.name} {wanted} or a newer one."
