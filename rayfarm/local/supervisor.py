@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import IO
 
 from worker.machine.children import signal_name, spawn_guard
 
@@ -53,6 +54,7 @@ class Part:
     serves: Callable[[], bool] | None = None
     process: subprocess.Popen[bytes] | None = None
     failures: int = 0
+    start_failures: int = 0  # since its process was last started
     started: float = 0.0
     restart_at: float | None = None
     has_served: bool = False
@@ -87,11 +89,12 @@ class Supervisor:
         self.parts: list[Part] = []
 
     def start(self, part: Part) -> None:
-        """Start a part and watch it from now on. Raises OSError where its program cannot be started."""
+        """Start a part and watch it from now on. Raises OSError if its program cannot be started."""
         if part not in self.parts:
             self.parts.append(part)
         spare, part.spare = part.spare, None
         part.process = spare if spare is not None and spare.poll() is None else self._spawn(part)
+        part.start_failures = 0
         if part.has_spare:
             self._let_begin(part.process)
         part.started = time.monotonic()
@@ -99,10 +102,7 @@ class Supervisor:
         part.has_served = False
 
     def _spawn(self, part: Part, is_spare: bool = False) -> subprocess.Popen[bytes]:
-        part.log.parent.mkdir(parents=True, exist_ok=True)
-        if not is_spare and part.log.exists() and part.log.stat().st_size > LOG_KEPT:
-            part.log.replace(part.log.with_suffix(".old.log"))
-        with part.log.open("ab") as log:
+        with _log_of(part, is_spare) as log:
             return subprocess.Popen(
                 part.command,
                 cwd=self.folder,
@@ -126,7 +126,9 @@ class Supervisor:
         pause = SPARE_AGAIN_S if part.spare_started else SPARE_AFTER_S
         is_time = now - part.started > pause and now - part.spare_started > SPARE_AFTER_S
         if part.has_spare and part.has_served and not is_there and is_time and self._is_peace(part, now):
-            part.spare, part.spare_started = self._spawn(part, is_spare=True), now
+            part.spare_started = now
+            with contextlib.suppress(OSError, subprocess.SubprocessError):  # tried again after SPARE_AFTER_S
+                part.spare = self._spawn(part, is_spare=True)
 
     def _is_peace(self, part: Part, now: float) -> bool:
         if part.spare_started or part.at_peace is None or now - part.started > SPARE_LATEST_S:
@@ -156,8 +158,18 @@ class Supervisor:
                 part.restart_at = now + pause
                 self.say(f"{part.name} ended ({_ending(code)}); it starts again in {pause:g} s. Its log: {part.log}")
             elif now >= part.restart_at:
-                self.start(part)
+                self._start_again(part, now)
         return None
+
+    def _start_again(self, part: Part, now: float) -> None:
+        """Start a part that has ended; if the machine has no memory, files or processes left for it, later."""
+        try:
+            self.start(part)
+        except (OSError, subprocess.SubprocessError) as error:
+            pause = PAUSES_S[min(part.start_failures + 1, len(PAUSES_S) - 1)]
+            part.start_failures += 1
+            part.restart_at = now + pause
+            self.say(f"{part.name} cannot be started ({error}); the next try is in {pause:g} s.")
 
     def stop(self, hurry: Callable[[], bool] = lambda: False) -> None:
         """Stop all parts, the last started first. Where `hurry` turns true, at once and by force."""
@@ -194,6 +206,17 @@ class Supervisor:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(part.process.pid, signal.SIGKILL)
         part.process.wait()
+
+
+def _log_of(part: Part, is_spare: bool) -> IO[bytes]:
+    """The log that a part appends to; the null device if there is no log to be had, as on a full disk."""
+    try:
+        part.log.parent.mkdir(parents=True, exist_ok=True)
+        if not is_spare and part.log.exists() and part.log.stat().st_size > LOG_KEPT:
+            part.log.replace(part.log.with_suffix(".old.log"))
+        return part.log.open("ab")
+    except OSError:
+        return Path(os.devnull).open("ab")
 
 
 def _ending(code: int | None) -> str:

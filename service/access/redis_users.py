@@ -17,23 +17,44 @@ from urllib.parse import urlsplit
 import redis
 
 from service.access.keys import Keys
+from service.access.redis_care import RedisCare, is_busy
 from service.access.secrets import fingerprint
 from service.errors import FarmError, Unavailable
 
-__all__ = ["LOOK_EVERY_S", "RULES", "RedisUsers"]
+__all__ = ["FLAT_RULES", "LOOK_EVERY_S", "RULES", "RedisUsers"]
 
 log = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 5.0  # for what other processes withdraw, what expires, and a Redis that started anew
+CONNECTION = (
+    *("+auth", "+hello", "+ping", "+select", "+quit", "+reset"),
+    *("+client|setname", "+client|setinfo", "+client|getname", "+client|id"),
+    *("+multi", "+exec", "+discard", "+unwatch"),
+)
+# Scripts: only those that the service has loaded (service/access/redis_care.py), for workers of older releases.
 RULES = (
-    "on",
-    "resetkeys",
+    *("reset", "on", *CONNECTION),
+    # Results and answers: appended, never read or removed.
+    "(~rayfarm:results +xadd +xlen)",
+    "(~rayfarm:view-answers ~rayfarm:explained:* +rpush +ltrim +expire)",
+    # Celery's queues and its bookkeeping.
+    "(~rayfarm.* +brpop +rpop +lpush +rpush +llen +pexpire)",
+    "(~rayfarm.help.* ~rayfarm:worker:* +del +unlink +exists)",  # one DEL of both when a worker leaves
+    "(~_kombu.binding* +sadd +srem +smembers)",
+    "(~unacked ~unacked_index +hget +hset +hdel +hlen +zadd +zrem +zrange +zrevrangebyscore +watch)",
+    "(~unacked_mutex +set +get +del +watch +evalsha)",
+    # What workers say of themselves and of what they have in hand.
+    "(~rayfarm:worker:* ~rayfarm:offer:* ~rayfarm:vitals:* ~rayfarm:log:* ~rayfarm:joining ~rayfarm:deaths:* ~rayfarm:site:* "
+    "~rayfarm:site-secret:* +set +setex +get +mget +del +unlink +exists +expire +incr +ttl)",
+    # What the service says to workers.
+    "(~rayfarm:order:* ~rayfarm:terms:* ~rayfarm:log-wanted:* ~rayfarm:view:* +get +mget +exists +ttl)",
+)
+# For Redis 6.2, which knows one list of commands for all keys of a user.
+FLAT_RULES = (
+    *("reset", "on", *CONNECTION),
     *("~rayfarm:*", "~rayfarm.*", "~_kombu.binding*", "~unacked*"),
-    "-@all",
-    # What Celery's queues, its bookkeeping and a worker's reports are made of; of the stream of results only its end.
-    *("+@connection", "+@transaction", "+@list", "+@set", "+@sortedset", "+@hash", "+@string"),
+    *("+@list", "+@set", "+@sortedset", "+@hash", "+@string", "+watch", "+evalsha"),
     *("+del", "+unlink", "+exists", "+expire", "+pexpire", "+ttl", "+pttl", "+type", "+xadd", "+xlen"),
-    *("+evalsha", "+script|load"),  # a lock is let go by a script, which may do what its caller may
     "-@dangerous",
 )
 
@@ -43,6 +64,7 @@ class RedisUsers:
 
     def __init__(self, connection: redis.Redis, keys: Keys, secret: str, instance: str) -> None:
         self._redis = connection
+        self._care = RedisCare(connection)
         self._keys = keys
         self._secret = secret
         self._prefix = f"rayfarm-{fingerprint(instance)[:8]}-"  # several farms may share a Redis
@@ -95,7 +117,12 @@ class RedisUsers:
             self.look()
 
     def _set(self, name: str) -> None:
-        self._redis.execute_command("ACL SETUSER", name, "resetpass", *RULES, f">{self._password(name)}")
+        try:
+            self._redis.execute_command("ACL SETUSER", name, *RULES, f">{self._password(name)}")
+        except redis.ResponseError as error:
+            if "modifier" not in str(error):
+                raise
+            self._redis.execute_command("ACL SETUSER", name, *FLAT_RULES, f">{self._password(name)}")
         self._known.add(name)
 
     def _password(self, name: str) -> str:
@@ -106,11 +133,20 @@ class RedisUsers:
             try:
                 self.look()
             except redis.ResponseError as error:
-                self._say(error)
+                if is_busy(error):
+                    self._unblock()
+                else:
+                    self._say(error)
             except (redis.RedisError, FarmError, OSError) as error:
                 log.debug("workers' users of Redis are not looked after now: %s", error)
+            with contextlib.suppress(redis.RedisError, OSError):
+                self._care.look()
             if self._stop.wait(LOOK_EVERY_S):
                 return
+
+    def _unblock(self) -> None:
+        with contextlib.suppress(redis.RedisError, OSError):
+            self._care.unblock()
 
     def _say(self, error: Exception) -> None:
         if self.trouble is None:

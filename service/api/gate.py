@@ -7,8 +7,10 @@ or changing a role ends them.
 
 from __future__ import annotations
 
+import logging
 import math
 import time
+from functools import cache
 
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers, MutableHeaders
@@ -38,7 +40,12 @@ OWNERS = (
 )
 WORKERS = "Workers show the farm's token or one of their own: Authorization: Bearer TOKEN. `rayfarm up` prints it."
 ROLE = "This needs the role {needed}; {name} has the role {has}. Ask who runs the farm."
-FORWARDED = ("forwarded", "x-forwarded-for", "x-real-ip")  # whoever sends these is a proxy, and others are behind it
+log = logging.getLogger(__name__)
+
+FORWARDED = (  # headers that proxies add
+    *("forwarded", "via", "x-real-ip", "x-client-ip", "true-client-ip", "cf-connecting-ip", "x-envoy-external-address"),
+    *("x-forwarded-by", "x-forwarded-for", "x-forwarded-host", "x-forwarded-port", "x-forwarded-proto", "x-forwarded-server"),
+)
 STAYS_OPEN = ("/api/events", "/api/jobs/{id}/frames.zip")
 UPLOADS = ("/api/scenes", "/api/environments", "/api/references")  # whose bodies may take hours to come
 AGAIN_S = 5.0
@@ -131,7 +138,18 @@ def _needs_login(access: Access, connection: HTTPConnection) -> bool:
         return access.needs_login
     headers = connection.headers
     is_passed_on = any(name in headers for name in FORWARDED)
+    if is_passed_on:
+        _warn_of_a_proxy()
     return is_passed_on or not is_here(address_of(connection)) or name_of(headers.get("host", "")) not in LOOPBACK_NAMES
+
+
+@cache
+def _warn_of_a_proxy() -> None:
+    """Log, once, that a proxy reaches a farm that asks for no login on this machine."""
+    log.warning(
+        "A proxy passes requests on to this farm, which asks for no login on its own machine. Such requests need a login; "
+        "set RAYFARM_LOGIN=always, for a proxy that adds no header cannot be told from a person on this machine."
+    )
 
 
 async def _known(access: Access, shown: str) -> Caller | None:

@@ -32,6 +32,7 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
 }
+HSTS = f"max-age={365 * 86400}"  # not for localhost, where it would hold for the other programs' ports too
 UNKNOWN_NAME = (
     "The service does not answer to the name {name}. Open it as localhost or by its address; "
     "to let it answer to this name too, start it with --allow-host {name} (RAYFARM_ALLOWED_HOSTS='[\"{name}\"]')."
@@ -57,11 +58,11 @@ class Door:
             return
         refusal = self._judge(scope)
         if refusal is not None:
-            await refuse(refusal, scope, receive, _with_headers(send))
+            await refuse(refusal, scope, receive, _with_headers(scope, send))
         elif scope["type"] == "websocket":
-            await self._app(scope, receive, _with_headers(send))
+            await self._app(scope, receive, _with_headers(scope, send))
         else:
-            await self._app(_head_as_get(scope), _bounded(scope, receive), _with_headers(send))
+            await self._app(_head_as_get(scope), _bounded(scope, receive), _with_headers(scope, send))
 
     def _judge(self, scope: Scope) -> Problem | None:
         headers = Headers(scope=scope)
@@ -127,12 +128,16 @@ def _with_refusal(scope: Scope, send: Send) -> Send:
     return wrapped
 
 
-def _with_headers(send: Send) -> Send:
+def _with_headers(scope: Scope, send: Send) -> Send:
+    is_secure = scope["scheme"] in ("https", "wss") and name_of(Headers(scope=scope).get("host", "")) != "localhost"
+
     async def wrapped(message: Message) -> None:
         if message["type"].endswith("http.response.start"):
             headers = MutableHeaders(scope=message)
             for name, value in HEADERS.items():
                 headers.setdefault(name, value)
+            if is_secure:
+                headers.setdefault("Strict-Transport-Security", HSTS)
             if "cache-control" not in headers:
                 headers["Cache-Control"] = "no-store"
         await send(message)

@@ -13,6 +13,7 @@ from service.api.problem import Problem
 from service.api.visit import VisitDependency
 from service.errors import Conflict
 from service.farm import FarmDependency
+from service.intake.names import plain_title
 from service.store.models import Key
 
 __all__ = ["router"]
@@ -80,16 +81,17 @@ def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> 
     caller = _caller(visit.caller)
     if caller.kind == "token":
         raise Conflict("A token cannot make tokens. Log in on the page, or use `rayfarm token` on the farm's machine.")
+    name = plain_title(asked.name)
     lasts_s = None if asked.days is None else asked.days * DAY_S
     if asked.role == "worker":
         if caller.role < Role.ADMIN:
             raise Problem(403, "Only administrators let workers in. Ask one of them for a worker's token.")
-        secret, row = farm.access.keys.make("worker", caller.name, Role.NOBODY, asked.name, lasts_s)
+        secret, row = farm.access.keys.make("worker", caller.name, Role.NOBODY, name, lasts_s)
     else:
         role = Role.of(asked.role)
         if role > caller.role:
             raise Problem(403, f"Your role is {caller.role.word}: a token of yours cannot have {asked.role}.")
-        secret, row = farm.access.keys.make("token", caller.name, role, asked.name, lasts_s)
+        secret, row = farm.access.keys.make("token", caller.name, role, name, lasts_s)
     return NewToken(**_out(row).model_dump(), secret=secret)
 
 

@@ -1,12 +1,80 @@
-"""Redis as `rayfarm up` starts it."""
+"""The farm's own Redis: which server it is, where it listens, and what a client without the password can take."""
 
 from __future__ import annotations
 
+import socket
+import time
 from pathlib import Path
 
+import pytest
 import redis
 
+from rayfarm.local import broker
+from service.access.redis_release import release_printed
 from tests.helpers import running_redis
+
+
+def program(folder: Path, name: str, version: str) -> Path:
+    made = folder / name
+    made.write_text(f"#!/bin/sh\necho '{version} sha=0:0'\n")
+    made.chmod(0o755)
+    return made
+
+
+def test_the_servers_own_wheel_is_taken_where_the_path_has_only_flawed_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program(tmp_path, "redis-server", "Redis server v=6.2.14")
+    monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+    found = broker.find_server()
+    assert found.parent != tmp_path
+    assert broker.release(found).flaw is None
+    newer = program(tmp_path, "valkey-server", "Valkey server v=9.9.9")
+    assert broker.find_server() == newer
+
+
+def test_a_flawed_server_is_better_than_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    old = program(tmp_path, "redis-server", "Redis server v=7.0.15")
+    monkeypatch.setattr(broker, "_programs", lambda: iter([old]))
+    assert broker.find_server() == old
+    assert release_printed("Redis server v=7.0.15").flaw is not None
+
+
+@pytest.mark.parametrize(
+    ("host", "bound"),
+    [
+        ("127.0.0.1", "127.0.0.1"),
+        ("localhost", "127.0.0.1"),
+        ("::1", "127.0.0.1 -::1"),
+        ("10.1.2.3", "127.0.0.1 10.1.2.3"),
+        ("fd00::7", "127.0.0.1 fd00::7"),
+        ("0.0.0.0", "0.0.0.0"),
+        ("::", "0.0.0.0 -::"),
+    ],
+)
+def test_it_listens_no_further_than_the_farm(tmp_path: Path, host: str, bound: str) -> None:
+    broker.write_config(tmp_path / "redis.conf", host, 1, "secret")
+    assert f"bind {bound}" in (tmp_path / "redis.conf").read_text().splitlines()
+
+
+def test_a_client_without_the_password_fills_no_memory(tmp_path: Path) -> None:
+    server = running_redis(tmp_path)
+    with server, redis.Redis.from_url(server.url) as store:
+        before = store.info("memory")["used_memory"]
+        floods = (b"PING\r\n" * 20_000, b"*3\r\n$4\r\nAUTH\r\n$400000000\r\n" + bytes(1 << 20), b"x" * (1 << 20))
+        clients = [(socket.create_connection(("127.0.0.1", server.port), timeout=1), flood) for flood in floods for _ in range(2)]
+        until = time.monotonic() + 3
+        while clients and time.monotonic() < until:
+            for each in list(clients):
+                try:
+                    each[0].sendall(each[1])
+                except OSError:
+                    each[0].close()
+                    clients.remove(each)
+        assert store.info("memory")["used_memory"] - before < 20 << 20
+        for client, _ in clients:
+            client.close()
+        assert store.set("works", b"1")
 
 
 def test_the_data_may_lie_in_a_folder_of_any_name(tmp_path: Path) -> None:

@@ -232,3 +232,25 @@ def _runs(pid: int) -> bool:
         return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
         return False
+
+
+def test_a_full_disk_or_a_lack_of_processes_does_not_end_the_farm(
+    supervisor: Supervisor, said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "logs").write_text("a file where the folder of logs should be")
+    part = Part("sleeper", SLEEPER, tmp_path / "logs" / "sleeper.log")
+    supervisor.start(part)
+    assert part.process is not None
+    first = part.process.pid
+    real, failures = subprocess.Popen, iter([OSError(24, "Too many open files"), OSError(12, "Cannot allocate memory")])
+
+    def popen(*arguments: object, **options: object) -> object:
+        if (error := next(failures, None)) is not None:
+            raise error
+        return real(*arguments, **options)  # type: ignore[call-overload]
+
+    part.process.kill()
+    part.process.wait()
+    monkeypatch.setattr(supervision.subprocess, "Popen", popen)
+    wait_until(lambda: supervisor.tend() is None and part.running and part.process.pid != first, 30, "the part runs again")
+    assert any("Too many open files" in sentence and "next try" in sentence for sentence in said)

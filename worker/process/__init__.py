@@ -4,4 +4,5 @@ context.py        what every process of a worker knows
 keeping.py        keeps to the terms it was asked for
 turns.py          from which queue it takes next
 queue_reading.py  reads the queue, and skips what is no message
+scriptless.py     locks in Redis without scripts
 """

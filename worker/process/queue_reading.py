@@ -9,14 +9,29 @@ import logging
 from typing import Any
 
 from kombu.transport import redis
+from redis import Redis
+
+from worker.process.scriptless import ScriptlessLock
 
 __all__ = ["be_patient"]
 
 log = logging.getLogger(__name__)
 
 
+class ScriptlessRedis(Redis):
+    """A client whose locks run no scripts, which a worker's user may not."""
+
+    def lock(self, name: str, *positional: Any, **options: Any) -> Any:
+        """A lock; Celery takes one before it restores messages of dead workers."""
+        return super().lock(name, *positional, **{"lock_class": ScriptlessLock, **options})
+
+
 class PatientChannel(redis.Channel):
     """Redis' channel, to whom garbage is as nothing."""
+
+    def _get_client(self) -> Any:
+        super()._get_client()  # checks redis-py's version
+        return ScriptlessRedis
 
     def _brpop_read(self, **options: Any) -> Any:
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import httpx
 import pytest
@@ -10,10 +11,12 @@ import redis
 from redis.exceptions import NoPermissionError
 
 from service.access.keys import Keys
+from service.access.redis_care import RedisCare
 from service.access.redis_users import RedisUsers
 from service.access.roles import OWNER, Role
 from tests.helpers import running_redis
 from tests.service.conftest import TOKEN, Service, until
+from worker.process.scriptless import ScriptlessLock
 
 
 @pytest.fixture(scope="module")
@@ -54,12 +57,19 @@ def test_it_may_touch_what_its_work_needs_and_nothing_else(service: Service) -> 
     with joined(service, made(service)["secret"]) as store:
         assert store.xadd("rayfarm:results", {"event": '{"type": "wake"}'})
         assert store.set("rayfarm:worker:attic-tested", b"", ex=1)
-        with store.lock("unacked_mutex", timeout=5):
+        assert store.delete("rayfarm:worker:attic-tested", "rayfarm.help.attic-tested") == 1
+        with store.lock("unacked_mutex", timeout=5, lock_class=ScriptlessLock):
             assert store.sadd("_kombu.binding_permanent.rayfarm.render.some-kind", "x") == 1
         for refused in (
             *(["KEYS", "*"], ["FLUSHALL"], ["CONFIG", "GET", "requirepass"], ["ACL", "LIST"], ["SHUTDOWN"], ["GET", "other"]),
             *(["XREAD", "STREAMS", "rayfarm:results", "0"], ["XRANGE", "rayfarm:results", "-", "+"], ["EVAL", "return 1", "0"]),
-            ["XTRIM", "rayfarm:results", "MAXLEN", "0"],
+            *(["XTRIM", "rayfarm:results", "MAXLEN", "0"], ["DEL", "rayfarm:results"], ["SET", "rayfarm.render.kind", "x"]),
+            *(["SCRIPT", "LOAD", "return 1"], ["SET", "rayfarm:order:other", "x"], ["FUNCTION", "LIST"], ["MONITOR"]),
+            *(
+                ["CLIENT", "LIST"],
+                ["CLIENT", "KILL", "TYPE", "normal"],
+                ["LRANGE", "rayfarm.render.x", "0", "1"],
+            ),
         ):
             with pytest.raises(NoPermissionError):
                 store.execute_command(*refused)
@@ -131,3 +141,30 @@ def test_its_address_keeps_what_belongs_to_the_way(service: Service) -> None:
     assert url.startswith("rediss://rayfarm-")
     assert url.endswith("@redis.example:6380/3?x=1")
     assert "secret" not in url
+
+
+def test_a_lock_of_an_older_worker_is_released_by_the_one_script_that_the_service_loads(service: Service) -> None:
+    service.farm.redis_users.look()
+    RedisCare(service.farm.redis_users._redis).look()
+    with joined(service, made(service)["secret"]) as store, store.lock("unacked_mutex", timeout=5):
+        pass
+
+
+def test_a_script_without_end_is_ended(service: Service) -> None:
+    with (
+        redis.Redis.from_url(service.options["redis_url"]) as store,
+        redis.Redis.from_url(service.options["redis_url"], socket_timeout=60) as other,
+        ThreadPoolExecutor(1) as pool,
+    ):
+        endless = pool.submit(other.eval, "while true do end", 0)
+        with pytest.raises(redis.ResponseError, match="killed"):
+            endless.result(timeout=60)
+        assert store.ping()
+
+
+def test_keys_of_the_wrong_type_are_removed(service: Service) -> None:
+    with redis.Redis.from_url(service.options["redis_url"]) as store:
+        store.set("rayfarm.render.mistaken", b"text")
+        store.rpush("rayfarm:worker:mistaken", b"text")
+        RedisCare(store).look()
+        assert not store.exists("rayfarm.render.mistaken", "rayfarm:worker:mistaken")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from service.api.security import _with_headers
 from tests.helpers import running_redis
 from tests.service.conftest import Service, until
 
@@ -128,3 +130,23 @@ def test_a_path_says_what_can_be_done_with_it(service: Service, path: str, metho
 def test_a_path_below_api_that_is_not_there_is_not_there_for_any_method(service: Service) -> None:
     for method in ("GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS"):
         assert service.http.request(method, "/api/nowhere").status_code == 404, method
+
+
+@pytest.mark.parametrize("header", ["Via", "X-Forwarded-Proto", "X-Forwarded-Host", "X-Real-IP", "Forwarded", "CF-Connecting-IP"])
+def test_on_loopback_what_a_proxy_passes_on_needs_a_login(service: Service, header: str) -> None:
+    assert service.http.get("/api/jobs").status_code == 200
+    assert service.http.get("/api/jobs", headers={header: "1.1 proxy"}).status_code == 401
+
+
+@pytest.mark.parametrize(
+    ("scheme", "host", "is_sent"), [("https", "farm", True), ("https", "localhost", False), ("http", "farm", False)]
+)
+def test_over_https_browsers_are_to_stay_with_it(scheme: str, host: str, is_sent: bool) -> None:
+    sent: list[dict] = []
+
+    async def send(message: dict) -> None:
+        sent.append(message)
+
+    scope = {"type": "http", "scheme": scheme, "headers": [(b"host", f"{host}:8000".encode())]}
+    asyncio.run(_with_headers(scope, send)({"type": "http.response.start", "status": 200, "headers": []}))
+    assert (b"strict-transport-security" in dict(sent[0]["headers"])) == is_sent

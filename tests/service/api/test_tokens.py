@@ -35,3 +35,11 @@ def test_a_token_that_only_looks_withdraws_nothing_but_itself(service: Service) 
     assert (refused.status_code, "look and change nothing" in refused.text) == (403, True)
     assert withdraw(looks, looks).status_code == 204
     assert withdraw(looks_too, submits).status_code == 204
+
+
+@pytest.mark.parametrize("name", ["t\x1b]52;c;cHduZWQ=\x07", "two\nlines", "turned\u202e"])
+def test_a_name_with_control_characters_is_refused(service: Service, name: str) -> None:
+    shown = {"Authorization": f"Bearer {(service.options['data'] / 'owner-token').read_text().strip()}"}
+    answer = service.http.post("/api/tokens", json={"name": name, "role": "view", "days": 1}, headers=shown)
+    assert answer.status_code == 422
+    assert "control characters" in answer.json()["detail"]
