@@ -16,6 +16,7 @@ from renderer.errors import SceneError
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
+from renderer.scene.origin import exact
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.faces import filled, fractions, split, used
 from renderer.scene.readers.points import add_points
@@ -120,7 +121,7 @@ def _fractions(rows: list[list[str]]) -> F32:
 
 
 def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, description: SceneDescription) -> None:
-    positions = rows[:, :3].astype(np.float32)
+    positions = exact(rows[:, :3])
     at = 3
     normals: F32 | None = None
     uvs: F32 | None = None
