@@ -281,8 +281,7 @@ class Engine:
         self._changes.note("terms", "")
         for scene in self._records.preparing_scenes():
             self._changes.note("scene", scene)
-        for job in self._records.active_jobs():
-            self._changes.note("job", job)
+        self._changes.note_later("job", self._records.active_jobs())
         self._has_begun = True
 
     def _apply_changes(self) -> None:
@@ -295,6 +294,8 @@ class Engine:
             elif what == "terms":
                 if not self._bulkheads.run(what, Step.CHANGE, self._renew_terms, needs_database=True):
                     continue
+            elif not self._lifecycle.may_apply(what, id):
+                continue
             elif id in self._bulkheads.verdicts:
                 continue  # it is to be ended first: what was changed meanwhile, also a deletion, counts on top
             elif not self._lifecycle.apply(what, id) and id not in self._bulkheads.verdicts:
