@@ -323,11 +323,10 @@ class Desk:
                 self._lost(out, str(answer.more.get("error", ""))[:2000])
 
     def _hear_part(self, out: Handed, answer: ViewAnswer) -> None:
-        watch = out.watch
+        watch, seconds = out.watch, answer.seconds
         if out.pick is not None:
             answered(out, out.pick, answer)
             return
-        seconds = answer.seconds
         piece = out.pieces.pop(int(answer.more["number"]), None)
         if piece is None or watch.passes is None or watch.look is None:
             return
