@@ -221,8 +221,8 @@ class Lifecycle:
         """A frame of a shot is prepared, or cannot be: then it is named, and the others go on."""
         job = self._scheduler.jobs.get(message.job)
         frame = job.frames.get(message.frame) if job is not None else None
-        if job is None or frame is None or message.kind not in job.compiled:
-            return
+        if job is None or job.shot is None or frame is None or message.kind not in job.compiled:
+            return  # a still has no frames that are prepared by themselves
         found = message.info if isinstance(message, FramePrepared) else None
         self._errands.moments.heard(job, message.work, message.frame, message.worker, found)
         name = f"frame {frame_text(frame_number(message.frame))}"

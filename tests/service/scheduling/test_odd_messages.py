@@ -114,6 +114,20 @@ def test_whatever_workers_say_is_put_aside_and_the_picture_is_the_same(service: 
     assert all(each["why"] and each["where"].startswith("results") for each in listed)
 
 
+def test_a_still_is_not_failed_by_news_of_a_frame(service: Service, worker: PeerWorker) -> None:
+    """Its only frame would be given up, and the job never end."""
+
+    def lie(batch: RenderBatch) -> None:
+        worker.send({"type": "frame-prepared", "job": batch.job, "worker": "odd", **SENSE["frame-prepared"]})
+        about = {"work": "w", "kind": "test-kind", "frame": 0, "worker": "odd"}
+        worker.send({"type": "frame-failed", "job": batch.job, **about, "error": "it is not so"})
+
+    worker.on_batch = lie
+    job = service.submit(service.ready_scene(), spp=10)
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest(spp=10)
+
+
 POISON = {**INFO, "blend": {"main": "x", "files": [{**REF, "parts": 5}]}}
 
 
