@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import shutil
 import sqlite3
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -19,6 +21,7 @@ from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.errors import FarmError
 from service.keeping.patrol import check_film
+from service.scheduling.fleet.put_aside import FILE
 from service.scheduling.records import Records
 from service.settings import Settings
 from service.store.database import Sessions
@@ -57,7 +60,23 @@ def look_at_folder(settings: Settings, deep: bool, progress: Progress) -> Iterat
             f"It lies on a network drive ({kind}), on which SQLite's locks may fail and a cut connection damages databases.",
             "Keep it on a disk of this machine, and `backup` to the network.",
         )
+    yield from _put_aside(data)
     yield from _database(settings, deep, progress)
+
+
+def _put_aside(data: Path) -> Iterator[Finding]:
+    """The messages of workers that the service could not handle."""
+    try:
+        told = [json.loads(line) for line in (data / FILE).read_text(encoding="utf-8").splitlines()]
+    except (OSError, ValueError):
+        return
+    if told and isinstance(told[-1], dict):
+        when = time.strftime("%Y-%m-%d %H:%M", time.localtime(float(told[-1].get("time", 0))))
+        yield note(
+            "Messages",
+            f"{len(told)} of workers could not be handled, the latest at {when}: {str(told[-1].get('why'))[:200]}",
+            f"Look at {data / FILE}: a worker of another release or a token in the wrong hands sends such. Delete the file then.",
+        )
 
 
 def _rights(data: Path) -> Iterator[Finding]:

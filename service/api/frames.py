@@ -1,4 +1,5 @@
-"""/api/jobs/{id}/frames/{n}: the pictures, valid at any moment: what is not rendered yet has fewer samples, or none."""
+"""/api/jobs/{id}/frames/{n}: the pictures, valid from the first sample on. A frame without samples answers 409 with a sentence;
+its film, which watchers begin with, is empty."""
 
 from __future__ import annotations
 
@@ -26,10 +27,10 @@ from renderer.settings import Tile
 from service.api.describe_frames import frame_out, frames_json
 from service.api.file_names import named, picture_name
 from service.api.heads import headers_alone, is_head
-from service.api.lookup import Number, find_film, find_job, no_frame
+from service.api.lookup import Number, find_film, find_job, find_picture, no_frame
 from service.api.motion import motion_of
 from service.api.schemas import FrameOut, FrameState
-from service.errors import Conflict, Invalid
+from service.errors import Invalid
 from service.farm import Farm, FarmDependency
 from service.scheduling.errands.aside import MadeAside
 from service.store import bands
@@ -128,9 +129,9 @@ async def image(
         raise Invalid("denoise: only colour is denoised; leave aov out.")
     PictureWish(extension, planes, in_layers, width=width).check()
     job = await run_in_threadpool(find_job, id, farm)
-    film, version, samples = await run_in_threadpool(_state, id, n, farm)
+    film, version, samples = await run_in_threadpool(_picture, id, n, farm)
     asks_head = is_head(request)
-    denoised = await _denoised(id, n, film, samples, farm) if denoise and not asks_head else None
+    denoised = await _denoised(id, n, film, farm) if denoise and not asks_head else None
     if denoised is not None:
         version, samples = denoised.version, denoised.samples
     key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {tonemap_curve} {width}"
@@ -190,7 +191,7 @@ def _tile_at(film: Film, x: int, y: int) -> tuple[int, Tile]:
 
 
 def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
-    film = find_film(id, n, farm)
+    film = find_picture(id, n, farm)
     at, tile = _tile_at(film, x, y)
     sums = film.tile_sums(frame_key(n), at)
     sums = np.zeros((film_math.CHANNELS, 1, 1), np.int64) if sums is None else sums[:, y - tile.y, x - tile.x, None, None]
@@ -220,7 +221,7 @@ def tile_log(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: 
 @router.get("/{n}/digest", response_model=Digest)
 async def digest(id: str, n: Number, farm: FarmDependency) -> Digest:
     """A name for the frame's every bit: equal requests give equal digests, whoever rendered them."""
-    film, version, samples = await run_in_threadpool(_state, id, n, farm)
+    film, version, samples = await run_in_threadpool(_picture, id, n, farm)
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.make(
         (id, n, "digest", version), bands.digest_memory(film), bands.digest, film, frame_key(n), folder
@@ -228,10 +229,8 @@ async def digest(id: str, n: Number, farm: FarmDependency) -> Digest:
     return Digest(digest=made, samples=samples)
 
 
-async def _denoised(id: str, n: float, film: Film, samples: int, farm: Farm) -> MadeAside:
+async def _denoised(id: str, n: float, film: Film, farm: Farm) -> MadeAside:
     """Waits without a thread of its own: many readers may wait at a time."""
-    if not samples:
-        raise Conflict("The picture has no samples yet. Try again when its first tiles are there.")
     made = await run_in_threadpool(farm.engine.denoise, id, frame_key(n), film)
     # Shielded: a reader that leaves must not take the picture from those who wait for the same.
     return await asyncio.shield(asyncio.wrap_future(made))
@@ -250,6 +249,12 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
 def _state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
     """A frame's film, the version of its content, and its samples."""
     film = find_film(id, n, farm)
+    return film, film.version(frame_key(n)), film.samples(frame_key(n))
+
+
+def _picture(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
+    """As `_state`, of a frame that has samples."""
+    film = find_picture(id, n, farm)
     return film, film.version(frame_key(n)), film.samples(frame_key(n))
 
 

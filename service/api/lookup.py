@@ -12,12 +12,13 @@ from service.access.projects import Kind
 from service.errors import Conflict, NotFound
 from service.farm import Farm
 from service.store.films import Film
-from service.store.models import Job, Scene
+from service.store.models import FINAL, Job, Scene
 
 __all__ = [
     "Number",
     "find_film",
     "find_job",
+    "find_picture",
     "find_scene",
     "is_lit",
     "no_environment",
@@ -26,6 +27,7 @@ __all__ = [
     "no_reference",
     "no_scene",
     "no_thing",
+    "without_samples",
 ]
 
 Number = Annotated[float, Path(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False, description="the frame; a still is 0")]
@@ -64,6 +66,24 @@ def find_film(id: str, n: float, farm: Farm) -> Film:
     if film is None:
         raise Conflict(f"The job has no picture yet: {job.error or 'its scene is still being prepared.'}")
     return film
+
+
+def find_picture(id: str, n: float, farm: Farm) -> Film:
+    """The film of a frame that has samples. Raises Conflict where it has none, and as `find_film`."""
+    film = find_film(id, n, farm)
+    if not film.samples(frame_key(n)):
+        raise without_samples(find_job(id, farm))
+    return film
+
+
+def without_samples(job: Job) -> Conflict:
+    """Why there is no picture to answer with."""
+    if job.state == "finished":
+        return Conflict("The film of this job is gone. Set the job to running: its picture is then rendered again.")
+    if job.state in FINAL:
+        why = job.error or "It was cancelled before."
+        return Conflict(f"The job ended without a picture. {why}")
+    return Conflict("The picture has no samples yet. Try again when its first tiles are there.")
 
 
 def no_job(id: str) -> NotFound:

@@ -71,6 +71,8 @@ class _Collector:
         yield CounterMetricFamily("rayfarm_workers_distrusted", text, view.counts.get("distrusted", 0))
         text = "Results of workers, each of a batch or of some whose sums they added up"
         yield CounterMetricFamily("rayfarm_results", text, view.counts.get("results", 0))
+        text = "Messages of workers that could not be handled"
+        yield CounterMetricFamily("rayfarm_messages_put_aside", text, view.counts.get("put_aside", 0))
         owner = rows.look(self._farm.sessions)
         yield GaugeMetricFamily("rayfarm_owner", "1 where this service works as the farm, 0 where it stands by", 1.0)
         text = "How often a service took the farm over from another that had died or hung"

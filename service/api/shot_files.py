@@ -19,7 +19,7 @@ from renderer.image import tonemap
 from service.api.describe_frames import frame_numbers
 from service.api.file_names import named, title_of
 from service.api.heads import headers_alone, is_head
-from service.api.lookup import find_job
+from service.api.lookup import find_job, without_samples
 from service.api.motion import motion_of
 from service.errors import Conflict, Invalid
 from service.farm import Farm, FarmDependency
@@ -65,6 +65,8 @@ async def frames_zip(
     film = await run_in_threadpool(_film, job, farm)
     if which != "coming" and not any(_is_wanted(frame, which) for frame in found.values()):
         raise Conflict("No frame is finished yet. Ask for which=all, or wait for each by which=coming.")
+    if which != "coming" and await run_in_threadpool(lambda: film.is_empty):
+        raise without_samples(job)
     headers = {"Content-Disposition": named(f"{_title(job, frames)}.{format}.zip", "attachment"), "Cache-Control": "no-store"}
     if is_head(request):
         return headers_alone(headers, "application/zip")
@@ -96,6 +98,8 @@ async def get_movie(
     if not shown:
         raise Conflict("No frame has samples yet. Try again in a moment.")
     film = await run_in_threadpool(_film, job, farm)
+    if await run_in_threadpool(lambda: film.is_empty):
+        raise without_samples(job)
     speed = await run_in_threadpool(_fps, job, farm) if fps is None else fps
     keys, content = list(shown), tuple(shown.items())
     headers = {"Content-Disposition": named(f"{_title(job, frames)}.{extension}"), "Cache-Control": "no-cache"}

@@ -12,6 +12,7 @@ from service.api.visit import VisitDependency
 from service.api.worker_fields import WorkerOut, WorkerPatch, worker_out
 from service.errors import Conflict, NotFound, Unavailable
 from service.farm import Farm, FarmDependency
+from service.scheduling.faults.redis_says import away
 from service.scheduling.fleet.workers import BY_A_PERSON
 from service.store.models import WorkerTerms
 
@@ -55,7 +56,7 @@ def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> Worke
         try:
             farm.engine.order(name, why)
         except redis.RedisError as error:
-            raise Unavailable(f"Redis does not answer ({error}). Try again when it does.") from None
+            raise away(error) from None
     return worker_out(report, why, farm.engine.snapshot)
 
 
@@ -75,7 +76,7 @@ def get_worker_log(name: str, farm: FarmDependency) -> list[str]:
     try:
         lines = farm.engine.worker_log(name)
     except redis.RedisError as error:
-        raise Unavailable(f"Redis does not answer ({error}). Try again when it does.") from None
+        raise away(error) from None
     if lines is None:
         raise Unavailable("The worker does not tell its log: it is still starting, is of an older release, or hangs.")
     return lines

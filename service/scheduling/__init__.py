@@ -12,7 +12,7 @@ Each folder builds on those above it:
 The engine
     engine.py     the thread, and what it does in each step; start here
     lifecycle.py  a job from the database to the scheduler and out again
-    taking_up.py  long shots are taken up in steps
+    taking_up.py  jobs are taken up in steps, a little in each round
     waiting.py    jobs that wait for other jobs
     answers.py    acts on what workers send back
     changes.py    what was changed in the database since the last step

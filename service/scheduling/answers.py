@@ -2,6 +2,9 @@
 
 An answer that cannot be stored now (its film is locked, the database is full) is kept: it stays in the stream and in memory,
 and is tried again. So what a worker has rendered is rendered once, and one job's trouble holds up no other's answers.
+
+An answer that makes no sense, or that raises anything else, is put aside: counted, kept in a bounded list, deleted from the
+stream. What was handed out and it answered is handed out again.
 """
 
 from __future__ import annotations
@@ -12,10 +15,12 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 from service.scheduling.errands.errands import Errands
 from service.scheduling.errands.preparing import Progress
-from service.scheduling.faults.bulkhead import Bulkheads, Step
+from service.scheduling.faults.bulkhead import Bulkheads, Step, is_of_what_was_said
+from service.scheduling.fleet.put_aside import PutAside
 from service.scheduling.handing_out.pace import Pace
 from service.scheduling.handing_out.scheduler import Scheduler, named
 from service.scheduling.incoming.merging import Arrived, batch_of, merge
@@ -33,6 +38,7 @@ from service.scheduling.incoming.messages import (
     PrepareGoesOn,
     PrepareReturned,
     PrepareStarted,
+    Unusable,
     Wake,
     understand,
 )
@@ -68,6 +74,11 @@ class _Answer:
         return self.entry.result.sums if self.entry.result is not None else None
 
 
+class _Merged(NamedTuple):
+    arrived: Arrived
+    answer: _Answer
+
+
 class Answers:
     """Reads the stream, stores what is in it, and deletes what is stored. Lives in the engine's thread."""
 
@@ -81,6 +92,7 @@ class Answers:
         trust: Trust,
         pace: Pace,
         logs: JobLogs,
+        put_aside: PutAside,
         tell: Tell,
         tell_tiles: TellTiles,
         settled: Callable[[ActiveJob], None],
@@ -94,6 +106,7 @@ class Answers:
         self._trust = trust
         self._pace = pace
         self._logs = logs
+        self._put_aside = put_aside
         self._tell = tell
         self._tell_tiles = tell_tiles
         self._settled = settled
@@ -159,8 +172,13 @@ class Answers:
         self._overlooked = more and not self._overlooked
 
     def _sort(self, entry: Entry) -> None:
-        message = understand(entry)
-        if message is None or isinstance(message, Wake):
+        try:
+            message = understand(entry)
+        except Unusable as error:
+            self._put_aside.add(entry.where, str(error), entry.fields, error.__cause__)
+            self._stored.append(entry)
+            return
+        if isinstance(message, Wake):
             self._stored.append(entry)
             return
         if isinstance(message, BatchDone):
@@ -178,43 +196,79 @@ class Answers:
     def _store(self, owner: str) -> None:
         """Store what is kept of a job or a scene. What is stored is no longer kept, also where this raises."""
         answers = self._kept[owner]
-        rendered = [
-            (answer.message, answer.sums)
-            for answer in answers
-            if isinstance(answer.message, BatchDone) and answer.sums is not None
-        ]
         if owner in self._scheduler.jobs:
-            self._merge(owner, rendered)
+            self._merge(owner)
         while answers:
-            message = answers[0].message
-            if not isinstance(message, BatchDone):
-                self._hear(message)
+            answer = answers[0]
+            if not isinstance(answer.message, BatchDone):
+                self._apart(answer.entry, answer.message, partial(self._hear, answer.message))
             self._stored.append(answers.pop(0).entry)
 
-    def _merge(self, id: str, rendered: list[tuple[BatchDone, bytes]]) -> None:
-        job = self._scheduler.jobs[id]
-        rendered = self._trust.sort_out(job, rendered)
+    def _apart(
+        self, entry: Entry, message: Message | None, action: Callable[[], object], instead: Callable[[], object] | None = None
+    ) -> None:
+        """Handle one message; what it raises puts it aside, unless it is the trouble of something else.
+
+        message: is made up for then, None: is not to be. instead: what is done beside that."""
+        try:
+            action()
+        except Exception as error:
+            if not is_of_what_was_said(error):
+                raise
+            self._put_aside.add(entry.where, error, entry.fields, error)
+            if instead is not None:
+                instead()
+            if message is not None:
+                self._make_up_for(message, f"{type(error).__name__}: {error}")
+
+    def _make_up_for(self, message: Message, why: str) -> None:
+        """Hand out again what a message answered that was put aside."""
+        if isinstance(message, BatchDone):
+            if (job := self._scheduler.jobs.get(message.job)) is not None:
+                self._unusable(job, message, batch_of(message, job), why)
+        elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned) and self._errands.preparing.unusable(
+            message.scene, message.kind
+        ):
+            sentence = f"What workers answered about this scene cannot be used ({why})."
+            self._lifecycle.prepare_failed(message.scene, message.kind, sentence)
+
+    def _merge(self, id: str) -> None:
+        job, answers = self._scheduler.jobs[id], self._kept[id]
+        rendered = [answer for answer in answers if isinstance(answer.message, BatchDone) and answer.sums is not None]
         begun = time.time()
-        arrived = merge(job, rendered)
-        traces.merged(job, begun, len(rendered), (each for message, _ in rendered for each in message.traceparents))
-        answers = self._kept[id]
+        try:
+            arrived = self._add(job, rendered)
+        except Exception as error:
+            if not is_of_what_was_said(error):
+                raise
+            arrived = []
+
+            def add(answer: _Answer) -> None:
+                arrived.extend(self._add(job, [answer]))
+
+            for answer in rendered:  # one of them, or some: each by itself
+                self._apart(answer.entry, answer.message, partial(add, answer))
+        spans = (each for answer in rendered if isinstance(answer.message, BatchDone) for each in answer.message.traceparents)
+        traces.merged(job, begun, len(arrived), spans)
         self._stored += [answer.entry for answer in answers if isinstance(answer.message, BatchDone)]
         answers[:] = [answer for answer in answers if not isinstance(answer.message, BatchDone)]
+        self._note_merged(job, arrived)
+
+    def _add(self, job: ActiveJob, rendered: list[_Answer]) -> list[_Merged]:
+        """Add batches to a job's film, all or none."""
+        entries = {id(answer.message): answer for answer in rendered}
+        sums = [(answer.message, answer.sums or b"") for answer in rendered if isinstance(answer.message, BatchDone)]
+        kept = self._trust.sort_out(job, sums)
+        return [_Merged(each, entries[id(each.message)]) for each in merge(job, kept)]
+
+    def _note_merged(self, job: ActiveJob, arrived: list[_Merged]) -> None:
+        """Let everything else know what the film took."""
         tiles: dict[int, set[int]] = {}
         with_bad: set[int] = set()  # frames of which new samples were left out
-        for each, (_, sums) in zip(arrived, rendered, strict=True):
-            if each.taken and each.batch is not None:
-                self._trust.taken(job, each.message, each.batch, sums)
-            pieces = each.message.pieces
-            if each.fault is not None and each.batch is not None:
-                self._spoiled(job, each.batch, each)
-                continue
-            self.counts["merged" if each.taken else "dropped"] += len(pieces)
-            for piece in pieces:
-                batch = each.batch and each.batch._replace(first=piece.first, count=piece.count)
-                self._scheduler.came_back(job, piece.batch, batch, piece.seconds, piece.worker or each.message.worker)
-            self._note(job, each)
-            if each.taken and each.batch is not None:
+        for each, answer in arrived:
+            noted = partial(self._note_one, job, each, answer.sums or b"")
+            self._apart(answer.entry, None if each.taken else each.message, noted, partial(self._end_leases, job, each))
+            if each.fault is None and each.taken and each.batch is not None:
                 tiles.setdefault(each.batch.frame, set()).add(each.batch.tile)
                 if each.message.bad_count:
                     with_bad.add(each.batch.frame)
@@ -224,22 +278,45 @@ class Answers:
         if arrived:
             job.tick(job.state == "running")
             for frame, changed in tiles.items():
-                self._tell_tiles(id, frame, changed)
-            self._tell("job", id)
+                self._tell_tiles(job.id, frame, changed)
+            self._tell("job", job.id)
         job.settle()
         self._settled(job)
         if job.agenda.new_goals:
             self._lifecycle.record(job)
 
-    def _spoiled(self, job: ActiveJob, whole: Range, each: Arrived) -> None:
-        """What came cannot be the sums asked for: counted as a failed batch of whoever sent it. A joint result is one failure,
-        and where several workers are in it, nobody's."""
-        for number, piece in enumerate(each.message.pieces):
+    def _end_leases(self, job: ActiveJob, each: Arrived) -> None:
+        """The least that has to be noted of a batch that the film took."""
+        for piece in each.message.pieces if each.taken and each.batch is not None else ():
+            assert each.batch is not None
+            self._scheduler.leases.end(piece.batch)
+            job.came_back(each.batch._replace(first=piece.first, count=piece.count), piece.seconds)
+
+    def _note_one(self, job: ActiveJob, each: Arrived, sums: bytes) -> None:
+        if each.taken and each.batch is not None:
+            self._trust.taken(job, each.message, each.batch, sums)
+        pieces = each.message.pieces
+        if each.fault is not None and each.batch is not None:
+            self._unusable(job, each.message, each.batch, each.fault)
+            return
+        self.counts["merged" if each.taken else "dropped"] += len(pieces)
+        for piece in pieces:
+            batch = each.batch and each.batch._replace(first=piece.first, count=piece.count)
+            self._scheduler.came_back(job, piece.batch, batch, piece.seconds, piece.worker or each.message.worker)
+        self._note(job, each)
+
+    def _unusable(self, job: ActiveJob, message: BatchDone, whole: Range | None, why: str) -> None:
+        """An answer that is not the sums asked for: a failed batch of whoever sent it. A joint result is one failure, and where
+        several workers are in it, nobody's."""
+        for number, piece in enumerate(message.pieces):
+            if whole is None:
+                self._scheduler.came_back(job, piece.batch, None, 0.0, piece.worker or message.worker)
+                continue
             self.counts["failed"] += 1
             batch = whole._replace(first=piece.first, count=piece.count)
-            sender, is_suspect = piece.worker or each.message.worker, number == 0 and len(each.message.senders) == 1
-            why = f"What {sender} sent of it cannot be used ({each.fault})."
-            trouble = self._scheduler.failed(job, piece.batch, batch, sender, why, None, is_suspect=is_suspect)
+            sender, is_suspect = piece.worker or message.worker, number == 0 and len(message.senders) == 1
+            said = f"What {sender} sent of it cannot be used ({why})."
+            trouble = self._scheduler.failed(job, piece.batch, batch, sender, said, None, is_suspect=is_suspect)
             if trouble is not None:
                 self._give_up(job, batch, trouble)
 

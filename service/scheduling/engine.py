@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from contextlib import suppress
 
 import redis
 
@@ -22,6 +23,9 @@ from service.scheduling.changes import Changes
 from service.scheduling.errands.aside import MadeAside
 from service.scheduling.errands.errands import Errands
 from service.scheduling.faults.bulkhead import Bulkheads, Step
+from service.scheduling.faults.redis_says import causes, trouble_of
+from service.scheduling.faults.repair import is_wrong_type, repair_all
+from service.scheduling.fleet.put_aside import FILE, PutAside
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.forecasts.deadlines import Deadlines
 from service.scheduling.forecasts.forecast import Forecaster
@@ -52,6 +56,8 @@ READ_BYTES = 1 << 20  # at a time, of results of some megabytes
 PAUSE_AFTER_FAULT_S = 0.5
 SERVICE_KEY = "rayfarm:service"  # when the service last wrote into Redis, in seconds since 1970
 SERVICE_KEY_TTL_S = 10
+REPAIR_EVERY_S = 10.0
+TRACE_EVERY_S = 60.0  # of the same fault
 STUCK_S = 60.0  # without a round: another service may try
 
 log = logging.getLogger(__name__)
@@ -91,7 +97,8 @@ class Engine:
         self._changes = Changes()
         self._bulkheads = Bulkheads()
         change = self._board.change
-        self._workers = Workers(self._redis, lambda name: change("worker", name))
+        self._put_aside = PutAside(settings.data / FILE)
+        self._workers = Workers(self._redis, lambda name: change("worker", name), self._put_aside)
         self._errands = Errands(settings, self._dispatcher, self._workers, blobs, let_go)
         self.logs = JobLogs(settings.data / "logs-of-jobs")
         self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes, is_watched)
@@ -109,6 +116,7 @@ class Engine:
         self._keeper = SnapshotKeeper(snapshots, settings.data / "tmp", self._scheduler.jobs.__contains__)
         self._answers = Answers(
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._errands, self.trust, self._pace, self.logs),
+            put_aside=self._put_aside,
             tell=change,
             tell_tiles=tell_tiles,
             settled=self._keeper.look,
@@ -120,7 +128,10 @@ class Engine:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="engine", daemon=True)
         self._fault: str | None = self._board.latest.fault
-        self._refused: str | None = None  # why Redis takes nothing down
+        self._refused: str | None = None  # why Redis takes nothing down, or a part of a second's work fails
+        self._step_fault: str | None = None
+        self._traced = 0.0
+        self._repaired = 0.0
 
     def start(self) -> None:
         """Begin: what the database says is unfinished is taken up."""
@@ -193,7 +204,7 @@ class Engine:
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            self._fault = self._fault_of(self._step) or self._refused
+            self._fault = self._fault_of(self._step) or self._step_fault or self._refused
             if self._fault_of(self._publish) or self._fault:
                 self._stop.wait(PAUSE_AFTER_FAULT_S)
 
@@ -202,19 +213,36 @@ class Engine:
         try:
             action()
         except (redis.RedisError, QueueError) as error:
+            fault = " ".join(trouble_of(error))
             if self._fault is None:
-                log.warning("Redis: %s", error)
-            if _is_refused(error):
-                return f"Redis takes nothing more ({error}). Give it more memory (maxmemory), or look at how it is set up."
-            return f"Redis does not answer ({error}). Start it, or look at RAYFARM_REDIS_URL."
+                log.warning("%s", fault)
+            if any(is_wrong_type(each) for each in causes(error)):
+                self._repair()
+            return fault
         except FarmError as error:  # the database, while the engine begins
             if self._fault != str(error):
                 log.warning("%s", error)
             return str(error)
         except Exception as error:
-            log.exception("a fault in the engine")
-            return f"The engine has a fault ({type(error).__name__}: {error}); the log says more."
+            return self._own_fault(error)
         return None
+
+    def _own_fault_of(self, part: Callable[[], None]) -> str | None:
+        """Take a part of a step; a sentence where this code has a fault. Raises redis.RedisError, QueueError and FarmError."""
+        try:
+            part()
+        except (redis.RedisError, QueueError, FarmError):
+            raise
+        except Exception as error:
+            return self._own_fault(error)
+        return None
+
+    def _own_fault(self, error: Exception) -> str:
+        sentence = f"The engine has a fault ({type(error).__name__}: {error}); the log says more."
+        if self._fault != sentence or time.monotonic() - self._traced >= TRACE_EVERY_S:  # it may be met at every step
+            self._traced = time.monotonic()
+            log.error("a fault in the engine", exc_info=error)
+        return sentence
 
     def _step(self) -> None:
         self._guard()
@@ -229,6 +257,10 @@ class Engine:
                 self._each_second()
         self._bulkheads.carry_out(self._lifecycle.end)
         self.trust.carry_out(self._lifecycle.again)
+        self._step_fault = self._own_fault_of(self._hand_out)
+        self._answers.take_in(1 if self._lifecycle.is_taking_up else BLOCK_MS)
+
+    def _hand_out(self) -> None:
         while not self._asked.empty():
             self._errands.preparing.want(*self._asked.get())
         self._errands.preparing.fill()
@@ -239,7 +271,6 @@ class Engine:
         with self._pace.busy():
             self._answers.look_for_unread()
             self._scheduler.fill(self._lifecycle.start)
-        self._answers.take_in(1 if self._lifecycle.is_taking_up else BLOCK_MS)
 
     def _begin(self) -> None:
         """Clean up after an earlier life, and take up what it left."""
@@ -250,8 +281,7 @@ class Engine:
         self._changes.note("terms", "")
         for scene in self._records.preparing_scenes():
             self._changes.note("scene", scene)
-        for job in self._records.active_jobs():
-            self._changes.note("job", job)
+        self._changes.note_later("job", self._records.active_jobs())
         self._has_begun = True
 
     def _apply_changes(self) -> None:
@@ -264,6 +294,8 @@ class Engine:
             elif what == "terms":
                 if not self._bulkheads.run(what, Step.CHANGE, self._renew_terms, needs_database=True):
                     continue
+            elif not self._lifecycle.may_apply(what, id):
+                continue
             elif id in self._bulkheads.verdicts:
                 continue  # it is to be ended first: what was changed meanwhile, also a deletion, counts on top
             elif not self._lifecycle.apply(what, id) and id not in self._bulkheads.verdicts:
@@ -283,25 +315,50 @@ class Engine:
         self._terms = self._records.worker_terms()
 
     def _each_second(self) -> None:
+        """Each part by itself: a fault in one of them does not stop the others."""
         self._refused = self._fault_of(self._write)
-        self.logs.flush()
-        self._answers.review()
-        self._errands.review_aside()
-        self._scheduler.review(self._results)
-        self.trust.review()
-        self._waiting.review()
+        faults = [
+            self._own_fault_of(part)
+            for part in (
+                *(self.logs.flush, self._look_at_keys, self._answers.review, self._errands.review_aside),
+                *(lambda: self._scheduler.review(self._results), self.trust.review, self._waiting.review),
+                *(self._review_preparing, self._ask_workers, self._review_deadlines, self._review_jobs),
+            )
+        ]
+        self._refused = self._refused or next(filter(None, faults), None)
+
+    def _review_preparing(self) -> None:
         for scene, kind in self._errands.preparing.review(self._results):
             self._lifecycle.lost_while_preparing(scene, kind)
         for job, frame in self._errands.moments.review(self._scheduler.jobs, self._results):
             self._lifecycle.frame_lost(job, frame)
+
+    def _ask_workers(self) -> None:
         needs = [job.needs for job in self._scheduler.jobs.values() if job.needs is not None]
         self._workers.ask(self._terms, [*needs, *self._scheduler.sites.needs()])
+
+    def _review_deadlines(self) -> None:
         self._deadlines.review(list(self._scheduler.jobs.values()), self._forecaster.of, time.time())
+
+    def _review_jobs(self) -> None:
         for job in list(self._scheduler.jobs.values()):
             job.tick(job.state == "running" and self._scheduler.leases.has(job.id))
             if job.state == "running" or job.done:
                 self._lifecycle.record(job)
                 self._board.change("job", job.id)
+
+    def _repair(self) -> None:
+        """Delete what is of the wrong type in Redis, where that is possible now."""
+        self._repaired = time.monotonic()
+        with suppress(redis.RedisError):
+            self._results.repair()
+            repair_all(self._redis)
+
+    def _look_at_keys(self) -> None:
+        """From time to time: what workers have written to Redis, of which some may keep other workers from going on."""
+        self._put_aside.flush()
+        if time.monotonic() - self._repaired >= REPAIR_EVERY_S:
+            self._repair()
 
     def _write(self) -> None:
         """A full or read-only Redis is noticed before there is something to hand out. Raises redis.RedisError."""
@@ -331,16 +388,10 @@ class Engine:
                 **self.trust.counts,
                 "lost": self._scheduler.lost,
                 "doubled": self._scheduler.doubled,
+                "put_aside": self._put_aside.count,
             },
             batches_out=len(self._scheduler.leases),
             results_unread=self._pace.waiting,
             batch_cost_s=self._pace.batch_cost_s,
             failures=dict(self._scheduler.suspicion.failures),
         )
-
-
-def _is_refused(error: BaseException | None) -> bool:
-    """Whether Redis is there and says no: it is full, or another's copy."""
-    while error is not None and not isinstance(error, redis.ResponseError):
-        error = error.__cause__
-    return error is not None

@@ -84,8 +84,12 @@ class Lifecycle:
 
     @property
     def is_taking_up(self) -> bool:
-        """Whether a long shot waits for the next round."""
-        return self._taking_up.is_under_way
+        """Whether a job waits for the next round to be taken up."""
+        return self._taking_up.is_under_way or self._changes.is_behind
+
+    def may_apply(self, what: str, id: str) -> bool:
+        """Whether a change can be applied in this round: jobs are taken up as long as there is time."""
+        return what != "job" or id in self._scheduler.jobs or self._taking_up.has_time
 
     def is_awaited(self, id: str) -> bool:
         """Whether a job is about to be taken up, as soon as its film or the database can be read."""
@@ -149,7 +153,8 @@ class Lifecycle:
     def _took_up(self, job: ActiveJob, scene: Scene) -> None:
         if job.shot is not None:
             self._autos[job.id] = (scene.info or {})["cameras"][-1]["view"]
-        self.record(job)
+        if job.started or job.shot is not None or job.film.has_file or not all(f.was_recorded for f in job.frames.values()):
+            self.record(job)  # else its row says all of it
 
     def again(self, job: ActiveJob) -> None:
         """Take a job up anew: what some worker has sent of it is not believed any more, and is rendered again."""
@@ -216,8 +221,8 @@ class Lifecycle:
         """A frame of a shot is prepared, or cannot be: then it is named, and the others go on."""
         job = self._scheduler.jobs.get(message.job)
         frame = job.frames.get(message.frame) if job is not None else None
-        if job is None or frame is None or message.kind not in job.compiled:
-            return
+        if job is None or job.shot is None or frame is None or message.kind not in job.compiled:
+            return  # a still has no frames that are prepared by themselves
         found = message.info if isinstance(message, FramePrepared) else None
         self._errands.moments.heard(job, message.work, message.frame, message.worker, found)
         name = f"frame {frame_text(frame_number(message.frame))}"

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import asdict, replace
 from typing import Any
 
-from sqlalchemy import bindparam, delete, func, or_, select, update
+from sqlalchemy import bindparam, case, delete, func, or_, select, update
 from sqlalchemy.orm import Session, aliased
 
 from renderer.errors import SettingsError
@@ -44,9 +44,10 @@ class Records:
         self._max_pixels = max_pixels
 
     def active_jobs(self) -> list[str]:
-        """The jobs that are not over."""
+        """The jobs that are not over: first those that are rendered, then by priority and age."""
         with self._sessions() as session:
-            return list(session.scalars(select(Job.id).where(Job.state.in_(ACTIVE)).order_by(Job.created)))
+            order = case((Job.state == "running", 0), else_=1), Job.priority.desc(), Job.created
+            return list(session.scalars(select(Job.id).where(Job.state.in_(ACTIVE)).order_by(*order)))
 
     def all_jobs(self) -> set[str]:
         """All jobs."""

@@ -51,6 +51,11 @@ class TakingUp:
         self._until = time.thread_time() + A_ROUND_S
 
     @property
+    def has_time(self) -> bool:
+        """Whether there is time in this round to take up another job."""
+        return time.thread_time() <= self._until
+
+    @property
     def is_under_way(self) -> bool:
         """Whether some job waits for the next round."""
         return bool(self._under_way)
@@ -83,7 +88,7 @@ class TakingUp:
             self._records.failed(row.id, scene.error or "The scene cannot be prepared.")
         if scene is None or scene.status != "ready":
             return
-        resolved = self._records.resolve(row.id, scene)
+        resolved = row if row.settings is not None else self._records.resolve(row.id, scene)
         if resolved is None or resolved.state == "failed" or resolved.settings is None or resolved.tile_size is None:
             return
         film = self._film(row, resolved)

@@ -7,7 +7,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from sqlalchemy.orm import Session, sessionmaker
 
 from service.errors import Invalid, Unavailable
 from service.store.room import no_room
+from service.store.turns import Turns
 from service.store.upgrade import upgrade
 from service.store.whole import PRIVATE
 
@@ -37,20 +38,32 @@ class Sessions:
     patience_s: how long a lock of SQLite's is waited for. fence: asked at the beginning of each transaction that writes.
     """
 
-    def __init__(self, engine: Engine, patience_s: float = LOCK_PATIENCE_S, fence: Fence | None = None) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        patience_s: float = LOCK_PATIENCE_S,
+        fence: Fence | None = None,
+        turns: Turns | None = None,
+        is_urgent: bool = False,
+    ) -> None:
+        """turns: shared by all who write to this database in this process. is_urgent: goes before the others."""
         self._engine = engine
         self._fence = fence
+        self._patience_s = patience_s
+        self._turns = turns or Turns()
+        self._is_urgent = is_urgent
+        self._is_sqlite = engine.dialect.name == "sqlite"
         options = {"patience_ms": round(patience_s * 1000)}
         self._readers = sessionmaker(engine.execution_options(**options), expire_on_commit=False)
         self._writers = sessionmaker(engine.execution_options(writes=True, **options), expire_on_commit=False)
 
     def with_patience(self, seconds: float) -> Sessions:
-        """The same database, for whoever must not wait so long."""
-        return Sessions(self._engine, seconds, self._fence)
+        """The same database, for whoever must not wait so long: it writes before all others that wait."""
+        return Sessions(self._engine, seconds, self._fence, self._turns, is_urgent=True)
 
     def fenced(self, fence: Fence) -> Sessions:
         """The same database, with the usual patience, for whoever writes only as long as `fence` lets it."""
-        return Sessions(self._engine, fence=fence)
+        return Sessions(self._engine, fence=fence, turns=self._turns)
 
     @contextmanager
     def __call__(self) -> Iterator[Session]:
@@ -61,7 +74,8 @@ class Sessions:
     @contextmanager
     def begin(self) -> Iterator[Session]:
         """A transaction: committed at its end, or rolled back where an exception leaves it."""
-        with faults(), self._writers.begin() as session:
+        turn = self._turns.taken(self._patience_s, self._is_urgent) if self._is_sqlite else nullcontext()
+        with faults(), turn, self._writers.begin() as session:
             if self._fence is not None:
                 self._fence(session)
             yield session

@@ -6,6 +6,7 @@ import contextlib
 import logging
 import threading
 import time
+import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager
@@ -25,7 +26,8 @@ from service.store.tile_cache import TileCache
 
 __all__ = ["FilmFolder", "FilmStore", "Take"]
 
-MAX_OPEN = 64
+MAX_OPEN = 64  # films that are held for those who ask next
+MAX_FILES = 100  # films whose files are open at a time: three descriptors each
 LOST = ".lost"  # a film that was set aside
 FILES = ("", "-wal", "-shm")  # of one SQLite database
 
@@ -44,7 +46,7 @@ class FilmStore(Protocol):
     ) -> Film:
         """The job's film: the same object for all who hold it. Raises FilmWaits or FilmLost.
 
-        pin: it is being rendered: made where it does not exist yet, and open until `unpin`.
+        pin: it is to be rendered: kept until `unpin`. Its file is made with the first batch.
         recorded: the samples that it must have of a frame; FilmLost where it has fewer.
         """
 
@@ -104,6 +106,8 @@ class FilmFolder:
         self._films: WeakValueDictionary[str, Film] = WeakValueDictionary()
         self._latest: OrderedDict[str, Film] = OrderedDict()
         self._pinned: dict[str, Film] = {}
+        self._in_use: OrderedDict[int, weakref.ref[Film]] = OrderedDict()  # those with an open file, the latest last
+        self._use_lock = threading.Lock()
         self._lock = threading.Lock()
         self._made = time.time()
         folder.mkdir(parents=True, exist_ok=True)
@@ -116,9 +120,12 @@ class FilmFolder:
             film = self._films.get(job)
             if film is None:
                 path = self._path(job)
-                film = Film(path, settings.width, settings.height, tile_size, settings.film_exponent, self._cache, self._epoch)
+                film = Film(
+                    *(path, settings.width, settings.height, tile_size, settings.film_exponent, self._cache, self._epoch),
+                    on_use=self._used,
+                )
                 self._films[job] = film
-        film.load(make=pin)  # takes its time, so without the lock that all films share
+        film.load()  # takes its time, so without the lock that all films share
         film.check(recorded, frame)
         with self._lock:
             if self._films.get(job) is film:
@@ -129,6 +136,16 @@ class FilmFolder:
             while len(self._latest) > MAX_OPEN:
                 self._latest.popitem(last=False)
         return film
+
+    def _used(self, film: Film) -> None:
+        """A film's file is open: close those that were not used for longest, where there are many. From any thread."""
+        with self._use_lock:
+            self._in_use[id(film)] = weakref.ref(film)
+            self._in_use.move_to_end(id(film))
+            for key in list(self._in_use)[: max(len(self._in_use) - MAX_FILES, 0)]:
+                other = self._in_use[key]()
+                if other is None or other.rest():
+                    del self._in_use[key]
 
     def unpin(self, job: str) -> None:
         """See FilmStore."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
 from itertools import compress
 from pathlib import Path
@@ -53,8 +53,10 @@ class Film:
         film_exponent: int,
         cache: TileCache,
         epoch: int | None = None,
+        on_use: Callable[[Film], None] = lambda film: None,
     ) -> None:
-        """Costs nothing: the file is opened when it is needed. epoch: service/store/film_file.py."""
+        """Costs nothing: the file is opened when it is needed. epoch: service/store/film_file.py. on_use: called whenever the
+        file is used."""
         self.width = width
         self.height = height
         self.film_exponent = film_exponent
@@ -67,6 +69,8 @@ class Film:
         self._lock = threading.RLock()
         self._file: FilmFile | None = None
         self._is_closed = False
+        self._on_use = on_use
+        self._is_known = False  # `_contents` are those of the file, which may be closed
         self._in_doubt = False  # a write failed: whether its rows are in, the file knows
         self._contents = Contents((), self.tiles)
         self.keeps_apart = False  # what each worker has sent
@@ -92,6 +96,25 @@ class Film:
                 self._file = file
             elif self._file is not None and ((make and self._file.claim()) or self._in_doubt):
                 self._take_in(self._file)
+            if self._file is not None:
+                self._on_use(self)
+
+    def rest(self) -> bool:
+        """Close the file, and keep what is known of it; the next use opens it again. False where the film is in use now."""
+        if not self._lock.acquire(blocking=False):
+            return False
+        try:
+            if self._file is not None:
+                self._file.close()
+                self._file = None
+            return True
+        finally:
+            self._lock.release()
+
+    @property
+    def has_file(self) -> bool:
+        """Whether the film is known to have a file."""
+        return self._is_known
 
     def check(self, recorded: int, frame: int = 0) -> None:
         """Raise FilmLost where the film has fewer samples of a frame than were recorded."""
@@ -307,7 +330,7 @@ class Film:
 
     def _known(self) -> Contents:
         """What is remembered of the file, which was read once: it is true, also while the file cannot be read."""
-        if self._is_closed or self._file is None:
+        if self._is_closed or not self._is_known:
             self.load()
         return self._contents
 
@@ -315,7 +338,7 @@ class Film:
         """Read which samples are in the file."""
         self._contents = Contents(file.heads(), self.tiles)
         self._cache.forget(self._path.stem)
-        self._in_doubt = False
+        self._is_known, self._in_doubt = True, False
 
     def _is_whole(self, part: Part) -> bool:
         try:

@@ -18,6 +18,7 @@ import redis
 
 from renderer.errors import SettingsError
 from renderer.film import SAMPLES
+from service.scheduling.faults.redis_says import trouble_of
 from service.scheduling.fleet.workers import Roster
 from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
 from service.settings import Settings
@@ -168,7 +169,7 @@ class Desk:
                 self._step()
             except (redis.RedisError, QueueError) as error:
                 for watch in self._watches.values():
-                    self._tell(watch, f"Redis does not answer ({error}).")
+                    self._tell(watch, trouble_of(error)[0])
                 self._stop.wait(IDLE_S)
             except Exception:
                 log.exception("a fault at the desk of views")
@@ -322,11 +323,10 @@ class Desk:
                 self._lost(out, str(answer.more.get("error", ""))[:2000])
 
     def _hear_part(self, out: Handed, answer: ViewAnswer) -> None:
-        watch = out.watch
+        watch, seconds = out.watch, answer.seconds
         if out.pick is not None:
             answered(out, out.pick, answer)
             return
-        seconds = answer.seconds
         piece = out.pieces.pop(int(answer.more["number"]), None)
         if piece is None or watch.passes is None or watch.look is None:
             return

@@ -13,6 +13,7 @@ from typing import Any
 import redis
 
 from service.errors import Failed, TooLate, Unavailable
+from service.scheduling.faults.redis_says import away
 from service.scheduling.fleet.workers import Roster
 from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
 from service.settings import Settings
@@ -75,7 +76,7 @@ class Explaining:
                     return answer
             raise Unavailable("The worker was lost while it followed the pixel's paths. Try again.", 2.0)
         except (redis.RedisError, QueueError) as error:
-            raise Unavailable(f"Redis does not answer ({error}). Try again when it does.") from None
+            raise away(error) from None
         finally:
             self._room.release()
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 from service.errors import Failed, FarmError, NotFound, TooLate, Unavailable
+from service.scheduling.faults.redis_says import away
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
 from service.scheduling.handing_out.leases import Lease
@@ -123,7 +124,7 @@ class Aside(ABC, Generic[Wish]):
             try:
                 self._send(replace(wanted.wish, work=lease.id), kind)
             except QueueError as error:
-                self._fail(key, Unavailable(f"Redis does not answer ({error}). Try again when it does."))
+                self._fail(key, away(error))
                 raise
             wanted.lease = lease
             wanted.sent += 1

@@ -106,6 +106,17 @@ class Preparing:
                 self.leases.end(lease.id)
                 self.progress[scene] = Progress(f"{why} It is tried again.", 0.0)
 
+    def unusable(self, scene: str, kind: str) -> bool:
+        """The answer to what was handed out cannot be used: it is handed out again; whether that was so too often."""
+        for lease in self.leases.of(scene):
+            if lease.kind == kind:
+                self.leases.end(lease.id)
+                for key in [(scene, kind), (scene, None)]:
+                    if key in self._wanted:
+                        self._wanted[key] += 1
+                        return self._wanted[key] >= LOSSES_ALLOWED
+        return False
+
     def review(self, results: Results) -> list[tuple[str, str | None]]:
         """Once a second: drop leases that are lost; returns the (scene, kind) that were lost too often.
 

@@ -6,6 +6,7 @@ error is:
 Redis                raised: without the queue nothing can go on, and the engine as a whole waits for it.
 the database         nobody's. The step is tried again about each second; steps that need no database go on.
 a film that waits    the job waits and says so. The step is tried again about each second.
+the machine          no memory, no free file, a disk that fails: the same.
 all else             the job's own: it gets a verdict, which `Lifecycle.fail` carries out.
 """
 
@@ -22,10 +23,10 @@ import redis
 from sqlalchemy import exc
 
 from renderer.errors import SettingsError
-from service.errors import FarmError, FilmWaits, NoRoom, QueueError, Unavailable
+from service.errors import FarmError, FilmWaits, Invalid, NoRoom, QueueError, Unavailable
 from worker.telemetry.log_lines import about, ids
 
-__all__ = ["Bulkheads", "Step", "Verdict"]
+__all__ = ["Bulkheads", "Step", "Verdict", "is_of_what_was_said"]
 
 RETRY_S = 1.0
 RETRY_AT_MOST_S = 5.0
@@ -36,6 +37,14 @@ DATABASE_FAULTS = (exc.DBAPIError, exc.TimeoutError)
 ROW_FAULTS = (exc.IntegrityError, exc.ProgrammingError, exc.DataError, exc.NotSupportedError)
 
 log = logging.getLogger(__name__)
+
+
+def is_of_what_was_said(error: Exception) -> bool:
+    """Whether an error that handling a message raised is of that message: not of Redis, the database, the machine, a film or a
+    job, all of which would be met again with the next message."""
+    if isinstance(error, (Invalid, *ROW_FAULTS)):
+        return True
+    return not isinstance(error, (FarmError, SettingsError, redis.RedisError, QueueError, OSError, MemoryError, *DATABASE_FAULTS))
 
 
 class Step(StrEnum):
@@ -105,6 +114,8 @@ class Bulkheads:
                 self._blame(id, step, error)
             else:
                 self._wait_for_database(id, step, f"The database cannot be used ({getattr(error, 'orig', error)}).", began)
+        except (OSError, MemoryError) as error:
+            self._wait(id, step, f"The service's machine has trouble ({type(error).__name__}: {error}).", began)
         except Exception as error:
             self._blame(id, step, error)
         else:

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 
 from worker.protocol.contract import WorkerReport, worker_key
 
-__all__ = ["report_of"]
+__all__ = ["is_plain", "report_of"]
 
 MAX_SLOTS = 4096
 MOST_BYTES = 4 << 20
@@ -42,22 +42,22 @@ def report_of(key: bytes, value: bytes) -> WorkerReport:
         raise ValueError(f"{report.slots} slots, of which {len(report.current)} do something")
     if not (0 <= report.samples_per_s <= FASTEST and math.isfinite(report.started) and abs(report.pid) <= LARGEST):
         raise ValueError(f"{report.samples_per_s} samples a second")
-    if len(report.kind) > LONGEST_KIND or not all(map(_is_plain, (report.kind, report.host, report.cpu))):
+    if len(report.kind) > LONGEST_KIND or not all(map(is_plain, (report.kind, report.host, report.cpu))):
         raise ValueError("its host, processor or kind has no name")
-    if not all(_is_plain(doing) for doing in report.current):
+    if not all(is_plain(doing) for doing in report.current):
         raise ValueError("what its slots do cannot be told")
     return report
 
 
-def _is_plain(value: Any, depth: int = 0) -> bool:
-    """Whether it can be shown, and computed with."""
+def is_plain(value: Any, deepest: int = DEEPEST, longest: int = LONGEST_TEXT) -> bool:
+    """Whether JSON of a worker can be shown and computed with: finite numbers, bounded texts, nested at most `deepest` times."""
     if isinstance(value, str):
-        return len(value) <= LONGEST_TEXT and "\0" not in value
+        return len(value) <= longest and "\0" not in value
     if isinstance(value, int | float):
         return abs(value) <= LARGEST  # not of what is no number
-    if isinstance(value, list | dict) and depth < DEEPEST:
+    if isinstance(value, list | tuple | dict) and deepest > 0:
         inside = [*value, *value.values()] if isinstance(value, dict) else value
-        return all(_is_plain(each, depth + 1) for each in inside)
+        return all(is_plain(each, deepest - 1, longest) for each in inside)
     return value is None
 
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-import logging
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import redis
 
 from service.scheduling.fleet.needs import Needs
+from service.scheduling.fleet.put_aside import PutAside
 from service.scheduling.fleet.reports import report_of
 from service.scheduling.fleet.speeds import Speeds
 from worker.protocol.blends import TAG
@@ -31,12 +31,13 @@ LATE_S = 2.5 * HEARTBEAT_EVERY_S
 AWAY_S = 30.0  # that a worker is waited for, if it lives: a host without power leaves its connection behind
 ORDER_TTL_S = 7 * 86400  # a worker of that name may come back; some day nobody remembers why it was paused
 LOOK_SOON_S = 0.05  # while nobody is ready, or somebody starts: the first work should not wait for the next look
+MOST_STRANGE = 1000  # keys
 FEW = 100  # workers: to look at so many takes a hundredth of that
 PUT_BACK_S = 2.0  # a clock that shows so much less than it should was set
 LOG_PATIENCE_S = 3.0
 MAX_LINES, MAX_LINE = 500, 2000
 
-log = logging.getLogger(__name__)
+Told = TypeVar("Told")
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,9 @@ class Roster:
 class Workers:
     """Looks at the workers, and tells them to pause. `roster` is renewed by the engine's thread; every look makes a new one."""
 
-    def __init__(self, connection: redis.Redis, on_change: Callable[[str], None]) -> None:
+    def __init__(self, connection: redis.Redis, on_change: Callable[[str], None], put_aside: PutAside) -> None:
+        """put_aside: takes reports that make no sense."""
+        self._put_aside = put_aside
         self._redis = connection
         self._on_change = on_change
         self._looked = -math.inf
@@ -161,9 +164,9 @@ class Workers:
         whys: Any = self._redis.mget([order_key(name) for name in names]) if names else []
         orders = {name: why.decode(errors="replace") for name, why in zip(names, whys, strict=True) if why is not None}
         told: Any = self._redis.mget([vitals_key(name) for name in names]) if names else []
-        vitals = {name: one for name, value in zip(names, told, strict=True) if (one := _vitals(value)) is not None}
+        vitals = self._all_of(Vitals.from_bytes, vitals_key, names, told)
         said: Any = self._redis.mget([offer_key(name) for name in names]) if names else []
-        offers = {name: offer for name, value in zip(names, said, strict=True) if (offer := _offer(value)) is not None}
+        offers = self._all_of(Offer.from_bytes, offer_key, names, said)
         self._speeds.note(reports.values())
         self._vanished |= dict.fromkeys(self.roster.reports.keys() - reports.keys(), self._looked)
         self._vanished = {name: since for name, since in self._vanished.items() if name not in reports}
@@ -193,7 +196,7 @@ class Workers:
         tags = {tag for offer in offers.values() for tag in offer.tags if tag.startswith(SITE)}
         names = sorted(tag.removeprefix(SITE) for tag in tags)
         said: Any = self._redis.mget([site_key(name) for name in names]) if names else []
-        return {name: site for name, value in zip(names, said, strict=True) if (site := _site(value)) is not None}
+        return self._all_of(SiteReport.from_bytes, site_key, names, said)
 
     def ask(self, terms: Mapping[str, Terms], needs: Iterable[Needs]) -> None:
         """Tell workers what is asked of them, where they do not keep it yet. Raises redis.RedisError.
@@ -254,35 +257,30 @@ class Workers:
             return None
         return [str(line)[:MAX_LINE] for line in lines[-MAX_LINES:]] if isinstance(lines, list) else None
 
+    def _all_of(
+        self, read: Callable[[bytes], Told], key_of: Callable[[str], str], names: list[str], values: list[bytes | None]
+    ) -> dict[str, Told]:
+        """What lies under the keys of these names, but for what makes no sense."""
+        found = {}
+        for name, value in zip(names, values, strict=True):
+            if value is not None and (told := self._read(read, key_of(name).encode(), value)) is not None:
+                found[name] = told
+        return found
+
     def _understand(self, key: bytes, value: bytes) -> WorkerReport | None:
         """A report; None where it makes no sense here: it may be of a worker of another release."""
+        return self._read(lambda value: report_of(key, value), key, value)
+
+    def _read(self, read: Callable[[bytes], Told], key: bytes, value: bytes) -> Told | None:
+        """What a worker has written under a key. Whatever reading it raises, the others' are read."""
         try:
-            report = report_of(key, value)
-        except (ValueError, RecursionError) as error:
+            told = read(value)
+        except Exception as error:
             if key not in self._strange:
+                if len(self._strange) >= MOST_STRANGE:
+                    self._strange.clear()
                 self._strange.add(key)
-                log.warning("the report under %r is left out: %.500s", key, error)
+                self._put_aside.add(key.decode(errors="backslashreplace")[:200], error, value)
             return None
         self._strange.discard(key)
-        return report
-
-
-def _vitals(value: bytes | None) -> Vitals | None:
-    try:
-        return Vitals.from_bytes(value) if value is not None else None
-    except ValueError:
-        return None
-
-
-def _offer(value: bytes | None) -> Offer | None:
-    try:
-        return Offer.from_bytes(value) if value is not None else None
-    except ValueError:
-        return None
-
-
-def _site(value: bytes | None) -> SiteReport | None:
-    try:
-        return SiteReport.from_bytes(value) if value is not None else None
-    except ValueError:
-        return None
+        return told

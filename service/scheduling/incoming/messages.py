@@ -1,13 +1,14 @@
-"""What workers say, checked: a message that makes no sense is left out with a line in the log."""
+"""Messages of workers, validated: one that makes no sense raises Unusable."""
 
 from __future__ import annotations
 
-import logging
 import math
-from typing import Annotated, Literal, NamedTuple
+from dataclasses import asdict
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import AfterValidator, BaseModel, Field, TypeAdapter, ValidationError, field_validator, model_validator
 
+from service.scheduling.fleet.reports import is_plain
 from service.scheduling.incoming.results import Entry
 from service.store.blobs import is_sha256
 from worker.protocol.blends import written_of
@@ -31,6 +32,7 @@ __all__ = [
     "PrepareGoesOn",
     "PrepareReturned",
     "PrepareStarted",
+    "Unusable",
     "VectorsFailed",
     "VectorsMade",
     "Wake",
@@ -47,7 +49,12 @@ Sentence = Annotated[str, Field(max_length=20000), AfterValidator(lambda text: t
 Number = Annotated[int, Field(ge=0, le=LARGE)]
 Seconds = Annotated[float, Field(ge=0.0, le=DAY_S)]
 
-log = logging.getLogger(__name__)
+LONGEST_TEXT = 1 << 16
+DEEPEST = 8  # lists and objects in each other
+
+
+class Unusable(ValueError):  # noqa: N818 - named as what it says
+    """A message that makes no sense; the text says why."""
 
 
 Line = Annotated[str, Field(max_length=1000)]
@@ -220,6 +227,11 @@ class PrepareDone(_Prepare):
     type: Literal["prepared"]
     info: SceneInfo
 
+    @field_validator("info", mode="before")
+    @classmethod
+    def _storable(cls, info: Any) -> Any:
+        return _without_nul(info)
+
     @field_validator("info")
     @classmethod
     def _usable(cls, info: SceneInfo) -> SceneInfo:
@@ -229,6 +241,12 @@ class PrepareDone(_Prepare):
         if not all(math.isfinite(value) for corner in info.bounds for value in corner):
             raise ValueError("bounds are no numbers")
         _check_seconds(info.seconds)
+        _check_plain(info)
+        if not info.cameras:
+            raise ValueError("no cameras; the last one frames the scene")
+        for camera in info.cameras:
+            if not isinstance(camera.get("name"), str) or not isinstance(camera.get("view"), dict):
+                raise ValueError("a camera without a name or a view")
         return info
 
     @model_validator(mode="after")
@@ -249,6 +267,21 @@ def _check(blob: BlobRef | None) -> None:
 def _check_seconds(seconds: float) -> None:
     if not 0.0 <= seconds <= DAY_S:
         raise ValueError(f"{seconds} s is no time")
+
+
+def _without_nul(value: Any) -> Any:
+    """JSON without the character 0, which PostgreSQL does not store."""
+    if isinstance(value, str):
+        return value.replace("\0", "\ufffd")
+    if isinstance(value, list):
+        return [_without_nul(each) for each in value]
+    return {_without_nul(key): _without_nul(each) for key, each in value.items()} if isinstance(value, dict) else value
+
+
+def _check_plain(info: SceneInfo | FrameInfo) -> None:
+    """Values that are stored as JSON and shown to people: finite numbers, bounded texts and depths."""
+    if not is_plain(asdict(info), DEEPEST, LONGEST_TEXT):
+        raise ValueError("a value that is not finite, too long or too deep")
 
 
 class PrepareFailed(_Prepare):
@@ -284,11 +317,17 @@ class FramePrepared(_Frames):
     frame: Number
     info: FrameInfo
 
+    @field_validator("info", mode="before")
+    @classmethod
+    def _storable(cls, info: Any) -> Any:
+        return _without_nul(info)
+
     @field_validator("info")
     @classmethod
     def _usable(cls, info: FrameInfo) -> FrameInfo:
         _check(info.compiled)
         _check_seconds(info.seconds)
+        _check_plain(info)
         return info
 
 
@@ -337,17 +376,16 @@ Message = (
 _MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])
 
 
-def understand(entry: Entry) -> Message | None:
-    """What an entry of the stream says; None where that makes no sense."""
+def understand(entry: Entry) -> Message:
+    """The message of a stream entry. Raises Unusable."""
     if entry.result is None:
-        return None
+        raise Unusable(entry.fault)
     try:
         message = _MESSAGES.validate_python(entry.result.event)
-    except (ValidationError, RecursionError) as error:
-        text = "; ".join(f"{e['loc']}: {e['msg']}" for e in error.errors()[:3]) if isinstance(error, ValidationError) else error
-        log.warning("a message in the result stream is left out: %.500s", text)
-        return None
+    except ValidationError as error:
+        raise Unusable("; ".join(f"{each['loc']}: {each['msg']}" for each in error.errors()[:3])) from None
+    except Exception as error:  # a validator that meets what nobody thought of
+        raise Unusable(f"{type(error).__name__}: {error}") from error
     if isinstance(message, BatchDone) and entry.result.sums is None:
-        log.warning("a batch of %s in the result stream is left out: it has no sums", message.worker)
-        return None
+        raise Unusable(f"a batch of {message.worker} without its sums")
     return message

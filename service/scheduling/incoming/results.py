@@ -1,16 +1,18 @@
-"""The only reader of the stream on which workers answer. An entry is deleted only after its content is stored."""
+"""The only reader of the stream on which workers answer. An entry is deleted only after its content is stored or put aside."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import logging
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import redis
 
+from service.scheduling.faults.repair import repair
 from worker.protocol.contract import RESULTS, Result
 
 __all__ = ["Entry", "Position", "Results"]
@@ -22,6 +24,7 @@ BYTES = 64 << 20  # a read, about: bounds memory
 
 FIRST_READ = 64  # entries, before their size is known
 SMOOTHING = 0.3
+FUTURE_MS = 7 * 86_400_000  # an id further ahead than clocks go wrong was chosen; at the largest, Redis takes no more entries
 
 Position = tuple[int, int]  # in the stream: what lies at or before it was appended earlier
 BEGINNING: Position = (0, 0)
@@ -29,10 +32,17 @@ BEGINNING: Position = (0, 0)
 
 @dataclass(frozen=True)
 class Entry:
-    """An entry of the stream; `result` is None where it cannot be understood."""
+    """An entry of the stream; `result` is None where it cannot be understood, and `fault` says why."""
 
     id: bytes
     result: Result | None
+    fault: str = ""
+    fields: Mapping[bytes, bytes] | None = None
+
+    @property
+    def where(self) -> str:
+        """The stream and the entry, for people."""
+        return f"results {self.id.decode(errors='replace')}"
 
 
 class Results:
@@ -57,7 +67,7 @@ class Results:
         for found in streams:
             # RESP3 nests a stream's entries one level deeper
             flat = found[0] if found and isinstance(found[0], list) else found
-            entries += [Entry(id, _parse(fields)) for id, fields in flat]
+            entries += [_entry(id, fields) for id, fields in flat]
         self.was_full = len(entries) >= self._at_most
         if entries:
             self._read_to = _position(entries[-1].id)
@@ -84,6 +94,30 @@ class Results:
         """How many entries are in the stream, read or not. Raises redis.RedisError."""
         return int(self._redis.xlen(RESULTS))
 
+    def repair(self) -> bool:
+        """Make the stream one that takes entries again; whether anything was wrong with it. Raises redis.RedisError.
+
+        A key of another type is deleted, and so is an empty stream whose last id lies in the far future.
+        """
+        if repair(self._redis, RESULTS, "stream"):
+            self.start_over()
+            return True
+        if self.end()[0] <= time.time() * 1000 + FUTURE_MS:
+            return False
+        with self._redis.pipeline() as pipe:
+            pipe.watch(RESULTS)
+            if pipe.xlen(RESULTS):
+                return False  # the entries in it are handled first
+            pipe.multi()
+            pipe.delete(RESULTS)
+            try:
+                pipe.execute()
+            except redis.WatchError:
+                return False
+        self.start_over()
+        log.warning("the stream of results is begun anew: its last id lay in the future")
+        return True
+
     def start_over(self) -> None:
         """Read all that is in the stream again."""
         self._read_to = BEGINNING
@@ -105,9 +139,8 @@ def _position(id: bytes | str) -> Position:
     return int(milliseconds), int(number)
 
 
-def _parse(fields: dict[bytes, bytes]) -> Result | None:
+def _entry(id: bytes, fields: Any) -> Entry:
     try:
-        return Result.from_fields(fields)
-    except (KeyError, ValueError, AttributeError, TypeError, RecursionError) as error:
-        log.warning("an entry of the result stream is left out: %s", error)
-        return None
+        return Entry(id, Result.from_fields(fields), "", fields)
+    except Exception as error:  # whatever is in it, the entries behind it are read
+        return Entry(id, None, f"{type(error).__name__}: {error}", fields)

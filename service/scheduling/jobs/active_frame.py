@@ -125,6 +125,21 @@ class ActiveFrame:
             self._changed()
         return self._plan
 
+    @property
+    def has_all(self) -> bool:
+        """Whether every tile has what is asked for. Raises FilmWaits or FilmLost."""
+        return self.is_begun and self.plan.done
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether it has a plan, or a film to make one of."""
+        return self._plan is not None or self.film.has_file
+
+    @property
+    def was_recorded(self) -> bool:
+        """Whether its row says how many samples it comes to."""
+        return self._recorded[1] > 0
+
     def focus_on(self, focus: Tile | None) -> None:
         """Let a rectangle of the picture be rendered first; None: no more."""
         self._focus = focus

@@ -137,7 +137,8 @@ class ActiveJob:
         if self.shot is None:
             frame = ActiveFrame(row, self.film, self.settings, self.compiled, self.spp, self.noise, True)
             frame.state = "queued"  # the job's state is the frame's
-            frame.plan  # noqa: B018 - a film that cannot be read is found out now
+            if self.film.has_file:  # a plan is kilobytes, and thousands of jobs may wait
+                frame.plan  # noqa: B018 - a film that cannot be read is found out now
             return frame
         settings = (
             partial(self._settings_of, row.number) if row.has_settings and row.state not in ("finished", "failed") else None
@@ -157,7 +158,7 @@ class ActiveJob:
             return False
         if self.shot is None:
             (frame,) = self.frames.values()
-            if frame.plan.done:
+            if frame.has_all:
                 return True
         elif self._totals.renewed().over == len(self.frames):
             return True

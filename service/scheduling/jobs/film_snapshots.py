@@ -67,6 +67,8 @@ class SnapshotKeeper:
         if job.shot is not None or self._kept.is_off:
             return
         (frame,) = job.frames.values()
+        if not frame.is_begun:
+            return
         progress = self._progress.get(job)
         if progress is None:
             known = self._kept.begin(job.id)

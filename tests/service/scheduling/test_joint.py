@@ -12,7 +12,7 @@ import pytest
 
 from renderer.film import digest
 from renderer.settings import Tile
-from service.scheduling.incoming.messages import BatchDone, understand
+from service.scheduling.incoming.messages import BatchDone, Unusable, understand
 from service.scheduling.incoming.results import Entry
 from tests.benchmarks.scale.slots import Slots, of_one_sample
 from tests.service.conftest import TOKEN, Service
@@ -112,4 +112,5 @@ def test_each_batch_is_known_by_its_own_id() -> None:
     "parts", [[], [["a", 4, 2, 0.5]], [["a", 4, 2, 0.5], ["b", 7, 2, 0.5]], [["a", 4, 5, -1]], [["", 4, 5, 1]], [["a", 4, 5]], 7]
 )
 def test_batches_that_are_not_all_of_the_samples_are_left_out(parts: Any) -> None:
-    assert understand(Entry(b"1-0", Result({**JOINT, "parts": parts}, b"sums"))) is None
+    with pytest.raises(Unusable):
+        understand(Entry(b"1-0", Result({**JOINT, "parts": parts}, b"sums")))

@@ -11,6 +11,7 @@ import pytest
 
 from renderer.settings import RenderSettings, View
 from service.errors import FilmLost
+from service.store import film_store
 from service.store.film_faults import FilmClosed
 from service.store.film_snapshots import FilmSnapshots
 from service.store.film_store import MAX_OPEN, FilmFolder
@@ -32,7 +33,39 @@ def films(tmp_path: Path) -> FilmFolder:
 
 
 def pinned(films: FilmFolder, job: str = "job") -> Film:
-    return films.open(job, SETTINGS, TILE, pin=True)
+    film = films.open(job, SETTINGS, TILE, pin=True)
+    film.load(make=True)  # as its first batch does
+    return film
+
+
+def test_a_film_is_made_with_its_first_batch(films: FilmFolder, tmp_path: Path) -> None:
+    film = films.open("job", SETTINGS, TILE, pin=True)
+    assert (film.has_file, film.is_empty, film.samples(0)) == (False, True, 0)
+    assert not list((tmp_path / "films").iterdir())
+    assert film.merge([part(film, 0, 0, 1)]) == [True]
+    assert film.has_file
+    assert (tmp_path / "films" / "job.sqlite").exists()
+
+
+def test_few_of_many_films_that_are_rendered_have_open_files(
+    films: FilmFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(film_store, "MAX_FILES", 3)
+
+    def open_files() -> int:
+        links = list(Path("/proc/self/fd").iterdir())
+        return sum(link.is_symlink() and str(tmp_path) in str(link.readlink()) for link in links)
+
+    all_films = [pinned(films, f"job{i}") for i in range(20)]
+    for first in range(3):
+        for film in all_films:
+            assert film.merge([part(film, 0, first, 1)]) == [True]
+        assert open_files() <= 9
+    assert [film.merge([part(film, 0, 2, 1)]) for film in all_films] == [[False]] * 20, "each takes it once"
+    assert all(film.coverage(0, 0).total == 3 for film in all_films)
+    films.close()
+    again = films.open("job7", SETTINGS, TILE)
+    assert again.coverage(0, 0).total == 3
 
 
 def test_a_film_that_a_watcher_holds_is_the_one_that_is_rendered(films: FilmFolder) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from service.scheduling.incoming.messages import BatchDone, FramePrepared, PrepareDone, PrepareFailed, understand
+from service.scheduling.incoming.messages import BatchDone, FramePrepared, PrepareDone, PrepareFailed, Unusable, understand
 from service.scheduling.incoming.results import Entry
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
@@ -19,7 +19,7 @@ INFO: dict[str, Any] = {
     "kind": "k",
     "compiled": {"path": "", "sha256": "0" * 64, "size": 1},
     "thumbnail": None,
-    "cameras": [],
+    "cameras": [{"name": "", "view": {}}],
     "counts": {},
     "bounds": [[0, 0, 0], [1, 1, 1]],
     "animations": [],
@@ -59,6 +59,16 @@ NONSENSE: list[Any] = [
     {"type": "prepared", "scene": "s", "kind": "another", "info": INFO},
     {"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "seconds": float("nan")}},
     {"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "compiled": {"path": "", "sha256": "0" * 64, "size": -1}}},
+    {"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "cameras": []}},
+    {"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "cameras": [{"name": "a", "view": 5}]}},
+    {"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "defaults": {"spp": float("nan")}}},
+    {"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "blend": {"main": "x", "files": [{"parts": 5}]}}},
+    {
+        "type": "prepared",
+        "scene": "s",
+        "kind": "k",
+        "info": {**INFO, "blend": {"main": "x", "files": [{"path": "a", "sha256": "0" * 64, "size": 1, "parts": 5}]}},
+    },
     {**FRAME, "info": {**FRAME["info"], "seconds": float("nan")}},
     {**FRAME, "info": {**FRAME["info"], "compiled": {"path": "", "sha256": "0" * 64, "size": 1, "parts": [["0" * 64, -5]]}}},
     {"type": "prepare-progress", "scene": "s", "kind": "k", "step": "x", "fraction": "much"},
@@ -82,11 +92,13 @@ REPORTS: list[Any] = [
 
 @pytest.mark.parametrize("event", NONSENSE, ids=lambda event: str(event)[:150])
 def test_nonsense_is_left_out(event: Any) -> None:
-    assert understand(Entry(b"1-0", Result(event))) is None
+    with pytest.raises(Unusable):
+        understand(Entry(b"1-0", Result(event)))
 
 
 def test_a_batch_without_its_sums_is_left_out() -> None:
-    assert understand(Entry(b"1-0", Result(BATCH, None))) is None
+    with pytest.raises(Unusable):
+        understand(Entry(b"1-0", Result(BATCH, None)))
 
 
 def test_sense_is_understood_also_with_more_than_is_known_here() -> None:

@@ -1,0 +1,82 @@
+"""Redis keys of the wrong type. A worker may write any of the farm's keys, and every command on such a key then fails."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import redis
+
+from worker.protocol.contract import (
+    RESULTS,
+    WORKER_KEYS,
+    denoise_queue,
+    order_key,
+    prepare_queue,
+    render_queue,
+)
+from worker.protocol.explained import explained_key
+from worker.protocol.joint import HELP_QUEUES
+from worker.protocol.site import secret_key, site_key
+from worker.protocol.terms import offer_key, terms_key
+from worker.protocol.view_parts import VIEW_ANSWERS, view_key, view_queue
+from worker.protocol.vitals import log_key, log_wanted_key, vitals_key
+
+__all__ = ["is_wrong_type", "repair", "repair_all"]
+
+AT_ONCE = 1000
+TYPES = (
+    (RESULTS, "stream"),
+    (VIEW_ANSWERS, "list"),
+    *((queue("*"), "list") for queue in (render_queue, prepare_queue, denoise_queue, view_queue, explained_key)),
+    (f"{HELP_QUEUES}*", "list"),
+    (WORKER_KEYS, "string"),
+    *(
+        (key("*"), "string")
+        for key in (*(order_key, offer_key, terms_key, vitals_key, log_key, log_wanted_key, site_key, secret_key, view_key),)
+    ),
+    ("rayfarm:service", "string"),
+    ("unacked", "hash"),  # these three: kombu's
+    ("unacked_index", "zset"),
+    ("_kombu.binding.*", "set"),
+)
+
+log = logging.getLogger(__name__)
+
+
+def is_wrong_type(error: BaseException) -> bool:
+    """Whether a command failed since its key is of another type."""
+    return isinstance(error, redis.ResponseError) and "WRONGTYPE" in str(error)
+
+
+def repair(connection: redis.Redis, key: str | bytes, type: str) -> bool:
+    """Delete a key that is not of this type; whether it was deleted. Raises redis.RedisError."""
+    with connection.pipeline() as pipe:
+        pipe.watch(key)
+        found: Any = pipe.type(key)
+        if found.decode() in ("none", type):
+            return False
+        pipe.multi()
+        pipe.delete(key)
+        try:
+            pipe.execute()
+        except redis.WatchError:
+            return False
+    log.warning("the key %r is deleted: it was a %s, not a %s", key, found.decode(), type)
+    return True
+
+
+def repair_all(connection: redis.Redis) -> int:
+    """Delete all keys of the farm that are of the wrong type; returns how many. Raises redis.RedisError."""
+    repaired = 0
+    for pattern, type in TYPES:
+        keys = list(connection.scan_iter(pattern, count=AT_ONCE)) if pattern.endswith("*") else [pattern.encode()]
+        for begin in range(0, len(keys), AT_ONCE):
+            some = keys[begin : begin + AT_ONCE]
+            with connection.pipeline(transaction=False) as pipe:
+                for key in some:
+                    pipe.type(key)
+                found = pipe.execute()
+            wrong = [key for key, each in zip(some, found, strict=True) if each.decode() not in ("none", type)]
+            repaired += sum(repair(connection, key, type) for key in wrong)
+    return repaired

@@ -1,0 +1,224 @@
+"""Odd messages of workers, made by hypothesis and by hand: each is put aside and counted, and jobs go on to the same bits."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Any
+
+import pytest
+import redis
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from service.scheduling.fleet.put_aside import FILE, KEPT
+from service.scheduling.incoming import messages
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker, expected_digest
+from worker.protocol.contract import RESULTS, RenderBatch, render_queue, worker_key
+from worker.protocol.site import site_key
+from worker.protocol.terms import offer_key
+from worker.protocol.view_parts import VIEW_ANSWERS
+from worker.protocol.vitals import vitals_key
+
+SHA = "a" * 64
+REF = {"path": "a", "sha256": SHA, "size": 1}
+INFO: dict[str, Any] = {
+    "kind": "test-kind",
+    "compiled": {"path": "", "sha256": SHA, "size": 8},
+    "thumbnail": None,
+    "cameras": [{"name": "", "view": {}}],
+    "counts": {},
+    "bounds": [],
+    "animations": [],
+    "warnings": [],
+    "defaults": {},
+    "seconds": 0.01,
+}
+BATCH = {"batch": "b", "frame": 0, "tile": [0, 0, 16, 16], "first": 0, "count": 1, "worker": "odd"}
+SENSE: dict[str, dict[str, Any]] = {
+    "batch": {**BATCH, "seconds": 0.1, "bad": [], "bad_count": 0},
+    "batch-failed": {**BATCH, "error": "an error"},
+    "batch-returned": {**BATCH, "error": "an error"},
+    "denoised": {"work": "w", "sha256": SHA, "version": "1", "samples": 1},
+    "vectors-made": {"work": "w", "sha256": SHA},
+    "prepare-started": {"kind": "test-kind"},
+    "prepare-progress": {"kind": "test-kind", "step": "x", "fraction": 0.5},
+    "prepared": {"kind": "test-kind", "info": INFO},
+    "prepare-returned": {"kind": "test-kind", "error": "an error"},
+    "frame-prepared": {
+        "work": "w",
+        "kind": "test-kind",
+        "frame": 0,
+        "info": {"compiled": None, "view": {}, "defaults": {}, "warnings": [], "seconds": 0.1},
+    },
+    "frames-returned": {"work": "w", "kind": "test-kind", "error": "an error"},
+}
+ODD = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.sampled_from([0, -1, 1 << 31, 1 << 63, -(10**30), 0.5, float("nan"), float("inf"), "", "\0", "\ud800", "x" * 300])
+    | st.text(max_size=5),
+    lambda inside: st.lists(inside, max_size=3) | st.dictionaries(st.text(max_size=4), inside, max_size=3),
+    max_leaves=6,
+)
+
+
+@st.composite
+def events(draw: st.DrawFn) -> Any:
+    """A message of which some fields are missing or something else; also of an unknown type, job, scene or frame."""
+    type = draw(st.sampled_from(list(SENSE)))
+    event = {"type": type, "job": draw(st.sampled_from(["JOB", "nosuch"])), "scene": "nosuch", "worker": "odd", **SENSE[type]}
+    for name in draw(st.lists(st.sampled_from(sorted(event)), max_size=3, unique=True)):
+        if draw(st.booleans()):
+            event[name] = draw(ODD)
+        else:
+            del event[name]
+    if isinstance(info := event.get("info"), dict) and info:
+        event["info"] = {**info, **draw(st.dictionaries(st.sampled_from(sorted(info)), ODD, max_size=2))}
+    return draw(st.one_of(st.just(event), ODD)) if draw(st.integers(0, 9)) == 0 else event
+
+
+FIELDS = st.one_of(
+    st.builds(lambda event, sums: {b"event": json.dumps(event).encode(), **sums}, events(), st.fixed_dictionaries(
+        {}, optional={b"sums": st.binary(max_size=80)})),
+    st.dictionaries(st.sampled_from([b"event", b"sums", b"other", b""]), st.binary(max_size=60), min_size=1),
+)  # fmt: skip
+
+
+def test_whatever_workers_say_is_put_aside_and_the_picture_is_the_same(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = service.submit(scene, spp=40)
+
+    @settings(suppress_health_check=list(HealthCheck), deadline=None)
+    @given(st.lists(FIELDS, min_size=20, max_size=40))
+    def pour(entries: list[dict[bytes, bytes]]) -> None:
+        for fields in entries:
+            named = {name: value.replace(b'"JOB"', json.dumps(job).encode()) for name, value in fields.items()}
+            worker.redis.xadd(RESULTS, named)  # type: ignore[arg-type]
+        assert "fault" not in service.http.get("/readyz").text
+
+    pour()
+    service.wait_for(job, "finished", 60)
+    assert service.digest(job) == expected_digest(spp=40)
+    until(lambda: worker.redis.xlen(RESULTS) == 0, "the stream is empty")
+    assert service.http.get("/readyz").status_code == 200
+    assert service.scene(scene)["status"] == "ready"
+    count = service.farm.engine.snapshot.counts["put_aside"]
+    assert count > 50
+    assert f"rayfarm_messages_put_aside_total {float(count)}" in service.http.get("/metrics").text
+    until((service.options["data"] / FILE).exists, "the list is written")
+    listed = [json.loads(line) for line in (service.options["data"] / FILE).read_text().splitlines()]
+    assert 0 < len(listed) <= KEPT
+    assert all(each["why"] and each["where"].startswith("results") for each in listed)
+
+
+def test_a_still_is_not_failed_by_news_of_a_frame(service: Service, worker: PeerWorker) -> None:
+    """Its only frame would be given up, and the job never end."""
+
+    def lie(batch: RenderBatch) -> None:
+        worker.send({"type": "frame-prepared", "job": batch.job, "worker": "odd", **SENSE["frame-prepared"]})
+        about = {"work": "w", "kind": "test-kind", "frame": 0, "worker": "odd"}
+        worker.send({"type": "frame-failed", "job": batch.job, **about, "error": "it is not so"})
+
+    worker.on_batch = lie
+    job = service.submit(service.ready_scene(), spp=10)
+    service.wait_for(job, "finished")
+    assert service.digest(job) == expected_digest(spp=10)
+
+
+POISON = {**INFO, "blend": {"main": "x", "files": [{**REF, "parts": 5}]}}
+
+
+def test_a_message_that_made_the_engine_loop_is_put_aside_also_after_a_restart(service: Service) -> None:
+    with redis.Redis.from_url(service.options["redis_url"]) as store:
+        scenes = ("nosuch", service.upload())
+        service.stop()
+        for scene in scenes:
+            event = {"type": "prepared", "scene": scene, "kind": "k", "worker": "w", "info": {**POISON, "kind": "k"}}
+            store.xadd(RESULTS, {"event": json.dumps(event)})
+        service.start()
+        until(lambda: store.xlen(RESULTS) == 0, "both are put aside")
+        until(lambda: service.http.get("/readyz").status_code == 200, "it is ready")
+        assert service.farm.engine.snapshot.counts["put_aside"] == 2
+
+
+@pytest.mark.parametrize("where", ["merge", "note"])
+def test_a_fault_with_one_batch_hands_it_out_again_and_stops_no_other(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    """As a bug would: what comes for one tile raises, once before and once after the film took it."""
+    left = [3]
+    answers = service.farm.engine._answers
+    name = {"merge": "_add", "note": "_note_one"}[where]
+    real = getattr(answers, name)
+
+    def instead(job: Any, what: Any, *more: Any) -> Any:
+        each = [answer.message for answer in what] if where == "merge" else [what.message]
+        if any(message.tile[:2] == (16, 16) for message in each) and left[0] > 0:
+            left[0] -= len(each) == 1
+            raise KeyError("a bug")
+        return real(job, what, *more)
+
+    monkeypatch.setattr(answers, name, instead)
+    with service.worker(name="other"):
+        job = service.submit(service.ready_scene(), spp=20)
+        service.wait_for(job, "finished", 60)
+    assert service.digest(job) == expected_digest(spp=20)
+    assert service.farm.engine.snapshot.counts["put_aside"] >= 1
+
+
+def test_a_validator_with_a_bug_puts_aside_what_it_looks_at(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    is_sha256 = messages.is_sha256
+
+    def instead(text: str) -> bool:
+        if text == SHA:
+            raise ZeroDivisionError
+        return is_sha256(text)
+
+    monkeypatch.setattr(messages, "is_sha256", instead)
+    worker.send({"type": "prepared", "scene": "nosuch", "kind": "test-kind", "worker": "odd", "info": INFO})
+    job = service.submit(service.ready_scene())
+    service.wait_for(job, "finished")
+    assert service.farm.engine.snapshot.counts["put_aside"] == 1
+
+
+def test_keys_of_another_type_are_repaired(service: Service, worker: PeerWorker) -> None:
+    store = worker.redis
+
+    def spoil(batch: RenderBatch) -> None:
+        if batch.first == 3:
+            for key in (RESULTS, VIEW_ANSWERS, render_queue("test-kind"), "unacked"):
+                store.delete(key)
+                store.set(key, "another type")
+            for key in (worker_key("peer"), offer_key("peer"), vitals_key("peer"), site_key("peer"), worker_key("odd")):
+                store.delete(key)
+                store.lpush(key, "another type")
+
+    worker.on_batch = spoil
+    job = service.submit(service.ready_scene(), spp=10)
+    service.wait_for(job, "finished", 60)
+    assert service.digest(job) == expected_digest(spp=10)
+    until(lambda: store.type(worker_key("odd")) == b"none", "others' keys are deleted too", 30)
+    until(lambda: store.type("unacked") in (b"none", b"hash"), "and the queue's", 30)
+    assert service.http.get("/readyz").status_code == 200
+
+
+def test_a_stream_at_its_last_id_is_begun_anew(service: Service, worker: PeerWorker) -> None:
+    worker.redis.xadd(RESULTS, {"event": "{}"}, id="18446744073709551615-18446744073709551615")
+    job = service.submit(service.ready_scene(), spp=4)
+    service.wait_for(job, "finished", 60)
+    assert service.digest(job) == expected_digest(spp=4)
+
+
+@given(st.binary(max_size=50) | st.builds(lambda value: json.dumps(value).encode(), ODD))
+@settings(suppress_health_check=list(HealthCheck), deadline=None)
+def test_whatever_lies_under_the_keys_of_workers_is_no_fault(service: Service, value: bytes) -> None:
+    with redis.Redis.from_url(service.options["redis_url"]) as store:
+        for key in (worker_key("odd"), offer_key("odd"), vitals_key("odd"), site_key("odd"), b"rayfarm:worker:\xff"):
+            store.set(key, value)
+        service.farm.engine._workers.look(now=True)
+        assert not service.farm.engine._workers.roster.reports
