@@ -2,10 +2,11 @@
 
 RayfarmError
 ├── SceneError      a file that cannot become a scene: what is wrong, where, and what to do
-└── SettingsError   a request that cannot be rendered: which field and which values it takes
+├── SettingsError   a request that cannot be rendered: which field and which values it takes
+└── MachineError    this machine cannot do it, whatever the scene: its limits, memory, temporary folder, libraries
 """
 
-__all__ = ["RayfarmError", "SceneError", "SettingsError"]
+__all__ = ["MachineError", "RayfarmError", "SceneError", "SettingsError"]
 
 
 class RayfarmError(Exception):
@@ -18,3 +19,7 @@ class SceneError(RayfarmError):
 
 class SettingsError(RayfarmError):
     """A render setting is out of range. The message names the setting and what it takes."""
+
+
+class MachineError(RayfarmError):
+    """This machine cannot do it, whatever the scene. The message says what it lacks; another machine may do it."""
