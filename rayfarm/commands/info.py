@@ -10,9 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from rayfarm.console import out
-from rayfarm.scene_files import opened
-from renderer.scene.animation import Moment
+from rayfarm.console import bar, out
+from rayfarm.reading import describe
 
 __all__ = ["register"]
 
@@ -32,15 +31,10 @@ def info(
 
       rayfarm info truck.glb
     """
-    from renderer.scene.compile import compile_scene, summarise
-    from renderer.scene.load import Shot
-
     begun = time.perf_counter()
-    with opened(scene) as (folder, main, _):
-        shot = Shot(folder, main)
-        description = shot.at(Moment(shot.start))
-        compiled = compile_scene(description)
-    summary = {"name": description.name, "main": main, **summarise(description, compiled)}
+    with bar() as progress:
+        task = progress.add_task("reading", total=None)
+        summary = describe(scene, lambda step: progress.update(task, description=step))
     summary["seconds"] = round(time.perf_counter() - begun, 3)
     if as_json:
         print(json.dumps(summary, indent=1))

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from rayfarm.options import Env
-from rayfarm.stage import open_stage
+from rayfarm.reading import open_stage
 from renderer.arrays.scene import flat
 from renderer.denoise import is_available
 from renderer.scene.animation import Moment
