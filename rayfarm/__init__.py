@@ -13,6 +13,7 @@ Talking to a farm
     shot.py              frames that a farm renders
 Rendering without a farm
     reading.py           a scene read and compiled in a confined process; read.py is what that process does
+    preloaded.py         what that process has loaded before it is needed
     stage.py             a scene over time, compiled again only where more than a camera moved
     rendering.py         a scene read, compiled and rendered
     frame.py             one frame to its files

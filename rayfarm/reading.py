@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rayfarm.options import Env
+from rayfarm.preloaded import PRELOAD
 from rayfarm.scene_files import opened
 from renderer.confine.limits import available_memory
 from renderer.confine.place import temporary_folder
@@ -22,9 +23,8 @@ from renderer.scene.animation import Moment
 if TYPE_CHECKING:
     from renderer.scene.compiled import CompiledScene
 
-__all__ = ["PRELOAD", "SECONDS", "ReadStage", "bounds_of", "describe", "open_stage"]
+__all__ = ["SECONDS", "ReadStage", "bounds_of", "describe", "open_stage"]
 
-PRELOAD = ("rayfarm.read", "renderer.preparing:prepare")
 SECONDS = "RAYFARM_READ_SECONDS"
 _SECONDS = 600.0
 _LEAST_MEMORY = 1 << 30
