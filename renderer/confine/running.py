@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import contextlib
 import json
-import logging
 import os
 import pickle
 import select
-import signal
 import socket
 import subprocess
 import sys
@@ -19,10 +17,10 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
+from renderer.confine.endings import Bounds, error_of, how_it_ended, too_slow
 from renderer.confine.launcher import MOST_REQUEST
 from renderer.confine.limits import callers_limit
 from renderer.confine.reader import TAKEN, Job, Link, Send
@@ -30,8 +28,6 @@ from renderer.errors import MachineError, RayfarmError, SceneError
 from renderer.places import cache_home
 
 __all__ = ["Bounds", "Reader", "begin_launcher", "error_of", "how_it_ended", "run"]
-
-log = logging.getLogger(__name__)
 
 _ROOT = Path(__file__).resolve().parents[2]
 _START = "import json, sys\nsys.path[:] = json.loads(sys.argv.pop(1))\nfrom renderer.confine.launcher import main\nmain()\n"
@@ -41,21 +37,6 @@ _PASSED_ENDINGS = ("_NUM_THREADS",)
 _MOST_MESSAGE = 256 << 20  # bytes
 _ENDING_S = 10.0  # for which a reader that has closed its pipe may take to end
 _READY_S = 600.0  # for a launcher that compiles kernels first
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """What a reader may take.
-
-    memory_bytes: beyond what it has when it starts. seconds: of work. subject: what sentences begin with. granted: how a
-    sentence goes on from "needs more than the 4.0 GiB". longer: what to do where the time is too short.
-    """
-
-    memory_bytes: int
-    seconds: float
-    subject: str = "The file"
-    granted: str = "that this machine has free"
-    longer: str = "Make it smaller, or split it into several."
 
 
 class _Launcher:
@@ -221,7 +202,7 @@ class Reader:
             begun = time.monotonic()
             if seconds <= 0 or not _readable(self._saying, seconds if self._is_started else seconds + _READY_S):
                 self.close()
-                raise _too_slow(self.bounds)
+                raise too_slow(self.bounds)
             if self._is_started:
                 seconds -= time.monotonic() - begun
             data = os.read(self._saying, 1 << 16)
@@ -302,43 +283,6 @@ def run(
         return reader.result(on_message)
 
 
-def error_of(message: dict[str, Any], bounds: Bounds) -> RayfarmError:
-    """The exception that a reader's `error` stands for."""
-    sentence = str(message["error"])
-    if message.get("machine"):
-        return MachineError(sentence)
-    if sentence == "memory":
-        return _out_of_memory(bounds)
-    if sentence == "size":
-        limit = callers_limit("-f")
-        what = f"{limit} is too small. Raise it." if limit else "its temporary files are too large for it."
-        return MachineError(f"{bounds.subject} cannot be read on this machine: {what}")
-    if "trace" in message:
-        log.warning("%s: %s", bounds.subject, message["trace"])
-    if message.get("rest"):
-        return SceneError(f"{bounds.subject} {sentence}")
-    return _kinds().get(str(message.get("kind")), SceneError)(sentence)
-
-
-def _kinds() -> dict[str, type[RayfarmError]]:
-    """Faults by name: those that this process knows."""
-    found: dict[str, type[RayfarmError]] = {}
-    waiting = [RayfarmError]
-    while waiting:
-        kind = waiting.pop()
-        found[f"{kind.__module__}.{kind.__qualname__}"] = kind
-        waiting += kind.__subclasses__()
-    return found
-
-
-def _out_of_memory(bounds: Bounds) -> MachineError:
-    if (limit := callers_limit("-v")) is not None:
-        return MachineError(f"{bounds.subject} cannot be read on this machine: {limit} is too small. Raise it.")
-    return MachineError(
-        f"{bounds.subject} needs more than the {bounds.memory_bytes / 2**30:.1f} GiB {bounds.granted}. Simplify it."
-    )
-
-
 def _sentence(ended: dict[str, Any], bounds: Bounds, launcher: _Launcher) -> RayfarmError:
     if "failed" in ended:
         limits = [limit for option in ("-v", "-t") if (limit := callers_limit(option)) is not None]
@@ -354,33 +298,6 @@ def _no_launcher(launcher: _Launcher, why: str) -> MachineError:
     limits = [limit for option in ("-v", "-t") if (limit := callers_limit(option)) is not None]
     more = f" Raise {' and '.join(limits)}." if limits else ""
     return MachineError(f"this machine cannot run the process that reads scenes ({launcher.why() or why}).{more}")
-
-
-def how_it_ended(status: int, bounds: Bounds) -> RayfarmError:
-    """The error for a reader that ended without a result. status: as `os.wait` gives it."""
-    subject = bounds.subject
-    if not os.WIFSIGNALED(status):
-        return SceneError(f"{subject} cannot be read: its importer ended without a result. It may be damaged; export it anew.")
-    number = os.WTERMSIG(status)
-    if number == signal.SIGXCPU:
-        if (limit := callers_limit("-t")) is not None:
-            return MachineError(f"{subject} cannot be read on this machine: {limit} is too small. Raise it.")
-        return _too_slow(bounds)
-    if number == signal.SIGKILL:
-        return MachineError(
-            f"{subject} cannot be read on this machine: its reader was killed (signal 9), as when memory runs out."
-        )
-    if number == signal.SIGABRT and callers_limit("-v") is not None:
-        return _out_of_memory(bounds)
-    name = signal.Signals(number).name if number in set(signal.Signals) else ""
-    return SceneError(
-        f"{subject} cannot be read: its importer crashed (signal {number}{', ' if name else ''}{name}). "
-        "It may be damaged; export it anew."
-    )
-
-
-def _too_slow(bounds: Bounds) -> SceneError:
-    return SceneError(f"{bounds.subject} took longer than {bounds.seconds:.0f} seconds. {bounds.longer}")
 
 
 def _readable(descriptor: int, seconds: float) -> bool:
