@@ -130,6 +130,7 @@ class Reader:
             begin_launcher(preload)
             launcher = _current
             assert launcher is not None
+            self._launcher: _Launcher = launcher
             try:
                 self._begin(launcher, preload)
             except OSError as error:
@@ -138,7 +139,6 @@ class Reader:
                     raise _no_launcher(launcher, error.strerror or "") from error
                 continue
             break
-        self._launcher = launcher
         with contextlib.suppress(BrokenPipeError):  # it has ended, which is seen below
             self._write(len(data).to_bytes(8, "little") + data)
 
