@@ -12,7 +12,10 @@ Talking to a farm
     early.py             a worker's process, started before its options are known
     shot.py              frames that a farm renders
 Rendering without a farm
-    rendering.py         a scene read, compiled and rendered; stage.py keeps one open for several frames
+    reading.py           a scene read and compiled in a confined process; read.py is what that process does
+    preloaded.py         what that process has loaded before it is needed
+    stage.py             a scene over time, compiled again only where more than a camera moved
+    rendering.py         a scene read, compiled and rendered
     frame.py             one frame to its files
     sequence.py          frames one after the other; movie.py makes a movie of them, steady.py denoises them
     replay.py            one path of one pixel, followed again

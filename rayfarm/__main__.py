@@ -16,6 +16,9 @@ def main() -> None:
             if early.is_of_use(sys.argv[1:]):
                 early.begin()
 
+        from rayfarm import preloaded
+
+        preloaded.begin(sys.argv[1:])
         from rayfarm.cli import main as run
 
         run()

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from rayfarm.stage import Stage
+    from rayfarm.reading import ReadStage
     from renderer.denoise import Clean
     from renderer.film import Sums
     from renderer.render import RenderStats
@@ -68,7 +68,7 @@ class Order:
         return [output, options.denoised_name(output)] if self.denoise else [output]
 
 
-def motion_of(stage: Stage, order: Order, moment: Moment, clock: Clock, needed: bool = False) -> F32 | None:
+def motion_of(stage: ReadStage, order: Order, moment: Moment, clock: Clock, needed: bool = False) -> F32 | None:
     """A frame's motion vectors, where they are asked for or needed. The scene of the stage is another one afterwards."""
     if not needed and aovs.MOTION not in order.planes:
         return None

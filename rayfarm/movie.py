@@ -17,15 +17,15 @@ from PIL import Image
 from rayfarm.console import err
 from rayfarm.errors import CommandError
 from rayfarm.frame import Order
+from rayfarm.reading import ReadStage
 from rayfarm.sequence import Sequence, render_sequence
-from rayfarm.stage import Stage
 from renderer.errors import RayfarmError
 from service.watching.movie import write_movie
 
 __all__ = ["render_movie"]
 
 
-def render_movie(shot: Sequence, stage: Stage, order: Order, about: object) -> dict[str, Any]:
+def render_movie(shot: Sequence, stage: ReadStage, order: Order, about: object) -> dict[str, Any]:
     """As `render_sequence`, with a film for `shot.output`. The frames stay in a folder beside it until it is whole: the same
     command takes up where it stopped. about: all that the pictures depend on; another command has another folder.
     """
@@ -56,7 +56,7 @@ def _read(paths: list[Path]) -> Iterator[npt.NDArray[np.uint8]]:
             yield np.asarray(image.convert("RGB"))
 
 
-def _fps(shot: Sequence, stage: Stage, found: dict[str, Any]) -> float:
+def _fps(shot: Sequence, stage: ReadStage, found: dict[str, Any]) -> float:
     """The request's, else the file's own."""
     if shot.moment.fps is not None:
         return shot.moment.fps

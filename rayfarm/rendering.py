@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rayfarm.console import Ticker, bar
 from rayfarm.errors import CommandError
 from rayfarm.options import Env
-from rayfarm.stage import Stage, open_stage
+from rayfarm.reading import ReadStage, open_stage
 from renderer.scene.animation import Moment
 from renderer.settings import RenderSettings, Tile
 
@@ -52,7 +52,7 @@ def load_scene(
     moment: Moment = Moment(),
     camera: str | None = None,
     shutter: Mapping[str, Any] = MappingProxyType({}),
-    before: Callable[[Stage], None] = lambda stage: None,
+    before: Callable[[ReadStage], None] = lambda stage: None,
     root: Path | None = None,
 ) -> tuple[CompiledScene, dict[str, Any]]:
     """The compiled scene and its summary; brute: without a BVH. variant: of its materials. threads: None for all cores.

@@ -14,8 +14,8 @@ from rayfarm.console import bar, err
 from rayfarm.errors import CommandError
 from rayfarm.frame import Order, camera_words, moment_words, motion_of, render_to, say_bad_samples, statistics
 from rayfarm.output_files import check_writable
+from rayfarm.reading import ReadStage
 from rayfarm.rendering import Clock, Show
-from rayfarm.stage import Stage
 from rayfarm.steady import Steadying
 from rayfarm.strict import refuse
 from renderer.errors import RayfarmError
@@ -52,7 +52,7 @@ def check_outputs(shot: Sequence) -> None:
     check_writable(shot.file(shot.frames[0]))
 
 
-def render_sequence(shot: Sequence, stage: Stage, order: Order) -> dict[str, Any]:
+def render_sequence(shot: Sequence, stage: ReadStage, order: Order) -> dict[str, Any]:
     """Renders what is not there yet. Gives what --stats writes; under `failed`, each frame that failed and why.
 
     A file is there when it is whole: it is written beside its name and then moved there.
@@ -144,7 +144,7 @@ class _Progress:
 
 
 def _render(
-    shot: Sequence, stage: Stage, order: Order, frame: float, show: Show, told: set[str], steadying: Steadying
+    shot: Sequence, stage: ReadStage, order: Order, frame: float, show: Show, told: set[str], steadying: Steadying
 ) -> dict[str, Any]:
     from renderer.render import edition_for, warm_up
 

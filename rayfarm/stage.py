@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import fields, replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rayfarm.options import Env, find_camera
-from rayfarm.scene_files import opened
 from renderer.scene.animation import Moment
 
 if TYPE_CHECKING:
     from renderer.scene.compiled import CompiledScene
     from renderer.scene.description import SceneDescription
-    from renderer.scene.kept import Kept
+    from renderer.scene.kept import Cuts, Kept
     from renderer.scene.load import Shot
 
-__all__ = ["Stage", "open_stage"]
+__all__ = ["Stage"]
 
 Say = Callable[[str], None]
 
@@ -65,6 +61,12 @@ class Stage:
     def between(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
         """As `at`, of the time from the frame before to the frame after: what motion vectors are made of."""
         return self._at(moment, lambda step: None, self._shot.between)
+
+    @property
+    def cuts(self) -> Cuts:
+        """Where the parts of the scene that was compiled last begin."""
+        assert self._kept is not None and self._kept.cuts is not None
+        return self._kept.cuts
 
     def _at(
         self, moment: Moment, say: Say, read_at: Callable[[Moment], SceneDescription]
@@ -111,6 +113,7 @@ class Stage:
 
     def _is_auto(self, description: SceneDescription) -> bool:
         """Whether pictures are taken by the camera that frames the scene."""
+        from rayfarm.options import find_camera
         from renderer.scene.compile import camera_names
 
         names = [{"name": name} for name in camera_names(description)]
@@ -122,27 +125,3 @@ def _copied(description: SceneDescription) -> SceneDescription:
     held = {f.name: getattr(description, f.name) for f in fields(description)}
     copied: dict[str, Any] = {name: copy(value) for name, value in held.items() if isinstance(value, list | dict)}
     return replace(description, **copied)
-
-
-@contextlib.contextmanager
-def open_stage(
-    scene: Path,
-    environment: Env,
-    variant: str | None = None,
-    camera: str | None = None,
-    brute: bool = False,
-    threads: int | None = None,
-    shutter: Mapping[str, Any] = MappingProxyType({}),
-    root: Path | None = None,
-) -> Iterator[Stage]:
-    """A scene's files, open for as long as frames of it are asked for; brute: without a BVH. threads: None for all cores.
-
-    shutter: what is asked for of its settings. root: a folder above the scene, whose files it may refer to.
-    """
-    from renderer.scene.load import Shot
-
-    with opened(scene, environment.image, root) as (folder, main, inside):
-        if environment.sky is not None:
-            inside = "sky:{:g},{:g}".format(*environment.sky)
-        inside = environment.preset or inside
-        yield Stage(Shot(folder, main, inside, variant), camera, brute, threads, shutter)

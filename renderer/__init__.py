@@ -2,6 +2,7 @@
 
 Knows numpy, numba and files; nothing of queues, HTTP or jobs. The folders, in the order light meets them:
 
+    confine/  where untrusted files are read: a child process that can do little else
     scene/    where a scene is read and compiled into one memory-mapped file
     arrays/   the compiled scene as arrays: what scene/ writes, and bvh/ and kernel/ read
     bvh/      where a ray meets a triangle or a sphere

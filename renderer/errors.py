@@ -2,14 +2,15 @@
 
 RayfarmError
 ├── SceneError      a file that cannot become a scene: what is wrong, where, and what to do
-└── SettingsError   a request that cannot be rendered: which field and which values it takes
+├── SettingsError   a request that cannot be rendered: which field and which values it takes
+└── MachineError    this machine cannot do it, whatever the scene: its limits, memory, temporary folder, libraries
 """
 
 from __future__ import annotations
 
 import re
 
-__all__ = ["RayfarmError", "SceneError", "SettingsError"]
+__all__ = ["MachineError", "RayfarmError", "SceneError", "SettingsError"]
 
 
 _ADDRESS = re.compile(r"<[^<>]{0,200}? at 0x[0-9A-Fa-f]+>")
@@ -28,3 +29,7 @@ class SceneError(RayfarmError):
 
 class SettingsError(RayfarmError):
     """A render setting is out of range. The message names the setting and what it takes."""
+
+
+class MachineError(RayfarmError):
+    """This machine cannot do it, whatever the scene. The message says what it lacks; another machine may do it."""

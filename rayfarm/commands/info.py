@@ -11,10 +11,9 @@ from typing import Annotated, Any
 import typer
 
 from rayfarm import options
-from rayfarm.console import out
-from rayfarm.scene_files import opened
+from rayfarm.console import bar, out
+from rayfarm.reading import describe
 from rayfarm.strict import refuse
-from renderer.scene.animation import Moment
 
 __all__ = ["register"]
 
@@ -36,15 +35,10 @@ def info(
 
       rayfarm info truck.glb
     """
-    from renderer.scene.compile import compile_scene, summarise
-    from renderer.scene.load import Shot
-
     begun = time.perf_counter()
-    with opened(scene, root=root) as (folder, main, _):
-        shot = Shot(folder, main)
-        description = shot.at(Moment(shot.start))
-        compiled = compile_scene(description)
-    summary = {"name": description.name, "main": main, **summarise(description, compiled)}
+    with bar() as progress:
+        task = progress.add_task("reading", total=None)
+        summary = describe(scene, lambda step: progress.update(task, description=step), root)
     summary["seconds"] = round(time.perf_counter() - begun, 3)
     if as_json:
         print(json.dumps(summary, indent=1))

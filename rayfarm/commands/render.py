@@ -16,10 +16,10 @@ from rayfarm.frame import Order, camera_words, moment_words, motion_of, render_t
 from rayfarm.movie import render_movie
 from rayfarm.output_files import check_writable
 from rayfarm.picture import Picture, takes_picture
+from rayfarm.reading import open_stage
 from rayfarm.rendering import Clock, load_kernels, load_scene, shown
 from rayfarm.replay import show_path
 from rayfarm.sequence import Sequence, check_outputs, render_sequence
-from rayfarm.stage import open_stage
 from rayfarm.strict import refuse
 from renderer import aovs
 from renderer.denoise import is_available

@@ -14,8 +14,8 @@ from rayfarm import options
 from rayfarm.frame import Order, motion_of
 from rayfarm.library.asked import Asked
 from rayfarm.library.image import F32, Image
+from rayfarm.reading import open_stage
 from rayfarm.rendering import Clock, load_kernels
-from rayfarm.stage import open_stage
 from renderer import aovs
 from renderer.work import most_samples
 

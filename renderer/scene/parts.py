@@ -13,6 +13,7 @@ import hashlib
 import json
 import mmap
 import os
+import re
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -33,6 +34,7 @@ Find = Callable[[str, int], Path]  # where the part of a hash and size lies
 MANIFEST_STARTS = b"{"
 _FORMAT = "rayfarm-scene-parts 1"
 _MOST_PARTS = 64
+_IS_SHA256 = re.compile("[0-9a-f]{64}")
 _MOST_SEEN = 10_000  # pieces
 _VERTICES = ("position", "normal", "tangent", "uv", "uv1", "color")
 _BENT = ("position", "normal", "tangent")  # what changes of a mesh that deforms
@@ -96,6 +98,13 @@ class Saver:
                 at += _paged(rows.nbytes)
             parts.append(part)
         return _manifest(arrays, parts, pieces, folder)
+
+    def prune(self, manifest: Path) -> None:
+        """Removes from the folder what neither this manifest nor a later moment needs."""
+        kept = {manifest.name, *(part.sha256 for part in parts_of(manifest)), *(part.sha256 for _, part in self._known.values())}
+        for path in self._folder.iterdir():
+            if path.name not in kept:
+                path.unlink()
 
 
 def save_changed(data: bytes, scene: CompiledScene, names: Collection[str], folder: Path) -> Path:
@@ -229,7 +238,7 @@ def _read(data: bytes) -> tuple[list[Part], dict[str, tuple[tuple[int, ...], lis
                 raise SceneError(f"the shape of {name} is wrong")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise SceneError("its manifest cannot be read") from error
-    if len(parts) > _MOST_PARTS or not all(len(p.sha256) == 64 and p.size > 0 for p in parts):
+    if len(parts) > _MOST_PARTS or not all(_IS_SHA256.fullmatch(p.sha256) and p.size > 0 for p in parts):
         raise SceneError("its list of parts is wrong")
     return parts, arrays
 

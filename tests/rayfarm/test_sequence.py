@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from rayfarm.options import Env
-from rayfarm.stage import open_stage
+from rayfarm.reading import _loaded, open_stage
 from renderer.arrays.scene import flat
 from renderer.denoise import is_available
 from renderer.scene.animation import Moment
@@ -99,17 +99,17 @@ def test_a_sequence_takes_up_where_it_stopped(shot: Path, tmp_path: Path) -> Non
 def test_a_frame_that_fails_is_named_and_the_others_are_rendered(
     shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    from rayfarm.reading import ReadStage
     from renderer.errors import SceneError
-    from renderer.scene.load import Shot
 
-    whole = Shot.at
+    whole = ReadStage.at
 
-    def at(self: Shot, moment: Moment) -> object:
+    def at(self: ReadStage, moment: Moment) -> object:
         if moment.frame in (1, 2):
             raise SceneError("smoke.0001.obj: is not among the scene's files; add it")
         return whole(self, moment)
 
-    monkeypatch.setattr(Shot, "at", at)
+    monkeypatch.setattr(ReadStage, "at", at)
     common = ["render", shot, "-o", tmp_path / "out.#.png", *SMALL]
     done = rayfarm(*common, "--frames", "0-3", "--stats", tmp_path / "stats.json")
     assert done.returncode == 1
@@ -159,7 +159,7 @@ def test_what_cannot_be_is_a_sentence(shot: Path, tmp_path: Path, options: list[
 
 def test_only_what_moved_is_built_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
-    monkeypatch.setattr("renderer.scene.compile.compile_scene", lambda *a, **k: (built.append(1), compile_scene(*a, **k))[1])
+    monkeypatch.setattr("rayfarm.reading._loaded", lambda *a: (built.append(1), _loaded(*a))[1])
     for name, g, times in (("camera.glb", turning(camera_alone=True), 1), ("body.glb", turning(), 3)):
         (tmp_path / name).write_bytes(g.glb())
         built.clear()
@@ -232,7 +232,7 @@ def test_denoised_frames_are_made_steady_and_the_same_however_they_are_come_to(s
 
 def test_a_turntable_goes_around_once_and_builds_nothing_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
-    monkeypatch.setattr("renderer.scene.compile.compile_scene", lambda *a, **k: (built.append(1), compile_scene(*a, **k))[1])
+    monkeypatch.setattr("rayfarm.reading._loaded", lambda *a: (built.append(1), _loaded(*a))[1])
     (tmp_path / "s.yaml").write_text("fps: 10\nshapes: [{type: cube, transform: [{rotate: {axis: y, degrees: 20}}]}]")
     done = rayfarm("render", tmp_path / "s.yaml", "-o", tmp_path / "out.##.png", "--frames", "0-20x5", "--turntable", "2", *SMALL)
     assert done.returncode == 0, done.stderr

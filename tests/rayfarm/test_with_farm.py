@@ -18,7 +18,7 @@ import pytest
 from rayfarm.client import Client, ClientError
 from rayfarm.frame import Order
 from rayfarm.picture import Picture
-from rayfarm.stage import open_stage
+from rayfarm.reading import open_stage
 from renderer import film
 from renderer.denoise import is_available
 from renderer.render import render_frame

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from renderer.blender.convert import convert
 from renderer.blender.program import BlenderError, find
+from renderer.confine.reader import call, is_reader
 from renderer.errors import SceneError
 from renderer.formats import WITHOUT_BLENDER
 from renderer.scene.animation import Moment
@@ -17,7 +18,7 @@ from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers import yaml
 
-__all__ = ["read"]
+__all__ = ["open_in_blender", "read"]
 
 MISSING = (
     "is opened by Blender, and there is none here. Install it so that `blender` is on the PATH, or set RAYFARM_BLENDER to its "
@@ -31,18 +32,29 @@ class _Written:
 
     def __init__(self, files: SceneFiles, name: str) -> None:
         """Raises SceneError."""
-        try:
-            blender = find()
-        except BlenderError as error:
-            raise SceneError(f"{name}: {error}") from None
-        if blender is None:
-            raise SceneError(f"{name}: {MISSING}. Or {WITHOUT_BLENDER}.")
         path = files.path(name)
         root = path.parents[len(Path(name).parts) - 1]
         folder = Path(tempfile.mkdtemp(prefix="rayfarm-blend-"))
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        self.main = convert(blender, root, name, folder, _memory(), SECONDS)
+        if is_reader():  # which starts no programs
+            self.main = str(call("blender", name=name, out=str(folder)))
+        else:
+            self.main = open_in_blender(root, name, folder)
         self.files = SceneFiles(folder)
+
+
+def open_in_blender(root: Path, name: str, out: Path) -> str:
+    """Has Blender write the scene in a file of the folder `root` into the folder `out`; returns the main file's name there.
+
+    Raises SceneError.
+    """
+    try:
+        blender = find()
+    except BlenderError as error:
+        raise SceneError(f"{name}: {error}") from None
+    if blender is None:
+        raise SceneError(f"{name}: {MISSING}. Or {WITHOUT_BLENDER}.")
+    return convert(blender, root, name, out, _memory(), SECONDS)
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:

@@ -1,0 +1,25 @@
+"""What processes that read scenes have loaded before they are needed, and their start beside the command's own imports."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+
+__all__ = ["PRELOAD", "begin"]
+
+PRELOAD = (
+    *("rayfarm.read", "renderer.preparing:prepare"),
+    # Kernels of readers, which those import only for files of their format.
+    *("renderer.scene.readers.obj_lines", "renderer.scene.readers.threemf_rows", "renderer.scene.readers.gltf.deform"),
+)
+_READING = ("info", "render")
+
+
+def begin(words: Sequence[str]) -> None:
+    """Starts the launcher of readers where the command that was typed reads a scene. What fails is reported by the command."""
+    if words[:1] and words[0] in _READING and not {"-h", "--help"} & set(words):
+        from renderer.confine.running import begin_launcher
+        from renderer.errors import MachineError
+
+        with contextlib.suppress(MachineError):
+            begin_launcher(PRELOAD)

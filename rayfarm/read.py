@@ -1,0 +1,56 @@
+"""Jobs of a confined process that reads scenes: the other side of rayfarm/reading.py. Imports no options and no console."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from rayfarm.stage import Stage
+from renderer.confine.reader import Link, told
+from renderer.errors import RayfarmError
+from renderer.scene.animation import Moment
+from renderer.scene.compile import compile_scene, summarise
+from renderer.scene.load import Shot
+from renderer.scene.parts import Saver
+
+__all__ = ["describe", "serve"]
+
+IDLE_S = 86400.0  # a caller that is gone ends this process at once
+
+
+def serve(folder: bytes, main: bytes, inside: bytes | None, out: bytes, options: dict[str, Any], link: Link) -> dict[str, Any]:
+    """Answers requests for moments of a scene: writes what it is compiled to into `out` as a manifest and its parts.
+
+    A moment that cannot be shown is reported as `failed`; others may still be asked for.
+    """
+    variant = options.pop("variant")
+    shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main), None if inside is None else os.fsdecode(inside), variant)
+    stage = Stage(shot, **options)
+    saver, written = Saver(Path(os.fsdecode(out))), None
+    for request in link.requests(IDLE_S):
+        moment = Moment(**request["moment"])
+        try:
+            if request["which"] == "between":
+                compiled, summary = stage.between(moment)
+            else:
+                compiled, summary = stage.at(moment, lambda step: link.send({"step": step}))
+        except RayfarmError as error:
+            link.send({"failed": told(error)})
+            continue
+        found: dict[str, Any] = {"summary": summary}
+        if compiled is not written:
+            manifest = saver.save(compiled, stage.cuts)
+            saver.prune(manifest)
+            found["manifest"], written = manifest.name, compiled
+        link.send(found)
+    return {}
+
+
+def describe(folder: bytes, main: bytes, link: Link) -> dict[str, Any]:
+    """The summary of a scene at its beginning, and its name."""
+    link.send({"step": "reading"})
+    shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main))
+    description = shot.at(Moment(shot.start))
+    link.send({"step": "building"})
+    return {"name": description.name, "main": os.fsdecode(main), **summarise(description, compile_scene(description))}

@@ -1,0 +1,189 @@
+"""Scenes read in a confined process (renderer/confine/): what a command or a program gets of one, without opening its files."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from rayfarm.options import Env
+from rayfarm.preloaded import PRELOAD
+from rayfarm.scene_files import opened
+from renderer.confine.limits import available_memory
+from renderer.confine.place import temporary_folder
+from renderer.confine.running import Bounds, Reader, error_of, run
+from renderer.errors import SceneError, SettingsError
+from renderer.scene.animation import Moment
+
+if TYPE_CHECKING:
+    from renderer.scene.compiled import CompiledScene
+
+__all__ = ["SECONDS", "ReadStage", "bounds_of", "describe", "open_stage"]
+
+SECONDS = "RAYFARM_READ_SECONDS"
+_SECONDS = 600.0
+_LEAST_MEMORY = 1 << 30
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """A scene's files, as `opened` gives them."""
+
+    folder: Path
+    main: str
+    inside: str | None  # what lights it in place of its own light
+
+
+class ReadStage:
+    """A scene over time, read and compiled in a confined process; otherwise as rayfarm.stage.Stage.
+
+    The process ends when the stage is closed, or crashes; after a crash the next moment starts another.
+    """
+
+    def __init__(self, scene: _Scene, room: Path, options: Mapping[str, Any]) -> None:
+        """room: an empty folder for its results and temporary files. options: the other arguments of Stage, and `variant`."""
+        self._scene, self._room, self._options = scene, room, options
+        self._reader: Reader | None = None
+        self._compiled: CompiledScene | None = None
+        self.bounds = bounds_of(scene.main)
+
+    def at(self, moment: Moment, say: Say = lambda step: None) -> tuple[CompiledScene, dict[str, Any]]:
+        """The compiled scene at a moment, and its summary. say: called with each step as it begins. Raises RayfarmError."""
+        return self._ask("at", moment, say)
+
+    def between(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
+        """As `at`, from the frame before to the frame after: for motion vectors."""
+        return self._ask("between", moment, lambda step: None)
+
+    def _ask(self, which: str, moment: Moment, say: Say) -> tuple[CompiledScene, dict[str, Any]]:
+        found: dict[str, Any] = {}
+
+        def take(message: dict[str, Any]) -> None:
+            if "step" in message:
+                say(str(message["step"]))
+            else:
+                found.update(message)
+                if "manifest" in message:
+                    self._compiled = _loaded(self._room, str(message["manifest"]))
+
+        for _ in range(2):
+            if self._reader is None:
+                self._reader, self._compiled = self._begun(), None
+            try:
+                if self._reader.ask({"which": which, "moment": asdict(moment)}, take):
+                    break
+            finally:
+                if self._reader.is_over:
+                    self._reader = None
+        if "failed" in found:
+            raise error_of(found["failed"], self.bounds)
+        if self._compiled is None or "summary" not in found:
+            raise SceneError(f"{self._scene.main} cannot be read: its importer ended without a result.")
+        return self._compiled, found["summary"]
+
+    def _begun(self) -> Reader:
+        scene, room = self._scene, self._room
+        for name in ("temporary", "out"):
+            (room / name).mkdir(exist_ok=True)
+        from rayfarm.read import serve
+
+        work = partial(serve, *_encoded(scene), os.fsencode(room / "out"), dict(self._options))
+        writes = [room / "temporary", room / "out"]
+        return Reader(work, [scene.folder], writes, self.bounds, PRELOAD, _calls(scene, room / "temporary"))
+
+    def close(self) -> None:
+        """Ends the process."""
+        if self._reader is not None:
+            self._reader.close()
+
+
+@contextlib.contextmanager
+def open_stage(
+    scene: Path,
+    environment: Env,
+    variant: str | None = None,
+    camera: str | None = None,
+    brute: bool = False,
+    threads: int | None = None,
+    shutter: Mapping[str, Any] = MappingProxyType({}),
+    root: Path | None = None,
+) -> Iterator[ReadStage]:
+    """A scene's files, open for as long as frames of it are asked for; brute: without a BVH. threads: None for all cores.
+
+    shutter: what is asked for of its settings. camera: the one that pictures are taken by, as --camera names it. root: a folder
+    above the scene, whose files it may refer to.
+    """
+    with (
+        opened(scene, environment.image, root) as (folder, main, inside),
+        temporary_folder("rayfarm-read-", in_memory=True) as room,
+    ):
+        if environment.sky is not None:
+            inside = "sky:{:g},{:g}".format(*environment.sky)
+        options = {"variant": variant, "camera": camera, "brute": brute, "threads": threads, "shutter": dict(shutter)}
+        stage = ReadStage(_Scene(folder.resolve(), main, environment.preset or inside), room, options)
+        try:
+            yield stage
+        finally:
+            stage.close()
+
+
+def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None) -> dict[str, Any]:
+    """What `rayfarm info` shows of a scene: its summary, with its `name` and `main` file. Raises RayfarmError.
+
+    root: a folder above the scene, whose files it may refer to.
+    """
+    from rayfarm.read import describe as work
+
+    with opened(scene, root=root) as (folder, main, _), temporary_folder("rayfarm-read-") as room:
+        found = _Scene(folder.resolve(), main, None)
+        job = partial(work, *_encoded(found)[:2])
+        calls = _calls(found, room)
+        return run(job, [found.folder], [room], bounds_of(main), lambda message: say(str(message["step"])), PRELOAD, calls)
+
+
+def bounds_of(subject: str) -> Bounds:
+    """What a reader may take on this machine. Raises SettingsError where $RAYFARM_READ_SECONDS is no time."""
+    try:
+        seconds = float(os.environ.get(SECONDS) or _SECONDS)
+        if not 0 < seconds < 1e7:
+            raise ValueError
+    except ValueError:
+        raise SettingsError(f"{SECONDS} is {os.environ[SECONDS]!r}; it takes a number of seconds, such as 1800") from None
+    memory = max(available_memory() * 9 // 10, _LEAST_MEMORY)
+    return Bounds(memory, seconds, subject, longer=f"Make it smaller, or set {SECONDS} to a longer time.")
+
+
+def _encoded(scene: _Scene) -> tuple[bytes, bytes, bytes | None]:
+    """Names as bytes: the reader's encoding may be another than this process's."""
+    return os.fsencode(scene.folder), os.fsencode(scene.main), None if scene.inside is None else os.fsencode(scene.inside)
+
+
+def _calls(scene: _Scene, room: Path) -> dict[str, Callable[..., Any]]:
+    """What the reader may have done here: Blender, which is confined by itself, opens the scene's .blend files."""
+
+    def blender(name: str, out: str) -> str:
+        from renderer.scene.readers.blend import open_in_blender
+
+        path = (scene.folder / name).resolve()
+        folder = Path(out).resolve()
+        if not path.is_relative_to(scene.folder) or not folder.is_relative_to(room.resolve()):
+            raise SceneError(f"{name}: is not among the scene's files")
+        return open_in_blender(scene.folder, name, folder)
+
+    return {"blender": blender}
+
+
+def _loaded(room: Path, manifest: str) -> CompiledScene:
+    """The scene that the reader wrote, copied: the reader, which lives on, cannot change what has been checked."""
+    from renderer.arrays.scene import flat, nested, seal
+    from renderer.scene.compiled import load
+
+    mapped = flat(load(room / "out" / Path(manifest).name))
+    return seal(nested({name: array.copy() for name, array in mapped.items()}))

@@ -1,0 +1,96 @@
+"""What comes of a reader that fails, as an exception with a sentence: the scene's fault or this machine's."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+from dataclasses import dataclass
+from typing import Any
+
+from renderer.confine.limits import callers_limit
+from renderer.errors import MachineError, RayfarmError, SceneError
+
+__all__ = ["Bounds", "error_of", "how_it_ended", "too_slow"]
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a reader may take.
+
+    memory_bytes: beyond what it has when it starts. seconds: of work. subject: what sentences begin with. granted: how a
+    sentence goes on from "needs more than the 4.0 GiB". longer: what to do where the time is too short.
+    """
+
+    memory_bytes: int
+    seconds: float
+    subject: str = "The file"
+    granted: str = "that this machine has free"
+    longer: str = "Make it smaller, or split it into several."
+
+
+def error_of(message: dict[str, Any], bounds: Bounds) -> RayfarmError:
+    """The exception that a reader's `error` stands for."""
+    sentence = str(message["error"])
+    if message.get("machine"):
+        return MachineError(sentence)
+    if sentence == "memory":
+        return _out_of_memory(bounds)
+    if sentence == "size":
+        limit = callers_limit("-f")
+        what = f"{limit} is too small. Raise it." if limit else "its temporary files are too large for it."
+        return MachineError(f"{bounds.subject} cannot be read on this machine: {what}")
+    if "trace" in message:
+        log.warning("%s: %s", bounds.subject, message["trace"])
+    if message.get("rest"):
+        return SceneError(f"{bounds.subject} {sentence}")
+    return _kinds().get(str(message.get("kind")), SceneError)(sentence)
+
+
+def _kinds() -> dict[str, type[RayfarmError]]:
+    """Faults by name: those that this process knows."""
+    found: dict[str, type[RayfarmError]] = {}
+    waiting = [RayfarmError]
+    while waiting:
+        kind = waiting.pop()
+        found[f"{kind.__module__}.{kind.__qualname__}"] = kind
+        waiting += kind.__subclasses__()
+    return found
+
+
+def _out_of_memory(bounds: Bounds) -> MachineError:
+    if (limit := callers_limit("-v")) is not None:
+        return MachineError(f"{bounds.subject} cannot be read on this machine: {limit} is too small. Raise it.")
+    return MachineError(
+        f"{bounds.subject} needs more than the {bounds.memory_bytes / 2**30:.1f} GiB {bounds.granted}. Simplify it."
+    )
+
+
+def how_it_ended(status: int, bounds: Bounds) -> RayfarmError:
+    """The error for a reader that ended without a result. status: as `os.wait` gives it."""
+    subject = bounds.subject
+    if not os.WIFSIGNALED(status):
+        return SceneError(f"{subject} cannot be read: its importer ended without a result. It may be damaged; export it anew.")
+    number = os.WTERMSIG(status)
+    if number == signal.SIGXCPU:
+        if (limit := callers_limit("-t")) is not None:
+            return MachineError(f"{subject} cannot be read on this machine: {limit} is too small. Raise it.")
+        return too_slow(bounds)
+    if number == signal.SIGKILL:
+        return MachineError(
+            f"{subject} cannot be read on this machine: its reader was killed (signal 9), as when memory runs out."
+        )
+    if number == signal.SIGABRT and callers_limit("-v") is not None:
+        return _out_of_memory(bounds)
+    name = signal.Signals(number).name if number in set(signal.Signals) else ""
+    return SceneError(
+        f"{subject} cannot be read: its importer crashed (signal {number}{', ' if name else ''}{name}). "
+        "It may be damaged; export it anew."
+    )
+
+
+def too_slow(bounds: Bounds) -> SceneError:
+    """The error for a reader that took longer than its bounds."""
+    return SceneError(f"{bounds.subject} took longer than {bounds.seconds:.0f} seconds. {bounds.longer}")

@@ -1,0 +1,189 @@
+"""The process that forks readers: started once by a program, with an empty environment and without its descriptors.
+
+It imports modules and loads kernels when a job first needs them, so that a reader starts within milliseconds. It never opens an
+untrusted file itself. It has one thread, and ends when every process that holds the other end of its socket has ended.
+
+A request is one datagram: JSON with `preload`, and three descriptors: the job's pipe, the pipe for messages, and the pipe on
+which the launcher reports how the reader ended. A caller that closes the job's pipe has the reader killed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import importlib
+import json
+import os
+import select
+import signal
+import socket
+import sys
+import sysconfig
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from renderer.confine import reader
+from renderer.errors import MachineError
+
+__all__ = ["MOST_REQUEST", "main"]
+
+MOST_REQUEST = 1 << 15
+_POLL_MS = 2000  # how often the parent is looked for where the socket does not report its end (macOS)
+# Of the system: libraries, the time zone, the number of processors.
+_SYSTEM = (
+    *("/usr/lib", "/usr/lib64", "/usr/local/lib", "/lib", "/lib64", "/etc/ld.so.cache", "/etc/localtime", "/usr/share/zoneinfo"),
+    *("/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/sys/vm", "/sys/devices/system", "/sys/fs/cgroup"),
+    *("/dev/null", "/dev/urandom", "/dev/random", "/dev/zero"),
+)
+
+
+@dataclass
+class _Running:
+    """A reader and the descriptors that the launcher keeps of it."""
+
+    pid: int
+    asked: int
+    status: int
+
+
+class _Launcher:
+    def __init__(self, control: socket.socket) -> None:
+        self._control = control
+        self._parent = os.getppid()
+        self._running: dict[int, _Running] = {}
+        self._done: dict[str, str] = {}  # what was preloaded -> "", or why it failed
+        self._woken, waking = os.pipe()
+        os.set_blocking(waking, False)
+        signal.signal(signal.SIGCHLD, lambda number, frame: None)
+        signal.set_wakeup_fd(waking, warn_on_full_buffer=False)
+        self._waking = waking
+        self._poll = select.poll()
+        self._poll.register(control, select.POLLIN)
+        self._poll.register(self._woken, select.POLLIN)
+
+    def serve(self) -> None:
+        """Until the callers are gone."""
+        while os.getppid() == self._parent:
+            for descriptor, _ in self._poll.poll(_POLL_MS):
+                if descriptor == self._control.fileno():
+                    if not self._take():
+                        return
+                elif descriptor == self._woken:
+                    os.read(self._woken, 1 << 12)
+                elif descriptor in self._running:  # the caller has let go of it
+                    with contextlib.suppress(ProcessLookupError):
+                        os.kill(self._running[descriptor].pid, signal.SIGKILL)
+                    self._poll.unregister(descriptor)
+            self._reap()
+
+    def _take(self) -> bool:
+        data, descriptors, _, _ = socket.recv_fds(self._control, MOST_REQUEST, 3)
+        if not data:
+            return False
+        if len(descriptors) != 3:
+            for descriptor in descriptors:
+                os.close(descriptor)
+            return True
+        asked, said, status = descriptors
+        why = next((said_why for each in json.loads(data)["preload"] if (said_why := self.preload(each))), None)
+        if why is None:
+            why = self._fork(asked, said, status)
+        os.close(said)
+        if why is not None:
+            _report(status, {"failed": why})
+            os.close(asked)
+        return True
+
+    def preload(self, name: str) -> str:
+        """Imports "module", or calls "module:function", once; why it failed, or ""."""
+        if name not in self._done:
+            module, _, function = name.partition(":")
+            try:
+                found = importlib.import_module(module)
+                if function:
+                    getattr(found, function)()
+            except MachineError as error:
+                return str(error)
+            except (MemoryError, OSError, ImportError) as error:
+                return f"{name} cannot be loaded here ({type(error).__name__}: {error})"
+            self._done[name] = ""
+            gc.freeze()
+        return ""
+
+    def _fork(self, asked: int, said: int, status: int) -> str | None:
+        system = _system()
+        parent = os.getpid()
+        try:
+            pid = os.fork()
+        except OSError as error:
+            return f"it cannot start another process ({error.strerror})"
+        if pid == 0:
+            signal.set_wakeup_fd(-1)
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            keep = {asked, said}
+            for descriptor in [int(path.name) for path in Path("/dev/fd").iterdir()]:
+                if descriptor > 2 and descriptor not in keep:
+                    with contextlib.suppress(OSError):
+                        os.close(descriptor)
+            nothing = os.open(os.devnull, os.O_RDWR)
+            for standard in (0, 1, 2):
+                os.dup2(nothing, standard)
+            os.close(nothing)
+            reader.live(asked, said, parent, system)
+        self._running[asked] = _Running(pid, asked, status)
+        self._poll.register(asked, 0)  # reports that its other end is closed, and nothing else
+        return None
+
+    def _reap(self) -> None:
+        by_pid = {running.pid: running for running in self._running.values()}
+        while by_pid:
+            try:
+                pid, status, usage = os.wait4(-1, os.WNOHANG)
+            except ChildProcessError:
+                return
+            if pid == 0:
+                return
+            if (running := by_pid.pop(pid, None)) is None:
+                continue
+            del self._running[running.asked]
+            with contextlib.suppress(KeyError, OSError):
+                self._poll.unregister(running.asked)
+            os.close(running.asked)
+            _report(running.status, {"status": status, "seconds": usage.ru_utime + usage.ru_stime})
+
+
+def _report(status: int, message: dict[str, Any]) -> None:
+    with contextlib.suppress(OSError):
+        os.write(status, json.dumps(message).encode())
+    os.close(status)
+
+
+def _system() -> list[str]:
+    """Paths that every reader may read: the interpreter, installed packages, ours, and the kernels' folder."""
+    paths = sysconfig.get_paths()
+    found = {*_SYSTEM, *(paths[name] for name in ("stdlib", "platstdlib", "purelib", "platlib"))}
+    found |= {f"{prefix}/{name}" for prefix in (sys.prefix, sys.base_prefix) for name in ("lib", "lib64", "pyvenv.cfg", "bin")}
+    found |= {entry for entry in sys.path if Path(entry).name in ("site-packages", "dist-packages")}
+    for name, module in list(sys.modules.items()):
+        if "." not in name:
+            found |= set(getattr(module, "__path__", ())) or {getattr(module, "__file__", None) or "/dev/null"}
+    if "renderer.jit" in sys.modules:
+        found.add(str(sys.modules["renderer.jit"].cache_folder()))
+    return sorted(found)
+
+
+def main() -> None:
+    """Serves the socket whose descriptor is the first argument; the second: JSON, what to preload at once."""
+    control = socket.socket(fileno=int(sys.argv[1]))
+    os.set_inheritable(control.fileno(), False)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    launcher = _Launcher(control)
+    for name in json.loads(sys.argv[2]):
+        try:
+            launcher.preload(name)
+        except Exception:
+            traceback.print_exc()
+    launcher.serve()
+    os._exit(0)

@@ -1,0 +1,122 @@
+"""How much memory, processor time and file size a reader gets: never more than its caller may have."""
+
+from __future__ import annotations
+
+import os
+import resource
+from collections.abc import Iterator
+from pathlib import Path
+
+__all__ = ["available_memory", "callers_limit", "inherited", "limit_program", "set_limits"]
+
+LARGEST_FILE = 16 << 30
+_CGROUPS = Path("/sys/fs/cgroup")
+_UNKNOWN = 8 << 30  # bytes taken to be available where the system does not say
+_GRACE_S = 5  # between SIGXCPU and SIGKILL
+
+# Limits by what a shell calls them; each as (resource, unit in bytes or seconds, what it limits).
+_NAMED = {
+    "-v": (resource.RLIMIT_AS, "address space"),
+    "-t": (resource.RLIMIT_CPU, "processor time"),
+    "-f": (resource.RLIMIT_FSIZE, "file size"),
+}
+
+
+def available_memory() -> int:
+    """Bytes that can be allocated now: of the machine's memory and of every cgroup that this process is in."""
+    return max(min([_of_machine(), *_of_cgroups()]), 0)
+
+
+def _of_machine() -> int:
+    try:
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return int(line.split()[1]) * 1024
+    except (OSError, ValueError):
+        pass
+    return _UNKNOWN
+
+
+def _of_cgroups() -> Iterator[int]:
+    """What is left in each cgroup with a limit, from this process's up to the root; versions 1 and 2."""
+    try:
+        lines = Path("/proc/self/cgroup").read_text().splitlines()
+    except OSError:
+        return
+    for line in lines:
+        _, controllers, path = line.split(":", 2)
+        if controllers == "":
+            names, roots = ("memory.max", "memory.current", "inactive_file"), [_CGROUPS, _CGROUPS / "unified"]
+        elif "memory" in controllers.split(","):
+            names = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+            roots = [_CGROUPS / "memory"]
+        else:
+            continue
+        for root in roots:
+            inside = root / path.strip("/")
+            for folder in (inside, *inside.parents):  # a container sees its own cgroup as the root
+                if not folder.is_relative_to(root):
+                    break
+                if (left := _left(folder, *names)) is not None:
+                    yield left
+
+
+def _left(folder: Path, limit_name: str, used_name: str, cache_name: str) -> int | None:
+    try:
+        limit, used = (int((folder / name).read_text()) for name in (limit_name, used_name))
+        stat = dict(line.split(" ", 1) for line in (folder / "memory.stat").read_text().splitlines())
+        return limit - used + int(stat.get(cache_name, 0))
+    except (OSError, ValueError):  # no such file, or "max"
+        return None
+
+
+def set_limits(memory: int, seconds: float) -> None:
+    """Limits this process: `memory` bytes beyond what it has now, processor time for `seconds` on all cores, no core dumps.
+
+    No limit is raised.
+    """
+    limit_program(_address_space() + memory, int(seconds * (os.cpu_count() or 1)) + 1)
+
+
+def limit_program(memory: int, seconds: int) -> None:
+    """Limits this process, and what it becomes, to `memory` bytes of address space and `seconds` of processor time."""
+    _lower(resource.RLIMIT_AS, memory)
+    _lower(resource.RLIMIT_CPU, seconds, _GRACE_S)
+    _lower(resource.RLIMIT_FSIZE, LARGEST_FILE)
+    _lower(resource.RLIMIT_CORE, 0)
+
+
+def _lower(which: int, value: int, grace: int = 0) -> None:
+    soft, hard = resource.getrlimit(which)
+    finite = [limit for limit in (soft, hard) if limit != resource.RLIM_INFINITY]
+    soft = min([value, *finite])
+    hard = soft + grace if hard == resource.RLIM_INFINITY else min(soft + grace, hard)
+    resource.setrlimit(which, (soft, hard))
+
+
+def _address_space() -> int:
+    """Bytes of address space that this process has now."""
+    try:
+        return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    except OSError:
+        return 4 << 30
+
+
+def inherited(option: str) -> int | None:
+    """The soft limit that this process was started with, in bytes or seconds, by `ulimit`'s option; None without one."""
+    soft, _ = resource.getrlimit(_NAMED[option][0])
+    return None if soft == resource.RLIM_INFINITY else soft
+
+
+def callers_limit(option: str) -> str | None:
+    """A phrase that names a limit this process was started with, such as "its limit on address space (ulimit -v) of 2.0 GiB";
+    None where there is none."""
+    value = inherited(option)
+    if value is None:
+        return None
+    amount = f"{value} s" if option == "-t" else _bytes(value)
+    return f"its limit on {_NAMED[option][1]} (ulimit {option}) of {amount}"
+
+
+def _bytes(value: int) -> str:
+    return f"{value / 2**30:.1f} GiB" if value >= 2**29 else f"{value / 2**20:.1f} MiB"

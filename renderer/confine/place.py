@@ -1,0 +1,53 @@
+"""The temporary folder of one job: the one place that its reader may write to."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from renderer.confine.limits import available_memory
+from renderer.errors import MachineError
+
+__all__ = ["temporary_folder"]
+
+_MEMORY = Path("/dev/shm")
+
+
+@contextmanager
+def temporary_folder(prefix: str, in_memory: bool = False) -> Iterator[Path]:
+    """A new folder, removed at the end. in_memory: in the system's shared memory where that has room for a large scene.
+
+    Raises MachineError where no folder for temporary files can be written.
+    """
+    folder = _made(prefix, _MEMORY if in_memory and _has_room(_MEMORY) else None)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _made(prefix: str, where: Path | None) -> Path:
+    tried = []
+    for parent in dict.fromkeys((where, None, _MEMORY)):
+        if parent is _MEMORY and not parent.is_dir():
+            continue
+        try:
+            return Path(tempfile.mkdtemp(prefix=prefix, dir=parent)).resolve()
+        except OSError as error:
+            tried.append(f"{parent or os.environ.get('TMPDIR') or 'the default folder'}: {error.strerror}")
+    raise MachineError(
+        f"this machine has no folder for temporary files that can be written ({'; '.join(tried)}). Set TMPDIR to one."
+    )
+
+
+def _has_room(folder: Path) -> bool:
+    """Whether it can hold half of the memory that is available: a container's default of 64 MiB cannot."""
+    try:
+        found = os.statvfs(folder)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK) and found.f_bavail * found.f_frsize >= available_memory() // 2

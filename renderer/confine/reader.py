@@ -1,0 +1,217 @@
+"""A reader: the forked child that runs one job, confined, and reports over a pipe as lines of JSON.
+
+Messages:
+    started   confined; the job begins
+    answer    the result, last
+    error     a sentence, last; `kind`: its exception, `machine`: this machine is at fault, `rest`: without its subject
+    done      a request is answered
+    call      the caller is to do something that a reader may not
+    others    progress
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import pickle
+import resource
+import select
+import signal
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+from renderer.confine import rules
+from renderer.confine.limits import set_limits
+from renderer.errors import MachineError, RayfarmError, SceneError
+
+__all__ = ["Job", "Link", "Send", "call", "is_of_machine", "is_reader", "live", "told"]
+
+Send = Callable[[dict[str, Any]], None]
+
+LARGE = 1 << 30  # bytes in memory: a reader that has more does not wait for further requests
+TAKEN = b"null\n"  # the caller has dealt with all messages of a request
+_MOST_TRACE = 4000
+_OUT_OF_MEMORY_SCORE = "900"  # the kernel ends this process before others
+
+# Errors of a file system or kernel whatever the file: full, read-only, ill, or out of processes, files, memory.
+_OF_MACHINE = {
+    *(errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EACCES, errno.EPERM),
+    *(errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ESTALE, errno.EFBIG),
+}
+
+
+def is_of_machine(error: OSError) -> bool:
+    """Whether an error is this machine's own and not that of the file in hand."""
+    return error.errno in _OF_MACHINE
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a reader does, pickled by the caller: `work(link)`, with the paths that it may read and write and its limits.
+
+    reads, writes: as bytes, for names that are not UTF-8. temporary: the folder for temporary files.
+    """
+
+    work: Callable[[Link], dict[str, Any]]
+    reads: tuple[bytes, ...]
+    writes: tuple[bytes, ...]
+    temporary: bytes
+    memory_bytes: int
+    seconds: float
+
+
+class Link:
+    """The reader's connection to its caller."""
+
+    def __init__(self, asked: int, said: int) -> None:
+        self._asked, self._said = asked, said
+        self._buffer = b""
+
+    def send(self, message: dict[str, Any]) -> None:
+        """Sends a message that can be written as JSON."""
+        data = memoryview(json.dumps(message).encode() + b"\n")
+        while data:
+            data = data[os.write(self._said, data) :]
+
+    def job(self) -> Job:
+        """Reads the job, which comes first."""
+        size = int.from_bytes(self._exactly(8), "little")
+        job = pickle.loads(self._exactly(size))
+        assert isinstance(job, Job)
+        return job
+
+    def call(self, name: str, **arguments: Any) -> Any:
+        """Has the caller do something that a reader may not; returns its reply. Raises SceneError with the caller's sentence."""
+        self.send({"call": name, **arguments})
+        reply = json.loads(self._line(None) or b"{}")
+        if "error" in reply:
+            raise SceneError(reply["error"])
+        return reply["reply"]
+
+    def requests(self, idle_s: float) -> Iterator[dict[str, Any]]:
+        """Requests, until there has been none for `idle_s`, the caller is gone, or this process has grown large.
+
+        The wait is without end while the caller deals with messages of the last request: it needs the files that they name.
+        """
+        patience: float | None = idle_s
+        while line := self._line(patience):
+            request = json.loads(line)
+            patience = idle_s if request is None else None
+            if request is not None:
+                yield request
+                self.send({"done": True})
+            elif _in_memory() > LARGE:
+                return
+
+    def _line(self, patience: float | None) -> bytes | None:
+        while b"\n" not in self._buffer:
+            if not select.select([self._asked], [], [], patience)[0] or not (data := os.read(self._asked, 1 << 16)):
+                return None
+            self._buffer += data
+        line, self._buffer = self._buffer.split(b"\n", 1)
+        return line
+
+    def _exactly(self, size: int) -> bytes:
+        parts = bytearray()
+        while len(parts) < size:
+            data = os.read(self._asked, min(size - len(parts), 1 << 20))
+            if not data:
+                raise EOFError
+            parts += data
+        return bytes(parts)
+
+
+_link: Link | None = None
+
+
+def call(name: str, **arguments: Any) -> Any:
+    """`Link.call` of this process's job; None where this process is no reader."""
+    return None if _link is None else _link.call(name, **arguments)
+
+
+def is_reader() -> bool:
+    """Whether this process is a reader."""
+    return _link is not None
+
+
+def live(asked: int, said: int, parent: int, system: Iterable[str]) -> NoReturn:
+    """The whole life of a forked child. system: paths of the interpreter, its libraries and the kernels."""
+    global _link
+    code = 1
+    _link = link = Link(asked, said)
+    try:
+        rules.die_with_parent(parent)
+        os.setsid()
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGALRM):
+            signal.signal(number, signal.SIG_DFL)
+        _confine_and_run(link, system)
+        code = 0
+    except EOFError:  # the caller went away
+        pass
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            link.send(told(error))
+    finally:
+        os._exit(code)
+
+
+def _confine_and_run(link: Link, system: Iterable[str]) -> None:
+    job = link.job()
+    temporary = os.fsdecode(job.temporary)
+    tempfile.tempdir = os.environ["TMPDIR"] = os.environ["HOME"] = temporary
+    os.chdir(temporary)
+    sys.dont_write_bytecode = True
+    if (jit := sys.modules.get("renderer.jit")) is not None:  # which tries to write where kernels are kept, and may not
+        jit.KeptByMeaning.ensure_cache_path = lambda self: None
+    set_limits(job.memory_bytes, job.seconds)
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text(_OUT_OF_MEMORY_SCORE)
+    reads = [(path, rules.READ) for path in (*system, *map(os.fsdecode, job.reads))]
+    writes = [(os.fsdecode(path), rules.WRITE) for path in job.writes]
+    has_files = rules.restrict_files([*reads, (f"/proc/{os.getpid()}", rules.READ), *writes, ("/dev/null", rules.WRITE)])
+    rules.gain_nothing()
+    rules.drop_capabilities(keep_reading=has_files)
+    if not rules.filter_calls():
+        rules.leave_network()
+    link.send({"started": True})
+    link.send({"answer": job.work(link)})
+
+
+def told(error: BaseException) -> dict[str, Any]:
+    """The message about an error."""
+    kind = f"{type(error).__module__}.{type(error).__qualname__}"
+    if isinstance(error, MachineError):
+        return {"error": str(error), "machine": True}
+    if isinstance(error, RayfarmError):
+        return {"error": str(error), "kind": kind}
+    if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
+        return {"error": "memory"}
+    if isinstance(error, OSError) and is_of_machine(error):
+        where = error.filename or "a file"
+        if isinstance(where, bytes):
+            where = os.fsdecode(where)
+        if error.errno == errno.EFBIG:
+            return {"error": "size"}
+        return {"error": f"this machine cannot use its files ({error.strerror}: {where})", "machine": True}
+    if isinstance(error, RecursionError):
+        return {"error": "is nested too deeply. Flatten its hierarchy.", "rest": True}
+    trace = traceback.format_exc()[-_MOST_TRACE:]
+    return {
+        "error": f"cannot be read ({type(error).__name__}: {error}). It may be damaged; export it anew.",
+        "rest": True,
+        "trace": trace,
+    }
+
+
+def _in_memory() -> int:
+    try:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+    except OSError:
+        return 0

@@ -1,0 +1,340 @@
+"""The caller's side: runs jobs in confined readers, takes their messages, and turns every way to end into a result or a sentence.
+
+A reader's messages are JSON and are treated as untrusted; what it wrote is for the caller to check.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pickle
+import select
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+from renderer.confine.endings import Bounds, error_of, how_it_ended, too_slow
+from renderer.confine.launcher import MOST_REQUEST
+from renderer.confine.limits import callers_limit
+from renderer.confine.reader import TAKEN, Job, Link, Send
+from renderer.errors import MachineError, RayfarmError, SceneError
+from renderer.places import cache_home
+
+__all__ = ["Bounds", "Reader", "begin_launcher", "error_of", "how_it_ended", "run"]
+
+_ROOT = Path(__file__).resolve().parents[2]
+_START = "import json, sys\nsys.path[:] = json.loads(sys.argv.pop(1))\nfrom renderer.confine.launcher import main\nmain()\n"
+# Passed on to readers: where libraries and kernels are, and how many threads libraries take. Nothing else.
+_PASSED = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "RAYFARM_AVX", "TZ", "NUMBA_THREADING_LAYER")
+_PASSED_ENDINGS = ("_NUM_THREADS",)
+_MOST_MESSAGE = 256 << 20  # bytes
+_ENDING_S = 10.0  # for which a reader that has closed its pipe may take to end
+_READY_S = 600.0  # for a launcher that compiles kernels first
+
+
+class _Launcher:
+    """The process that forks readers, as its callers see it; one for this process and those that are forked from it."""
+
+    def __init__(self, preload: Sequence[str]) -> None:
+        """Raises MachineError."""
+        kind = socket.SOCK_SEQPACKET if sys.platform == "linux" else socket.SOCK_DGRAM
+        try:
+            self.socket, theirs = socket.socketpair(socket.AF_UNIX, kind)
+        except OSError as error:
+            raise MachineError(f"this machine has no file left to open ({error.strerror})") from error
+        self._words = _words_file()
+        command = [sys.executable, "-I", "-X", "utf8", "-c", _START, json.dumps(_import_path())]
+        with theirs:
+            try:
+                self._process = subprocess.Popen(
+                    [*command, str(theirs.fileno()), json.dumps(list(preload))],
+                    env=_environment(),
+                    cwd="/",
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=self._words if self._words is not None else subprocess.DEVNULL,
+                    pass_fds=(theirs.fileno(),),
+                    start_new_session=True,
+                )
+            except OSError as error:
+                self.socket.close()
+                raise MachineError(f"this machine cannot start another process ({error.strerror})") from error
+        # Not waited for: it ends with its callers, and is often the child of another one than the last of them.
+        self._process.returncode = 0
+
+    def send(self, preload: Sequence[str], descriptors: Sequence[int]) -> None:
+        """Asks for a reader. Raises OSError where the launcher is gone."""
+        data = json.dumps({"preload": list(preload)}).encode()
+        assert len(data) < MOST_REQUEST
+        socket.send_fds(self.socket, [data], list(descriptors))
+
+    def why(self) -> str:
+        """The end of what it wrote on its standard error."""
+        if self._words is None:
+            return ""
+        with contextlib.suppress(OSError):
+            return os.pread(self._words.fileno(), 1 << 16, 0).decode("utf-8", "replace").strip().rpartition("\n")[2][:300]
+        return ""
+
+
+_lock = threading.Lock()
+_current: _Launcher | None = None
+
+
+def begin_launcher(preload: Sequence[str] = ()) -> None:
+    """Starts the launcher, where there is none, so that it is ready when it is first needed. Raises MachineError."""
+    global _current
+    with _lock:
+        if _current is None:
+            _current = _Launcher(preload)
+
+
+def _give_up(launcher: _Launcher) -> None:
+    """The next reader is another launcher's."""
+    global _current
+    with _lock:
+        if _current is launcher:
+            _current = None
+
+
+class Reader:
+    """A confined process that works on one job. A context manager: leaving it ends the process."""
+
+    def __init__(
+        self,
+        work: Callable[[Link], dict[str, Any]],
+        reads: Sequence[Path],
+        writes: Sequence[Path],
+        bounds: Bounds,
+        preload: Sequence[str] = (),
+        calls: Mapping[str, Callable[..., Any]] | None = None,
+    ) -> None:
+        """work: picklable, of an importable module; its imports may be in `preload` ("module", or "module:function" to call).
+
+        reads: files and folders. writes: folders; the first is for temporary files. calls: by name, what the reader may have done
+        here. Raises MachineError.
+        """
+        self.bounds = bounds
+        self._calls = calls or {}
+        self.is_over = self._is_started = False
+        job = Job(work, _encoded(reads), _encoded(writes), os.fsencode(writes[0]), bounds.memory_bytes, bounds.seconds)
+        data = pickle.dumps(job)
+        for attempt in (1, 2):
+            begin_launcher(preload)
+            launcher = _current
+            assert launcher is not None
+            self._launcher: _Launcher = launcher
+            try:
+                self._begin(launcher, preload)
+            except OSError as error:
+                _give_up(launcher)
+                if attempt == 2:
+                    raise _no_launcher(launcher, error.strerror or "") from error
+                continue
+            break
+        with contextlib.suppress(BrokenPipeError):  # it has ended, which is seen below
+            self._write(len(data).to_bytes(8, "little") + data)
+
+    def _begin(self, launcher: _Launcher, preload: Sequence[str]) -> None:
+        pipes: list[int] = []
+        try:
+            for _ in range(3):
+                pipes += os.pipe()
+            asked, asking, saying, said, reporting, reported = (pipes[i] for i in (0, 1, 2, 3, 4, 5))
+            launcher.send(preload, (asked, said, reported))
+        except OSError:
+            for descriptor in pipes:
+                os.close(descriptor)
+            raise
+        for descriptor in (asked, said, reported):
+            os.close(descriptor)
+        self._asking, self._saying, self._reporting = asking, saying, reporting
+
+    def _write(self, data: bytes) -> None:
+        view = memoryview(data)
+        while view:
+            view = view[os.write(self._asking, view) :]
+
+    def result(self, on_message: Send = lambda message: None) -> dict[str, Any]:
+        """The job's result. on_message: gets progress. Raises RayfarmError: what the job raised, or how it ended."""
+        for message in self._messages(self.bounds.seconds):
+            if "answer" in message:
+                answer: dict[str, Any] = message["answer"]
+                return answer
+            on_message(message)
+        raise self._ended()
+
+    def ask(self, request: dict[str, Any], on_message: Send) -> bool:
+        """Has a request answered by a job that takes `Link.requests`; False where it left before. Raises as `result`."""
+        try:
+            self._write(json.dumps(request).encode() + b"\n")
+            for message in self._messages(self.bounds.seconds):
+                if "done" in message:
+                    with contextlib.suppress(BrokenPipeError):
+                        self._write(TAKEN)
+                    return True
+                if "answer" in message:
+                    self.close()
+                    return False
+                on_message(message)
+        except BrokenPipeError:
+            pass
+        except BaseException:
+            self.close()
+            raise
+        ended = self._status()
+        self.close()
+        if ended.get("status") == 0:
+            return False
+        raise _sentence(ended, self.bounds, self._launcher)
+
+    def _messages(self, seconds: float) -> Iterator[dict[str, Any]]:
+        """Messages until the reader closes its pipe. Time that the caller takes for one does not count."""
+        buffer = bytearray()
+        while True:
+            begun = time.monotonic()
+            if seconds <= 0 or not _readable(self._saying, seconds if self._is_started else seconds + _READY_S):
+                self.close()
+                raise too_slow(self.bounds)
+            if self._is_started:
+                seconds -= time.monotonic() - begun
+            data = os.read(self._saying, 1 << 16)
+            if not data:
+                return
+            buffer += data
+            if len(buffer) > _MOST_MESSAGE:
+                raise SceneError(f"{self.bounds.subject} cannot be read: its reader sends more than it should.")
+            if b"\n" not in data:
+                continue
+            *lines, rest = bytes(buffer).split(b"\n")
+            buffer = bytearray(rest)
+            for line in lines:
+                message = json.loads(line)
+                if not isinstance(message, dict):
+                    raise SceneError(f"{self.bounds.subject} cannot be read: its reader sends what is no message.")
+                if "error" in message:
+                    raise error_of(message, self.bounds)
+                if "started" in message:
+                    self._is_started = True
+                elif "call" in message:
+                    self._answer(message)
+                else:
+                    yield message
+
+    def _answer(self, message: dict[str, Any]) -> None:
+        call = self._calls.get(str(message.pop("call")))
+        try:
+            reply = {"reply": call(**message)} if call is not None else {"error": "cannot be done while a scene is read"}
+        except SceneError as error:
+            reply = {"error": str(error)}
+        with contextlib.suppress(BrokenPipeError):
+            self._write(json.dumps(reply).encode() + b"\n")
+
+    def _ended(self) -> RayfarmError:
+        ended = self._status()
+        self.close()
+        return _sentence(ended, self.bounds, self._launcher)
+
+    def _status(self) -> dict[str, Any]:
+        """What the launcher reports; empty where it is gone, or the reader does not end."""
+        if not _readable(self._reporting, _ENDING_S):
+            return {}
+        try:
+            found = json.loads(os.read(self._reporting, 1 << 16) or b"{}")
+        except ValueError:
+            return {}
+        return found if isinstance(found, dict) else {}
+
+    def close(self) -> None:
+        """Ends the process, and waits until it has ended."""
+        if self.is_over:
+            return
+        self.is_over = True
+        os.close(self._asking)  # the launcher kills it
+        os.close(self._saying)
+        _readable(self._reporting, _ENDING_S)
+        os.close(self._reporting)
+
+    def __enter__(self) -> Reader:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def run(
+    work: Callable[[Link], dict[str, Any]],
+    reads: Sequence[Path],
+    writes: Sequence[Path],
+    bounds: Bounds,
+    on_message: Send = lambda message: None,
+    preload: Sequence[str] = (),
+    calls: Mapping[str, Callable[..., Any]] | None = None,
+) -> dict[str, Any]:
+    """The result of `work(link)`, from a confined reader; see Reader. Raises RayfarmError."""
+    with Reader(work, reads, writes, bounds, preload, calls) as reader:
+        return reader.result(on_message)
+
+
+def _sentence(ended: dict[str, Any], bounds: Bounds, launcher: _Launcher) -> RayfarmError:
+    if "failed" in ended:
+        limits = [limit for option in ("-v", "-t") if (limit := callers_limit(option)) is not None]
+        more = f" It has {' and '.join(limits)}: raise it." if limits else ""
+        return MachineError(f"{bounds.subject} cannot be read on this machine: {ended['failed']}.{more}")
+    if "status" not in ended:
+        _give_up(launcher)
+        return _no_launcher(launcher, "it has ended")
+    return how_it_ended(int(ended["status"]), bounds)
+
+
+def _no_launcher(launcher: _Launcher, why: str) -> MachineError:
+    limits = [limit for option in ("-v", "-t") if (limit := callers_limit(option)) is not None]
+    more = f" Raise {' and '.join(limits)}." if limits else ""
+    return MachineError(f"this machine cannot run the process that reads scenes ({launcher.why() or why}).{more}")
+
+
+def _readable(descriptor: int, seconds: float) -> bool:
+    poll = select.poll()
+    poll.register(descriptor, select.POLLIN)
+    return bool(poll.poll(seconds * 1000))
+
+
+def _encoded(paths: Sequence[Path]) -> tuple[bytes, ...]:
+    return tuple(os.fsencode(path) for path in paths)
+
+
+def _environment() -> dict[str, str]:
+    """The whole environment of readers."""
+    passed = {name: value for name, value in os.environ.items() if name in _PASSED or name.endswith(_PASSED_ENDINGS)}
+    return {
+        **passed,
+        "LANG": "C.UTF-8",
+        "RAYFARM_CACHE": str(cache_home()),
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "MALLOC_ARENA_MAX": "2",
+    }
+
+
+def _import_path() -> list[str]:
+    """This process's, without the script's own folder: a file there named as a library is not to be imported."""
+    main = getattr(sys.modules.get("__main__"), "__file__", None)
+    scripts = str(Path(main).resolve().parent) if main else ""
+    found = [entry for entry in sys.path if entry and str(Path(entry).resolve()) != scripts]
+    return found if str(_ROOT) in found else [str(_ROOT), *found]
+
+
+def _words_file() -> IO[bytes] | None:
+    """Where the launcher's standard error goes; None where there is no room for a file."""
+    try:
+        if hasattr(os, "memfd_create"):
+            return os.fdopen(os.memfd_create("rayfarm-launcher"), "w+b", buffering=0)
+        return tempfile.TemporaryFile(buffering=0)
+    except OSError:
+        return None

@@ -1,0 +1,72 @@
+"""What confined readers are made to do in tests."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import socket
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from renderer.confine.reader import Link
+from renderer.errors import SceneError
+
+
+def _refused(action: Callable[[], Any]) -> bool:
+    try:
+        action()
+    except PermissionError:
+        return True
+    return False
+
+
+def probe(link: Link) -> dict[str, Any]:
+    """What a reader has, and what it is refused."""
+    link.send({"step": "probing"})
+    descriptors = [str(path.readlink()) for path in Path("/proc/self/fd").iterdir() if path.is_symlink()]
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    Path("own").write_text("written")
+    return {
+        "environment": dict(os.environ),
+        "descriptors": descriptors,
+        "status": {name: status[name].strip() for name in ("NoNewPrivs", "Seccomp")},
+        "refused": {
+            "socket": _refused(socket.socket),
+            "program": _refused(lambda: subprocess.run(["true"], check=False)),
+            "process": _refused(os.fork),
+            "read": _refused(lambda: Path("/etc/passwd").read_text()),
+            "write": _refused(lambda: Path("/tmp/rayfarm-never").write_text("")),
+            "signal": _refused(lambda: os.kill(os.getppid(), 0)),
+            "mode": _refused(lambda: Path("own").chmod(0o777)),
+            "link": _refused(lambda: Path("out").symlink_to("/etc/passwd")),
+        },
+    }
+
+
+def crash(link: Link) -> dict[str, Any]:
+    """Reads address 0."""
+    return {"read": ctypes.string_at(0)}
+
+
+def abort(link: Link) -> dict[str, Any]:
+    """Ends by SIGABRT."""
+    os.abort()
+
+
+def hungry(link: Link) -> dict[str, Any]:
+    """Allocates 4 GiB."""
+    return {"size": len(bytearray(4 << 30))}
+
+
+def slow(link: Link) -> dict[str, Any]:
+    """Sleeps for a minute."""
+    time.sleep(60)
+    return {}
+
+
+def wrong(link: Link) -> dict[str, Any]:
+    """Finds fault with the scene."""
+    raise SceneError("truck.glb: the buffer ends early; export it again")

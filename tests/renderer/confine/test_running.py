@@ -1,0 +1,58 @@
+"""Confined readers: what they can reach, and what every way to end becomes."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from renderer.confine.running import Bounds, run
+from renderer.errors import MachineError, SceneError
+from tests.renderer.confine import jobs
+
+BOUNDS = Bounds(512 << 20, 60.0, "truck.glb")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Landlock and seccomp are Linux's")
+def test_a_reader_has_and_reaches_nothing_of_its_caller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RAYFARM_TOKEN", "secret")
+    said: list[dict[str, Any]] = []
+    found = run(jobs.probe, [], [tmp_path], BOUNDS, said.append)
+    assert said == [{"step": "probing"}]
+    assert "secret" not in str(found["environment"])
+    assert not [
+        each
+        for each in found["environment"]
+        if each not in ALLOWED and not each.startswith("NUMBA_") and "_NUM_THREADS" not in each
+    ]
+    assert all(each.startswith(("/dev/null", "pipe:")) for each in found["descriptors"])
+    assert found["status"] == {"NoNewPrivs": "1", "Seccomp": "2"}
+    assert found["refused"] == dict.fromkeys(found["refused"], True)
+    assert (tmp_path / "own").read_text() == "written"
+
+
+ALLOWED = {
+    *("LANG", "RAYFARM_CACHE", "PYTHONDONTWRITEBYTECODE", "MALLOC_ARENA_MAX", "TMPDIR", "HOME", "TZ", "RAYFARM_AVX"),
+    *("LD_LIBRARY_PATH", "NUMBA_THREADING_LAYER", "LC_CTYPE"),
+}
+
+
+@pytest.mark.parametrize(
+    ("job", "kind", "sentence"),
+    [
+        (jobs.crash, SceneError, r"truck.glb cannot be read: its importer crashed \(signal 11"),
+        (jobs.abort, SceneError, r"truck.glb cannot be read: its importer crashed \(signal 6"),
+        (jobs.hungry, MachineError, "truck.glb needs more than the 0.5 GiB"),
+        (jobs.wrong, SceneError, "the buffer ends early"),
+    ],
+)
+def test_every_way_to_fail_is_a_sentence(tmp_path: Path, job: Any, kind: type[Exception], sentence: str) -> None:
+    with pytest.raises(kind, match=sentence):
+        run(job, [], [tmp_path], BOUNDS)
+
+
+def test_a_reader_that_hangs_is_ended(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"truck.glb took longer than 1 seconds"):
+        run(jobs.slow, [], [tmp_path], Bounds(512 << 20, 1.0, "truck.glb"))
