@@ -87,7 +87,7 @@ class Link:
         assert isinstance(job, Job)
         return job
 
-    def call(self, name: str, **arguments: Any) -> Any:
+    def call(self, name: str, /, **arguments: Any) -> Any:
         """Has the caller do something that a reader may not; returns its reply. Raises SceneError with the caller's sentence."""
         self.send({"call": name, **arguments})
         reply = json.loads(self._line(None) or b"{}")
@@ -131,7 +131,7 @@ class Link:
 _link: Link | None = None
 
 
-def call(name: str, **arguments: Any) -> Any:
+def call(name: str, /, **arguments: Any) -> Any:
     """`Link.call` of this process's job; None where this process is no reader."""
     return None if _link is None else _link.call(name, **arguments)
 

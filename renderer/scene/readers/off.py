@@ -40,7 +40,7 @@ class _Head(NamedTuple):
 class _Faces(NamedTuple):
     counts: npt.NDArray[np.int64]
     corners: npt.NDArray[np.int64]
-    colors: npt.NDArray[np.uint8] | None  # (F, 4) sRGB
+    colors: F32 | None  # (F, 4) sRGB, 0 to 1
     uncolored: int
     mapped: int  # faces coloured by rows of a colour map
 

@@ -92,7 +92,7 @@ def _is_bad(indices: npt.NDArray[np.integer], count: int) -> npt.NDArray[np.bool
 
 def _usable(source: Json, positions: F32, triangles: npt.NDArray[np.integer]) -> tuple[F32, npt.NDArray[np.integer]]:
     """Without triangles that need a vertex which is not there or not finite. Raises DamagedError where none is left."""
-    bad: npt.NDArray[np.bool_] = _is_bad(triangles, len(positions)).any(axis=1)
+    bad = np.asarray(_is_bad(triangles, len(positions)).any(axis=1))
     if bad.any():
         largest = int(triangles.max())
         what = f"has the index {largest} where there are {len(positions)} vertices, in {int(bad.sum())} triangles"
@@ -100,10 +100,10 @@ def _usable(source: Json, positions: F32, triangles: npt.NDArray[np.integer]) ->
             raise source.wrong("indices", what)
         source.fault("indices", what)
         triangles = triangles[~bad]
-    finite: npt.NDArray[np.bool_] = np.isfinite(positions).all(axis=1)
+    finite = np.asarray(np.isfinite(positions).all(axis=1))
     if finite.all():
         return positions, triangles
-    needed: npt.NDArray[np.bool_] = ~finite[triangles].all(axis=1)
+    needed = ~np.asarray(finite[triangles].all(axis=1))
     what = f"has positions that are not finite numbers, in {int(needed.sum())} triangles"
     if needed.all():
         raise source.wrong("attributes", what)
