@@ -81,17 +81,14 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
     numbers = [colour.channels[key] for key in colour.channels if key in ("r", "g", "b", "a", "y", "ry", "by")]
     first, last = min(numbers), max(numbers) + 1
     kind = oiio.FLOAT if spec.format.basetype in _FLOATS else oiio.UINT8 if spec.format.size() == 1 else oiio.UINT16
+    pixels = _pixels(source, colour.part, spec, (first, last), kind, factor)
+    if pixels is None:
+        raise SceneError(f"{name}: the image is damaged ({_error(source, path)}); export it again")
     if factor > 1:
-        pixels = _smaller(source, spec, (first, last), kind, factor)
         notes.append(
             f"{name}: its {width} x {height} pixels are averaged to {pixels.shape[1]} x {pixels.shape[0]}, "
             f"as at most {limits.kept >> 20} million are kept; give it in that size to save time"
         )
-    else:
-        found = source.read_image(colour.part, 0, first, last, kind)
-        pixels = None if found is None else np.asarray(found).reshape(height, width, last - first)
-    if pixels is None:
-        raise SceneError(f"{name}: the image is damaged ({_error(source, path)}); export it again")
     planes = {key: pixels[..., number - first] for key, number in colour.channels.items() if first <= number < last}
     rgba = _rgba(planes, colour, suffix)
     if suffix == ".exr":
@@ -108,7 +105,8 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
 
 def _chosen(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
     """The channels that are read, and the part of the file which has them, to which the source is set."""
-    parts, count = [], 0
+    parts: list[tuple[str, list[str]]] = []
+    count = 0
     while source.seek_subimage(len(parts), 0):
         spec = source.spec()
         count += spec.nchannels
@@ -161,6 +159,14 @@ def _third(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
     squares = sum((2 * (each.astype(np.float32) / np.float32(most)) - 1) ** 2 for each in (x, y))
     z = 0.5 + 0.5 * np.sqrt(np.maximum(1 - squares, 0))
     return np.asarray(z if x.dtype == np.float32 else np.rint(z * most)).astype(x.dtype)
+
+
+def _pixels(source: Any, part: int, spec: Any, channels: tuple[int, int], kind: Any, factor: int) -> npt.NDArray[Any] | None:
+    """(h, w, channels), made smaller by a factor; None where the file is damaged."""
+    if factor > 1:
+        return _smaller(source, spec, channels, kind, factor)
+    found = source.read_image(part, 0, *channels, kind)
+    return None if found is None else np.asarray(found).reshape(spec.height, spec.width, -1)
 
 
 def _smaller(source: Any, spec: Any, channels: tuple[int, int], kind: Any, factor: int) -> npt.NDArray[Any] | None:
@@ -218,7 +224,7 @@ def _upright(pixels: npt.NDArray[Any], data: bytes) -> npt.NDArray[Any]:
     signs = {found[2]: found[1], found[4]: found[3]}
     if found[2] == b"X":
         pixels = pixels.swapaxes(0, 1)
-    flips = [axis for axis, name, sign in ((0, b"Y", b"+"), (1, b"X", b"-")) if signs.get(name) == sign]
+    flips = tuple(axis for axis, name, sign in ((0, b"Y", b"+"), (1, b"X", b"-")) if signs.get(name) == sign)
     return np.flip(pixels, flips)
 
 
