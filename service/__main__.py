@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import logging
 import os
 import sys
 from collections.abc import Sequence
@@ -24,6 +25,7 @@ ALWAYS = (
     *("--ws-per-message-deflate", "false", "--ws-max-size", str(4 << 20)),
 )
 HOST, PORT = "127.0.0.1", "8000"
+PROBES = ("/healthz", "/readyz")
 
 
 def serve(arguments: Sequence[str]) -> None:
@@ -39,8 +41,20 @@ def serve(arguments: Sequence[str]) -> None:
     where.add_argument("--port", default=os.environ.get("RAYFARM_PORT") or PORT)
     told, others = where.parse_known_args(arguments)
     os.environ |= {"RAYFARM_HOST": told.host, "RAYFARM_PORT": told.port}
+    logging.getLogger("uvicorn.access").addFilter(_is_no_probe)
     listening = ("--host", told.host, "--port", told.port)
     uvicorn.main(args=["service.main:create_app", *ALWAYS, *listening, *others], prog_name="python -m service")
+
+
+def _is_no_probe(record: logging.LogRecord) -> bool:
+    """Returns whether a line of the access log is kept: successful probes, which come every few seconds, are not.
+
+    uvicorn's arguments of the line are client, method, path, HTTP version and status.
+    """
+    if not isinstance(record.args, tuple) or len(record.args) != 5:
+        return True
+    _, method, path, _, status = record.args
+    return not (method == "GET" and str(path).partition("?")[0] in PROBES and status == 200)
 
 
 if __name__ == "__main__":

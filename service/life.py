@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import logging
 import os
-import socket
 from collections.abc import Callable
 
 from renderer import __version__
@@ -131,8 +130,8 @@ class Life:
 
     def _print_link(self, farm: Farm) -> None:
         self._has_printed = True
-        where = f"http://{socket.gethostname()}:{self._settings.port}"
-        said = f"Log in, once, within a day, at {where} or another of its addresses: /#/login?code={farm.access.owner_link()}"
+        link = f"{self._settings.page_url}/#/login?code={farm.access.owner_link()}"
+        said = f"Log in, once, within a day: {link}"
         log.warning(said) if by_json() else print(said)
 
     async def _go_on(self) -> None:

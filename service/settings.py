@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ipaddress
 import re
 import secrets
 import socket
@@ -42,6 +43,7 @@ class Settings(BaseSettings):
     host: str = "127.0.0.1"
     published: str = ""  # addresses and names by which it is reached, spaces between, where `host` is none: a container's
     port: int = 8000
+    published_port: int = Field(default=0, ge=0, le=65535)  # the port by which a container is reached; 0: as `port`
     health_port: int = Field(
         default=0, ge=0, le=65535
     )  # where a thread of its own answers /healthz, whatever the event loop does; 0: nowhere
@@ -179,6 +181,21 @@ class Settings(BaseSettings):
         return self.published.lower().split()
 
     @property
+    def page_url(self) -> str:
+        """The address at which people open the page, as far as it is configured.
+
+        RAYFARM_PUBLIC_URL; else the first published name, over HTTPS where it is a name and no address; else host and port.
+        """
+        if self.public_url:
+            return self.public_url.rstrip("/")
+        named = [name for name in self.published_names if not _is_address(name) and name not in LOOPBACK]
+        if named:
+            return f"https://{named[0]}"
+        reached = [name for name in (*self.published_names, self.host) if name not in ANYWHERE]
+        host = reached[0] if reached else socket.gethostname() if not self.published_names else "localhost"
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.published_port or self.port}"
+
+    @property
     def needs_login(self) -> bool:
         """Whether nobody is let in without showing who they are."""
         if self.login == "auto":
@@ -214,6 +231,14 @@ class Settings(BaseSettings):
     def instance(self) -> str:
         """The random id by which a worker recognises that it sees this very data folder."""
         return _kept(self.data / "instance")
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
 
 
 def _own_address() -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
 import shutil
 import subprocess
@@ -12,6 +14,7 @@ import kubernetes_validate
 import pytest
 import yaml
 
+from renderer import __version__
 from service.settings import Settings
 from tests.grids import grid
 from worker.__main__ import _options
@@ -58,6 +61,47 @@ def test_whether_the_service_is_to_be_restarted_is_asked_on_a_port_of_its_own() 
             assert ports[service["livenessProbe"]["httpGet"]["port"]] == told["RAYFARM_HEALTH_PORT"]
 
 
+def test_every_pod_passes_pod_security_restricted() -> None:
+    """The fields that the profile `restricted` of Kubernetes' Pod Security Standards asks for."""
+    for part in PARTS:
+        if part["kind"] not in ("Deployment", "StatefulSet"):
+            continue
+        pod = part["spec"]["template"]["spec"]
+        assert pod["securityContext"]["runAsNonRoot"] is True
+        assert pod["securityContext"]["runAsUser"] > 0
+        assert pod["securityContext"]["seccompProfile"] == {"type": "RuntimeDefault"}
+        for container in pod["containers"]:
+            assert container["securityContext"]["allowPrivilegeEscalation"] is False
+            assert container["securityContext"]["capabilities"] == {"drop": ["ALL"]}
+        allowed = {"emptyDir", "persistentVolumeClaim", "configMap", "secret", "projected", "downwardAPI"}
+        assert all(set(volume) - {"name"} <= allowed for volume in pod.get("volumes", []))
+
+
+def test_images_are_tagged_by_version() -> None:
+    compose = (ROOT / "docker-compose.yml").read_text()
+    assert set(re.findall(r"RAYFARM_VERSION:-([^}]+)\}", compose)) == {__version__}
+    for folder in ("farm", "standby"):
+        for image in yaml.safe_load((CLUSTER / folder / "kustomization.yaml").read_text())["images"]:
+            assert image["newTag"] == __version__, image["name"]
+
+
+@pytest.mark.skipif(shutil.which("caddy") is None, reason="needs caddy")
+@pytest.mark.parametrize(("tls", "internal"), [(None, False), ("public", False), ("internal", True)])
+def test_caddy_signs_private_names_itself_and_speaks_no_http_3(tls: str | None, internal: bool) -> None:
+    environment = {
+        "PATH": os.environ["PATH"],
+        "HOME": "/",
+        "RAYFARM_DOMAIN": "farm.example",
+        **({"RAYFARM_TLS": tls} if tls else {}),
+    }
+    command = ["caddy", "adapt", "--config", str(ROOT / "deploy" / "caddy" / "Caddyfile")]
+    adapted = json.loads(subprocess.run(command, env=environment, capture_output=True, check=True).stdout)
+    (server,) = adapted["apps"]["http"]["servers"].values()
+    assert server["protocols"] == ["h1", "h2"]
+    policies = adapted["apps"].get("tls", {}).get("automation", {}).get("policies", [])
+    assert [policy["issuers"] for policy in policies] == ([[{"module": "internal"}]] if internal else [])
+
+
 def test_every_label_that_is_selected_by_is_worn() -> None:
     worn = [part["spec"]["template"]["metadata"]["labels"] for part in PARTS if part["kind"] in ("Deployment", "StatefulSet")]
     for part in PARTS:
@@ -101,7 +145,7 @@ def test_compose_is_understood_by_its_first_release_too() -> None:
 
 
 def test_the_worker_of_the_cluster_is_started_with_options_that_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    (worker,) = [part for part in PARTS if part["metadata"]["name"] == "rayfarm-worker"]
+    (worker,) = [part for part in PARTS if part["metadata"]["name"] == "rayfarm-worker" and part["kind"] == "Deployment"]
     arguments = worker["spec"]["template"]["spec"]["containers"][0]["args"]
     assert arguments[:3] == ["python3", "-m", "worker"]
     monkeypatch.setattr("sys.argv", arguments[2:])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import os
 import shlex
 from pathlib import Path
@@ -80,3 +81,23 @@ def test_another_machine_is_none_of_loopback_whatever_it_says(tmp_path: Path, re
             assert asyncio.run(status(address)) == expected, address
     finally:
         service.stop()
+
+
+@pytest.mark.parametrize(
+    ("path", "status", "kept"),
+    [("/readyz", 200, False), ("/healthz", 200, False), ("/readyz", 503, True), ("/api/jobs", 200, True)],
+)
+def test_probes_that_succeed_are_not_logged(path: str, status: int, kept: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The filter is added before uvicorn configures its loggers, which leaves it."""
+    access = logging.getLogger("uvicorn.access")
+    monkeypatch.setattr(access, "filters", [])
+    monkeypatch.setattr(uvicorn, "main", lambda args, prog_name: None)
+    monkeypatch.setitem(HTTP_PROTOCOLS, "auto", HTTP_PROTOCOLS["auto"])
+    monkeypatch.setattr(Connection, "most", Connection.most)
+    monkeypatch.setattr(os, "environ", dict(os.environ))
+    serve([])
+    uvicorn.Config("service.main:create_app", factory=True)
+    line = logging.LogRecord(
+        access.name, logging.INFO, "", 0, '%s - "%s %s HTTP/%s" %d', ("127.0.0.1:5", "GET", path, "1.1", status), None
+    )
+    assert bool(access.filter(line)) is kept

@@ -5,7 +5,9 @@ from __future__ import annotations
 import errno
 import os
 import re
+import socket
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -41,3 +43,19 @@ def test_a_data_folder_that_cannot_be_written_is_a_sentence(tmp_path: Path, monk
     monkeypatch.setattr("service.settings.write_once", refused)
     with pytest.raises(CannotStart, match=f"{re.escape(str(tmp_path))}.*{os.strerror(number)}.*RAYFARM_DATA"):
         Settings(data=tmp_path / "data").make_folders()
+
+
+@pytest.mark.parametrize(
+    ("given", "url"),
+    [
+        ({"public_url": "https://farm.example/"}, "https://farm.example"),
+        ({"host": "0.0.0.0", "published": "farm.example 0.0.0.0 127.0.0.1"}, "https://farm.example"),
+        ({"host": "0.0.0.0", "published": " 0.0.0.0", "published_port": 9000}, "http://localhost:9000"),
+        ({"host": "0.0.0.0", "published": "127.0.0.1"}, "http://127.0.0.1:8000"),
+        ({"host": "192.0.2.7", "port": 8002}, "http://192.0.2.7:8002"),
+        ({"host": "2001:db8::7"}, "http://[2001:db8::7]:8000"),
+        ({"host": "0.0.0.0"}, f"http://{socket.gethostname()}:8000"),
+    ],
+)
+def test_the_page_is_named_as_people_reach_it(given: dict[str, Any], url: str, tmp_path: Path) -> None:
+    assert Settings(data=tmp_path, **given).page_url == url
