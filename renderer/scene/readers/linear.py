@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -30,7 +32,7 @@ def alpha(image: Image) -> F32:
     return np.asarray(np.clip(image.pixels[..., 3] / np.float32(most(image.pixels)), 0, 1), np.float32)
 
 
-def most(pixels: npt.NDArray[np.generic]) -> float:
+def most(pixels: npt.NDArray[Any]) -> float:
     """The value of pixels that means 1."""
     return float(np.iinfo(pixels.dtype).max) if np.issubdtype(pixels.dtype, np.integer) else 1.0
 
