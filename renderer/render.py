@@ -22,8 +22,8 @@ from renderer.kernel.accumulate import MAX_BAD, Batch, Output, has_editions, new
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.integrators import record
 from renderer.kernel.integrators.state import MAX_AGAIN
-from renderer.kernel.integrators.visibility import MAX_PASSED
 from renderer.kernel.options import kernel_options
+from renderer.kernel.surface.departure import MAX_PASSED
 from renderer.preparing import is_prepared, prepare, prepare_first
 from renderer.replay import Replay, read_log
 from renderer.scene.compiled import CompiledScene

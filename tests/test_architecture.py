@@ -13,7 +13,6 @@ import pytest
 from tests.helpers import ROOT
 
 PACKAGES = ("renderer", "worker", "service", "rayfarm")
-TALLEST = 400
 PAGE = (
     "base",
     "news",
@@ -53,16 +52,6 @@ import service.main
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("package", [*PACKAGES, "blender", "tests", "web/js"])
-def test_one_concept_a_file(package: str) -> None:
-    tall = {
-        str(path.relative_to(ROOT)): lines
-        for path in (ROOT / package).rglob("*")
-        if path.suffix in (".py", ".js") and "node_modules" not in path.parts and (lines := _lines(path)) > TALLEST
-    }
-    assert not tall, f"longer than {TALLEST} lines: {tall}"
-
-
 def test_the_arrows_of_the_page_point_one_way() -> None:
     folder = ROOT / "web" / "js"
     wrong = []
@@ -99,7 +88,3 @@ def test_the_modules_that_a_package_lists_are_there(package: str) -> None:
         listed = re.findall(r"^ *([\w.-]+\.py|[\w-]+/) {2,}", doc, re.MULTILINE)
         gone += [f"{path.relative_to(ROOT)} lists {name}" for name in listed if not (path.parent / name).exists()]
     assert not gone
-
-
-def _lines(path: Path) -> int:
-    return path.read_text().count("\n")

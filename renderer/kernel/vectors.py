@@ -14,9 +14,8 @@ from renderer.bvh.motion import placed_at
 from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, entry, out_of_line, subroutine
 from renderer.kernel.camera import moving_ray
-from renderer.kernel.integrators.visibility import MAX_PASSED
 from renderer.kernel.material.material import is_lamp, is_transparent, opacity
-from renderer.kernel.surface.departure import onward
+from renderer.kernel.surface.departure import MAX_PASSED, onward
 from renderer.kernel.surface.surface import surface_at
 from renderer.reference import by_reference
 

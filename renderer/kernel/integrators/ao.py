@@ -10,12 +10,12 @@ from renderer.kernel import vec
 from renderer.kernel.integrators.record import DIRECT, record_light, record_miss, record_surface
 from renderer.kernel.integrators.state import camera_path, with_origin, with_throughput
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, reach
-from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
+from renderer.kernel.integrators.visibility import transmittance
 from renderer.kernel.material.material import LAYER_SLOTS, fetch_material
 from renderer.kernel.material.normal_map import shading_frame
 from renderer.kernel.sampling.sampler import draw4
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
-from renderer.kernel.surface.departure import departure, onward
+from renderer.kernel.surface.departure import MAX_PASSED, departure, onward
 from renderer.kernel.surface.surface import surface_at
 
 __all__ = ["trace_ao"]

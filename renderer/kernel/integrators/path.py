@@ -39,14 +39,14 @@ from renderer.kernel.integrators.state import (
 )
 from renderer.kernel.integrators.strategy import heuristic_weight, mistaken, share_of_light, special_bounce
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, limited, reach
-from renderer.kernel.integrators.visibility import MAX_PASSED, light_left, transmittance
+from renderer.kernel.integrators.visibility import light_left, transmittance
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light, sun_seen
 from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular
 from renderer.kernel.medium.nesting import crossed
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
-from renderer.kernel.surface.departure import departure, onward
+from renderer.kernel.surface.departure import MAX_PASSED, departure, onward
 from renderer.kernel.surface.surface import shines, surface_at
 
 __all__ = ["trace_path"]

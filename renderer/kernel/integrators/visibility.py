@@ -12,15 +12,14 @@ from renderer.kernel import vec
 from renderer.kernel.material.material import opacity
 from renderer.kernel.medium.flight import left_after
 from renderer.kernel.medium.nesting import coefficients, crossed
-from renderer.kernel.surface.departure import onward
+from renderer.kernel.surface.departure import MAX_PASSED, onward
 from renderer.kernel.surface.surface import surface_at
 
-__all__ = ["MAX_PASSED", "light_left", "transmittance"]
+__all__ = ["light_left", "transmittance"]
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
 _BLACK = (_ZERO, _ZERO, _ZERO)
-MAX_PASSED = 56 << 10  # surfaces that a ray passes by their alpha: 64 << 10 numbers are set aside (transport.py)
 
 
 @subroutine

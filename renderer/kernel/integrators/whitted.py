@@ -28,7 +28,7 @@ from renderer.kernel.integrators.state import (
 )
 from renderer.kernel.integrators.strategy import mistaken
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, reach
-from renderer.kernel.integrators.visibility import MAX_PASSED, transmittance
+from renderer.kernel.integrators.visibility import transmittance
 from renderer.kernel.light.environment import environment_radiance
 from renderer.kernel.light.light_sample import LightSample
 from renderer.kernel.light.lights import choose_light, sample_light, sample_one_light, sun_seen
@@ -36,7 +36,7 @@ from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular, sample_material
 from renderer.kernel.options import NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
-from renderer.kernel.surface.departure import departure, onward
+from renderer.kernel.surface.departure import MAX_PASSED, departure, onward
 from renderer.kernel.surface.surface import shines, surface_at
 
 __all__ = ["trace_whitted"]

@@ -8,9 +8,8 @@ from renderer.absent import where_present
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.camera import camera_ray, moving_ray
-from renderer.kernel.integrators.visibility import MAX_PASSED
 from renderer.kernel.medium.nesting import NO_MEDIUM, beneath, entered, holds, left
-from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.departure import MAX_PASSED, departure
 from renderer.kernel.surface.surface import surface_at
 from renderer.wide.values import u32
 

@@ -11,7 +11,6 @@ from renderer.kernel import vec
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.integrators.transport import limited
-from renderer.kernel.integrators.visibility import MAX_PASSED
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sun_seen
 from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import emission
@@ -58,7 +57,7 @@ from renderer.kernel.pool.rows import (
     write,
 )
 from renderer.kernel.pool.scatter import stream_of
-from renderer.kernel.surface.departure import onward
+from renderer.kernel.surface.departure import MAX_PASSED, onward
 from renderer.kernel.surface.surface import shines, sphere_at
 from renderer.wide.values import any_of, as_floats, as_ints, lookup, nil, not_, u32, where, where3
 

@@ -8,7 +8,9 @@ from renderer.jit import device
 from renderer.kernel import vec
 from renderer.wide.values import any_of, not_, where, where3
 
-__all__ = ["departure", "leave", "leaves", "onward"]
+__all__ = ["MAX_PASSED", "departure", "leave", "leaves", "onward"]
+
+MAX_PASSED = 56 << 10  # surfaces that a ray passes by their alpha: 64 << 10 numbers are set aside (integrators/transport.py)
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
