@@ -59,6 +59,8 @@ def run(name: str, command: list[str], token: str, sentence: str, grace_s: float
     env = {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}
     part = Part(name, command, log, env, grace_s=grace_s, fatal_codes=(FATAL,), steady_s=WORKER_STEADY_S)
     try:
+        log.parent.mkdir(parents=True, exist_ok=True)
+        log.touch()  # the supervisor starts a part without a log that can be written
         if name == "worker":
             part.spare = early.told(command[3:], {**os.environ, **env}, log)
         supervisor.start(part)
