@@ -61,9 +61,12 @@ def compile_scene(
     Raises SceneError where there is nothing to see or too much to hold.
     """
     with Team(threads) as team:
-        kept = Kept() if kept is None or brute else kept
-        kept.begin()
-        return _compiled(description, progress or (lambda step, fraction: None), brute, team, kept)
+        own = Kept() if kept is None or brute else kept
+        own.begin()
+        scene = _compiled(description, progress or (lambda step, fraction: None), brute, team, own)
+        if kept is not None:
+            kept.cuts = own.cuts
+        return scene
 
 
 def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team, kept: Kept) -> CompiledScene:

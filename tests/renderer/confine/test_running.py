@@ -34,7 +34,17 @@ def test_a_reader_has_and_reaches_nothing_of_its_caller(tmp_path: Path, monkeypa
 
 
 ALLOWED = {
-    *("LANG", "RAYFARM_CACHE", "PYTHONDONTWRITEBYTECODE", "MALLOC_ARENA_MAX", "TMPDIR", "HOME", "TZ", "RAYFARM_AVX"),
+    *(
+        "LANG",
+        "RAYFARM_CACHE",
+        "PYTHONDONTWRITEBYTECODE",
+        "MALLOC_ARENA_MAX",
+        "TMPDIR",
+        "HOME",
+        "TZ",
+        "OpenImageIO_ROOT",
+        "RAYFARM_AVX",
+    ),
     *("LD_LIBRARY_PATH", "NUMBA_THREADING_LAYER", "LC_CTYPE"),
 }
 

@@ -52,7 +52,8 @@ def test_heights_become_slopes(shaded, heights, look):  # noqa: F811
     mesh = found.meshes[0]
     order = np.argsort(mesh.uvs[:, 0])
     wide = np.linalg.norm(np.ptp(mesh.positions[order][[0, -1]], axis=0)[[0]])
-    normal = found.images[found.textures[made.normal_texture].image].pixels[4, 20, :3] / 127.5 - 1
+    pixels = found.images[found.textures[made.normal_texture].image].pixels
+    normal = pixels[4, 20, :3] / (np.iinfo(pixels.dtype).max / 2) - 1
     assert normal[0] / normal[2] * made.normal_scale == pytest.approx(-0.5 * STEP / wide, rel=0.03)
     assert abs(normal[1]) < 0.01
     assert any("Displacement is shown as bumps" in warning for warning in found.warnings)

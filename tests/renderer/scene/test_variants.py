@@ -1,6 +1,7 @@
 """KHR_materials_variants: a file's other materials are listed, and one set of them can be chosen."""
 
 import json
+import re
 
 import pytest
 
@@ -59,8 +60,8 @@ def test_a_variant_without_a_name_has_a_number(scene):
     ],
 )
 def test_damaged_mappings_are_told(scene, mappings, sentence):
-    with pytest.raises(SceneError, match=sentence):
-        scene("shoe.glb", shoe(mappings=mappings).glb(), variant="0")
+    description = scene("shoe.glb", shoe(mappings=mappings).glb(), variant="0")
+    assert any(re.search(sentence, warning) for warning in description.warnings), description.warnings
 
 
 def test_a_scene_file_shows_two_variants_side_by_side(scene):

@@ -121,7 +121,7 @@ def _film_of(service: Service, id: str) -> str:
 @grid(
     ("name", "content", "status", "sentence"),
     [
-        ("truth.exr", b"no picture at all", 422, "damaged or not what its name says"),
+        ("truth.exr", b"no picture at all", 422, "is no image of a known format"),
         ("truth.exr", encode.encode(radiance(), "exr")[:700], 422, "damaged"),
         ("notes.txt", b"text", 422, "no image that can be compared with"),
         ("truth.exr", b"", 422, "is empty"),

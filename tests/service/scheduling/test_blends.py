@@ -70,7 +70,14 @@ def test_what_blender_wrote_is_said_in_a_form_that_can_be_kept() -> None:
     for wrong in ({"main": 3, "files": []}, {"main": "a", "files": 3}, {"main": "a", "files": [3]}, [1]):
         with pytest.raises(ValueError, match=r"cannot be made out|BlobRef"):
             written_of({"blend": wrong})
-    info = {"kind": "k", "compiled": {**file, "parts": []}, "thumbnail": None, "cameras": [], "counts": {}, "bounds": []}
+    info = {
+        "kind": "k",
+        "compiled": {**file, "parts": []},
+        "thumbnail": None,
+        "cameras": [{"name": "", "view": {}}],
+        "counts": {},
+        "bounds": [],
+    }
     info |= {"animations": [], "warnings": [], "defaults": {}, "seconds": 0.0}
     about = {"type": "prepared", "scene": "s", "kind": "k", "worker": "w"}
     wrong_hash = {"main": "a.yaml", "files": [{**file, "sha256": "../../etc"}]}

@@ -81,12 +81,6 @@ def test_invisible_shells_change_nothing(sampling):
     )
 
 
-def test_so_many_cards_that_no_light_is_left_end():
-    air = Material(base_color=gray(0.0), opacity=0.0, alpha_mode="blend")
-    made = scene([emitter(1.0), air], (square((0, 0, -200), (900, 0, 0), (0, 900, 0), 0), *cards(300, 1)))
-    assert not mean(render_frame(made, settings((0, 0, 4), (0, 0, 0), 30), 1), 24).any()
-
-
 @pytest.mark.parametrize("integrator", ["path", "whitted"])
 @pytest.mark.parametrize("distance", [0.1, 0.5])
 def test_an_absorbing_slab_takes_what_beer_says(integrator, distance):

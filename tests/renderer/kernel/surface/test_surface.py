@@ -219,10 +219,10 @@ def test_a_sphere_does_not_shadow_itself_and_keeps_what_is_within(radius):
         out = (near - np.array(center)) / radius
         o = near + size * out
         to = -out + rng.uniform(-0.5, 0.5, (30_000, 3)) * rng.choice([1e-6, 1e-3, 1.0], (30_000, 1))
-        hits, met = touch(made, o, to)
+        hits, met = touch(made, o - made.origin, to)
         assert hits.mean() > 0.8
         assert not met.any()
-        assert (wander(made, center, 3000, 20) == 20).all()
+        assert (wander(made, center - made.origin, 3000, 20) == 20).all()
 
 
 def test_a_lifted_point_is_on_the_sphere_that_normals_speak_of():
