@@ -24,5 +24,7 @@ class Variants:
         mapped = primitive.extension(EXTENSION) if self._chosen is not None else None
         for mapping in mapped.objects("mappings") if mapped else []:
             if self._chosen in mapping.indices("variants", self.names):
-                return mapping.index("material", materials)
+                if mapping.index("material", materials) is not None:
+                    return mapping.index("material", materials)
+                mapping.fault("material", "is missing")
         return primitive.index("material", materials)
