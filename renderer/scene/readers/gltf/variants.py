@@ -24,7 +24,8 @@ class Variants:
         mapped = primitive.extension(EXTENSION) if self._chosen is not None else None
         for mapping in mapped.objects("mappings") if mapped else []:
             if self._chosen in mapping.indices("variants", self.names):
-                if mapping.index("material", materials) is not None:
-                    return mapping.index("material", materials)
-                mapping.fault("material", "is missing")
+                if "material" not in mapping.value:
+                    mapping.fault("material", "is missing")
+                elif (number := mapping.index("material", materials)) is not None:
+                    return number
         return primitive.index("material", materials)
