@@ -1,4 +1,4 @@
-"""What processes that read scenes have loaded before they are needed, and their start beside the command's own imports."""
+"""Modules and kernels that the launcher of readers loads, and its early start beside the command's own imports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scenes read in a confined process (renderer/confine/): what a command or a program gets of one, without opening its files."""
+"""Reading and compiling scenes in a confined process (renderer/confine/), for commands and for `rayfarm.render`."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class ReadStage:
         return self._ask("at", moment, say)
 
     def between(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
-        """As `at`, from the frame before to the frame after: for motion vectors."""
+        """Returns the scene from the frame before to the frame after, for motion vectors; otherwise as `at`."""
         return self._ask("between", moment, lambda step: None)
 
     def _ask(self, which: str, moment: Moment, say: Say) -> tuple[CompiledScene, dict[str, Any]]:
@@ -135,7 +135,7 @@ def open_stage(
 
 
 def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None) -> dict[str, Any]:
-    """What `rayfarm info` shows of a scene: its summary, with its `name` and `main` file. Raises RayfarmError.
+    """Returns the summary of a scene that `rayfarm info` shows, with its `name` and `main` file. Raises RayfarmError.
 
     root: a folder above the scene, whose files it may refer to.
     """
@@ -149,7 +149,7 @@ def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None
 
 
 def bounds_of(subject: str) -> Bounds:
-    """What a reader may take on this machine. Raises SettingsError where $RAYFARM_READ_SECONDS is no time."""
+    """Returns a reader's limits of memory and time on this machine. Raises SettingsError if $RAYFARM_READ_SECONDS is no time."""
     try:
         seconds = float(os.environ.get(SECONDS) or _SECONDS)
         if not 0 < seconds < 1e7:
@@ -166,7 +166,8 @@ def _encoded(scene: _Scene) -> tuple[bytes, bytes, bytes | None]:
 
 
 def _calls(scene: _Scene, room: Path) -> dict[str, Callable[..., Any]]:
-    """What the reader may have done here: Blender, which is confined by itself, opens the scene's .blend files."""
+    """Functions of this process that the reader may call: `blender`, since a reader starts no programs and Blender is
+    confined by itself."""
 
     def blender(name: str, out: str) -> str:
         from renderer.scene.readers.blend import open_in_blender

@@ -197,7 +197,7 @@ def _text(path: Path) -> bytes:
 
 
 def _names(text: bytes, name: str) -> bool:
-    """Whether a text names a file, in whatever encoding and form of its accents."""
+    """Returns whether the bytes of a text contain a file's name, in one of `_ENCODINGS` and in NFC or NFD."""
     for spelling in _spellings(name):
         if spelling.isascii():
             forms, encodings = {spelling}, _ENCODINGS[:3]

@@ -64,7 +64,7 @@ class Stage:
 
     @property
     def cuts(self) -> Cuts:
-        """Where the parts of the scene that was compiled last begin."""
+        """The offsets of the parts of the scene that was compiled last."""
         assert self._kept is not None and self._kept.cuts is not None
         return self._kept.cuts
 

@@ -19,7 +19,7 @@ from service.places import default_data_folder, shipped, sqlite_url
 from service.store.whole import PRIVATE_FOLDER, write_once, write_whole
 from worker.exchange.redis_tls import as_told, trusting
 
-__all__ = ["OWNER_TOKEN", "Settings"]
+__all__ = ["OWNER_TOKEN", "Settings", "is_address"]
 
 MIB = 1 << 20
 GIB = 1 << 30
@@ -188,7 +188,7 @@ class Settings(BaseSettings):
         """
         if self.public_url:
             return self.public_url.rstrip("/")
-        named = [name for name in self.published_names if not _is_address(name) and name not in LOOPBACK]
+        named = [name for name in self.published_names if not is_address(name) and name not in LOOPBACK]
         if named:
             return f"https://{named[0]}"
         reached = [name for name in (*self.published_names, self.host) if name not in ANYWHERE]
@@ -233,7 +233,8 @@ class Settings(BaseSettings):
         return _kept(self.data / "instance")
 
 
-def _is_address(name: str) -> bool:
+def is_address(name: str) -> bool:
+    """Returns whether a name is an IP address."""
     try:
         ipaddress.ip_address(name)
     except ValueError:

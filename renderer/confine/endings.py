@@ -1,4 +1,4 @@
-"""What comes of a reader that fails, as an exception with a sentence: the scene's fault or this machine's."""
+"""Exceptions for readers that fail: SceneError for a fault of the file, MachineError for one of this machine."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a reader may take.
+    """Limits of a reader.
 
     memory_bytes: beyond what it has when it starts. seconds: of work. subject: what sentences begin with. granted: how a
     sentence goes on from "needs more than the 4.0 GiB". longer: what to do where the time is too short.

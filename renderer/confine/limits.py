@@ -38,7 +38,7 @@ def _of_machine() -> int:
 
 
 def _of_cgroups() -> Iterator[int]:
-    """What is left in each cgroup with a limit, from this process's up to the root; versions 1 and 2."""
+    """Free bytes in each cgroup with a memory limit, from this process's up to the root; cgroup versions 1 and 2."""
     try:
         lines = Path("/proc/self/cgroup").read_text().splitlines()
     except OSError:

@@ -45,7 +45,7 @@ def _made(prefix: str, where: Path | None) -> Path:
 
 
 def _has_room(folder: Path) -> bool:
-    """Whether it can hold half of the memory that is available: a container's default of 64 MiB cannot."""
+    """Returns whether /dev/shm can hold half of the available memory: a container's default of 64 MiB cannot."""
     try:
         found = os.statvfs(folder)
     except OSError:

@@ -48,13 +48,13 @@ _OF_MACHINE = {
 
 
 def is_of_machine(error: OSError) -> bool:
-    """Whether an error is this machine's own and not that of the file in hand."""
+    """Returns whether an error is a fault of this machine, not of the file that is read."""
     return error.errno in _OF_MACHINE
 
 
 @dataclass(frozen=True)
 class Job:
-    """What a reader does, pickled by the caller: `work(link)`, with the paths that it may read and write and its limits.
+    """A reader's work, pickled by the caller: `work(link)`, with the paths that it may read and write and its limits.
 
     reads, writes: as bytes, for names that are not UTF-8. temporary: the folder for temporary files.
     """

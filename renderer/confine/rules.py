@@ -1,4 +1,4 @@
-"""What the kernel lets a process do from now on: Landlock for files, seccomp for system calls, no capabilities.
+"""Confinement of this process by the kernel: Landlock for files, seccomp for system calls, no capabilities.
 
 Standard library only: also run by a bare Python that then becomes Blender (renderer/blender/confined.py).
 """

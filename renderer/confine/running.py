@@ -243,7 +243,7 @@ class Reader:
         return _sentence(ended, self.bounds, self._launcher)
 
     def _status(self) -> dict[str, Any]:
-        """What the launcher reports; empty where it is gone, or the reader does not end."""
+        """Returns the launcher's report; empty if the launcher is gone or the reader does not end."""
         if not _readable(self._reporting, _ENDING_S):
             return {}
         try:

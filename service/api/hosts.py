@@ -12,7 +12,7 @@ import re
 import socket
 import threading
 
-from service.settings import Settings
+from service.settings import Settings, is_address
 
 __all__ = ["LOOPBACK_NAMES", "Hosts", "is_here", "name_of"]
 
@@ -27,7 +27,7 @@ def name_of(host: str) -> str | None:
         return None
     if found["name"]:
         return found["name"].lower().removesuffix(".")
-    return found["address"].lower() if _is_address(found["address"]) else None
+    return found["address"].lower() if is_address(found["address"]) else None
 
 
 def is_here(address: str) -> bool:
@@ -54,15 +54,7 @@ class Hosts:
 
     def know(self, name: str) -> bool:
         """Whether the service answers to this name or address."""
-        return name in self._names or (self._takes_addresses and _is_address(name))
+        return name in self._names or (self._takes_addresses and is_address(name))
 
     def _ask_for_full_name(self) -> None:
         self._names.add(socket.getfqdn().lower())
-
-
-def _is_address(text: str) -> bool:
-    try:
-        ipaddress.ip_address(text)
-    except ValueError:
-        return False
-    return True
