@@ -55,8 +55,9 @@ def test_a_python_too_old_gets_a_sentence() -> None:
 def test_nothing_is_skipped_where_ci_is_set(tmp_path: Path) -> None:
     skips = "def test_{}(monkeypatch):\n    monkeypatch.setenv('CI', '{}')\n    pytest.skip('no Chromium')\n"
     (tmp_path / "test_page.py").write_text("import pytest\n\n" + skips.format("here", "") + skips.format("there", "true"))
+    (tmp_path / "test_processor.py").write_text("import pytest\n\n@pytest.mark.hardware\n" + skips.format("elsewhere", "true"))
     command = [sys.executable, "-m", "pytest", "-p", "tests.conftest", "--rootdir", str(tmp_path), str(tmp_path)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-    assert "1 failed, 1 skipped" in done.stdout, done.stdout + done.stderr
+    assert "1 failed, 2 skipped" in done.stdout, done.stdout + done.stderr
     assert "test_page.py::test_there must not be skipped where $CI is set: Skipped: no Chromium" in done.stdout

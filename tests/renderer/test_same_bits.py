@@ -15,7 +15,7 @@ from renderer.render import render_frame
 from tests.helpers import ROOT
 from tests.renderer.kernel.pool.features import FEATURES, made
 
-pytestmark = pytest.mark.skipif(not jit.HAS_AVX512, reason="This processor has no AVX-512.")
+pytestmark = [pytest.mark.hardware, pytest.mark.skipif(not jit.HAS_AVX512, reason="This processor has no AVX-512.")]
 
 SPP = 8
 ALONE = ("whitted", "ao")  # which follow one path at a time
