@@ -1,4 +1,4 @@
-"""Frames that were prepared for views, kept as long as somebody looks at their scene; then their compiled scenes are deleted."""
+"""Compiled frames of animations that live views use, kept while a session shows their scene, then deleted."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from dataclasses import asdict
 from service.store.models import blobs_of
 from worker.protocol.contract import FrameInfo
 
-__all__ = ["Moments"]
+__all__ = ["FrameCache"]
 
-MOST = 48  # a hand that goes to and fro over the frames finds them
+MOST = 48  # enough for scrubbing to and fro
 
 
-class Moments:
-    """By names that say all that a frame depends on. Lives in the desk's thread."""
+class FrameCache:
+    """Least recently used cache of frames by FrameRequest.cache_key. Used in the scheduler's thread only."""
 
     def __init__(self, let_go: Callable[[Counter[str]], None]) -> None:
         self._let_go = let_go
-        self._infos: OrderedDict[str, tuple[str, FrameInfo]] = OrderedDict()  # with their scenes
+        self._infos: OrderedDict[str, tuple[str, FrameInfo]] = OrderedDict()  # (scene, frame) by cache key
 
     def get(self, name: str) -> FrameInfo | None:
-        """What is known of a frame."""
+        """Returns a cached frame, or None."""
         if name not in self._infos:
             return None
         self._infos.move_to_end(name)
         return self._infos[name][1]
 
     def put(self, name: str, scene: str, info: FrameInfo) -> None:
-        """A frame is prepared; where there are too many, the one that was looked at longest ago goes."""
+        """Adds a frame and evicts the least recently used one of more than MOST."""
         earlier = self._infos.pop(name, None)
         self._infos[name] = scene, info
         gone = [earlier[1]] if earlier else []
@@ -38,16 +38,16 @@ class Moments:
         self.let_go(*gone)
 
     def keep(self, scenes: set[str]) -> None:
-        """Let go of the frames of all other scenes."""
+        """Evicts the frames of all other scenes."""
         names = [name for name, (scene, _) in self._infos.items() if scene not in scenes]
         self.let_go(*[self._infos.pop(name)[1] for name in names])
 
     def forget(self) -> None:
-        """Have all of them prepared anew."""
+        """Evicts all frames, so that they are prepared again."""
         self.keep(set())
 
     def let_go(self, *infos: FrameInfo) -> None:
-        """Of what was compiled for frames, but for what those that are kept share."""
+        """Deletes the blobs of frames, except those that cached frames share."""
         gone = Counter[str]()
         for info in infos:
             gone.update(_blobs(info))

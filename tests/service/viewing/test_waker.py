@@ -1,4 +1,4 @@
-"""Waking the desk."""
+"""Waking the scheduler of live views."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from unittest.mock import MagicMock
 
 import redis
 
-from service.viewing.bell import Bell
+from service.viewing.waker import Waker
 from tests.helpers import wait_until
 from worker.protocol.view_parts import VIEW_ANSWERS
 
@@ -24,18 +24,18 @@ def test_who_rings_does_not_wait_for_a_redis_that_hangs() -> None:
         raise redis.TimeoutError("it hung")
 
     at_once.execute.side_effect = execute
-    bell = Bell(connection)
-    bell.start()
-    bell.ring()
+    waker = Waker(connection)
+    waker.start()
+    waker.wake()
     assert hangs.wait(20)
     begun = time.thread_time()
     for _ in range(1000):
-        bell.ring()
+        waker.wake()
     assert not answers.is_set()
     assert time.thread_time() - begun < 1
     at_once.execute.side_effect = None
     answers.set()
     wait_until(lambda: at_once.execute.call_count == 2, 20, "it is rung once more, and for all of them together")
     at_once.rpush.assert_called_with(VIEW_ANSWERS, b"")
-    bell.stop()
-    assert not bell._thread.is_alive()
+    waker.stop()
+    assert not waker._thread.is_alive()

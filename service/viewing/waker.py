@@ -1,5 +1,4 @@
-"""Wakes the desk, which waits for answers in Redis, from any thread, without the caller having to wait for a Redis that may
-hang."""
+"""Wakes the scheduler, which blocks on answers in Redis, without blocking the caller on a Redis that hangs."""
 
 from __future__ import annotations
 
@@ -9,37 +8,37 @@ import redis
 
 from worker.protocol.view_parts import ANSWERS_TTL_S, VIEW_ANSWERS
 
-__all__ = ["Bell"]
+__all__ = ["Waker"]
 
 
-class Bell:
-    """Rung, it puts an empty answer into the list, in a thread of its own."""
+class Waker:
+    """Pushes an empty answer into the list of answers, in a thread of its own."""
 
     def __init__(self, connection: redis.Redis) -> None:
         self._redis = connection
-        self._rung = threading.Event()
+        self._requested = threading.Event()
         self._stopped = False
-        self._thread = threading.Thread(target=self._run, name="viewing-bell", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="viewing-waker", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Starts the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End. A Redis that hangs is not waited for."""
+        """Stops the thread, without waiting for a Redis that hangs."""
         self._stopped = True
-        self._rung.set()
+        self._requested.set()
         if self._thread.is_alive():
             self._thread.join(1)
 
-    def ring(self) -> None:
-        """Wake the desk soon. Returns at once."""
-        self._rung.set()
+    def wake(self) -> None:
+        """Wakes the scheduler soon. Returns at once."""
+        self._requested.set()
 
     def _run(self) -> None:
         while True:
-            self._rung.wait()
-            self._rung.clear()
+            self._requested.wait()
+            self._requested.clear()
             if self._stopped:
                 return
             try:
@@ -48,4 +47,4 @@ class Bell:
                     at_once.expire(VIEW_ANSWERS, ANSWERS_TTL_S)
                     at_once.execute()
             except redis.RedisError:
-                continue  # the desk wakes up by itself
+                continue  # the scheduler wakes up by itself

@@ -1,17 +1,17 @@
-"""Frames that workers were asked to prepare for views, so that an answer can be matched even after the view has moved on."""
+"""Requests for frames of views, so that an answer is matched even after the view has changed."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Container, Iterable
 
-__all__ = ["PATIENCE_S", "AskedFrames"]
+__all__ = ["ANSWER_TIMEOUT_S", "PendingFrames"]
 
-PATIENCE_S = 10.0  # with an answer to a message that neither waits nor is in a slot's hands
+ANSWER_TIMEOUT_S = 10.0  # for a message that is neither queued nor held by a slot
 
 
-class AskedFrames:
-    """By message. Lives in the desk's thread."""
+class PendingFrames:
+    """Requests by message id. Used in the scheduler's thread only."""
 
     def __init__(self) -> None:
         self._asked: dict[str, tuple[str, str, float]] = {}
@@ -20,20 +20,20 @@ class AskedFrames:
         return len(self._asked)
 
     def add(self, message: str, name: str, scene: str) -> None:
-        """A frame of a scene is asked for. name: says all that it depends on."""
+        """Adds a request. name: FrameRequest.cache_key of the frame."""
         self._asked[message] = name, scene, time.monotonic()
 
     def about(self, message: str) -> tuple[str, str]:
-        """The frame's name and its scene; empty where nobody waits for it any more."""
+        """Returns the frame's cache key and scene; empty strings for unknown messages."""
         return self._asked.get(message, ("", "", 0.0))[:2]
 
     def forget(self, messages: Iterable[str]) -> None:
-        """They are answered, or nobody will."""
+        """Removes requests that are answered or withdrawn."""
         for message in messages:
             self._asked.pop(message, None)
 
     def review(self, *alive: Container[str]) -> None:
-        """Forget what was asked long ago, and is in none of these."""
-        too_old = time.monotonic() - PATIENCE_S
+        """Removes requests older than ANSWER_TIMEOUT_S whose ids are in none of the containers."""
+        too_old = time.monotonic() - ANSWER_TIMEOUT_S
         gone = [id for id, (*_, at) in self._asked.items() if at < too_old and not any(id in each for each in alive)]
         self.forget(gone)

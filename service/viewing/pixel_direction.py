@@ -1,5 +1,4 @@
-"""The direction in which a pixel of a view looks. The kernel's camera (renderer/kernel/camera.py) has the same in compiled
-code."""
+"""The direction of a pixel's ray, as computed by the kernel's camera (renderer/kernel/camera.py)."""
 
 from __future__ import annotations
 
@@ -7,11 +6,11 @@ import math
 
 from renderer.view import Vec3, View
 
-__all__ = ["sight"]
+__all__ = ["pixel_direction"]
 
 
-def sight(view: View, width: int, height: int, x: float, y: float) -> Vec3:
-    """The unit direction in the world from the eye through the film's point (x, y), in pixels from the upper left corner."""
+def pixel_direction(view: View, width: int, height: int, x: float, y: float) -> Vec3:
+    """Returns the unit world-space direction from the eye through the point (x, y) of the film, in pixels from the upper left."""
     forward = _unit(_minus(view.target, view.eye))
     right = _unit(_cross(forward, view.up))
     up = _cross(right, forward)
