@@ -1,8 +1,7 @@
-"""A few threads and a memory budget for what takes much memory and time: whole pictures and digests. Requests beyond the length
-of the queue are turned away.
+"""Threads and a memory budget for pictures and digests. Requests beyond the length of the queue are refused.
 
-Without limits, each of many readers of a large picture would hold copies of it in memory at the same time, and together they
-would take the threads of all other requests.
+Without limits, each of many clients of a large picture would hold copies of it in memory at the same time, and together they
+would occupy the threads of all other requests.
 """
 
 from __future__ import annotations
@@ -31,26 +30,26 @@ T = TypeVar("T")
 
 
 class Pool:
-    """Used on the event loop alone. Readers who ask for the same at the same time share one answer."""
+    """A queue of expensive work, used on the event loop only. Concurrent requests for the same key share one result."""
 
     def __init__(self, memory: int, threads: int = THREADS, in_line: int = IN_LINE) -> None:
-        """memory: bytes that all together may take at a time. What says that it takes more is made alone."""
+        """memory: budget in bytes. Work that needs more runs alone."""
         self._turns = _Turns(threads, memory)
         self._limiter = anyio.CapacityLimiter(threads)
         self._threads = threads
         self._most = threads + in_line
         self._made: dict[Hashable, asyncio.Task[Any]] = {}
-        self._seconds = 0.0  # that the latest took, on the average
+        self._seconds = 0.0  # running average of the latest durations
 
     @property
     def asked(self) -> int:
-        """How many different things are asked for and not made yet."""
+        """Number of different keys that are queued or running."""
         return len(self._made)
 
     async def make(self, key: Hashable, memory: int, function: Callable[..., T], *arguments: Any) -> T:
-        """function(*arguments), in a thread when its turn comes. memory: the most bytes that it takes meanwhile.
+        """Runs function(*arguments) in a thread when its turn comes, and returns the result. memory: its estimated peak, in bytes.
 
-        Raises Unavailable where the line is too long.
+        Raises Unavailable if the queue is full.
         """
         task: asyncio.Task[T] | None = self._made.get(key)
         if task is None:
@@ -61,7 +60,7 @@ class Pool:
                 )
             task = self._made[key] = asyncio.create_task(self._run(memory, function, *arguments))
             task.add_done_callback(lambda task: self._done(key, task))
-        return await asyncio.shield(task)  # a reader that leaves must not take the picture from those who wait for the same
+        return await asyncio.shield(task)  # a client that leaves does not cancel it for others
 
     async def _run(self, memory: int, function: Callable[..., T], *arguments: Any) -> T:
         taken = await self._turns.take(memory)
@@ -71,17 +70,17 @@ class Pool:
         finally:
             self._turns.give(taken)
             self._seconds += (time.monotonic() - begun - self._seconds) / 4
-            if self.asked == 1:  # the last for now
+            if self.asked == 1:  # the queue is empty after it
                 await anyio.to_thread.run_sync(give_back, limiter=self._limiter)
 
     def _done(self, key: Hashable, task: asyncio.Task[Any]) -> None:
         del self._made[key]
         if not task.cancelled():
-            task.exception()  # it is the readers' to handle; where all have left, it is nobody's
+            task.exception()  # retrieved, so that one without clients is not reported as unhandled
 
 
 class _Turns:
-    """Threads and bytes, given out in the order in which they are asked for."""
+    """Threads and bytes, granted in the order of requests."""
 
     def __init__(self, threads: int, memory: int) -> None:
         self._threads = threads
@@ -89,7 +88,7 @@ class _Turns:
         self._waiting: deque[tuple[int, asyncio.Future[None]]] = deque()
 
     async def take(self, memory: int) -> int:
-        """Wait for a turn; what `give` is to be told."""
+        """Waits for a turn, and returns what `give` expects."""
         memory = min(memory, self._all)
         turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._waiting.append((memory, turn))
@@ -98,7 +97,7 @@ class _Turns:
         return memory
 
     def give(self, memory: int) -> None:
-        """The turn is over."""
+        """Ends a turn."""
         self._threads += 1
         self._memory += memory
         self._next()
