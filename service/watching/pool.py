@@ -47,7 +47,7 @@ class Pool:
         return len(self._made)
 
     async def make(self, key: Hashable, memory: int, function: Callable[..., T], *arguments: Any) -> T:
-        """Runs function(*arguments) in a thread when its turn comes, and returns the result. memory: its estimated peak, in bytes.
+        """Runs function(*arguments) in a thread when its turn comes; returns the result. memory: its estimated peak, in bytes.
 
         Raises Unavailable if the queue is full.
         """
