@@ -36,6 +36,8 @@ The machine
 
 from typing import TYPE_CHECKING, Any
 
+from rayfarm.answers import ShownInNotebooks
+
 if TYPE_CHECKING:
     from rayfarm.answers import BadSample, Camera, Frame, Job, Scene, Shot, Worker
     from rayfarm.client import Client, ClientError
@@ -74,6 +76,16 @@ _LATER = {
     "SceneWarning": "rayfarm.library.here",
     "show": "rayfarm.library.shown",
 }
+
+
+def _widget_of(answer: Any, farm: Any) -> Any:
+    """Returns the notebook widget of an answer; None without anywidget."""
+    from rayfarm.library.shown import has_widgets, show
+
+    return show(answer, farm=farm) if has_widgets() else None
+
+
+ShownInNotebooks.widget_of = staticmethod(_widget_of)
 
 
 def __getattr__(name: str) -> Any:
