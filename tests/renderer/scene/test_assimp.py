@@ -268,3 +268,10 @@ def test_a_texture_of_x3d_is_moved_and_turned_as_its_transform_says(scene, png):
 def test_viewpoints_of_x3d_are_named(scene):
     found = scene("a.x3d", x3d("", '<Viewpoint position="0 0 5"/>'))
     assert any("1 viewpoints, which are X3D's cameras" in w for w in found.warnings)
+
+
+def test_an_smd_file_is_not_its_own_list_of_animations(scene):
+    frames = "\n".join(f"time {t}\n0 {t} 0 0 0 0 0" for t in range(3))
+    corner = "\n".join(f"0 {x} {y} 0 0 0 1 {x} {y}" for x, y in ((0, 0), (1, 0), (0, 1)))
+    found = scene("a.smd", f'version 1\nnodes\n0 "root" -1\nend\nskeleton\n{frames}\nend\ntriangles\nm.bmp\n{corner}\nend\n')
+    assert len(found.clips) == 1

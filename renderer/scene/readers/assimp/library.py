@@ -28,6 +28,9 @@ _JOIN, _INVALID, _UVS = 0x2, 0x20000, 0x40000
 _STEPS = _JOIN | _INVALID | _UVS
 _POINTS, _LINES, _TRIANGLES, _POLYGONS = 1, 2, 4, 8  # aiPrimitiveType
 MAX_NODES = 200_000
+# Settings that keep importers from opening a second file. In memory there is one file only, and assimp hands it out under every
+# name: an SMD file was read again as a list of animations, once for each of its lines.
+_SETTINGS = {b"IMPORT_SMD_LOAD_ANIMATION_LIST": 0, b"IMPORT_MD5_NO_ANIM_AUTOLOAD": 1}
 
 _u, _f, _d, _p = ctypes.c_uint32, ctypes.c_float, ctypes.c_double, ctypes.c_void_p
 
@@ -184,9 +187,12 @@ def _library() -> Any:
     for folder in (spec.submodule_search_locations or []) if spec else []:
         for path in sorted(Path(folder).glob("*.so")):
             found = ctypes.CDLL(str(path))
-            if hasattr(found, "aiImportFileFromMemory") and found.aiGetVersionMajor() in _KNOWN:
-                found.aiImportFileFromMemory.restype = _p
-                found.aiImportFileFromMemory.argtypes = [ctypes.c_char_p, _u, _u, ctypes.c_char_p]
+            if hasattr(found, "aiImportFileFromMemoryWithProperties") and found.aiGetVersionMajor() in _KNOWN:
+                found.aiImportFileFromMemoryWithProperties.restype = _p
+                found.aiImportFileFromMemoryWithProperties.argtypes = [ctypes.c_char_p, _u, _u, ctypes.c_char_p, _p]
+                found.aiCreatePropertyStore.restype = _p
+                found.aiReleasePropertyStore.argtypes = [_p]
+                found.aiSetImportPropertyInteger.argtypes = [_p, ctypes.c_char_p, ctypes.c_int]
                 found.aiReleaseImport.argtypes = [_p]
                 found.aiGetErrorString.restype = ctypes.c_char_p
                 return found
@@ -197,7 +203,13 @@ def import_file(data: bytes, name: str) -> Imported:
     """All that assimp finds in a file's bytes; the name says of which kind it is. Raises SceneError."""
     library = _library()
     hint = Path(name).suffix[1:].lower().encode()
-    address = library.aiImportFileFromMemory(data, len(data), _STEPS, hint)
+    settings = library.aiCreatePropertyStore()
+    try:
+        for key, value in _SETTINGS.items():
+            library.aiSetImportPropertyInteger(settings, key, value)
+        address = library.aiImportFileFromMemoryWithProperties(data, len(data), _STEPS, hint, settings)
+    finally:
+        library.aiReleasePropertyStore(settings)
     if not address:
         said = (library.aiGetErrorString() or b"").decode("utf-8", "replace").strip().splitlines() or ["unknown"]
         raise SceneError(f"{name}: is damaged or no {Path(name).suffix} file ({said[0][:160]}); export it again")
