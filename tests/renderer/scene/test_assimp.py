@@ -2,11 +2,13 @@
 
 import math
 import re
+import resource
 import struct
 
 import numpy as np
 import pytest
 
+from renderer.confine.limits import at_most
 from renderer.errors import SceneError
 from renderer.formats import LONG_TAIL
 from renderer.scene.animation import Moment
@@ -322,3 +324,12 @@ def test_an_empty_file_is_said_to_be_empty_whatever_was_read_before(scene):
         scene("a.3ds", b"hello")
     with pytest.raises(SceneError, match=r"b\.x: is empty"):
         scene("b.x", b"")
+
+
+def test_an_importer_may_not_allocate_without_bound():
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    with at_most(256 << 20):
+        with pytest.raises(MemoryError):
+            bytearray(512 << 20)
+        bytearray(16 << 20)
+    assert resource.getrlimit(resource.RLIMIT_AS) == before
