@@ -15,6 +15,7 @@ from renderer.scene.readers.brushed import brushed
 from renderer.scene.readers.bumps import BumpMaps, rounded
 from renderer.scene.readers.coats import coat_over, pane_ior
 from renderer.scene.readers.fibres import BROWN, color_of, fibre, pigments
+from renderer.scene.readers.linear import linear
 from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.media import Media
@@ -116,6 +117,7 @@ class Bsdfs:
         if depth > _MAX_NESTED:
             self._document.ignore(f"{source.what} is nested too deep: rendered grey")
             return Material(source.id or source.type)
+        source.take()
         make = {
             "diffuse": self._diffuse,
             "roughdiffuse": self._diffuse,
@@ -140,6 +142,7 @@ class Bsdfs:
             return Material(name, opacity=0.0, alpha_mode="blend")
         if source.type == "twosided" and inner:
             if len(inner) > 1:
+                inner[1].take()
                 self._document.ignore(f"{source.what}: has a material of its own for each side; both show the first")
             return self._made(inner[0], depth + 1)
         if source.type == "mask" and inner:
@@ -210,6 +213,9 @@ class Bsdfs:
             if known is None:
                 self._document.ignore(f"{source.what}: the metal {str(named)[:40]} is not known here; rendered as aluminium")
             eta, k = known or CONDUCTORS["Al"]
+            if source.get("ext_eta") is not None:
+                outside = self._ior(source, "ext_eta", "air")
+                eta, k = tuple(v / outside for v in eta), tuple(v / outside for v in k)  # type: ignore[assignment]
         else:
             eta, k = rgb(source.get("eta", 0.0)), rgb(source.get("k", 1.0))
             outside = self._ior(source, "ext_eta", "air")
@@ -238,7 +244,11 @@ class Bsdfs:
 
     def _phong(self, source: Element) -> Material:
         color, texture = self._textures.color(source, "diffuse_reflectance", 0.5)
-        shine, _ = self._textures.color(source, "specular_reflectance", 0.2)
+        shine, pattern = self._textures.color(source, "specular_reflectance", 0.2)
+        if pattern is not None:
+            self._document.ignore(f"specular_reflectance of {source.what} varies over the surface: its mean is taken")
+            r, g, b = (unit(float(v)) for v in linear(self._textures.shelf.image_of(pattern))[..., :3].mean(axis=(0, 1)))
+            shine = r, g, b
         exponent = min(max(source.number("exponent", 30.0), 0.0), 1e6)
         return Material(
             kind="blinn_phong", base_color=color, base_color_texture=texture, specular_color=shine, shininess=exponent
@@ -260,7 +270,10 @@ class Bsdfs:
     def _masked(self, source: Element, inner: Material) -> Material:
         texture = source.child("opacity")
         if texture is None:
-            return replace(inner, opacity=unit(rgb(source.get("opacity", 0.5))[0]), alpha_mode="blend")
+            opacity = rgb(source.get("opacity", 0.5))
+            if len({*opacity}) > 1:
+                self._document.ignore(f"{source.what}: its opacity is a colour, of which the mean is taken")
+            return replace(inner, opacity=unit(sum(opacity) / 3), alpha_mode="blend")
         mask = self._textures.texture(texture, False)
         if mask is None:
             return replace(inner, opacity=0.5, alpha_mode="blend")
