@@ -285,7 +285,9 @@ class Engine:
         self._has_begun = True
 
     def _apply_changes(self) -> None:
-        for what, id in self._changes.open():
+        changes = self._changes.open()
+        self._lifecycle.expect(id for what, id in changes if what == "job")
+        for what, id in changes:
             if what == "worker":
                 self._workers.look(now=True)
                 if id not in self._workers.roster.orders:
