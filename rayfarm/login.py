@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 from rayfarm.client import TOKEN_VARIABLE, Client
+from renderer.variables import value_of
 
 __all__ = ["farm_client", "link_of", "owner_token", "public_url", "server_url"]
 
@@ -31,7 +32,7 @@ def farm_client(server: str | None) -> Client:
     from rayfarm.local.state import running_farm
     from service.places import default_data_folder
 
-    url, told = server_url(server), os.environ.get(TOKEN_VARIABLE)
+    url, told = server_url(server), value_of(TOKEN_VARIABLE)
     here = running_farm(default_data_folder())
     if here is None or here.url != url.rstrip("/"):
         return Client(url)
@@ -43,7 +44,7 @@ def owner_token(data: Path) -> str:
     be read."""
     from service.settings import OWNER_TOKEN
 
-    if told := os.environ.get("RAYFARM_OWNER_TOKEN"):
+    if told := value_of("RAYFARM_OWNER_TOKEN"):
         return told
     with contextlib.suppress(OSError):
         return (data / OWNER_TOKEN).read_text().strip()
