@@ -34,6 +34,7 @@ from renderer import denoise, jit
 from renderer.blender import program
 from renderer.blender.program import Blender
 from renderer.render import helpers_for
+from renderer.shipped_kernels import take_shipped
 from renderer.variables import VariableError, value_of
 from worker import app
 from worker.exchange.cache import BlobCache, default_cache_dir
@@ -42,6 +43,8 @@ from worker.exchange.link import Link, check_redis_url
 from worker.exchange.ready import get_ready
 from worker.exchange.redis_tls import with_password
 from worker.joining import Joining
+from worker.machine import alive
+from worker.machine.alive import State
 from worker.machine.pieces import Pieces
 from worker.machine.status import SlotBoard
 from worker.process.context import WorkerContext, cpu_name
@@ -82,6 +85,7 @@ def main() -> int:
 
 def _work(options: argparse.Namespace) -> int:
     tail, lines = logs.set_up()
+    alive.say(State.STARTING)
     blender = _check(options)
     log = logging.getLogger("worker")
     stopping: list[int] = []
@@ -98,6 +102,7 @@ def _work(options: argparse.Namespace) -> int:
             name, host, os.getpid(), options.slots, cpu_name(), kind, "starting", started, denoises=denoise.is_available()
         )
 
+    take_shipped(jit.cache_folder())
     helpers = helpers_for()  # forked now: joining is a thread
     joining = Joining(link, options.redis, options.name or host, host, starting, log.info)
     joining.begin()
