@@ -67,11 +67,17 @@ def main(arguments: Iterable[str] | None = None) -> None:
     """Compiles, then loads each edition once more, which completes its list, then copies. Raises CalledProcessError."""
     parser = argparse.ArgumentParser(prog="python -m renderer.precompile", description="Compiles the kernels for an image.")
     parser.add_argument("folder", nargs="?", type=Path, help="gets kernels/HASH")
+    parser.add_argument("--if-avx512", action="store_true", help="do nothing on a processor without AVX-512")
     parser.add_argument("--job", help=argparse.SUPPRESS)
     parser.add_argument("--prepares", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
     if options.job:
         _compile(options.job, options.prepares)
+        return
+    if options.folder is not None:
+        (options.folder / "kernels").mkdir(parents=True, exist_ok=True)
+    if options.if_avx512 and not jit.HAS_AVX512:
+        print("this processor has no AVX-512: kernels for it are compiled by the first worker that has it")
         return
     begin = time.perf_counter()
     _compile_all(_jobs())

@@ -133,10 +133,66 @@ def test_two_services_differ_from_one_in_what_they_must() -> None:
 
 def test_what_follows_from_the_sources_is_found_while_the_workers_image_is_built() -> None:
     """No container may write beside them, and each would find it out at its first start: a second of its processor."""
-    worker = (ROOT / "Dockerfile").read_text().partition("AS worker")[2]
-    built, _, rest = worker.partition("USER root")
-    assert "jit.kind()" in built
+    _, kernels, rest = re.split("^FROM base AS (?=kernels|worker)", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE)
+    assert kernels.startswith("kernels\n")
+    assert "jit.kind()" in kernels
+    assert "COPY --from=kernels /app/renderer renderer" in rest
     assert "COPY renderer" not in rest, "another state of the sources would be found out anew"
+
+
+COMPOSE = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
+OURS = ("secrets", "redis", "service", "standby", "worker", "old-worker", "caddy")
+EXAMPLE = re.findall(r"^#?(\w+)=", (ROOT / "deploy" / "rayfarm.env.example").read_text(), re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_every_container_of_ours_is_confined(name: str) -> None:
+    """A root that can only be read, no capabilities, no new privileges, bounded logs, memory and processes."""
+    container = COMPOSE[name]
+    assert container["read_only"] is (name != "old-worker"), "workers up to 0.2 write beside their kernels"
+    assert container["cap_drop"] == ["ALL"]
+    assert container["security_opt"] == ["no-new-privileges:true"]
+    assert container["logging"]["options"].keys() == {"max-size", "max-file"}
+    assert container.get("cap_add", []) == (["NET_BIND_SERVICE"] if name == "caddy" else [])
+    if name != "secrets":
+        assert {"mem_limit", "pids_limit"} <= container.keys()
+
+
+def test_only_the_farm_is_on_redis_s_network() -> None:
+    """And each that is on it, and nobody else, sees the secrets."""
+    on_queue = {name for name, container in COMPOSE.items() if "queue" in container.get("networks", [])}
+    assert on_queue == {"redis", "service", "standby", "worker", "old-worker"}
+    assert COMPOSE["redis"]["networks"] == ["queue"]
+    see = {name for name, one in COMPOSE.items() if any(volume.startswith("secrets:") for volume in one.get("volumes", []))}
+    assert see == on_queue | {"secrets"}
+    assert yaml.safe_load((ROOT / "docker-compose.yml").read_text())["networks"]["queue"] == {"internal": True}
+
+
+def test_no_secret_is_in_the_repository() -> None:
+    text = (ROOT / "docker-compose.yml").read_text()
+    for name in ("RAYFARM_TOKEN", "RAYFARM_REDIS_PASSWORD"):
+        assert set(re.findall(rf"\$\{{{name}(:?-?[^}}]*)\}}", text)) == {":-"}
+
+
+def test_one_file_reaches_every_setting() -> None:
+    """The service's by `env_file`, all that Compose substitutes because it is named .env."""
+    fixed = {"RAYFARM_HOST", "RAYFARM_DATA", "RAYFARM_PUBLISHED", "RAYFARM_PUBLISHED_PORT", "RAYFARM_WEB", "RAYFARM_EXAMPLES"}
+    settings = {f"RAYFARM_{name.upper()}" for name in Settings.model_fields} - fixed
+    text = (ROOT / "docker-compose.yml").read_text()
+    substituted = set(re.findall(r"(?<!\$)\$\{(\w+)", text)) - {"RAYFARM_ENV_FILE"}
+    of_programs = {"RAYFARM_TLS_CERT", "RAYFARM_API_TOKEN", "RAYFARM_CACHE", "RAYFARM_KERNELS", "RAYFARM_ALIVE", *fixed}
+    table = (ROOT / "docs" / "deployment.md").read_text().partition("### Settings")[2].partition("\n## ")[0]
+    rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
+    documented = {name for row in rows for name in re.findall(r"`(RAYFARM_\w+)`", row)} - of_programs
+    assert len(EXAMPLE) == len(set(EXAMPLE))
+    assert (settings | substituted | documented) - set(EXAMPLE) == set()
+    assert {name for name in EXAMPLE if name.startswith("RAYFARM_")} - settings - substituted - documented == {"RAYFARM_ENV_FILE"}
+
+
+def test_what_the_file_says_by_itself_changes_nothing() -> None:
+    set_ = [line for line in (ROOT / "deploy" / "rayfarm.env.example").read_text().splitlines() if line and line[0] != "#"]
+    assert set_ == ["RAYFARM_ENV_FILE=.env"]
+    assert COMPOSE["service"]["env_file"] == "${RAYFARM_ENV_FILE:-deploy/rayfarm.env.example}"
 
 
 def test_compose_is_understood_by_its_first_release_too() -> None:
