@@ -73,8 +73,39 @@ def test_every_pod_passes_pod_security_restricted() -> None:
         for container in pod["containers"]:
             assert container["securityContext"]["allowPrivilegeEscalation"] is False
             assert container["securityContext"]["capabilities"] == {"drop": ["ALL"]}
+            assert container["securityContext"]["readOnlyRootFilesystem"] is True
         allowed = {"emptyDir", "persistentVolumeClaim", "configMap", "secret", "projected", "downwardAPI"}
         assert all(set(volume) - {"name"} <= allowed for volume in pod.get("volumes", []))
+
+
+def containers() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
+    """Every pod's container, and the pod, by the container's name."""
+    found = {}
+    for part in PARTS:
+        if part["kind"] in ("Deployment", "StatefulSet"):
+            pod = part["spec"]["template"]["spec"]
+            found[pod["containers"][0]["name"]] = pod["containers"][0], pod
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "keys"), [("redis", {"redis-password"}), ("worker", {"token"}), ("service", {"token", "redis-password"})]
+)
+def test_a_pod_sees_the_secrets_that_it_needs_as_files(name: str, keys: set[str]) -> None:
+    container, pod = containers()[name]
+    assert not [each for each in container.get("env", []) if "secretKeyRef" in each.get("valueFrom", {})]
+    (secret,) = [each["secret"] for each in pod["volumes"] if "secret" in each]
+    assert {item["key"] for item in secret.get("items", [])} in (keys, set())
+    text = json.dumps(container)
+    assert keys == {key for key in ("token", "redis-password") if f"/secrets/{key}" in text}
+
+
+def test_workers_are_probed_without_the_service() -> None:
+    container, _ = containers()["worker"]
+    live, ready = container["livenessProbe"]["exec"]["command"], container["readinessProbe"]["exec"]["command"]
+    assert ready == [*live, "--ready"]
+    assert (ROOT / live[-1]).is_file()
+    assert live[-1] in (ROOT / "Dockerfile").read_text(), "as the image's own check"
 
 
 def test_images_are_tagged_by_version() -> None:
@@ -113,7 +144,7 @@ def test_every_variable_of_the_service_is_a_setting() -> None:
     known = {f"RAYFARM_{name.upper()}" for name in Settings.model_fields}
     for service in (part for part in PARTS if part["metadata"]["name"] == "rayfarm-service" and "template" in part["spec"]):
         names = {one["name"] for one in service["spec"]["template"]["spec"]["containers"][0]["env"]}
-        assert names - {"POD_IP"} <= known
+        assert {name.removesuffix("_FILE") for name in names - {"POD_IP"}} <= known
 
 
 def test_two_services_differ_from_one_in_what_they_must() -> None:
@@ -125,7 +156,8 @@ def test_two_services_differ_from_one_in_what_they_must() -> None:
         {"name": "RAYFARM_PEER_URL", "value": "http://$(POD_IP):8000"},
     ]
     claim = one["spec"]["volumeClaimTemplates"][0]
-    (volume,) = two["spec"]["template"]["spec"]["volumes"]
+    shared = one["spec"]["template"]["spec"]["volumes"]
+    (volume,) = [each for each in two["spec"]["template"]["spec"]["volumes"] if each not in shared]
     name = f"{claim['metadata']['name']}-{one['metadata']['name']}-0"
     assert volume["persistentVolumeClaim"]["claimName"] == name
     assert claim["spec"] in [part["spec"] for part in PARTS if part["metadata"]["name"] == name]

@@ -71,7 +71,6 @@ def test_people_and_tokens_are_kept_from_inside(run: Run) -> None:
         (("quota", "set", "anna", "--jobs", "7"), ""),
         (("user", "list"), "submit"),
         (("jobs",), ""),
-        (("workers",), ""),
     ):
         done = run(*words)
         assert (done.returncode, shown in done.stdout + done.stderr) == (0, True), (words, done.stdout, done.stderr)
