@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -28,6 +27,7 @@ from rayfarm.answers import Environment, Frame, Job, Scene, Worker, read, read_l
 from rayfarm.named_files import Files, by_name
 from renderer.errors import RayfarmError
 from renderer.frames import frame_text
+from renderer.variables import VariableError, value_of
 from worker.exchange.foreign import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
 from worker.exchange.trust import as_needed, trust
 
@@ -80,7 +80,11 @@ class Client:
         certificate: the one that the farm has, where the machine does not trust it by itself; $RAYFARM_TLS_CERT unless told.
         """
         self.url = url.rstrip("/") if "://" in url else f"http://{url.rstrip('/')}"
-        token = os.environ.get(TOKEN_VARIABLE, "") if token is None else token
+        if token is None:
+            try:
+                token = value_of(TOKEN_VARIABLE)
+            except VariableError as error:
+                raise ClientError(str(error)) from error
         if not (token.isascii() and token.isprintable()):
             raise ClientError(f"The token has characters that no token has. Look at {TOKEN_VARIABLE}.")
         try:

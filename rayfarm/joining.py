@@ -13,6 +13,7 @@ from rayfarm import early
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
 from rayfarm.machine import StopSignals
+from renderer.variables import value_of
 from worker.exchange.foreign import is_address
 
 __all__ = ["farm_address", "run", "shown_token"]
@@ -38,7 +39,7 @@ def shown_token(who: str, token: str, token_file: Path | None) -> str:
             token = token_file.expanduser().read_text().strip()
         except UnicodeDecodeError:
             raise CommandError(f"{token_file} is no file with a token: it is no text.") from None
-    token = token or os.environ.get("RAYFARM_TOKEN", "")
+    token = token or value_of("RAYFARM_TOKEN")
     if not token:
         raise CommandError(
             f"{who} shows the farm's token. Set RAYFARM_TOKEN to it, or write it into a file and give --token-file; "

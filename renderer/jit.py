@@ -79,10 +79,11 @@ HAS_AVX512 = _CPU == "x86-64-v4"
 
 
 def _meaning(name: str, parts: Iterable[str]) -> str:
-    """What these sources mean: kept beside the files that Python compiles them to, so that no new cache has to find it."""
-    beside = sources.ROOT / "__pycache__"
-    folder = beside if os.access(beside, os.W_OK) else private_folder("sources")
-    return sources.kept_meaning(sources.files_of(parts), folder / f"{name}.meaning")
+    """What these sources mean: kept beside the files that Python compiles them to, so that no new cache has to find it; also
+    where another user has kept it there for all, as an image does."""
+    beside, file = sources.ROOT / "__pycache__", f"{name}.meaning"
+    folder = beside if os.access(beside, os.W_OK) or (beside / file).is_file() else private_folder("sources")
+    return sources.kept_meaning(sources.files_of(parts), folder / file)
 
 
 def _hash(*parts: str) -> str:
@@ -169,6 +170,11 @@ class KeptByMeaning(UserProvidedCacheLocator):
     def __init__(self, py_func: Any, py_file: str) -> None:
         self._name = Path(py_file).relative_to(sources.ROOT).with_suffix("").as_posix().replace("/", ".")
         self._cache_path = str(cache_folder() / self._name)
+
+    def ensure_cache_path(self) -> None:
+        """Does nothing. Numba's writes a file to find out whether it can, and fails in a folder that can only be read; `Kept`
+        makes the folders that it writes to, and does without where it cannot.
+        """
 
     def get_source_stamp(self) -> str:
         """The same for all that lies in the folder."""

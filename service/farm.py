@@ -18,6 +18,7 @@ from starlette.requests import HTTPConnection
 
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
+from renderer.variables import VariableError
 from service.access.access import Access
 from service.access.quotas import Limits, Quotas
 from service.access.redis_users import RedisUsers
@@ -203,7 +204,10 @@ def open_blobs(settings: Settings) -> BlobStore:
         from service.store.s3 import S3Blobs
     except ImportError as error:
         raise CannotStart("RAYFARM_BLOBS needs obstore. Install it: pip install 'rayfarm[s3]'.") from error
-    return S3Blobs(settings.blobs, temporary)
+    try:
+        return S3Blobs(settings.blobs, temporary)
+    except VariableError as error:
+        raise CannotStart(str(error)) from error
 
 
 async def get_farm(connection: HTTPConnection) -> Farm:

@@ -27,6 +27,7 @@ from urllib.parse import urlsplit
 
 import redis
 
+from renderer.variables import VariableError, value_of
 from worker.exchange.errors import LinkError, RefusedError, Trouble, WorkerError
 from worker.exchange.link import FarmAnswer, Link
 from worker.exchange.redis_tls import trusting
@@ -223,8 +224,9 @@ def main() -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     try:
+        options.token = options.token or value_of("RAYFARM_TOKEN")
         return _work(options, stop)
-    except WorkerError as error:
+    except (WorkerError, VariableError) as error:
         log.error("%s", error) if by_json() else print(f"rayfarm site: {error}", file=sys.stderr)
         return EXIT_REFUSED
 
@@ -320,7 +322,7 @@ def _options() -> argparse.Namespace:
         prog="python -m worker.site.reducer", description="A site's reducer, as `rayfarm site` starts it."
     )
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
-    parser.add_argument("--token", default=os.environ.get("RAYFARM_TOKEN", ""), help="a worker's token; $RAYFARM_TOKEN")
+    parser.add_argument("--token", default="", help="a worker's token; $RAYFARM_TOKEN, or the file $RAYFARM_TOKEN_FILE")
     parser.add_argument("--name", required=True, help="the site's; its workers are started with --site NAME")
     parser.add_argument("--host", default="0.0.0.0", help="where it listens; everywhere unless told")
     parser.add_argument("--port", type=int, default=8010, help="0: any that is free")
