@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from rayfarm.options import Env
 from rayfarm.preloaded import PRELOAD
 from rayfarm.scene_files import opened
+from renderer.blender.opening import calls_of_reader
 from renderer.confine.limits import available_memory
 from renderer.confine.place import temporary_folder
 from renderer.confine.running import Bounds, Reader, error_of, run
@@ -96,7 +97,7 @@ class ReadStage:
 
         work = partial(serve, *_encoded(scene), os.fsencode(room / "out"), dict(self._options))
         writes = [room / "temporary", room / "out"]
-        return Reader(work, [scene.folder], writes, self.bounds, PRELOAD, _calls(scene, room / "temporary"))
+        return Reader(work, [scene.folder], writes, self.bounds, PRELOAD, calls_of_reader(scene.folder, room / "temporary"))
 
     def close(self) -> None:
         """Ends the process."""
@@ -144,7 +145,7 @@ def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None
     with opened(scene, root=root) as (folder, main, _), temporary_folder("rayfarm-read-") as room:
         found = _Scene(folder.resolve(), main, None)
         job = partial(work, *_encoded(found)[:2])
-        calls = _calls(found, room)
+        calls = calls_of_reader(found.folder, room)
         return run(job, [found.folder], [room], bounds_of(main), lambda message: say(str(message["step"])), PRELOAD, calls)
 
 
@@ -163,22 +164,6 @@ def bounds_of(subject: str) -> Bounds:
 def _encoded(scene: _Scene) -> tuple[bytes, bytes, bytes | None]:
     """Names as bytes: the reader's encoding may be another than this process's."""
     return os.fsencode(scene.folder), os.fsencode(scene.main), None if scene.inside is None else os.fsencode(scene.inside)
-
-
-def _calls(scene: _Scene, room: Path) -> dict[str, Callable[..., Any]]:
-    """Functions of this process that the reader may call: `blender`, since a reader starts no programs and Blender is
-    confined by itself."""
-
-    def blender(name: str, out: str) -> str:
-        from renderer.scene.readers.blend import open_in_blender
-
-        path = (scene.folder / name).resolve()
-        folder = Path(out).resolve()
-        if not path.is_relative_to(scene.folder) or not folder.is_relative_to(room.resolve()):
-            raise SceneError(f"{name}: is not among the scene's files")
-        return open_in_blender(scene.folder, name, folder)
-
-    return {"blender": blender}
 
 
 def _loaded(room: Path, manifest: str) -> CompiledScene:

@@ -7,6 +7,7 @@ Each folder builds on those above it:
     exchange/     blobs, kernels and results between service and worker
     site/         sums added up among machines before they travel
     process/      what every process of a worker knows; terms, turns
+    reading/      jobs of the confined process that reads untrusted files
     work/         what the tasks do
     tasks.py      the tasks
     heartbeat.py  reports the worker, and watches its event loop

@@ -57,6 +57,7 @@ from worker.telemetry import logs
 from worker.telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 from worker.told import be_told
 from worker.work.files import memory_budget
+from worker.work.reader import begin_launcher
 
 gc.freeze()  # modules stay: to look through them once more takes a tenth of a second
 gc.enable()
@@ -112,6 +113,7 @@ def _work(options: argparse.Namespace) -> int:
         return 0
     cache = BlobCache(link, joined.farm, options.cache, options.cache_bytes)
     cache.check()
+    begin_launcher()
     worker = WorkerContext(
         name=joined.name,
         slots=options.slots,

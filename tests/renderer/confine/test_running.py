@@ -43,7 +43,7 @@ ALLOWED = {
         "HOME",
         "TZ",
         "OpenImageIO_ROOT",
-        "RAYFARM_AVX",
+        "RAYFARM_AVX512",
     ),
     *("LD_LIBRARY_PATH", "NUMBA_THREADING_LAYER", "LC_CTYPE"),
 }
