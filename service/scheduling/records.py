@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from sqlalchemy import bindparam, case, delete, exists, func, or_, select, update
+from sqlalchemy import BindParameter, bindparam, case, delete, exists, func, or_, select, update
 from sqlalchemy.orm import Session, aliased
 
 from renderer.errors import SettingsError
@@ -43,7 +43,7 @@ _FRAME_COLUMNS = [
 ]
 
 # Queries for `Records.pending`, made once: making one takes longer than carrying it out.
-_IDS = bindparam("ids", expanding=True)
+_IDS: BindParameter[Any] = bindparam("ids", expanding=True)
 _PENDING = select(Job, exists().where(Wait.job == Job.id), exists().where(FrameChange.job == Job.id), Job.history).where(
     Job.id.in_(_IDS)
 )
@@ -140,7 +140,10 @@ class Records:
             frames: dict[str, list[FrameRow]] = {job.id: [] for job, *_ in found if job.shot is None}
             for job, *row in session.execute(_FRAMES, {"ids": list(frames)}):
                 frames[job].append(FrameRow._make(row))
-        return {job.id: PendingJob(job, scenes.get(job.stage), *others, frames.get(job.id)) for job, *others in found}
+        return {
+            job.id: PendingJob(job, scenes.get(job.stage), waits, frames_change, history, frames.get(job.id))
+            for job, waits, frames_change, history in found
+        }
 
     def all_waiting(self) -> set[str]:
         """The jobs that wait for others and are not over."""
