@@ -68,8 +68,10 @@ class Ownership:
         self._thread = threading.Thread(target=self._run, name="owning", daemon=True)
 
     def start(self, on_lost: Callable[[], None], moves: Callable[[], bool]) -> None:
-        """Starts answering candidates. on_lost: called once, in a thread, after another service has taken over. moves: whether the
-        service makes progress; a service that does not answers nobody, so that another may take over.
+        """Starts answering candidates.
+
+        on_lost: called once, in a thread, after another service has taken over. moves: whether this service makes progress; one that
+        does not answers nobody, so that another may take over.
         """
         self._on_lost, self._moves = on_lost, moves
         self._thread.start()

@@ -1,4 +1,4 @@
-"""`python -m worker.telemetry.trace_sender SERVICE INSTANCE VERSION`: sends spans to a collector, one line of standard input each.
+"""`python -m worker.telemetry.trace_sender SERVICE INSTANCE VERSION`: sends spans to a collector, one per input line.
 
 It uses OpenTelemetry's exporter (OTLP over HTTP), batching and samplers, and so supports all of their environment variables. It
 ends with its input.
