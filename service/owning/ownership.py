@@ -70,8 +70,8 @@ class Ownership:
     def start(self, on_lost: Callable[[], None], moves: Callable[[], bool]) -> None:
         """Starts answering candidates.
 
-        on_lost: called once, in a thread, after another service has taken over. moves: whether this service makes progress; one that
-        does not answers nobody, so that another may take over.
+        on_lost: called once, in a thread, after another service has taken over. moves: whether this service makes
+        progress; one that does not answers nobody, so that another may take over.
         """
         self._on_lost, self._moves = on_lost, moves
         self._thread.start()

@@ -1,5 +1,5 @@
-"""Whether somebody is using this machine: by the processor time of other programs, typing in terminals, what the desktop reports to
-logind (Wayland and X11), and the X11 screen if `xprintidle` is installed and the worker runs in that session.
+"""Whether somebody is using this machine: by the processor time of other programs, typing in terminals, what the desktop reports
+to logind (Wayland and X11), and the X11 screen if `xprintidle` is installed and the worker runs in that session.
 
 Undetected: somebody who only reads, unless the desktop reports it, and a program that waits.
 """
