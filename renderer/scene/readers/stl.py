@@ -43,6 +43,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     rows = np.frombuffer(data, _ROW, count, _HEAD)
     corners = np.ascontiguousarray(rows["corners"]).reshape(-1, 3)
     colors = _colors(rows["color"], data[:80])
+    if colors is None and (odd := int(np.count_nonzero(rows["color"]))):
+        shelf.warn_of_surface(f"{main}: {odd} of {count} triangles have attributes that are no colours; they are left out.")
     whole = filled(np.full(count, 3), np.arange(3 * count), corners, main, shelf).face
     if len(whole) < count:
         corners = corners.reshape(-1, 9)[whole].reshape(-1, 3)

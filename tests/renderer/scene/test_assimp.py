@@ -192,6 +192,15 @@ def test_ac3d(scene):
     assert (material.opacity, material.alpha_mode) == (pytest.approx(0.75), "blend")
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
+def test_text_in_utf16_and_behind_a_bom_is_read(scene, encoding):
+    text = (
+        'AC3Db\nMATERIAL "m" rgb 1 1 1 amb 1 1 1 emis 0 0 0 spec 0 0 0 shi 0 trans 0\nOBJECT world\nkids 1\nOBJECT poly\n'
+        "numvert 3\n0 0 0\n1 0 0\n0 1 0\nnumsurf 1\nSURF 0x20\nmat 0\nrefs 3\n0 0 0\n1 1 0\n2 0 1\nkids 0\n"
+    )
+    assert corners(scene("a.ac", text.encode(encoding))) == [(0, 0, 0)]
+
+
 def test_x3d(scene):
     text = (
         '<?xml version="1.0"?><X3D version="3.0"><Scene><Transform translation="2 0 0"><Shape><Appearance>'

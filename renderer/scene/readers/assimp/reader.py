@@ -24,6 +24,7 @@ from renderer.scene.readers.assimp.materials import Materials
 from renderer.scene.readers.assimp.untrusted import judge
 from renderer.scene.readers.carried import carried
 from renderer.scene.readers.numbers import clamped
+from renderer.scene.text import as_utf8
 from renderer.scene.textures import TextureShelf
 from renderer.settings import View
 
@@ -34,6 +35,7 @@ F64 = npt.NDArray[np.float64]
 _DIRECTIONAL, _POINT, _SPOT, _AMBIENT = 1, 2, 3, 4
 _ASPECT = 16 / 9  # of a camera that does not say
 _MOST = 1e12
+_TEXT = (".ac", ".ac3d", ".ase", ".dxf", ".md5mesh", ".nff", ".ogex", ".smd", ".x")  # which importers read as UTF-8 alone
 
 
 def read(
@@ -56,6 +58,8 @@ def read(
 
 def _opened(files: SceneFiles, main: str, scale: float, change: Callable[[bytes], bytes]) -> Imported:
     data = files.read(main)
+    if main.lower().endswith(_TEXT):
+        data = as_utf8(data)
     judge(data, main)
     data = change(data)
     imported = import_file(data, main)
