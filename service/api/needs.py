@@ -107,6 +107,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("POST", "/api/jobs/changes"): SUBMIT,
     ("GET", "/api/jobs/{id}"): VIEW,
     ("PATCH", "/api/jobs/{id}"): SUBMIT,
+    ("POST", "/api/jobs/{id}/anew"): SUBMIT,
     ("DELETE", "/api/jobs/{id}"): SUBMIT,
     ("GET", "/api/jobs/{id}/history"): VIEW,
     ("GET", "/api/jobs/{id}/explain"): VIEW,

@@ -184,6 +184,9 @@ export const createJob = (request, idempotencyKey) =>
 /** @param {string} id @param {JobChange} change @returns {Promise<Job>} */
 export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: change });
 
+/** The same picture in a new job, from the first sample; this one is cancelled. @param {string} id @returns {Promise<Job>} */
+export const beginAnew = (id) => call("POST", `/jobs/${id}/anew`);
+
 /** @param {number} offset @returns {Promise<Page<Environment>>} presets, then what was uploaded, newest first */
 export const getEnvironments = (offset) => getPage(inProject("/environments"), offset);
 
