@@ -304,6 +304,10 @@ class Lifecycle:
         error = "The worker was lost three times while it prepared this scene. It may be too large."
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 
+    def no_machine_for(self, scene: str, kind: str | None, error: str) -> None:
+        """No worker's machine can prepare a scene."""
+        self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
+
     def _apply_scene(self, id: str) -> bool:
         scene = self._records.scene(id)
         if scene is None:

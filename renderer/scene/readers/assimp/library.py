@@ -200,6 +200,8 @@ def import_file(data: bytes, name: str) -> Imported:
     address = library.aiImportFileFromMemory(data, len(data), _STEPS, hint)
     if not address:
         said = (library.aiGetErrorString() or b"").decode("utf-8", "replace").strip().splitlines() or ["unknown"]
+        if "bad_alloc" in said[0]:
+            raise MemoryError
         raise SceneError(f"{name}: is damaged or no {Path(name).suffix} file ({said[0][:160]}); export it again")
     try:
         return _copied(_Scene.from_address(address), name)
