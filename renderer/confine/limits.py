@@ -104,13 +104,17 @@ def _address_space() -> int:
 
 
 @contextmanager
-def at_most(memory: int) -> Iterator[None]:
-    """Limits this process to `memory` bytes of address space beyond what it has now, for as long as the context lasts."""
+def at_most(memory: int) -> Iterator[bool]:
+    """Limits this process to `memory` bytes of address space beyond what it has now, within the context.
+
+    Yields whether the limit that it had before is lower still.
+    """
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     finite = [limit for limit in (soft, hard) if limit != resource.RLIM_INFINITY]
-    resource.setrlimit(resource.RLIMIT_AS, (min([_address_space() + memory, *finite]), hard))
+    wanted = _address_space() + memory
+    resource.setrlimit(resource.RLIMIT_AS, (min([wanted, *finite]), hard))
     try:
-        yield
+        yield any(limit < wanted for limit in finite)
     finally:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 

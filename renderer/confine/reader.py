@@ -200,6 +200,8 @@ def told(error: BaseException) -> dict[str, Any]:
         if error.errno == errno.EFBIG:
             return {"error": "size"}
         return {"error": f"this machine cannot use its files ({error.strerror}: {where})", "machine": True}
+    if isinstance(error, RuntimeError) and "start new thread" in str(error):
+        return {"error": "this machine cannot start another thread (see ulimit -u and -v)", "machine": True}
     if isinstance(error, RecursionError):
         return {"error": "is nested too deeply. Flatten its hierarchy.", "rest": True}
     trace = traceback.format_exc()[-_MOST_TRACE:]

@@ -330,6 +330,10 @@ class Lifecycle:
         error = "The worker was lost three times while it prepared this scene. It may be too large."
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 
+    def no_machine_for(self, scene: str, kind: str | None, error: str) -> None:
+        """No worker's machine can prepare a scene."""
+        self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
+
     def _apply_scene(self, id: str) -> bool:
         self._pending.clear()  # of jobs of this scene
         scene = self._records.scene(id)

@@ -18,7 +18,7 @@ from worker.machine.pieces import Pieces
 from worker.machine.status import SlotBoard
 from worker.process.keeping import Keeping
 from worker.protocol.blends import blender_queue
-from worker.protocol.contract import WorkerReport, denoise_queue, prepare_queue, render_queue
+from worker.protocol.contract import WorkerReport, denoise_queue, own_prepare_queue, prepare_queue, render_queue
 from worker.protocol.joint import help_queue
 from worker.protocol.view_parts import view_queue
 from worker.site.link import SiteLink
@@ -52,6 +52,7 @@ class WorkerContext:
     def queues(self) -> list[str]:
         """The queues that this worker consumes."""
         queues = [view_queue(self.kind), help_queue(self.name), render_queue(self.kind), prepare_queue(self.kind)]
+        queues.append(own_prepare_queue(self.kind, self.name))
         queues += [blender_queue(self.kind)] if self.blender is not None else []
         return [*queues, denoise_queue(self.kind)] if denoise.is_available() else queues
 

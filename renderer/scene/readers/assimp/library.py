@@ -239,13 +239,15 @@ def import_file(data: bytes, name: str) -> Imported:
     try:
         for key, value in _SETTINGS.items():
             library.aiSetImportPropertyInteger(settings, key, value)
-        with at_most(_LEAST_MEMORY + _MEMORY_PER_BYTE * len(data)):
+        with at_most(_LEAST_MEMORY + _MEMORY_PER_BYTE * len(data)) as is_less_than_asked:
             address = library.aiImportFileFromMemoryWithProperties(data, len(data), _STEPS, hint, settings)
     finally:
         library.aiDetachLogStream(ctypes.byref(log))
         library.aiReleasePropertyStore(settings)
     if not address:
         reason = (library.aiGetErrorString() or b"").decode("utf-8", "replace").strip().splitlines() or ["unknown"]
+        if is_less_than_asked and "bad_alloc" in reason[0]:
+            raise MemoryError
         raise SceneError(f"{name}: is damaged or no {Path(name).suffix} file ({reason[0][:160]}); export it again")
     try:
         found = _copied(_Scene.from_address(address), name)
