@@ -94,6 +94,8 @@ def _follow(log: Path, shown: int) -> int:
     """Show what the log has beyond `shown` bytes; how much is shown then."""
     try:
         with log.open("rb") as file:
+            if file.seek(0, os.SEEK_END) < shown:
+                shown = 0  # the supervisor has emptied it
             file.seek(shown)
             text = file.read()
     except OSError:

@@ -132,6 +132,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/shares"): VIEW,
     ("PUT", "/api/shares/{share}"): ADMIN,
     ("DELETE", "/api/shares/{share}"): ADMIN,
+    ("GET", "/api/retention"): ADMIN,
     ("POST", "/api/retention"): ADMIN,
     ("GET", "/api/hooks"): ADMIN,
     ("POST", "/api/hooks/{number}/test"): ADMIN,
