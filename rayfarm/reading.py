@@ -22,13 +22,25 @@ from renderer.errors import SceneError, SettingsError
 from renderer.scene.animation import Moment
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from renderer.scene.compiled import CompiledScene
 
-__all__ = ["SECONDS", "ReadStage", "bounds_of", "describe", "open_stage"]
+__all__ = [
+    "SECONDS",
+    "ReadStage",
+    "bounds_of",
+    "describe",
+    "known_differences",
+    "open_stage",
+    "read_picture",
+    "usd_names",
+]
 
 SECONDS = "RAYFARM_READ_SECONDS"
 _SECONDS = 600.0
 _LEAST_MEMORY = 1 << 30
+_FILES = ("rayfarm.read",)
 
 Say = Callable[[str], None]
 
@@ -147,6 +159,47 @@ def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None
         job = partial(work, *_encoded(found)[:2])
         calls = calls_of_reader(found.folder, room)
         return run(job, [found.folder], [room], bounds_of(main), lambda message: say(str(message["step"])), PRELOAD, calls)
+
+
+def known_differences(scene: Path, other: str) -> list[str]:
+    """Why another renderer's picture of a scene differs from Rayfarm's. Raises RayfarmError."""
+    from rayfarm.read import differences
+
+    with temporary_folder("rayfarm-read-") as room:
+        job = partial(differences, os.fsencode(scene.parent.resolve()), os.fsencode(scene.name), other)
+        found = run(job, [scene.parent.resolve()], [room], bounds_of(scene.name), preload=PRELOAD)
+    return [str(each) for each in found["sentences"]]
+
+
+def read_picture(data: bytes, name: str) -> npt.NDArray[Any]:
+    """The pixels of an image file, as renderer.image.read.read gives them. Raises RayfarmError."""
+    import numpy as np
+
+    from rayfarm.read import picture
+
+    with temporary_folder("rayfarm-read-") as room:
+        image, pixels, out = room / "image", room / "out" / "pixels", room / "out"
+        out.mkdir()
+        image.write_bytes(data)
+        job = partial(picture, os.fsencode(image), name, os.fsencode(pixels))
+        found = run(job, [image], [out], bounds_of(name), preload=_FILES)
+        try:
+            dtype = {"|u1": np.uint8, "<u2": np.uint16, "<f4": np.float32}[found["dtype"]]
+            return np.fromfile(pixels, dtype).reshape(found["shape"])
+        except (OSError, KeyError, TypeError, ValueError) as error:
+            raise SceneError(f"{name} cannot be read: its importer ended without a result.") from error
+
+
+def usd_names(layer: Path) -> list[str]:
+    """The files that a USD layer refers to; none where it cannot be read: whoever reads the scene reports that."""
+    from rayfarm.read import usd_names as work
+
+    with temporary_folder("rayfarm-read-") as room:
+        job = partial(work, os.fsencode(layer.resolve()))
+        try:
+            return [str(name) for name in run(job, [layer.resolve()], [room], bounds_of(layer.name), preload=_FILES)["names"]]
+        except SceneError:
+            return []
 
 
 def bounds_of(subject: str) -> Bounds:

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
-from renderer.confine import rules
+from renderer.confine import faults, rules
 from renderer.confine.limits import set_limits
 from renderer.errors import MachineError, RayfarmError, SceneError
 
@@ -200,7 +200,7 @@ def told(error: BaseException) -> dict[str, Any]:
         if error.errno == errno.EFBIG:
             return {"error": "size"}
         return {"error": f"this machine cannot use its files ({error.strerror}: {where})", "machine": True}
-    if isinstance(error, RuntimeError) and "start new thread" in str(error):
+    if isinstance(error, RuntimeError) and faults.is_of_machine(error):
         return {"error": "this machine cannot start another thread (see ulimit -u and -v)", "machine": True}
     if isinstance(error, RecursionError):
         return {"error": "is nested too deeply. Flatten its hierarchy.", "rest": True}

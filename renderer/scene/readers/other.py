@@ -14,6 +14,7 @@ import numpy.typing as npt
 import trimesh
 from PIL import Image, PngImagePlugin
 
+from renderer.confine.faults import is_of_machine
 from renderer.errors import SceneError
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Vec3
 from renderer.scene.files import SceneFiles
@@ -48,6 +49,8 @@ def read_data(data: bytes, suffix: str, files: SceneFiles, main: str, descriptio
     except MemoryError:
         raise
     except Exception as error:  # trimesh's readers raise nearly every type on damaged files
+        if is_of_machine(error):
+            raise
         reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
         raise SceneError(f"{main}: is damaged or no {suffix} file ({reason}); export it again") from error
     _add(scene, main, _upright(suffix, data), shelf, description)
