@@ -16,11 +16,6 @@ gc.disable()  # while modules come: each collection looks through all that have 
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from renderer.without import without
-
-with without("opentelemetry.sdk.metrics", "opentelemetry.metrics", "httpx._main"):  # redis-py's own metrics, a command line
-    import httpx  # noqa: F401
-    import redis  # noqa: F401
 
 import argparse
 import logging

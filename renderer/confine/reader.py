@@ -168,8 +168,6 @@ def _confine_and_run(link: Link, system: Iterable[str]) -> None:
     tempfile.tempdir = os.environ["TMPDIR"] = os.environ["HOME"] = temporary
     os.chdir(temporary)
     sys.dont_write_bytecode = True
-    if (jit := sys.modules.get("renderer.jit")) is not None:  # which tries to write where kernels are kept, and may not
-        jit.KeptByMeaning.ensure_cache_path = lambda self: None
     set_limits(job.memory_bytes, job.seconds)
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(_OUT_OF_MEMORY_SCORE)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numba import njit
 
+from renderer.jit import entry
 from renderer.kernel.bsdf.metallic_roughness import eval_and_pdf_metallic_roughness
 from renderer.scene.readers.coats import coat_over, under_a_coat
 from renderer.scene.readers.mitsuba.rough_coats import SEEN_AT, facets_pass, rough_coat
@@ -13,7 +13,7 @@ from renderer.scene.readers.mitsuba.rough_coats import SEEN_AT, facets_pass, rou
 IOR = 1.5046 / 1.000277
 
 
-@njit
+@entry
 def _evaluate(base, metallic, roughness, f0, f90, wo, wi):
     return eval_and_pdf_metallic_roughness(base, metallic, roughness, f0, f90, wo, wi)
 
