@@ -9,7 +9,6 @@ Talking to a farm
     client.py            the Python client; answers.py is what it returns, as dataclasses
     login.py             which farm a command talks to, and its token
     joining.py           what `rayfarm worker` and `rayfarm site` need to join one
-    early.py             a worker's process, started before its options are known
     shot.py              frames that a farm renders
 Rendering without a farm
     reading.py           a scene read and compiled in a confined process; read.py is what that process does

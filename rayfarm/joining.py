@@ -9,7 +9,6 @@ import os
 import time
 from pathlib import Path
 
-from rayfarm import early
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
 from rayfarm.machine import StopSignals
@@ -62,8 +61,6 @@ def run(name: str, command: list[str], token: str, sentence: str, grace_s: float
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
         log.touch()  # the supervisor starts a part without a log that can be written
-        if name == "worker":
-            part.spare = early.told(command[3:], {**os.environ, **env}, log)
         supervisor.start(part)
     except OSError as error:
         raise CommandError(

@@ -13,7 +13,6 @@ Each folder builds on those above it:
     heartbeat.py  reports the worker, and watches its event loop
     joining.py    joins the farm while the kernels are compiled
     leaving.py    reports what is still in hand while the worker ends
-    told.py       a worker started before it is known what for
     app.py        the Celery application, and what happens around its forks
     __main__.py   from a worker's first line to its last
 """

@@ -50,7 +50,6 @@ from worker.protocol.site import SITE, SITE_NAME
 from worker.protocol.terms import TAG, Terms
 from worker.telemetry import logs
 from worker.telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
-from worker.told import be_told
 from worker.work.files import memory_budget
 from worker.work.reader import begin_launcher
 
@@ -62,8 +61,6 @@ EXIT_REFUSED = 3
 
 def main() -> int:
     """Join, warm up, work. Exit code 3: no farm is there, or it refuses this worker; another try is of no use."""
-    if sys.argv[1:] == ["--told"] and not be_told():
-        return 0
     options = _options()
     if options.log_format:
         os.environ[FORMAT_VARIABLE] = options.log_format  # processes that it starts follow
