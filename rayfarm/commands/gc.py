@@ -55,7 +55,7 @@ def gc(
       rayfarm gc --films-older-than 30 --dry-run
       rayfarm gc --films-above 500 --compiled-older-than 7 --yes
     """
-    rules = {
+    rules: dict[str, Any] = {
         "films_days": films_older_than,
         "films_bytes": None if films_above is None else round(films_above * 1e9),
         "compiled_days": compiled_older_than,
