@@ -12,6 +12,7 @@ Talking to a farm
     shot.py              frames that a farm renders
 Rendering without a farm
     reading.py           a scene read and compiled in a confined process; read.py is what that process does
+    reading_files.py     single files read in such a process, and its limits
     preloaded.py         what that process has loaded before it is needed
     stage.py             a scene over time, compiled again only where more than a camera moved
     rendering.py         a scene read, compiled and rendered

@@ -132,7 +132,7 @@ def _of_pbrt(program: str, scene: Path, spp: int) -> Any:
     """pbrt's picture, (h, w, 3) float64."""
     import numpy as np
 
-    from rayfarm.reading import read_picture
+    from rayfarm.reading_files import read_picture
 
     with tempfile.TemporaryDirectory(prefix="rayfarm-pbrt-") as folder:
         picture = Path(folder) / "picture.exr"

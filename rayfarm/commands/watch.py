@@ -171,7 +171,7 @@ def _show(
 
 def _afterwards(farm: Client, live: LiveJob, feed: TevFeed | None, viewer: str | None, output: Path | None) -> None:
     """The EXR to whoever wants it, where the job is finished."""
-    from rayfarm.reading import read_picture
+    from rayfarm.reading_files import read_picture
     from rayfarm.watch.viewer import open_in
 
     if live.job.state != "finished" or (feed is None and viewer is None):
