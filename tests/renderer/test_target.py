@@ -123,7 +123,7 @@ def test_options_of_the_process_do_not_reach_kernels() -> None:
     context = KernelDispatcher.targetdescr.target_context
     assert context.codegen().magic_tuple()[1:] == (cpu.NAME, cpu.FEATURES)
     assert context.codegen() is not cpu_target.target_context.codegen()
-    assert config.CPU_NAME is None
+    assert getattr(config, "CPU_NAME") is None  # noqa: B009 - which Numba sets when it is loaded
     assert not context.enable_boundscheck
 
 
