@@ -34,7 +34,6 @@ __all__ = [
     "known_differences",
     "open_stage",
     "read_picture",
-    "usd_names",
 ]
 
 SECONDS = "RAYFARM_READ_SECONDS"
@@ -188,18 +187,6 @@ def read_picture(data: bytes, name: str) -> npt.NDArray[Any]:
             return np.fromfile(pixels, dtype).reshape(found["shape"])
         except (OSError, KeyError, TypeError, ValueError) as error:
             raise SceneError(f"{name} cannot be read: its importer ended without a result.") from error
-
-
-def usd_names(layer: Path) -> list[str]:
-    """The files that a USD layer refers to; none where it cannot be read: whoever reads the scene reports that."""
-    from rayfarm.read import usd_names as work
-
-    with temporary_folder("rayfarm-read-") as room:
-        job = partial(work, os.fsencode(layer.resolve()))
-        try:
-            return [str(name) for name in run(job, [layer.resolve()], [room], bounds_of(layer.name), preload=_FILES)["names"]]
-        except SceneError:
-            return []
 
 
 def bounds_of(subject: str) -> Bounds:

@@ -186,7 +186,7 @@ def _text(path: Path) -> bytes:
     data = path.read_bytes()
     if not data.startswith(b"PXR-USDC"):
         return data
-    from rayfarm.reading import usd_names
+    from rayfarm.usd_names import usd_names
 
     return "\n".join(usd_names(path)).encode() or data
 
