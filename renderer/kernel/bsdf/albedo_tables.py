@@ -167,7 +167,9 @@ def brushed_means(plane: F64, j: int) -> list[float]:
 
 def brushed_table(distribution: str = "ggx") -> F64:
     """BRUSHED_NODES and (A, B), the third axis one longer: its last row holds the means over the hemisphere."""
-    table = np.array([brushed_node(*index, distribution=distribution) for index in np.ndindex(BRUSHED_NODES)]).reshape(*BRUSHED_NODES, 2)
+    table = np.array([brushed_node(i, j, k, n, distribution) for i, j, k, n in np.ndindex(BRUSHED_NODES)]).reshape(
+        *BRUSHED_NODES, 2
+    )
     means = np.array([[brushed_means(plane, j) for j, plane in enumerate(of_ratio)] for of_ratio in table])
     return np.concatenate([table, np.repeat(means[:, :, None, None], BRUSHED_NODES[3], axis=3)], axis=2)
 
