@@ -58,6 +58,33 @@ def test_of_faces_back_to_back_the_one_that_faces_the_viewer_is_seen(order, eye,
     np.testing.assert_allclose(_seen([faces[k] for k in order], eye), color, atol=1e-6)
 
 
+@pytest.mark.parametrize("order", list(permutations(range(2))))
+@pytest.mark.parametrize("scale", [1.0, 3.7])
+@pytest.mark.parametrize(("eye", "color"), [((0.3, 0.2, 4.0), RED), ((3.0, 0.5, -1.5), BLUE)])
+def test_of_faces_back_to_back_cut_differently_the_one_that_faces_the_viewer_is_seen(order, scale, eye, color):
+    """Other diagonals, and one of the two in a space of its own."""
+    description = SceneDescription(environment=Environment((0.0, 0.0, 0.0)))
+    for which in order:
+        mesh = quad("quad")
+        mesh.material = len(description.materials)
+        description.meshes.append(mesh)
+        description.materials.append(_unlit((RED, BLUE)[which]))
+        place = np.eye(4)
+        if which == 1:
+            corners = sorted(range(4), key=lambda k: np.arctan2(*mesh.positions[k, 1::-1]))
+            first, second, third, fourth = corners
+            if {first, third} == set(mesh.triangles[0].tolist()) & set(mesh.triangles[1].tolist()):  # the other diagonal
+                first, second, third, fourth = second, third, fourth, first
+            mesh.triangles = np.array([(third, second, first), (fourth, third, first)], np.int32)
+            mesh.normals = -mesh.normals
+            mesh.positions = (mesh.positions / scale).astype(np.float32)
+            place[:3, :3] *= scale
+        description.instances.append(Instance(mesh.material, place, name="one", moves=which == 1 and scale != 1.0))
+    view = View(eye, (0.0, 0.0, 0.0), fov=12.0)
+    picture = mean(render_frame(compile_scene(description), RenderSettings(16, 16, view), 4), 24)
+    np.testing.assert_allclose(picture.mean(axis=(0, 1)), color, atol=1e-6)
+
+
 def test_faces_of_one_look_or_of_different_spaces_stay_where_they_are():
     corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)] * 2, np.float32)
     triangles = np.array([(0, 1, 2), (3, 5, 4)], np.int32)
