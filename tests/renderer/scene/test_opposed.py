@@ -100,10 +100,19 @@ def test_faces_of_one_look_or_of_different_spaces_stay_where_they_are():
     assert (set_apart(corners, triangles, alike, (paint,)) == moved).all()
 
 
-@pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (100.0, 0.0, 100.0), (50.0, 30.0, 40.0)])
+@pytest.mark.parametrize(
+    ("at", "gap"),
+    [
+        ((0.0, 0.0, 0.0), 1e-4),
+        ((100.0, 0.0, 100.0), 1e-4),
+        ((50.0, 30.0, 40.0), 1e-4),
+        ((300.0, 0.0, 300.0), 1e-4),
+        ((1000.0, 50.0, 1000.0), 1e-3),
+    ],
+)
 @pytest.mark.parametrize("layers", [1, 5])
-def test_behind_a_decal_that_lets_all_through_the_wall_is_seen(at, layers):
+def test_behind_a_decal_that_lets_all_through_the_wall_is_seen(at, gap, layers):
     decal = Material(opacity=0.0, alpha_mode="blend", double_sided=True)
-    decals = [(decal, _turned(1e-4 * (k + 1))) for k in range(layers)]
+    decals = [(decal, _turned(gap * (k + 1))) for k in range(layers)]
     quads = [(_unlit(GREEN), _turned(0.0)), *decals, (_unlit(RED), _turned(-3.0))]
-    np.testing.assert_allclose(_seen(quads, (0.3, 0.2, 6.0), at, ground=300.0), GREEN, atol=1e-6)
+    np.testing.assert_allclose(_seen(quads, (0.3, 0.2, 6.0), at, ground=3.0 * max(100.0, at[0])), GREEN, atol=1e-6)
