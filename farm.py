@@ -41,11 +41,11 @@ EMBREEX = "embreex>=4.4,<5"
 
 def main():
     """Install where needed, then become the command that was asked for."""
-    find_python()
     arguments = sys.argv[1:]
-    if not arguments:
+    if not arguments or arguments[0] in ("-h", "--help"):
         print(__doc__)
-        return 2
+        return 0 if arguments else 2
+    find_python()
     command, rest = arguments[0], arguments[1:]
     if command == "test":
         return run_tests(install(FOR_BENCHMARKS if "--long" in rest else FOR_TESTS), rest)

@@ -9,10 +9,10 @@ Talking to a farm
     client.py            the Python client; answers.py is what it returns, as dataclasses
     login.py             which farm a command talks to, and its token
     joining.py           what `rayfarm worker` and `rayfarm site` need to join one
-    early.py             a worker's process, started before its options are known
     shot.py              frames that a farm renders
 Rendering without a farm
     reading.py           a scene read and compiled in a confined process; read.py is what that process does
+    reading_files.py     single files read in such a process, and its limits
     preloaded.py         what that process has loaded before it is needed
     stage.py             a scene over time, compiled again only where more than a camera moved
     rendering.py         a scene read, compiled and rendered
@@ -35,6 +35,8 @@ The machine
 """
 
 from typing import TYPE_CHECKING, Any
+
+from rayfarm.answers import ShownInNotebooks
 
 if TYPE_CHECKING:
     from rayfarm.answers import BadSample, Camera, Frame, Job, Scene, Shot, Worker
@@ -74,6 +76,16 @@ _LATER = {
     "SceneWarning": "rayfarm.library.here",
     "show": "rayfarm.library.shown",
 }
+
+
+def _widget_of(answer: Any, farm: Any) -> Any:
+    """Returns the notebook widget of an answer; None without anywidget."""
+    from rayfarm.library.shown import has_widgets, show
+
+    return show(answer, farm=farm) if has_widgets() else None
+
+
+ShownInNotebooks.widget_of = staticmethod(_widget_of)
 
 
 def __getattr__(name: str) -> Any:

@@ -10,12 +10,6 @@ __all__ = ["main"]
 def main() -> None:
     """Load the commands, and run the one that is asked for."""
     try:
-        if sys.argv[1:2] == ["worker"]:
-            from rayfarm import early
-
-            if early.is_of_use(sys.argv[1:]):
-                early.begin()
-
         from rayfarm import preloaded
 
         preloaded.begin(sys.argv[1:])

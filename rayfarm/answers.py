@@ -7,24 +7,39 @@ ValueError that names it.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, TypeVar, cast
+from typing import Any, ClassVar, TypeVar, cast
 
-__all__ = ["BadSample", "Camera", "Environment", "Frame", "Job", "Scene", "Shot", "Worker", "read", "read_list"]
+__all__ = [
+    "BadSample",
+    "Camera",
+    "Environment",
+    "Frame",
+    "Job",
+    "Scene",
+    "Shot",
+    "ShownInNotebooks",
+    "Worker",
+    "read",
+    "read_list",
+]
 
 T = TypeVar("T")
 
 
-class _ShowsItself:
-    """What a notebook shows as a picture that grows, where it came from a farm's client."""
+class ShownInNotebooks:
+    """A scene or job that a notebook displays as a progressive picture, if a farm's client returned it.
+
+    widget_of: set by the package; returns the widget of an answer and its client, or None without anywidget.
+    """
+
+    widget_of: ClassVar[Callable[[Any, Any], Any]] = staticmethod(lambda answer, farm: None)
 
     def _repr_mimebundle_(self, **asked: Any) -> Any:
-        from rayfarm.library.shown import has_widgets, show
-
         farm = getattr(self, "_farm", None)
-        if farm is None or not has_widgets():
-            return {"text/plain": repr(self)}
-        return show(self, farm=farm)._repr_mimebundle_(**asked)
+        widget = None if farm is None else type(self).widget_of(self, farm)
+        return {"text/plain": repr(self)} if widget is None else widget._repr_mimebundle_(**asked)
 
 
 @dataclass(frozen=True)
@@ -36,7 +51,7 @@ class Camera:
 
 
 @dataclass(frozen=True)
-class Scene(_ShowsItself):
+class Scene(ShownInNotebooks):
     """An uploaded scene. status: preparing, ready or failed."""
 
     id: str
@@ -125,7 +140,7 @@ class Wait:
 
 
 @dataclass(frozen=True)
-class Job(_ShowsItself):
+class Job(ShownInNotebooks):
     """A job and how far it is. state: queued, running, paused, finished, failed or cancelled."""
 
     id: str

@@ -14,6 +14,7 @@ import typer
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, EXIT_INTERRUPTED
 from rayfarm.help_pages import tidy
+from renderer import __version__
 from renderer.errors import RayfarmError
 
 __all__ = ["COMMANDS", "main"]
@@ -90,8 +91,16 @@ def _with_finite_numbers(invoke: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return checked
 
 
+def _version(wanted: bool) -> None:
+    """Prints the version and ends."""
+    if wanted:
+        print(f"rayfarm {__version__}")
+        raise typer.Exit
+
+
 def _all(
     debug: Annotated[bool, typer.Option("--debug", help="Show where in the program an error came from.")] = False,
+    version: Annotated[bool, typer.Option("--version", help="Show the version.", callback=_version, is_eager=True)] = False,
 ) -> None:
     if debug:
         os.environ["RAYFARM_DEBUG"] = "1"

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -28,6 +27,7 @@ from rayfarm.answers import Environment, Frame, Job, Scene, Worker, read, read_l
 from rayfarm.named_files import Files, by_name
 from renderer.errors import RayfarmError
 from renderer.frames import frame_text
+from renderer.variables import VariableError, value_of
 from worker.exchange.foreign import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
 from worker.exchange.trust import as_needed, trust
 
@@ -40,6 +40,7 @@ TOKEN_VARIABLE = "RAYFARM_API_TOKEN"
 
 POLL_S = 0.3
 AWAY_S = 60.0
+RETENTION_EVERY_S = 0.5  # looks how far a deletion is
 LONG = httpx.Timeout(3600.0, connect=5.0)  # for large uploads, and for answers that are sent once they are made
 ANSWER_S = 300.0  # for a whole answer in JSON, however slowly its bytes come
 MAX_PICTURE = 8 << 30
@@ -80,7 +81,11 @@ class Client:
         certificate: the one that the farm has, where the machine does not trust it by itself; $RAYFARM_TLS_CERT unless told.
         """
         self.url = url.rstrip("/") if "://" in url else f"http://{url.rstrip('/')}"
-        token = os.environ.get(TOKEN_VARIABLE, "") if token is None else token
+        if token is None:
+            try:
+                token = value_of(TOKEN_VARIABLE)
+            except VariableError as error:
+                raise ClientError(str(error)) from error
         if not (token.isascii() and token.isprintable()):
             raise ClientError(f"The token has characters that no token has. Look at {TOKEN_VARIABLE}.")
         try:
@@ -254,12 +259,25 @@ class Client:
         """The farm's workers, by name."""
         return self._list(Worker, "/api/workers")
 
-    def let_go(self, dry_run: bool = True, **rules: Any) -> dict[str, Any]:
+    def let_go(
+        self, dry_run: bool = True, progress: Callable[[int, int | None], None] = lambda done, planned: None, **rules: Any
+    ) -> dict[str, Any]:
         """What the farm lets go by rules: films_days, films_bytes, compiled_days, uploads_days; by its own where none is given.
 
-        farm.let_go(films_days=30)["bytes"]  # only told; dry_run=False does it
+        farm.let_go(films_days=30)["bytes"]  # only told; dry_run=False does it, and waits until it is done
+        progress: called with the items that are done and, once it is known, how many there are.
         """
-        answer = self._send("POST", "/api/retention", json={"dry_run": dry_run, **rules}, timeout=LONG)
+        data = self._retention("POST", json={"dry_run": dry_run, **rules})
+        while data.get("state") == "running":
+            progress(int(data["done"]), data["planned"])
+            time.sleep(RETENTION_EVERY_S)
+            data = self._retention("GET")
+        if data.get("state") in ("failed", "stopped"):
+            raise ClientError(data.get("error") or "The service has ended before all was deleted. Try again.")
+        return data
+
+    def _retention(self, method: str, **options: Any) -> dict[str, Any]:
+        answer = self._send(method, "/api/retention", timeout=LONG, **options)
         data = self._data(answer)
         if not isinstance(data, dict) or not isinstance(data.get("items"), list):
             raise self._other(answer)

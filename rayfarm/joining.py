@@ -9,10 +9,10 @@ import os
 import time
 from pathlib import Path
 
-from rayfarm import early
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
 from rayfarm.machine import StopSignals
+from renderer.variables import value_of
 from worker.exchange.foreign import is_address
 
 __all__ = ["farm_address", "run", "shown_token"]
@@ -38,7 +38,7 @@ def shown_token(who: str, token: str, token_file: Path | None) -> str:
             token = token_file.expanduser().read_text().strip()
         except UnicodeDecodeError:
             raise CommandError(f"{token_file} is no file with a token: it is no text.") from None
-    token = token or os.environ.get("RAYFARM_TOKEN", "")
+    token = token or value_of("RAYFARM_TOKEN")
     if not token:
         raise CommandError(
             f"{who} shows the farm's token. Set RAYFARM_TOKEN to it, or write it into a file and give --token-file; "
@@ -61,8 +61,6 @@ def run(name: str, command: list[str], token: str, sentence: str, grace_s: float
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
         log.touch()  # the supervisor starts a part without a log that can be written
-        if name == "worker":
-            part.spare = early.told(command[3:], {**os.environ, **env}, log)
         supervisor.start(part)
     except OSError as error:
         raise CommandError(
@@ -93,6 +91,8 @@ def _follow(log: Path, shown: int) -> int:
     """Show what the log has beyond `shown` bytes; how much is shown then."""
     try:
         with log.open("rb") as file:
+            if file.seek(0, os.SEEK_END) < shown:
+                shown = 0  # the supervisor has emptied it
             file.seek(shown)
             text = file.read()
     except OSError:

@@ -7,6 +7,8 @@ import os
 from pathlib import Path
 
 from rayfarm.client import TOKEN_VARIABLE, Client
+from renderer.variables import value_of
+from worker.exchange.foreign import is_here
 
 __all__ = ["farm_client", "link_of", "owner_token", "public_url", "server_url"]
 
@@ -31,7 +33,7 @@ def farm_client(server: str | None) -> Client:
     from rayfarm.local.state import running_farm
     from service.places import default_data_folder
 
-    url, told = server_url(server), os.environ.get(TOKEN_VARIABLE)
+    url, told = server_url(server), value_of(TOKEN_VARIABLE)
     here = running_farm(default_data_folder())
     if here is None or here.url != url.rstrip("/"):
         return Client(url)
@@ -43,7 +45,7 @@ def owner_token(data: Path) -> str:
     be read."""
     from service.settings import OWNER_TOKEN
 
-    if told := os.environ.get("RAYFARM_OWNER_TOKEN"):
+    if told := value_of("RAYFARM_OWNER_TOKEN"):
         return told
     with contextlib.suppress(OSError):
         return (data / OWNER_TOKEN).read_text().strip()
@@ -51,12 +53,17 @@ def owner_token(data: Path) -> str:
 
 
 def public_url(url: str) -> str:
-    """How other machines reach the farm at an address, where that is the one that runs here."""
+    """How other machines reach the farm at an address, where that is the one that runs here, or in this container."""
     from rayfarm.local.state import running_farm
     from service.places import default_data_folder
+    from service.settings import Settings
 
     here = running_farm(default_data_folder())
-    return here.public_url if here is not None and here.url == url and here.public_url else url
+    if here is not None and here.url == url and here.public_url:
+        return here.public_url
+    if any(os.environ.get(name) for name in ("RAYFARM_PUBLIC_URL", "RAYFARM_PUBLISHED")) and is_here(url):
+        return Settings.read().page_url
+    return url
 
 
 def link_of(url: str, code: str) -> str:

@@ -6,15 +6,18 @@ import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rayfarm.stage import Stage
 from renderer.confine.reader import Link, told
 from renderer.errors import RayfarmError
+from renderer.image.read import read as read_image
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
-from renderer.scene.load import Shot
+from renderer.scene.load import Shot, read
 from renderer.scene.parts import Saver
 
-__all__ = ["describe", "serve"]
+__all__ = ["describe", "differences", "picture", "serve", "usd_names"]
 
 IDLE_S = 86400.0  # a caller that is gone ends this process at once
 
@@ -54,3 +57,30 @@ def describe(folder: bytes, main: bytes, link: Link) -> dict[str, Any]:
     description = shot.at(Moment(shot.start))
     link.send({"step": "building"})
     return {"name": description.name, "main": os.fsdecode(main), **summarise(description, compile_scene(description))}
+
+
+def differences(folder: bytes, main: bytes, other: str, link: Link) -> dict[str, Any]:
+    """Why another renderer's picture of a scene differs, as `sentences`. other: its name."""
+    from rayfarm.unlike import known_differences
+
+    return {"sentences": known_differences(read(Path(os.fsdecode(folder)), os.fsdecode(main)), other)}
+
+
+def picture(image: bytes, name: str, pixels: bytes, link: Link) -> dict[str, Any]:
+    """Writes the pixels of an image file into the file `pixels`; their `shape` and `dtype`."""
+    found = np.ascontiguousarray(read_image(Path(os.fsdecode(image)).read_bytes(), name))
+    found.tofile(os.fsdecode(pixels))
+    return {"shape": list(found.shape), "dtype": found.dtype.str}
+
+
+def usd_names(layer: bytes, link: Link) -> dict[str, Any]:
+    """The files that a USD layer refers to, as `names`; none without USD, or where the layer is damaged."""
+    try:
+        from pxr import Tf, UsdUtils
+    except ImportError:
+        return {"names": []}
+    try:
+        found = UsdUtils.ExtractExternalReferences(os.fsdecode(layer))
+    except Tf.ErrorException:
+        return {"names": []}
+    return {"names": [str(name) for names in found for name in names]}

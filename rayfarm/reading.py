@@ -13,21 +13,18 @@ from typing import TYPE_CHECKING, Any
 
 from rayfarm.options import Env
 from rayfarm.preloaded import PRELOAD
+from rayfarm.reading_files import bounds_of
 from rayfarm.scene_files import opened
-from renderer.confine.limits import available_memory
+from renderer.blender.opening import calls_of_reader
 from renderer.confine.place import temporary_folder
-from renderer.confine.running import Bounds, Reader, error_of, run
-from renderer.errors import SceneError, SettingsError
+from renderer.confine.running import Reader, error_of, run
+from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 
 if TYPE_CHECKING:
     from renderer.scene.compiled import CompiledScene
 
-__all__ = ["SECONDS", "ReadStage", "bounds_of", "describe", "open_stage"]
-
-SECONDS = "RAYFARM_READ_SECONDS"
-_SECONDS = 600.0
-_LEAST_MEMORY = 1 << 30
+__all__ = ["ReadStage", "describe", "known_differences", "open_stage"]
 
 Say = Callable[[str], None]
 
@@ -96,7 +93,7 @@ class ReadStage:
 
         work = partial(serve, *_encoded(scene), os.fsencode(room / "out"), dict(self._options))
         writes = [room / "temporary", room / "out"]
-        return Reader(work, [scene.folder], writes, self.bounds, PRELOAD, _calls(scene, room / "temporary"))
+        return Reader(work, [scene.folder], writes, self.bounds, PRELOAD, calls_of_reader(scene.folder, room / "temporary"))
 
     def close(self) -> None:
         """Ends the process."""
@@ -144,41 +141,23 @@ def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None
     with opened(scene, root=root) as (folder, main, _), temporary_folder("rayfarm-read-") as room:
         found = _Scene(folder.resolve(), main, None)
         job = partial(work, *_encoded(found)[:2])
-        calls = _calls(found, room)
+        calls = calls_of_reader(found.folder, room)
         return run(job, [found.folder], [room], bounds_of(main), lambda message: say(str(message["step"])), PRELOAD, calls)
 
 
-def bounds_of(subject: str) -> Bounds:
-    """Returns a reader's limits of memory and time on this machine. Raises SettingsError if $RAYFARM_READ_SECONDS is no time."""
-    try:
-        seconds = float(os.environ.get(SECONDS) or _SECONDS)
-        if not 0 < seconds < 1e7:
-            raise ValueError
-    except ValueError:
-        raise SettingsError(f"{SECONDS} is {os.environ[SECONDS]!r}; it takes a number of seconds, such as 1800") from None
-    memory = max(available_memory() * 9 // 10, _LEAST_MEMORY)
-    return Bounds(memory, seconds, subject, longer=f"Make it smaller, or set {SECONDS} to a longer time.")
+def known_differences(scene: Path, other: str) -> list[str]:
+    """Why another renderer's picture of a scene differs from Rayfarm's. Raises RayfarmError."""
+    from rayfarm.read import differences
+
+    with temporary_folder("rayfarm-read-") as room:
+        job = partial(differences, os.fsencode(scene.parent.resolve()), os.fsencode(scene.name), other)
+        found = run(job, [scene.parent.resolve()], [room], bounds_of(scene.name), preload=PRELOAD)
+    return [str(each) for each in found["sentences"]]
 
 
 def _encoded(scene: _Scene) -> tuple[bytes, bytes, bytes | None]:
     """Names as bytes: the reader's encoding may be another than this process's."""
     return os.fsencode(scene.folder), os.fsencode(scene.main), None if scene.inside is None else os.fsencode(scene.inside)
-
-
-def _calls(scene: _Scene, room: Path) -> dict[str, Callable[..., Any]]:
-    """Functions of this process that the reader may call: `blender`, since a reader starts no programs and Blender is
-    confined by itself."""
-
-    def blender(name: str, out: str) -> str:
-        from renderer.scene.readers.blend import open_in_blender
-
-        path = (scene.folder / name).resolve()
-        folder = Path(out).resolve()
-        if not path.is_relative_to(scene.folder) or not folder.is_relative_to(room.resolve()):
-            raise SceneError(f"{name}: is not among the scene's files")
-        return open_in_blender(scene.folder, name, folder)
-
-    return {"blender": blender}
 
 
 def _loaded(room: Path, manifest: str) -> CompiledScene:

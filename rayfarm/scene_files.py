@@ -186,14 +186,9 @@ def _text(path: Path) -> bytes:
     data = path.read_bytes()
     if not data.startswith(b"PXR-USDC"):
         return data
-    try:
-        from pxr import Tf, UsdUtils
-    except ImportError:
-        return data
-    try:
-        return "\n".join(name for names in UsdUtils.ExtractExternalReferences(str(path)) for name in names).encode()
-    except Tf.ErrorException:  # damaged: who reads it says so
-        return data
+    from rayfarm.reading_files import usd_names
+
+    return "\n".join(usd_names(path)).encode() or data
 
 
 def _names(text: bytes, name: str) -> bool:

@@ -10,6 +10,8 @@ Knows numpy, numba and files; nothing of queues, HTTP or jobs. The folders, in t
     film.py   the exact sums: channels, fixed point, sample bookkeeping (plain numpy: the service merges with it)
     image/    picture files and tone curves (plain numpy)
     render.py the whole way in one process
+    precompile.py, shipped_kernels.py
+              kernels that an image of containers brings
 
 This module imports nothing, so that `renderer.film` and `renderer.image` can be used where numba is not installed.
 """

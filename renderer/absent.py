@@ -11,17 +11,14 @@ from typing import Any
 
 from numba.core import ir, types
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
-from numba.core.compiler_lock import global_compiler_lock
-from numba.core.compiler_machinery import FunctionPass, PassManager, _pass_registry, register_pass
+from numba.core.compiler_machinery import FunctionPass, register_pass
 from numba.core.ir_utils import get_definition, guard
-from numba.core.typed_passes import IRLegalization, NopythonTypeInference
-from numba.core.untyped_passes import InlineClosureLikes, InlineInlinables
+from numba.core.typed_passes import AnnotateTypes, IRLegalization, NopythonRewrites
+from numba.core.untyped_passes import InlineInlinables
 from numba.extending import intrinsic
 
-from renderer.left_out import LEFT_OUT, InlineClosures, Legalize
 from renderer.linking import ChooseLibrary
 from renderer.reference import Reference
-from renderer.typed_before import TypeOnce
 
 __all__ = ["Compiler", "where_present"]
 
@@ -49,40 +46,20 @@ class KnowWhatIsAbsent(FunctionPass):
         return found
 
 
-class _Steps(PassManager):
-    """Numba's, which tells nobody of each step: to describe twenty for each of four hundred functions takes a twentieth of the
-    time.
-    """
-
-    @global_compiler_lock
-    def run(self, state: Any) -> None:
-        """All of them, in their order."""
-        for kind, _ in self.passes:
-            step = _pass_registry.get(kind).pass_inst
-            step.analysis = self._analysis
-            step.run_initialization(state)
-            step.run_pass(state)
-            step.run_finalizer(state)
-
-
 class Compiler(CompilerBase):
-    """Numba's own, with that step after the templates are written into their callers, and before branches are pruned; operations
-    are typed once, and steps are left out that find nothing.
+    """Numba's pipeline for functions without Python objects, with KnowWhatIsAbsent after templates are written into their callers
+    and before branches are pruned. Two steps are left out: annotations, which nothing reads, and the search for sums of whole
+    arrays, which kernels do not have.
     """
 
     def define_pipelines(self) -> list[Any]:
-        """The steps of one way to compile."""
-        steps = _Steps("nopython")
-        own = {NopythonTypeInference: TypeOnce, InlineClosureLikes: InlineClosures, IRLegalization: Legalize}
-        steps.passes = [
-            (own.get(step, step), said)
-            for step, said in DefaultPassBuilder.define_nopython_pipeline(self.state).passes
-            if step not in LEFT_OUT
-        ]
-        steps.add_pass_after(KnowWhatIsAbsent, InlineInlinables)
-        steps.add_pass_after(ChooseLibrary, Legalize)
-        steps.finalize()
-        return [steps]
+        """Returns the only way to compile."""
+        pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        pipeline.passes = [each for each in pipeline.passes if each[0] not in (AnnotateTypes, NopythonRewrites)]
+        pipeline.add_pass_after(KnowWhatIsAbsent, InlineInlinables)
+        pipeline.add_pass_after(ChooseLibrary, IRLegalization)
+        pipeline.finalize()
+        return [pipeline]
 
 
 @intrinsic

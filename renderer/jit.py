@@ -1,9 +1,6 @@
-"""The one owner of every compiler option, of the machine that kernels are compiled for, and of the folder that keeps them.
+"""The one owner of every compiler option, and of the folder that keeps kernels.
 
-Import this before numba: it pins the target. A film adds up samples of many hosts and must not depend on which, so all Intel and
-AMD hosts are one kind (`kind`): they compile for x86-64-v3, or, where the processor has it, for AVX-512, whose more registers,
-masks and byte operations give the same bits sooner (tests/renderer/test_same_bits.py). ARM hosts compile for their own baseline
-and are a kind of their own, whose films never mix with the others'.
+Kernels have a compile target of their own (renderer/target.py): importing this changes nothing for other users of Numba.
 """
 
 from __future__ import annotations
@@ -14,24 +11,29 @@ import functools
 import gc
 import hashlib
 import os
-import platform
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from importlib.metadata import version
 from pathlib import Path
-from typing import IO, Any, ClassVar
+from typing import IO, Any
 
-import llvmlite.binding as llvm  # which has nothing of Numba's options
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
 
-from renderer import __version__, sources
+from renderer import __version__, cpu, sources
+from renderer.absent import Compiler
+from renderer.cpu import HAS_AVX512, TARGET
+from renderer.linking import stay_apart
+from renderer.machine_code import MachineCode, noted
 from renderer.places import make_private, private_folder
-from renderer.without import without
+from renderer.target import KernelDispatcher
 
 __all__ = [
     "HAS_AVX512",
     "TARGET",
-    "KeptByMeaning",
     "builder",
     "cache_folder",
     "compiling",
@@ -48,41 +50,14 @@ __all__ = [
 ]
 
 COMPILE_PATIENCE_S = 300.0
-_X86 = ("x86_64", "amd64")
-_ARM = ("aarch64", "arm64")
-_V3 = ("avx2", "fma", "bmi", "bmi2", "lzcnt", "movbe", "f16c")
-_AVX512 = ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl", "avx512vbmi", "gfni")
-
-
-def _target() -> tuple[str, str, str]:
-    """This host's target: its name in a kind, LLVM's name of the CPU, and what that is to use beyond.
-
-    AVX-512 as Intel has it since Ice Lake and AMD since Zen 4, unless $RAYFARM_AVX512 is false: processors before these slow down
-    for it.
-    """
-    machine = platform.machine().lower()
-    if machine not in _X86:
-        return ("aarch64" if machine in _ARM else machine), "generic", ""
-    has = llvm.get_host_cpu_features()
-    if lacks := [name for name in _V3 if not has.get(name)]:
-        raise RuntimeError(
-            f"This processor lacks {', '.join(lacks)}. Rayfarm's kernels need x86-64-v3: Intel since 2013, AMD since 2017."
-        )
-    wanted = os.environ.get("RAYFARM_AVX512", "true").lower() not in ("false", "0", "no", "off")
-    if wanted and all(has.get(name) for name in _AVX512):
-        return "x86-64-v3", "x86-64-v4", "+avx512vbmi,+gfni"
-    return "x86-64-v3", "x86-64-v3", ""
-
-
-TARGET, _CPU, _MORE = _target()
-HAS_AVX512 = _CPU == "x86-64-v4"
 
 
 def _meaning(name: str, parts: Iterable[str]) -> str:
-    """What these sources mean: kept beside the files that Python compiles them to, so that no new cache has to find it."""
-    beside = sources.ROOT / "__pycache__"
-    folder = beside if os.access(beside, os.W_OK) else private_folder("sources")
-    return sources.kept_meaning(sources.files_of(parts), folder / f"{name}.meaning")
+    """What these sources mean: kept beside the files that Python compiles them to, so that no new cache has to find it; also
+    where another user has kept it there for all, as an image does."""
+    beside, file = sources.ROOT / "__pycache__", f"{name}.meaning"
+    folder = beside if os.access(beside, os.W_OK) or (beside / file).is_file() else private_folder("sources")
+    return sources.kept_meaning(sources.files_of(parts), folder / file)
 
 
 def _hash(*parts: str) -> str:
@@ -91,7 +66,7 @@ def _hash(*parts: str) -> str:
 
 
 _MEANING = _meaning("machine-code", sources.MACHINE_CODE)
-_MACHINE_CODE = _hash(_MEANING, _CPU, _MORE)
+_MACHINE_CODE = _hash(_MEANING, cpu.NAME, cpu.FEATURES)
 
 
 @functools.cache
@@ -115,76 +90,11 @@ def cache_folder() -> Path:
     return private_folder(f"kernels/{_MACHINE_CODE[:16]}")
 
 
-def _configure() -> None:
-    settings = {
-        "NUMBA_CPU_NAME": _CPU,
-        "NUMBA_CPU_FEATURES": _MORE,
-        "NUMBA_CACHE_DIR": str(cache_folder()),
-        "NUMBA_CACHE_LOCATOR_CLASSES": "renderer.jit.KeptByMeaning,UserProvidedCacheLocator",
-        # What is to be SIMD here says so itself. LLVM's own search for it, and its third level of optimisation, take a fifth of
-        # the time that a cold kernel takes, and make none faster (measured).
-        "NUMBA_LOOP_VECTORIZE": "0",
-        "NUMBA_OPT": "2",
-    }
-    os.environ.update(settings)
-    if "numba" in sys.modules:  # too late for the environment, in time for what is compiled from here on
-        from numba.core import config
-
-        config.reload_config()
-
-
-_configure()
-
-from llvmlite import ir  # noqa: E402
-
-with without("scipy"):
-    from numba import njit, types
-from numba.core import cgutils  # noqa: E402
-from numba.core.caching import UserProvidedCacheLocator  # noqa: E402
-from numba.extending import intrinsic  # noqa: E402
-from numba.np.arrayobj import populate_array  # noqa: E402
-
-import renderer.quicker  # noqa: E402
-import renderer.unasked  # noqa: E402, F401
-from renderer.absent import Compiler  # noqa: E402
-from renderer.linking import stay_apart  # noqa: E402
-from renderer.machine_code import Kept, noted  # noqa: E402
-
 # No nnan/ninf: they delete the NaN checks that the film relies on. No arcp/afn: they let LLVM use rcpps and rsqrtps, whose
 # low bits differ between Intel and AMD. `contract` forms fused multiply-adds, which every target of ours has.
 _FASTMATH = {"contract", "nsz"}
 
 Function = Callable[..., Any]
-
-
-class KeptByMeaning(UserProvidedCacheLocator):
-    """Where Numba keeps what is compiled from our sources: by their meaning alone (renderer/sources.py), which is in the folder's
-    name. Neither a comment nor another checkout compiles anything anew; a file's age says nothing.
-
-    Functions that are not ours, those of tests, are left to the next locator.
-    """
-
-    _of_modules: ClassVar[dict[tuple[str, str | None], KeptByMeaning | None]] = {}
-
-    def __init__(self, py_func: Any, py_file: str) -> None:
-        self._name = Path(py_file).relative_to(sources.ROOT).with_suffix("").as_posix().replace("/", ".")
-        self._cache_path = str(cache_folder() / self._name)
-
-    def get_source_stamp(self) -> str:
-        """The same for all that lies in the folder."""
-        return _MACHINE_CODE
-
-    def get_disambiguator(self) -> str:
-        """Names in a module of ours are unique."""
-        return "1"
-
-    @classmethod
-    def from_function(cls, py_func: Any, py_file: str) -> KeptByMeaning | None:
-        """The locator, or None for a function that is not ours."""
-        key = py_file, os.environ.get("RAYFARM_CACHE")
-        if key not in cls._of_modules:  # looked for once for all functions of a module
-            cls._of_modules[key] = cls(py_func, py_file) if Path(py_file).is_relative_to(sources.ROOT) else None
-        return cls._of_modules[key]
 
 
 @intrinsic
@@ -232,10 +142,9 @@ def _compiled(function: Function, *, heap: bool, inline: bool, from_python: bool
         # To take arguments from Python, a scene's forty arrays above all, costs two fifths of the compiler's time (measured).
         "no_cpython_wrapper": not from_python,
         "no_cfunc_wrapper": True,
-        "pipeline_class": Compiler,
     }
-    made = njit(**options)(function)
-    made._cache = Kept(function, from_python)
+    made = KernelDispatcher(function, targetoptions={"nopython": True, "boundscheck": None, **options}, pipeline_class=Compiler)
+    made.keep_in(MachineCode(function, cache_folder, _MACHINE_CODE, is_kernel=from_python))
     return made
 
 
@@ -269,7 +178,9 @@ def template(function: Function) -> Function:
     For the largest: nothing of them is compiled twice, arguments may be kernels, and what depends on an argument that is
     None is left out where it is.
     """
-    return njit(inline="always", pipeline_class=Compiler)(function)
+    return KernelDispatcher(
+        function, targetoptions={"nopython": True, "boundscheck": None, "inline": "always"}, pipeline_class=Compiler
+    )
 
 
 def subroutine(function: Function) -> Function:

@@ -157,10 +157,8 @@ _KEPT: dict[str, type[_Kernel]] = {_PART: _Part, _KERNEL: _Kernel}
 
 
 def rebuilt(context: Any, kept: Any) -> Any:
-    """A function, as Numba knows it, out of what was kept of it; None of one that is not ours."""
+    """A function, as Numba knows it, out of what was kept of it."""
     (name, kind, code), descriptor, environment, signature, objectmode, lifted, annotation, reload_init, environments = kept
-    if kind not in _KEPT:
-        return None
     for function in reload_init:
         function()
     library = _KEPT[kind].kept(context.codegen(), name, code)

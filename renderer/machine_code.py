@@ -7,21 +7,24 @@ entries there, and what two machines compiled cannot be laid in one folder: here
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
+import inspect
 import os
 import pickle
+import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.serialize import dumps
 
 from renderer.linking import rebuilt
 from renderer.places import distrust, make_private, read_private
+from renderer.sources import ROOT
 
-__all__ = ["SUFFIX", "Kept", "noted"]
+__all__ = ["SUFFIX", "MachineCode", "noted"]
 
 SUFFIX = ".code"
 
@@ -44,26 +47,58 @@ def noted() -> Iterator[set[Path]]:
         _noted = None
 
 
-class _Results(CompileResultCacheImpl):
-    """Numba's, but for the functions that only others of ours call."""
+class MachineCode:
+    """The cache of one function, as Numba's dispatchers use it: machine code, or what only its callers link.
 
-    def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """The function, out of what was kept of it."""
-        return rebuilt(target_context, payload) or super().rebuild(target_context, payload)
-
-
-class Kept(FunctionCache):
-    """A function's machine code. Numba's, but for the files.
-
-    is_kernel: whether Python calls it, so that it is `noted`.
+    folder: returns where kernels are kept; asked at the first use. stamp: what decides machine code besides the function's byte
+    code, its signature and the target. is_kernel: whether Python calls it, so that it is `noted`.
     """
 
-    _impl_class = _Results
+    def __init__(self, function: Any, folder: Callable[[], Path], stamp: str, is_kernel: bool) -> None:
+        self._function = function
+        self._folder = folder
+        self._stamp = stamp
+        self._is_kernel = is_kernel
 
-    def __init__(self, function: Any, is_kernel: bool) -> None:
-        super().__init__(function)
-        stamp = self._impl.locator.get_source_stamp()
-        self._cache_file = _Files(Path(self.cache_path), self._impl.filename_base, stamp, is_kernel)
+    @property
+    def cache_path(self) -> str:
+        """The folder of the function's files."""
+        return str(self._files.folder)
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """Returns the function compiled for a signature, None where it is not there."""
+        context.refresh()  # it may not know yet of what the machine code is linked with
+        kept = self._files.load(self._key(signature, context.codegen()))
+        return None if kept is None else rebuilt(context, kept)
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Keeps a compiled function, unless its code holds addresses of this process."""
+        if result.library.has_dynamic_globals:
+            return
+        self._files.save(self._key(signature, result.codegen), result._reduce())
+
+    def flush(self) -> None:
+        """Removes the function's files."""
+        self._files.flush()
+
+    @functools.cached_property
+    def _files(self) -> _Files:
+        path = Path(inspect.getfile(self._function))
+        python = f"py{sys.version_info[0]}{sys.version_info[1]}"
+        name = f"{path.stem}.{self._function.__qualname__}".replace("<", "").replace(">", "")
+        if path.is_relative_to(ROOT):  # all that it depends on is in the folder's name, and its name is unique in its module
+            module = path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
+            return _Files(self._folder() / module, f"{name}-1.{python}", self._stamp, self._is_kernel)
+        status = path.stat()
+        folder = hashlib.sha256(str(path.parent).encode()).hexdigest()[:16]
+        stem = f"{name}-{self._function.__code__.co_firstlineno}.{python}"
+        return _Files(self._folder() / f"{path.parent.name}_{folder}", stem, (status.st_mtime, status.st_size), self._is_kernel)
+
+    def _key(self, signature: Any, codegen: Any) -> tuple[Any, Any, Any]:
+        closure = self._function.__closure__
+        cells = dumps(tuple(cell.cell_contents for cell in closure)) if closure is not None else b""
+        hashes = (hashlib.sha256(part).hexdigest() for part in (self._function.__code__.co_code, cells))
+        return signature, codegen.magic_tuple(), tuple(hashes)
 
 
 class _Files:
@@ -73,7 +108,7 @@ class _Files:
     """
 
     def __init__(self, folder: Path, stem: str, stamp: Any, is_kernel: bool = True) -> None:
-        self._folder = folder
+        self.folder = folder
         self._stem = stem
         self._stamp = stamp
         self._is_kernel = is_kernel
@@ -82,8 +117,8 @@ class _Files:
         """Keep it, whole or not at all: where it cannot be written, the next process compiles it again."""
         path = self._path(key)
         try:
-            make_private(self._folder)
-            if distrust(self._folder.stat()):
+            make_private(self.folder)
+            if distrust(self.folder.stat()):
                 return
         except OSError:
             return
@@ -116,13 +151,13 @@ class _Files:
 
     def flush(self) -> None:
         """Forget what is kept of this function."""
-        for path in self._folder.glob(f"{self._stem}.*{SUFFIX}"):
+        for path in self.folder.glob(f"{self._stem}.*{SUFFIX}"):
             path.unlink(missing_ok=True)
 
     def _path(self, key: Any) -> Path:
         signature, *rest = key
         name = hashlib.sha256(repr(([str(t) for t in signature], rest, self._stamp)).encode()).hexdigest()
-        return self._folder / f"{self._stem}.{name[:16]}{SUFFIX}"
+        return self.folder / f"{self._stem}.{name[:16]}{SUFFIX}"
 
     def _note(self, path: Path) -> None:
         if _noted is not None and self._is_kernel:

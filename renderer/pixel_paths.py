@@ -32,6 +32,7 @@ MODELS = {
     rows.BLINN_PHONG: "blinn-phong",
     rows.UNLIT: "unlit",
     rows.LAYERED: "layered",
+    rows.PLASTIC: "plastic",
 }
 
 

@@ -23,12 +23,9 @@ ROOT = Path(__file__).parent
 # What kernels are compiled from (folders with all that is in them). tests/renderer/test_sources.py holds that nothing else is.
 MACHINE_CODE = (
     "jit.py",
+    "target.py",
+    "cpu.py",
     "absent.py",
-    "left_out.py",
-    "quicker.py",
-    "typed_before.py",
-    "unasked.py",
-    "without.py",
     "linking.py",
     "machine_code.py",
     "reference.py",
@@ -61,6 +58,7 @@ ARRAYS = (
     "image/kinds.py",
     "image/openimageio.py",
     "image/read.py",
+    "image/unread.py",
     "image/tonemap.py",
 )
 

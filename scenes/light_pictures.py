@@ -11,7 +11,7 @@ from renderer.presets import PRESETS
 from renderer.scene.description import Environment, SceneDescription, Sky
 from renderer.scene.presets import light_by_name
 from renderer.scene.sky import image_of_sky, sun_of_sky
-from worker.work.environments import small_picture
+from worker.reading.environments import small_picture
 
 FOLDER = Path(__file__).parent.parent / "service" / "light_pictures"
 WIDTH = 160

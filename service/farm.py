@@ -18,6 +18,7 @@ from starlette.requests import HTTPConnection
 
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
+from renderer.variables import VariableError
 from service.access.access import Access
 from service.access.quotas import Limits, Quotas
 from service.access.redis_users import RedisUsers
@@ -43,8 +44,8 @@ from service.store.garbage import Garbage
 from service.store.kernels import KernelStore
 from service.store.models import FINAL, Job, Scene
 from service.store.reserve import Reserve
-from service.viewing.desk import Desk
 from service.viewing.explaining import Explaining
+from service.viewing.view_scheduler import ViewScheduler
 from service.watching.broadcast import Broadcast
 from service.watching.pool import Pool
 from service.watching.shared import Shared
@@ -103,7 +104,7 @@ class Farm:
             *(self.broadcast.tell, self.broadcast.tell_tiles, self._let_go),
             suspect=lambda job: self.patrol.suspect(job),
             guard=self.owning.guard,
-            is_watched=lambda: self.desk.is_watched,
+            is_watched=lambda: self.views.is_watched,
         )
         self.engine.trust.report = lambda worker, told: self._in_background(lambda: self.outbox.set_aside(worker, told))
         self.doubts = Doubts(self.sessions, self.films, self.changed)
@@ -117,7 +118,7 @@ class Farm:
             return self.engine.snapshot.roster
 
         self.reuse = Reuse(self.sessions, self.films, roster, settings.data, settings.min_free_bytes)
-        self.desk = Desk(settings, roster, self.engine.prepare, self._let_go)
+        self.views = ViewScheduler(settings, roster, self.engine.prepare, self._let_go)
         self.explaining = Explaining(settings, roster)
 
     def start(self, loop: asyncio.AbstractEventLoop, on_lost: Callable[[], None] = lambda: None) -> None:
@@ -131,7 +132,7 @@ class Farm:
             log.warning("what nobody needs stays for now: %s", error)
         self.engine.start()
         self.redis_users.start()
-        self.desk.start()
+        self.views.start()
         self.outbox.start()
         self.frame_changes.start()
         self.patrol.start()
@@ -148,7 +149,7 @@ class Farm:
         self.patrol.stop()
         self.doubts.stop()
         self.retention.stop()
-        self.desk.stop()
+        self.views.stop()
         self.explaining.stop()
         self.engine.stop()
         self._inherited.cancel()
@@ -203,7 +204,10 @@ def open_blobs(settings: Settings) -> BlobStore:
         from service.store.s3 import S3Blobs
     except ImportError as error:
         raise CannotStart("RAYFARM_BLOBS needs obstore. Install it: pip install 'rayfarm[s3]'.") from error
-    return S3Blobs(settings.blobs, temporary)
+    try:
+        return S3Blobs(settings.blobs, temporary)
+    except VariableError as error:
+        raise CannotStart(str(error)) from error
 
 
 async def get_farm(connection: HTTPConnection) -> Farm:

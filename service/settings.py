@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import contextlib
 import ipaddress
+import os
 import re
 import secrets
 import socket
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError, field_validator
-from pydantic_settings import BaseSettings, SettingsConfigDict, SettingsError
+from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic.fields import FieldInfo
+from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict, SettingsError
 
+from renderer.variables import FILE, VariableError, value_of
 from service.errors import CannotStart
 from service.hooks.signing import key_of, new_secret
 from service.places import default_data_folder, shipped, sqlite_url
 from service.store.whole import PRIVATE_FOLDER, write_once, write_whole
-from worker.exchange.redis_tls import as_told, trusting
+from worker.exchange.redis_tls import as_told, trusting, with_password
 
 __all__ = ["OWNER_TOKEN", "Settings", "is_address"]
 
@@ -35,6 +38,7 @@ class Settings(BaseSettings):
 
     data: Path = Field(default_factory=default_data_folder)
     redis_url: str = "redis://127.0.0.1:6379/0"
+    redis_password: str = ""  # Redis's, where the address has none
     public_redis_url: str = ""  # what joining workers are told, where it differs from the service's own
     database_url: str = ""  # SQLite in the data folder where empty
     blobs: str = ""  # s3://bucket/prefix: uploads and compiled scenes are kept there; in the data folder where empty
@@ -51,8 +55,7 @@ class Settings(BaseSettings):
     print_link: bool = False  # to standard output, at the start: the one that lets the owner in
     oidc_discovery: str = ""  # https://.../.well-known/openid-configuration of a provider that lets people in; empty: none
     oidc_client: str = ""  # its id for this farm, and
-    oidc_secret: str = ""  # what it knows it by, or
-    oidc_secret_file: Path | None = None  # a file with that
+    oidc_secret: str = ""  # what it knows it by
     oidc_name: str = ""  # what people call the provider
     oidc_scopes: str = "openid profile email"
     oidc_name_claim: str = "preferred_username"
@@ -110,10 +113,24 @@ class Settings(BaseSettings):
     live_bytes: int = 128 * MIB  # of memory, for tiles on their way to those who watch jobs
 
     @classmethod
+    def settings_customise_sources(
+        cls,
+        settings_cls: type[BaseSettings],
+        init_settings: PydanticBaseSettingsSource,
+        env_settings: PydanticBaseSettingsSource,
+        dotenv_settings: PydanticBaseSettingsSource,
+        file_secret_settings: PydanticBaseSettingsSource,
+    ) -> tuple[PydanticBaseSettingsSource, ...]:
+        """What is given, then the environment, then files that the environment names."""
+        return init_settings, env_settings, _Files(settings_cls)
+
+    @classmethod
     def read(cls, **given: Any) -> Settings:
         """As the environment has them, but for what is given. Raises CannotStart for what makes no sense."""
         try:
             return cls(**given)
+        except VariableError as error:
+            raise CannotStart(str(error)) from error
         except ValidationError as error:
             first = error.errors()[0]
             name, why = str(first["loc"][0]), first["msg"].removeprefix("Value error, ")
@@ -130,6 +147,14 @@ class Settings(BaseSettings):
     @classmethod
     def _over_tls(cls, value: str) -> str:
         return trusting(value)
+
+    @model_validator(mode="after")
+    def _with_redis_password(self) -> Settings:
+        if self.redis_password:
+            self.redis_url = with_password(self.redis_url, self.redis_password)
+            if self.public_redis_url:
+                self.public_redis_url = with_password(self.public_redis_url, self.redis_password)
+        return self
 
     @field_validator("blobs")
     @classmethod
@@ -247,6 +272,24 @@ class Settings(BaseSettings):
     def instance(self) -> str:
         """The random id by which a worker recognises that it sees this very data folder."""
         return _kept(self.data / "instance")
+
+
+class _Files(PydanticBaseSettingsSource):
+    """Values from files: RAYFARM_NAME_FILE names the file with the value of RAYFARM_NAME, any setting. Raises VariableError."""
+
+    def get_field_value(self, field: FieldInfo, field_name: str) -> tuple[Any, str, bool]:
+        """Returns the file's content, None where none is named or the variable itself is set."""
+        name = f"RAYFARM_{field_name.upper()}"
+        return (value_of(name) or None) if os.environ.get(name + FILE) else None, field_name, False
+
+    def __call__(self) -> dict[str, Any]:
+        """Returns the values by the names of the fields."""
+        values: dict[str, Any] = {}
+        for name, field in self.settings_cls.model_fields.items():
+            value, key, is_complex = self.get_field_value(field, name)
+            if value is not None:
+                values[key] = self.prepare_field_value(name, field, value, is_complex)
+        return values
 
 
 def is_address(name: str) -> bool:

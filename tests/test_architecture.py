@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,48 @@ def test_the_arrows_of_the_page_point_one_way() -> None:
             if PAGE.index(other) > PAGE.index(own):
                 wrong.append(f"{path.relative_to(folder)} imports {named}")
     assert not wrong, f"of {PAGE} each folder imports from those before it: {wrong}"
+
+
+def _imports(path: Path, modules: set[str]) -> set[str]:
+    """Returns the modules that a file imports, in functions too, but not for type checkers alone."""
+    tree = ast.parse(path.read_text())
+    unused = {
+        id(node)
+        for block in ast.walk(tree)
+        if isinstance(block, ast.If) and isinstance(block.test, ast.Name) and block.test.id == "TYPE_CHECKING"
+        for node in ast.walk(block)
+    }
+    named: list[str] = []
+    for node in ast.walk(tree):
+        if id(node) in unused:
+            continue
+        if isinstance(node, ast.Import):
+            named += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            inside = [f"{node.module}.{alias.name}" for alias in node.names]
+            named += [name if name in modules else str(node.module) for name in inside]
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+            named += [str(each.value) for each in node.args[:1] if isinstance(each, ast.Constant)]
+    return set(named) & modules
+
+
+def test_no_modules_import_each_other() -> None:
+    """Imports within functions and `import_module` included."""
+    paths = {
+        path.relative_to(ROOT).with_suffix("").parts: path for package in PACKAGES for path in (ROOT / package).rglob("*.py")
+    }
+    modules = {".".join(parts).removesuffix(".__init__"): path for parts, path in paths.items()}
+    TopologicalSorter({name: _imports(path, set(modules)) - {name} for name, path in modules.items()}).prepare()
+
+
+def test_no_modules_of_the_page_import_each_other() -> None:
+    """Dynamic imports included; comments, where types are imported, are not."""
+    graph: dict[Path, set[Path]] = {}
+    for path in (ROOT / "web" / "js").rglob("*.js"):
+        code = re.sub(r"/\*.*?\*/|^\s*//.*?$", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)
+        named = re.findall(r"""(?:from|import)\s*\(?\s*["'](\.[^"']+)["']""", code)
+        graph[path] = {(path.parent / name).resolve() for name in named}
+    TopologicalSorter(graph).prepare()
 
 
 def test_what_the_table_of_additions_names_is_there() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -36,6 +37,14 @@ def test_without_a_command_it_says_what_there_is() -> None:
     done = subprocess.run([sys.executable, ROOT / "farm.py"], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "python3 farm.py up" in done.stdout
+
+
+def test_help_installs_nothing(tmp_path: Path) -> None:
+    shutil.copy(ROOT / "farm.py", tmp_path)
+    done = subprocess.run([sys.executable, tmp_path / "farm.py", "--help"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert "python3 farm.py up" in done.stdout
+    assert [path.name for path in tmp_path.iterdir()] == ["farm.py"]
 
 
 def test_a_python_too_old_gets_a_sentence() -> None:

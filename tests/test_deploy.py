@@ -73,8 +73,39 @@ def test_every_pod_passes_pod_security_restricted() -> None:
         for container in pod["containers"]:
             assert container["securityContext"]["allowPrivilegeEscalation"] is False
             assert container["securityContext"]["capabilities"] == {"drop": ["ALL"]}
+            assert container["securityContext"]["readOnlyRootFilesystem"] is True
         allowed = {"emptyDir", "persistentVolumeClaim", "configMap", "secret", "projected", "downwardAPI"}
         assert all(set(volume) - {"name"} <= allowed for volume in pod.get("volumes", []))
+
+
+def containers() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
+    """Every pod's container, and the pod, by the container's name."""
+    found = {}
+    for part in PARTS:
+        if part["kind"] in ("Deployment", "StatefulSet"):
+            pod = part["spec"]["template"]["spec"]
+            found[pod["containers"][0]["name"]] = pod["containers"][0], pod
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "keys"), [("redis", {"redis-password"}), ("worker", {"token"}), ("service", {"token", "redis-password"})]
+)
+def test_a_pod_sees_the_secrets_that_it_needs_as_files(name: str, keys: set[str]) -> None:
+    container, pod = containers()[name]
+    assert not [each for each in container.get("env", []) if "secretKeyRef" in each.get("valueFrom", {})]
+    (secret,) = [each["secret"] for each in pod["volumes"] if "secret" in each]
+    assert {item["key"] for item in secret.get("items", [])} in (keys, set())
+    text = json.dumps(container)
+    assert keys == {key for key in ("token", "redis-password") if f"/secrets/{key}" in text}
+
+
+def test_workers_are_probed_without_the_service() -> None:
+    container, _ = containers()["worker"]
+    live, ready = container["livenessProbe"]["exec"]["command"], container["readinessProbe"]["exec"]["command"]
+    assert ready == [*live, "--ready"]
+    assert (ROOT / live[-1]).is_file()
+    assert live[-1] in (ROOT / "Dockerfile").read_text(), "as the image's own check"
 
 
 def test_images_are_tagged_by_version() -> None:
@@ -113,7 +144,7 @@ def test_every_variable_of_the_service_is_a_setting() -> None:
     known = {f"RAYFARM_{name.upper()}" for name in Settings.model_fields}
     for service in (part for part in PARTS if part["metadata"]["name"] == "rayfarm-service" and "template" in part["spec"]):
         names = {one["name"] for one in service["spec"]["template"]["spec"]["containers"][0]["env"]}
-        assert names - {"POD_IP"} <= known
+        assert {name.removesuffix("_FILE") for name in names - {"POD_IP"}} <= known
 
 
 def test_two_services_differ_from_one_in_what_they_must() -> None:
@@ -125,7 +156,8 @@ def test_two_services_differ_from_one_in_what_they_must() -> None:
         {"name": "RAYFARM_PEER_URL", "value": "http://$(POD_IP):8000"},
     ]
     claim = one["spec"]["volumeClaimTemplates"][0]
-    (volume,) = two["spec"]["template"]["spec"]["volumes"]
+    shared = one["spec"]["template"]["spec"]["volumes"]
+    (volume,) = [each for each in two["spec"]["template"]["spec"]["volumes"] if each not in shared]
     name = f"{claim['metadata']['name']}-{one['metadata']['name']}-0"
     assert volume["persistentVolumeClaim"]["claimName"] == name
     assert claim["spec"] in [part["spec"] for part in PARTS if part["metadata"]["name"] == name]
@@ -133,10 +165,66 @@ def test_two_services_differ_from_one_in_what_they_must() -> None:
 
 def test_what_follows_from_the_sources_is_found_while_the_workers_image_is_built() -> None:
     """No container may write beside them, and each would find it out at its first start: a second of its processor."""
-    worker = (ROOT / "Dockerfile").read_text().partition("AS worker")[2]
-    built, _, rest = worker.partition("USER root")
-    assert "jit.kind()" in built
+    _, kernels, rest = re.split("^FROM base AS (?=kernels|worker)", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE)
+    assert kernels.startswith("kernels\n")
+    assert "jit.kind()" in kernels
+    assert "COPY --from=kernels /app/renderer renderer" in rest
     assert "COPY renderer" not in rest, "another state of the sources would be found out anew"
+
+
+COMPOSE = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
+OURS = ("secrets", "redis", "service", "standby", "worker", "old-worker", "caddy")
+EXAMPLE = re.findall(r"^#?(\w+)=", (ROOT / "deploy" / "rayfarm.env.example").read_text(), re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_every_container_of_ours_is_confined(name: str) -> None:
+    """A root that can only be read, no capabilities, no new privileges, bounded logs, memory and processes."""
+    container = COMPOSE[name]
+    assert container["read_only"] is (name != "old-worker"), "workers up to 0.2 write beside their kernels"
+    assert container["cap_drop"] == ["ALL"]
+    assert container["security_opt"] == ["no-new-privileges:true"]
+    assert container["logging"]["options"].keys() == {"max-size", "max-file"}
+    assert container.get("cap_add", []) == (["NET_BIND_SERVICE"] if name == "caddy" else [])
+    if name != "secrets":
+        assert {"mem_limit", "pids_limit"} <= container.keys()
+
+
+def test_only_the_farm_is_on_redis_s_network() -> None:
+    """And each that is on it, and nobody else, sees the secrets."""
+    on_queue = {name for name, container in COMPOSE.items() if "queue" in container.get("networks", [])}
+    assert on_queue == {"redis", "service", "standby", "worker", "old-worker"}
+    assert COMPOSE["redis"]["networks"] == ["queue"]
+    see = {name for name, one in COMPOSE.items() if any(volume.startswith("secrets:") for volume in one.get("volumes", []))}
+    assert see == on_queue | {"secrets"}
+    assert yaml.safe_load((ROOT / "docker-compose.yml").read_text())["networks"]["queue"] == {"internal": True}
+
+
+def test_no_secret_is_in_the_repository() -> None:
+    text = (ROOT / "docker-compose.yml").read_text()
+    for name in ("RAYFARM_TOKEN", "RAYFARM_REDIS_PASSWORD"):
+        assert set(re.findall(rf"\$\{{{name}(:?-?[^}}]*)\}}", text)) == {":-"}
+
+
+def test_one_file_reaches_every_setting() -> None:
+    """The service's by `env_file`, all that Compose substitutes because it is named .env."""
+    fixed = {"RAYFARM_HOST", "RAYFARM_DATA", "RAYFARM_PUBLISHED", "RAYFARM_PUBLISHED_PORT", "RAYFARM_WEB", "RAYFARM_EXAMPLES"}
+    settings = {f"RAYFARM_{name.upper()}" for name in Settings.model_fields} - fixed
+    text = (ROOT / "docker-compose.yml").read_text()
+    substituted = set(re.findall(r"(?<!\$)\$\{(\w+)", text)) - {"RAYFARM_ENV_FILE"}
+    of_programs = {"RAYFARM_TLS_CERT", "RAYFARM_API_TOKEN", "RAYFARM_CACHE", "RAYFARM_KERNELS", "RAYFARM_ALIVE", *fixed}
+    table = (ROOT / "docs" / "deployment.md").read_text().partition("### Settings")[2].partition("\n## ")[0]
+    rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
+    documented = {name for row in rows for name in re.findall(r"`(RAYFARM_\w+)`", row)} - of_programs
+    assert len(EXAMPLE) == len(set(EXAMPLE))
+    assert (settings | substituted | documented) - set(EXAMPLE) == set()
+    assert {name for name in EXAMPLE if name.startswith("RAYFARM_")} - settings - substituted - documented == {"RAYFARM_ENV_FILE"}
+
+
+def test_what_the_file_says_by_itself_changes_nothing() -> None:
+    set_ = [line for line in (ROOT / "deploy" / "rayfarm.env.example").read_text().splitlines() if line and line[0] != "#"]
+    assert set_ == ["RAYFARM_ENV_FILE=.env"]
+    assert COMPOSE["service"]["env_file"] == "${RAYFARM_ENV_FILE:-deploy/rayfarm.env.example}"
 
 
 def test_compose_is_understood_by_its_first_release_too() -> None:

@@ -44,6 +44,7 @@ SPEAKERS = (
     "renderer/image",
     "renderer/formats.py",
     "renderer/blender",
+    "renderer/confine",
     "renderer/frames.py",
     "renderer/zip_names.py",
 )

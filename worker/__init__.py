@@ -7,12 +7,12 @@ Each folder builds on those above it:
     exchange/     blobs, kernels and results between service and worker
     site/         sums added up among machines before they travel
     process/      what every process of a worker knows; terms, turns
+    reading/      jobs of the confined process that reads untrusted files
     work/         what the tasks do
     tasks.py      the tasks
     heartbeat.py  reports the worker, and watches its event loop
     joining.py    joins the farm while the kernels are compiled
     leaving.py    reports what is still in hand while the worker ends
-    told.py       a worker started before it is known what for
     app.py        the Celery application, and what happens around its forks
     __main__.py   from a worker's first line to its last
 """

@@ -16,11 +16,6 @@ gc.disable()  # while modules come: each collection looks through all that have 
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from renderer.without import without
-
-with without("opentelemetry.sdk.metrics", "opentelemetry.metrics", "httpx._main"):  # redis-py's own metrics, a command line
-    import httpx  # noqa: F401
-    import redis  # noqa: F401
 
 import argparse
 import logging
@@ -34,12 +29,17 @@ from renderer import denoise, jit
 from renderer.blender import program
 from renderer.blender.program import Blender
 from renderer.render import helpers_for
+from renderer.shipped_kernels import take_shipped
+from renderer.variables import VariableError, value_of
 from worker import app
 from worker.exchange.cache import BlobCache, default_cache_dir
 from worker.exchange.errors import RefusedError, WorkerError
 from worker.exchange.link import Link, check_redis_url
 from worker.exchange.ready import get_ready
+from worker.exchange.redis_tls import with_password
 from worker.joining import Joining
+from worker.machine import alive
+from worker.machine.alive import State
 from worker.machine.pieces import Pieces
 from worker.machine.status import SlotBoard
 from worker.process.context import WorkerContext, cpu_name
@@ -50,8 +50,8 @@ from worker.protocol.site import SITE, SITE_NAME
 from worker.protocol.terms import TAG, Terms
 from worker.telemetry import logs
 from worker.telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
-from worker.told import be_told
 from worker.work.files import memory_budget
+from worker.work.reader import begin_launcher
 
 gc.freeze()  # modules stay: to look through them once more takes a tenth of a second
 gc.enable()
@@ -61,14 +61,14 @@ EXIT_REFUSED = 3
 
 def main() -> int:
     """Join, warm up, work. Exit code 3: no farm is there, or it refuses this worker; another try is of no use."""
-    if sys.argv[1:] == ["--told"] and not be_told():
-        return 0
     options = _options()
     if options.log_format:
         os.environ[FORMAT_VARIABLE] = options.log_format  # processes that it starts follow
     try:
+        options.token = options.token or value_of("RAYFARM_TOKEN")
+        options.redis = with_password(options.redis or value_of("RAYFARM_REDIS_URL"), value_of("RAYFARM_REDIS_PASSWORD")) or None
         return _work(options)
-    except WorkerError as error:
+    except (WorkerError, VariableError) as error:
         if by_json():
             logging.getLogger("worker").error("%s", error)
         else:
@@ -78,6 +78,7 @@ def main() -> int:
 
 def _work(options: argparse.Namespace) -> int:
     tail, lines = logs.set_up()
+    alive.say(State.STARTING)
     blender = _check(options)
     log = logging.getLogger("worker")
     stopping: list[int] = []
@@ -94,6 +95,7 @@ def _work(options: argparse.Namespace) -> int:
             name, host, os.getpid(), options.slots, cpu_name(), kind, "starting", started, denoises=denoise.is_available()
         )
 
+    take_shipped(jit.cache_folder())
     helpers = helpers_for()  # forked now: joining is a thread
     joining = Joining(link, options.redis, options.name or host, host, starting, log.info)
     joining.begin()
@@ -103,6 +105,7 @@ def _work(options: argparse.Namespace) -> int:
         return 0
     cache = BlobCache(link, joined.farm, options.cache, options.cache_bytes)
     cache.check()
+    begin_launcher()
     worker = WorkerContext(
         name=joined.name,
         slots=options.slots,
@@ -134,13 +137,9 @@ def _pieces(log: logging.Logger) -> Pieces | None:
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m worker", description="A worker of the farm; `rayfarm worker` starts one.")
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
-    parser.add_argument("--token", default=os.environ.get("RAYFARM_TOKEN", ""), help="the farm's token; $RAYFARM_TOKEN")
+    parser.add_argument("--token", default="", help="the farm's token; $RAYFARM_TOKEN, or the file $RAYFARM_TOKEN_FILE")
     parser.add_argument("--slots", type=_positive, default=os.cpu_count() or 1, help="batches rendered at a time")
-    parser.add_argument(
-        "--redis",
-        default=os.environ.get("RAYFARM_REDIS_URL"),
-        help="the broker, if not the one that the service tells; $RAYFARM_REDIS_URL",
-    )
+    parser.add_argument("--redis", help="the broker, if not the one that the service tells; $RAYFARM_REDIS_URL")
     parser.add_argument("--name", help="what the farm calls this worker; the host's name unless told")
     parser.add_argument(
         "--log-format", choices=FORMATS, help=f"json: each line of the log an object, for programs; ${FORMAT_VARIABLE}"

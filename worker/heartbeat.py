@@ -22,6 +22,8 @@ from celery import bootsteps
 from celery.worker.state import reserved_requests
 
 from worker.exchange.telling import Heard, Telling
+from worker.machine import alive
+from worker.machine.alive import State
 from worker.process import context
 from worker.protocol import vitals
 from worker.protocol.contract import (
@@ -91,18 +93,21 @@ class Heartbeat(bootsteps.StartStopStep):
 
     def start(self, consumer: Any) -> None:
         """Begin to beat."""
+        alive.say(State.WORKING)
         self.idle_since = time.monotonic()
         self.beat()
         self.timer = consumer.timer.call_repeatedly(HEARTBEAT_EVERY_S, self.beat)
 
     def stop(self, consumer: Any) -> None:
         """End or reconnect."""
+        alive.say(State.AWAY)
         if self.timer is not None:
             self.timer.cancel()
             self.timer = None
 
     def beat(self) -> None:
         """Report, wind the watchdog, and look whether tasks pass this worker by."""
+        alive.say(State.WORKING)
         heard = self.telling.hear()  # over a slow line: of an earlier beat
         self._tell()
         if (heard := self.telling.hear(AT_ONCE_S) or heard) is not None:

@@ -11,7 +11,7 @@ from typing import Any
 from celery import Celery
 
 from renderer.errors import RayfarmError
-from worker.exchange.errors import RefusedError, Trouble, WorkError
+from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError, WorkError
 from worker.exchange.patience import patiently
 from worker.process import context
 from worker.protocol.contract import (
@@ -148,8 +148,12 @@ def _prepare(task: Any, scene: str) -> None:
             send("prepared", info=asdict(info))
         except WorkError as error:
             send("prepare-failed", error=str(error))
+        except MachineError as error:
+            send("prepare-returned", error=str(error), unfit=True, passing=True)
         except Trouble as error:
             send("prepare-returned", error=f"{worker.name} hands the scene back: {error}")
+        except UnfitError as error:
+            send("prepare-returned", error=str(error), unfit=True)
         except RefusedError as error:
             send("prepare-failed", error=f"{worker.name} could not exchange the scene's files with the service: {error}")
         except Exception as error:
@@ -179,8 +183,12 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
                 return
             manifest = patiently(lambda: worker.link.manifest(work.scene), LINK_PATIENCE_S)
             prepare_frames(worker, manifest, work, send)
+        except MachineError as error:
+            send("frames-returned", error=str(error), unfit=True, passing=True)
         except Trouble as error:
             send("frames-returned", error=f"{worker.name} hands frames back: {error}")
+        except UnfitError as error:
+            send("frames-returned", error=str(error), unfit=True)
         except Exception as error:
             log.exception("preparing frames of %s failed", work.scene)
             for frame in work.frames:

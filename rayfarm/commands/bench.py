@@ -14,8 +14,9 @@ from rich.table import Table
 from rayfarm import machine
 from rayfarm.console import bar, err, out
 from rayfarm.errors import CommandError
+from rayfarm.options import Env
 from rayfarm.picture import Picture
-from rayfarm.scene_files import opened
+from rayfarm.reading import open_stage
 from service.places import shipped
 
 if TYPE_CHECKING:
@@ -70,15 +71,13 @@ def bvh(
     """
     from renderer.film import digest
     from renderer.render import edition_for, warm_up
-    from renderer.scene.compile import compile_scene, summarise
-    from renderer.scene.load import read
+    from renderer.scene.animation import Moment
 
     path = scene or SCENE
-    with opened(path) as (folder, main, _):
-        # Compiling may add to a description (a studio's light), so each way has its own.
-        descriptions = [read(folder, main), read(folder, main)]
-    tree, brute = compile_scene(descriptions[0]), compile_scene(descriptions[1], brute=True)
-    summary = summarise(descriptions[0], tree)
+    with open_stage(path, Env()) as stage:
+        tree, summary = stage.at(Moment())
+    with open_stage(path, Env(), brute=True) as stage:
+        brute, _ = stage.at(Moment())
     settings = Picture({"size": size}).settings(summary["cameras"], summary["defaults"])
     warm_up(settings, edition_for(settings, tree), prepares=False)
     expected = _expected_s(brute, settings, spp)

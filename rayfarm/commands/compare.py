@@ -68,8 +68,7 @@ def compare(
     import numpy as np
 
     from rayfarm.library.render import render
-    from rayfarm.unlike import known_differences
-    from renderer.scene.load import read
+    from rayfarm.reading import known_differences
 
     with warnings.catch_warnings(record=True) as notes:
         warnings.simplefilter("always")
@@ -94,7 +93,7 @@ def compare(
     )
     relative = ((ours - theirs) ** 2 / (theirs**2 + 1e-2)).mean()
     out.print(f"relMSE      {relative:.4g}; of noise alone it falls as samples grow")
-    for reason in known_differences(read(scene.parent, scene.name), peer_name):
+    for reason in known_differences(scene, peer_name):
         out.print(f"known: {reason}.", markup=False, soft_wrap=True)
     if output is not None:
         write(output, _side_by_side(ours, theirs, exposure))
@@ -133,7 +132,7 @@ def _of_pbrt(program: str, scene: Path, spp: int) -> Any:
     """pbrt's picture, (h, w, 3) float64."""
     import numpy as np
 
-    from renderer.image.read import read
+    from rayfarm.reading_files import read_picture
 
     with tempfile.TemporaryDirectory(prefix="rayfarm-pbrt-") as folder:
         picture = Path(folder) / "picture.exr"
@@ -147,7 +146,7 @@ def _of_pbrt(program: str, scene: Path, spp: int) -> Any:
         if ended.returncode != 0 or not picture.is_file():
             said = " ".join((ended.stderr or ended.stdout).split())[-300:]
             raise CommandError(f"pbrt cannot render {scene.name}: {said or f'it ended with {ended.returncode}'}")
-        return np.asarray(read(picture.read_bytes(), picture.name), np.float64)[..., :3]
+        return np.asarray(read_picture(picture.read_bytes(), picture.name), np.float64)[..., :3]
 
 
 def _blocks(ours: Any, theirs: Any) -> Any:

@@ -80,7 +80,7 @@ def _looks(data: Path | None, deep: bool, port: int) -> Iterator[Finding]:
     with bar() as shown:
         task = shown.add_task("Reading uploads and films", total=None, visible=deep)
         yield from look_at_folder(settings, deep, lambda done, total: shown.update(task, completed=done, total=total))
-    yield from look_at_running(settings.data, port)
+    yield from look_at_running(settings, port)
 
 
 def _show(finding: Finding) -> None:

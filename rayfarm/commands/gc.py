@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from rayfarm import options
-from rayfarm.console import out
+from rayfarm.console import err, out
 from rayfarm.errors import CommandError
 from rayfarm.login import farm_client
 
@@ -55,7 +55,7 @@ def gc(
       rayfarm gc --films-older-than 30 --dry-run
       rayfarm gc --films-above 500 --compiled-older-than 7 --yes
     """
-    rules = {
+    rules: dict[str, Any] = {
         "films_days": films_older_than,
         "films_bytes": None if films_above is None else round(films_above * 1e9),
         "compiled_days": compiled_older_than,
@@ -68,7 +68,13 @@ def gc(
                 _show(found)
             if not yes and not (sys.stdin.isatty() and typer.confirm("Let these go?")):
                 raise CommandError("Nothing was let go. --yes does it without being asked.")
-            found = farm.let_go(dry_run=False, **rules)
+            with err.status("Looking for what may go ...") as status:
+
+                def show(done: int, planned: int | None) -> None:
+                    if planned is not None:
+                        status.update(f"{done} of {planned} are done ...")
+
+                found = farm.let_go(dry_run=False, progress=show, **rules)
     if as_json:
         print(json.dumps(found, indent=1))
     elif dry_run or not found["items"]:

@@ -171,14 +171,14 @@ def _show(
 
 def _afterwards(farm: Client, live: LiveJob, feed: TevFeed | None, viewer: str | None, output: Path | None) -> None:
     """The EXR to whoever wants it, where the job is finished."""
+    from rayfarm.reading_files import read_picture
     from rayfarm.watch.viewer import open_in
-    from renderer.image.read import read
 
     if live.job.state != "finished" or (feed is None and viewer is None):
         return
     picture = farm.image(live.job.id, "exr", live.frame)
     if feed is not None:
-        feed.finish(read(picture, "film.exr"))
+        feed.finish(read_picture(picture, "film.exr"))
     if viewer is not None:
         if output is None:
             output = Path(tempfile.mkdtemp(prefix="rayfarm-")) / f"{live.job.id}-{live.frame:g}.exr"

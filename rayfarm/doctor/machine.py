@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -26,10 +27,14 @@ OLDEST_CLOCK = 1735689600.0  # 2025: before that was no release
 def look_at_machine() -> Iterator[Finding]:
     """Python, the compiler with the processor, the denoiser, memory, the cache and the clock."""
     yield _python()
-    yield _compiler()
-    yield _denoiser()
-    yield _memory()
-    yield from _cache(cache_home())
+    if importlib.util.find_spec("numba") is None:  # a service's image
+        yield note("Compiler", "Numba is not installed: nothing is rendered here.", "Workers render, elsewhere.")
+        yield _memory()
+    else:
+        yield _compiler()
+        yield _denoiser()
+        yield _memory()
+        yield from _cache(cache_home())
     yield _clock()
 
 

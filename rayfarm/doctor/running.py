@@ -7,7 +7,6 @@ import os
 import socket
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -19,7 +18,9 @@ from rayfarm.errors import CommandError
 from rayfarm.local.broker import find_server, release
 from rayfarm.local.state import running_farm
 from renderer import __version__
+from renderer.variables import FILE
 from service.access.redis_release import RedisRelease, release_of
+from service.settings import Settings
 from worker.exchange.foreign import is_here
 from worker.protocol.contract import WORKER_KEYS, WorkerReport
 
@@ -30,14 +31,18 @@ CLOCKS_APART_S = 5.0
 PATIENCE_S = 5.0
 
 
-def look_at_running(data: Path, port: int) -> Iterator[Finding]:
-    """The farm that runs on a data folder, or whether one could be started."""
-    farm = running_farm(data)
-    address = farm.redis_url if farm is not None else os.environ.get("RAYFARM_REDIS_URL")
+def look_at_running(settings: Settings, port: int) -> Iterator[Finding]:
+    """The farm that runs on a data folder, the one of this container, or whether one could be started."""
+    farm = running_farm(settings.data)
+    told = any(os.environ.get(f"RAYFARM_REDIS_URL{more}") for more in ("", FILE))
+    address = farm.redis_url if farm is not None else settings.redis_url if told else None
+    server = os.environ.get("RAYFARM_SERVER", "")
     if farm is not None:
         yield from _service(farm.url)
+    elif server and is_here(server):
+        yield from _service(server)
     else:
-        yield note("Farm", f"No farm runs on {data}.", f"{PROGRAM} up starts it.")
+        yield note("Farm", f"No farm runs on {settings.data}.", f"{PROGRAM} up starts it.")
         yield _port(port)
     if address is not None:
         yield from look_at_redis(address)

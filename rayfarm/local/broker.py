@@ -21,6 +21,7 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 NAMES = ("valkey-server", "redis-server")
 PATIENCE_S = 10.0
 LEAST_BUFFERS = 256 << 20  # bytes; the service reads results 64 MiB at a time
+LARGEST_VALUE = 256 << 20  # bytes of one value, so also of an entry's sums: four times those of a tile of 640 x 640
 IDLE_S = 300  # clients connect again; a blocked BRPOP does not count as idle
 
 
@@ -88,6 +89,7 @@ def write_config(path: Path, host: str, port: int, password: str) -> None:
         f"client-output-buffer-limit normal {2 * buffers} {buffers} 60",
         f"client-output-buffer-limit pubsub {32 << 20} {8 << 20} 60",
         f"client-query-buffer-limit {buffers}",
+        f"proto-max-bulk-len {LARGEST_VALUE}",
         "maxclients 10000",
         "lua-time-limit 1000",
         'save ""',

@@ -17,13 +17,12 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import rayfarm
 from rayfarm.errors import CommandError
 from service.store.whole import write_whole
 
 __all__ = ["ROOT", "FarmAddress", "Secrets", "locked", "running_farm", "secrets_of"]
 
-ROOT = Path(rayfarm.__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @dataclass

@@ -22,7 +22,8 @@ from worker.machine.children import signal_name, spawn_guard
 
 __all__ = ["WORKER_STEADY_S", "Part", "Supervisor"]
 
-LOG_KEPT = 5 << 20
+LOG_KEPT = 5 << 20  # bytes of a log, and as many of what was before
+LOGS_EVERY_S = 0.25  # looks at the sizes of logs
 WORKER_STEADY_S = 90.0  # it may compile its kernels first
 PAUSES_S = (0.2, 1.0, 2.0, 5.0, 10.0, 30.0)
 KILLED_PAUSE_S = 1.0  # at most, for what was killed from outside: that says nothing about whether it can live
@@ -87,6 +88,7 @@ class Supervisor:
         self.folder = folder
         self.say = say
         self.parts: list[Part] = []
+        self._looked_at_logs = 0.0
 
     def start(self, part: Part) -> None:
         """Start a part and watch it from now on. Raises OSError if its program cannot be started."""
@@ -101,8 +103,8 @@ class Supervisor:
         part.restart_at = None
         part.has_served = False
 
-    def _spawn(self, part: Part, is_spare: bool = False) -> subprocess.Popen[bytes]:
-        with _log_of(part, is_spare) as log:
+    def _spawn(self, part: Part) -> subprocess.Popen[bytes]:
+        with _log_of(part) as log:
             return subprocess.Popen(
                 part.command,
                 cwd=self.folder,
@@ -128,7 +130,7 @@ class Supervisor:
         if part.has_spare and part.has_served and not is_there and is_time and self._is_peace(part, now):
             part.spare_started = now
             with contextlib.suppress(OSError, subprocess.SubprocessError):  # tried again after SPARE_AFTER_S
-                part.spare = self._spawn(part, is_spare=True)
+                part.spare = self._spawn(part)
 
     def _is_peace(self, part: Part, now: float) -> bool:
         if part.spare_started or part.at_peace is None or now - part.started > SPARE_LATEST_S:
@@ -141,6 +143,10 @@ class Supervisor:
     def tend(self) -> Part | None:
         """Look after all parts once; a part that has ended for good (a fatal exit code), or None."""
         now = time.monotonic()
+        if now - self._looked_at_logs >= LOGS_EVERY_S:
+            self._looked_at_logs = now
+            for part in self.parts:
+                _bound(part.log)
         for part in self.parts:
             if part.running:
                 if not part.has_served and part.serves and now - part.looked > LOOK_EVERY_S:
@@ -208,12 +214,34 @@ class Supervisor:
         part.process.wait()
 
 
-def _log_of(part: Part, is_spare: bool) -> IO[bytes]:
+def _bound(log: Path) -> None:
+    """Move the end of a log that has become too long to `*.old.log`, and empty it.
+
+    It is emptied in place: whoever has opened it for appending goes on writing at its new end, also a process that was started
+    by an earlier supervisor. Lines written between the two steps are lost, and on a full disk those of `*.old.log`.
+    """
+    try:
+        size = log.stat().st_size
+        if size <= LOG_KEPT:
+            return
+        old = log.with_suffix(".old.log")
+        try:
+            with log.open("rb") as file, old.open("wb") as kept:
+                file.seek(size - LOG_KEPT)
+                kept.write(file.read(LOG_KEPT))
+        except OSError:
+            with contextlib.suppress(OSError):
+                old.unlink(missing_ok=True)
+        os.truncate(log, 0)
+    except OSError:
+        return  # it is not there, or the disk fails; looked at again in a moment
+
+
+def _log_of(part: Part) -> IO[bytes]:
     """The log that a part appends to; the null device if there is no log to be had, as on a full disk."""
     try:
         part.log.parent.mkdir(parents=True, exist_ok=True)
-        if not is_spare and part.log.exists() and part.log.stat().st_size > LOG_KEPT:
-            part.log.replace(part.log.with_suffix(".old.log"))
+        _bound(part.log)
         return part.log.open("ab")
     except OSError:
         return Path(os.devnull).open("ab")

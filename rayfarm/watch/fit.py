@@ -1,4 +1,4 @@
-"""A film made as large as there is room for."""
+"""A film scaled to the available space."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ F32 = npt.NDArray[np.float32]
 
 
 def fitted(size: tuple[int, int], room: tuple[int, int]) -> tuple[int, int]:
-    """Width and height, at least 1, of a picture of `size` that is to fit into `room`; enlarged by whole numbers alone."""
+    """Returns the width and height, at least 1, of a picture of `size` scaled to fit `room`; enlarged only by integers."""
     scale = min(room[0] / size[0], room[1] / size[1])
     if scale >= 1:
         return size[0] * int(scale), size[1] * int(scale)
@@ -22,7 +22,7 @@ def fitted(size: tuple[int, int], room: tuple[int, int]) -> tuple[int, int]:
 
 
 def shown(film: F32, size: tuple[int, int], exposure: float, curve: str) -> npt.NDArray[np.uint8]:
-    """What a screen shows of a film, (h, w, 3) linear radiance, in `size` pixels: each the mean light of those that it covers."""
+    """Returns the display-referred picture of linear radiance (h, w, 3) in `size` pixels, each the mean of those it covers."""
     if (film.shape[1], film.shape[0]) != size:
         film = np.stack([np.asarray(Image.fromarray(film[..., c]).resize(size, Image.Resampling.BOX)) for c in range(3)], axis=-1)
     return tonemap.apply(film, exposure, curve)

@@ -1,4 +1,4 @@
-"""A job reported line by line, where there is no screen: to a pipe, a file, a log."""
+"""A job reported line by line, for a pipe, a file or a log."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LOOK_S = 1.0
 
 
 def tell(live: LiveJob, news: threading.Event) -> None:
-    """A line to standard output whenever its state changes, and every few seconds, until the job is over. Raises ClientError."""
+    """Prints a line when the state changes, and every few seconds, until the job ends. Raises ClientError."""
     told_at, told = 0.0, ("", "")
     while True:
         if live.error is not None:

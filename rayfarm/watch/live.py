@@ -1,4 +1,4 @@
-"""A job as its farm reports it: state, frames, and the film of one frame tile by tile, kept up to date by a thread."""
+"""A job as its farm reports it: state, frames, and the film of one frame, updated by a thread."""
 
 from __future__ import annotations
 
@@ -33,10 +33,13 @@ ACTIVE = ("preparing", "running")
 
 
 class LiveJob:
-    """`wake` is called from the thread whenever something is new. A farm that is away is waited for, a minute."""
+    """The current state of a job. `wake` is called in the thread after each update.
+
+    A farm that is away is waited for, up to a minute.
+    """
 
     def __init__(self, farm: Client, job: Job, frame: float | None, wake: Callable[[], None]) -> None:
-        """frame: the one to watch; None: of a shot whichever is being rendered."""
+        """frame: the one to watch; None: the frame of a shot that is being rendered."""
         self._farm = farm
         self._wake = wake
         self._lock = threading.Lock()
@@ -69,17 +72,19 @@ class LiveJob:
 
     @property
     def shown(self) -> Frame | None:
-        """What is known of the frame that is watched."""
+        """Returns the watched frame, or None before it is known."""
         return self.frames.get(self.frame)
 
     def versions(self) -> tuple[int, npt.NDArray[np.float32] | None, dict[Tile, int]]:
-        """Which film it is, the film as it is now ((height, width, 3) linear radiance, black where no sample is, None before its
-        size is known), and the tiles that it has: another number as soon as one has changed."""
+        """Returns the film's number, its linear radiance (height, width, 3), and the version of each tile.
+
+        Pixels without samples are black; the radiance is None before the size is known.
+        """
         with self._lock:
             return self.life, None if self.film is None else self.film.copy(), dict(self._versions)
 
     def turn_to(self, frame: float) -> None:
-        """Watch another frame of the shot."""
+        """Watches another frame of the shot."""
         with self._lock:
             self.frame = frame
             self._begin()
@@ -119,7 +124,7 @@ class LiveJob:
             tries += 1
 
     def _listen(self) -> None:
-        """Until the connection ends. Raises ClientError where there is none, or the job is gone."""
+        """Receives messages until the connection ends. Raises ClientError if there is none or the job is gone."""
         with self._farm.socket(f"/api/jobs/{self.job.id}/live?frame={frame_text(self.frame)}") as socket:
             with self._lock:
                 self._socket = socket
@@ -159,7 +164,7 @@ class LiveJob:
             self.frames = {each.number: each for each in job.frames}
 
     def _follow(self) -> None:
-        """Of a shot: go on to a frame that is being rendered, once the one that is shown is not any more."""
+        """Switches to a frame of the shot that is being rendered, once the current one no longer is."""
         shown = self.shown
         if not self.follows or (shown is not None and shown.state in ACTIVE):
             return

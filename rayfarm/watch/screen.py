@@ -1,4 +1,4 @@
-"""A job on the terminal's screen: its picture, what is said of it, and keys."""
+"""A job on the terminal's screen: its picture, its state, and keys."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ KEYS = "q quit · +/- exposure · 0 reset · t curve · c cancel"
 
 
 def surface(graphics: Graphics, can: Abilities) -> Blocks | Kitty | Sixel:
-    """What draws a picture on a terminal that can so much; best of all pixels."""
+    """Returns what draws on a terminal of these abilities, pixels if possible."""
     if graphics == "kitty" or (graphics == "auto" and can.kitty):
         return Kitty(can.cell)
     if graphics == "sixel" or (graphics == "auto" and can.sixel):
@@ -40,7 +40,7 @@ def surface(graphics: Graphics, can: Abilities) -> Blocks | Kitty | Sixel:
 
 
 class Screen:
-    """Draws until somebody quits. `run` returns the signal that ended it, or None."""
+    """Draws until the user quits."""
 
     def __init__(self, terminal: Terminal, farm: Client, live: LiveJob, graphics: Graphics, exposure: float, curve: str) -> None:
         self._terminal = terminal
@@ -58,7 +58,10 @@ class Screen:
         self._shape: tuple[int, ...] = ()
 
     def run(self) -> int | None:
-        """Until q is pressed, the job is gone, or a signal asks to end. Raises ClientError where the job cannot be watched."""
+        """Runs until q is pressed, the job is gone or a signal arrives, which it returns.
+
+        Raises ClientError if the job cannot be watched.
+        """
         try:
             while self._terminal.ended is None:
                 if self._live.error is not None:
@@ -149,7 +152,7 @@ class Screen:
         return self._surface.draw(picture, (columns - wide) // 2 + 1, max((rows - high) // 2, 0) + 1)
 
     def _words(self, columns: int, rows: int) -> bytes:
-        """The lines beneath, where they differ from what stands there."""
+        """Returns the bytes that draw the changed lines below the picture."""
         job = self._live.job
         if self._asks:
             keys = "Cancel this job? What is rendered is kept.  y yes · any other key no"

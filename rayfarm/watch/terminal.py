@@ -1,6 +1,6 @@
-"""The terminal as a screen of one's own: keys one by one, drawn on without flicker, and left as it was, whatever happens.
+"""The terminal in raw mode with an alternate screen, restored in every case.
 
-What it can show is asked of itself: a query, and behind it one that every terminal answers (DA1), so that nothing is waited for.
+Its abilities are queried, followed by a query that every terminal answers (DA1), so that a missing answer costs no waiting.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGWINCH, signal
 
 @dataclass(frozen=True)
 class Abilities:
-    """What a terminal can show. cell: pixels of a character cell, width and height."""
+    """What a terminal can show. cell: width and height of a character cell in pixels."""
 
     kitty: bool = False
     sixel: bool = False
@@ -48,7 +48,7 @@ class Abilities:
 
 
 def understood(answers: bytes) -> Abilities:
-    """What a terminal said to the queries."""
+    """Parses a terminal's answers to the queries."""
     attributes = re.search(rb"\x1b\[\?([\d;]+)c", answers)
     cell = re.search(rb"\x1b\[6;(\d+);(\d+)t", answers)
     height, width = (int(cell[1]), int(cell[2])) if cell else (0, 0)
@@ -61,9 +61,9 @@ def understood(answers: bytes) -> Abilities:
 
 
 class Terminal:
-    """Standard input and output, where both are a terminal. A context: within it the screen is one's own.
+    """Standard input and output, if both are a terminal. A context manager that owns the screen.
 
-    ended: the signal that asks to end, None so far. resized: set where the window has changed, or the screen is lost.
+    ended: the signal that requests the end, or None. resized: set when the window has changed or the screen is lost.
     """
 
     def __init__(self) -> None:
@@ -79,7 +79,7 @@ class Terminal:
 
     @staticmethod
     def is_there() -> bool:
-        """Whether a person looks at it."""
+        """Whether standard input and output are a terminal."""
         return sys.stdin.isatty() and sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
     def __enter__(self) -> Terminal:
@@ -97,7 +97,7 @@ class Terminal:
         os.close(self._wake_write)
 
     def abilities(self) -> Abilities:
-        """Ask what it can show."""
+        """Queries what the terminal can show."""
         self.write(KITTY_QUERY + TRUE_COLOUR_QUERY + CELL_QUERY + DA1)
         answers, deadline = b"", time.monotonic() + ANSWER_S
         while not re.search(rb"\x1b\[\?[\d;]+c", answers) and (left := deadline - time.monotonic()) > 0 and self.ended is None:
@@ -112,17 +112,17 @@ class Terminal:
         return found if found.cell != CELL else Abilities(found.kitty, found.sixel, found.true_colour, self._cell())
 
     def size(self) -> tuple[int, int]:
-        """Columns and rows of its window."""
+        """Returns the columns and rows of its window."""
         columns, rows = os.get_terminal_size(self._out)
         return max(columns, 1), max(rows, 1)
 
     def wake(self) -> None:
-        """Let `keys` return; from any thread, or a signal's handler."""
+        """Makes `keys` return; thread-safe, and safe in a signal handler."""
         with contextlib.suppress(OSError):  # full: it wakes up anyway; or closed
             os.write(self._wake_write, b".")
 
     def keys(self, seconds: float) -> Iterator[str]:
-        """The keys that are pressed by then; none as soon as something else has happened."""
+        """Yields the keys pressed within the time; ends early after any other event."""
         ready, _, _ = select.select([self._in, self._wake_read], [], [], seconds)
         if self._wake_read in ready:
             with contextlib.suppress(OSError):
@@ -140,11 +140,11 @@ class Terminal:
             yield from _keys(data)
 
     def draw(self, data: bytes) -> None:
-        """Draw at once what is drawn by these bytes."""
+        """Draws the bytes as one update, without flicker."""
         self.write(BEGIN + data + END)
 
     def write(self, data: bytes) -> None:
-        """Write all of it. A terminal that is gone ends the watching."""
+        """Writes all bytes. Ends watching if the terminal is gone."""
         while data:
             try:
                 data = data[os.write(self._out, data) :]
@@ -184,7 +184,7 @@ class Terminal:
         self.wake()
 
     def _stop(self) -> None:
-        """Ctrl-Z: leave the screen until the shell brings it back."""
+        """Handles Ctrl-Z: leaves the screen until the shell resumes the process."""
         self._is_to_stop = self._goes_on = False
         self._give_back()
         os.kill(os.getpid(), signal.SIGSTOP)

@@ -1,6 +1,6 @@
-"""A film sent to tev (https://github.com/Tom94/tev) while it grows, over its TCP protocol.
+"""A growing film sent to tev (https://github.com/Tom94/tev) over its TCP protocol.
 
-A packet is little-endian: u32 its whole length, u8 its type, then its fields; texts end with a zero byte, a bool is a byte.
+A packet is little-endian: u32 total length, u8 type, then fields; texts end with a zero byte, a bool is a byte.
 
     CloseImage     2  name
     CreateImage    4  grab focus, name, i32 width, height, channels, their names
@@ -37,7 +37,7 @@ STRIP = 128  # rows at a time, of a whole picture
 
 
 def address_of(text: str) -> tuple[str, int]:
-    """The address of a tev, from nothing, HOST or HOST:PORT. Raises CommandError."""
+    """Parses the address of a tev: empty for the default, HOST, or HOST:PORT. Raises CommandError."""
     host, _, port = text.rpartition(":") if ":" in text else (text, "", str(PORT))
     if not (port.isdecimal() and 0 < int(port) < 65536):
         raise CommandError(f"--tev is {text!r}; it takes HOST:PORT, as --tev 127.0.0.1:{PORT}")
@@ -45,25 +45,25 @@ def address_of(text: str) -> tuple[str, int]:
 
 
 class Tev:
-    """A connection to a tev that runs. Raises OSError where it is gone."""
+    """A connection to a running tev. Raises OSError if it is gone."""
 
     def __init__(self, address: tuple[str, int]) -> None:
         self._socket = socket.create_connection(address, timeout=PATIENCE_S)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def close(self) -> None:
-        """End the connection; the image stays."""
+        """Closes the connection; the image stays."""
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)
         self._socket.close()
 
     def create(self, name: str, width: int, height: int) -> None:
-        """An image, black at first, in place of one of that name."""
+        """Creates a black image, replacing one of that name."""
         self._send(CLOSE_IMAGE, _text(name))
         self._send(CREATE_IMAGE, b"\1", _text(name), struct.pack("<iii", width, height, len(CHANNELS)), *map(_text, CHANNELS))
 
     def update(self, name: str, x: int, y: int, rgb: F32) -> None:
-        """A rectangle of it, (h, w, 3) linear Rec.709 radiance, with its upper left corner at x, y."""
+        """Updates a rectangle at x, y with linear Rec.709 radiance of shape (h, w, 3)."""
         count = len(CHANNELS)
         for top in range(0, rgb.shape[0], STRIP):
             strip = rgb[top : top + STRIP]
@@ -85,10 +85,10 @@ class Tev:
 
 
 class TevFeed:
-    """Sends what is new of a job's film, in a thread. One that is closed is waited for, and gets the whole film again."""
+    """Sends the changes of a job's film in a thread. After tev is restarted, it gets the whole film again."""
 
     def __init__(self, live: LiveJob, address: tuple[str, int]) -> None:
-        """Raises CommandError where no tev answers."""
+        """Raises CommandError if no tev answers."""
         self._live = live
         self._address = address
         try:
@@ -108,14 +108,14 @@ class TevFeed:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Send what is still to be sent, and end."""
+        """Sends the remaining changes, and stops."""
         self._stop.set()
         self._thread.join(PATIENCE_S)
         if self._tev is not None:
             self._tev.close()
 
     def finish(self, film: F32) -> None:
-        """Send a whole film, with the values that its EXR has."""
+        """Sends a whole film with the values of its EXR."""
         self._stop.set()
         self._thread.join(PATIENCE_S)
         with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""A picture's file shown by another program."""
+"""A picture file opened in another program."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ area.spaces.active.image = image
 
 
 def command_of(viewer: str, path: Path) -> list[str]:
-    """The program and its arguments: by name, or (empty) what this system opens such files by. Raises CommandError."""
+    """Returns the program and its arguments; an empty name is the system's default program. Raises CommandError."""
     if viewer:
         try:
             command = shlex.split(viewer)
@@ -44,7 +44,7 @@ def command_of(viewer: str, path: Path) -> list[str]:
 
 
 def open_in(viewer: str, path: Path) -> None:
-    """Open a file, without waiting. Raises CommandError where that program is not there or cannot be started."""
+    """Opens a file without waiting. Raises CommandError if the program is missing or does not start."""
     command = command_of(viewer, path)
     try:
         subprocess.Popen(

@@ -1,4 +1,4 @@
-"""The text beneath a job's picture, also used for its lines."""
+"""The text below a job's picture, also used for its lines."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 
 def how_far(job: Job, with_bar: bool = False) -> str:
-    """Its state, progress, rate and the time that is left: `rendering · 43 % · 12.3 M samples/s · 1:05 left`."""
+    """Returns state, progress, rate and remaining time: `rendering · 43 % · 12.3 M samples/s · 1:05 left`."""
     done = f"{100 * job.progress:.0f} %"
     parts = [job.message or job.state, f"{_bar(job.progress)} {done}" if with_bar else done]
     if job.samples_per_s and not job.is_over:
@@ -26,7 +26,7 @@ def how_far(job: Job, with_bar: bool = False) -> str:
 
 
 def what(job: Job, frame: Frame | None) -> str:
-    """Its name, size, and how good the picture is: `milk truck · 1920x1080 · frame 7 · 64 of 512 spp · noise 2.1 %`."""
+    """Returns name, size and quality: `milk truck · 1920x1080 · frame 7 · 64 of 512 spp · noise 2.1 %`."""
     parts = [_plain(job.name or job.id)]
     if job.width and job.height:
         parts.append(f"{job.width}x{job.height}")
@@ -43,7 +43,7 @@ def what(job: Job, frame: Frame | None) -> str:
 
 
 def cut(text: str, columns: int) -> str:
-    """As much of a line as fits, filled up with blanks."""
+    """Returns a line cut or padded to the number of columns."""
     clean = _plain(text)
     if cell_len(clean) > columns > 1:
         clean = f"{set_cell_size(clean, columns - 1).rstrip()}…"
@@ -51,7 +51,7 @@ def cut(text: str, columns: int) -> str:
 
 
 def _plain(text: str) -> str:
-    """Without what a terminal would take for an order: names come from whoever uploaded the scene."""
+    """Returns text without control characters: names come from whoever uploaded the scene."""
     return "".join(c if c.isprintable() else " " for c in text)
 
 

@@ -17,11 +17,11 @@ __all__ = ["edition_of", "only"]
 
 _TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANSPARENT
 _HIDDEN = rows.LAMP | rows.UNSEEN | rows.SHADELESS | rows.FACING
-_LAYERS = rows.DISPERSIVE | rows.ABSORBING
+_LAYERS = rows.DISPERSIVE | rows.ABSORBING | rows.BECKMANN
 _NOTHING: Any = None  # in the place of an array that the kernel need not know of
 _MEDIA = ("medium", "material_medium")
 _KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_emission_frame", "key_texture")
-_LAYERED_KINDS = (rows.BLINN_PHONG, rows.LAYERED)
+_LAYERED_KINDS = (rows.BLINN_PHONG, rows.LAYERED, rows.PLASTIC)
 
 
 def edition_of(scene: CompiledScene, camera_moves: bool = False) -> str:

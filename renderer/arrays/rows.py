@@ -10,7 +10,7 @@ PART_MATERIAL, PART_OBJECT, PART_SHINES = range(3)
 PART_COLUMNS = 3
 
 # Kinds: how a material scatters. INTERFACE does not, and MEDIUM is no material's, but that of vertices within a medium.
-DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYERED, INTERFACE, MEDIUM = range(10)
+DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYERED, INTERFACE, MEDIUM, PLASTIC = range(11)
 
 # Columns of `material`, float32.
 BASE = 0
@@ -55,7 +55,9 @@ ALPHA_X = COLUMNS + 3
 ALPHA_Y = COLUMNS + 4
 IS_PANE = COLUMNS + 5  # 0 or 1: glass does not refract
 FILM_MEAN = COLUMNS + 6  # reflectance over the hemisphere with a film: metal, then dielectric
-LAYER_SLOTS = COLUMNS + 12
+HAS_BECKMANN = COLUMNS + 12  # 0 or 1: facets are distributed by Beckmann, else GGX
+HAS_NONLINEAR = COLUMNS + 13  # 0 or 1: of plastic
+LAYER_SLOTS = COLUMNS + 14
 
 # Slots of `material_texture`, int32: the texture's row, or -1.
 BASE_TEXTURE = 0
@@ -111,6 +113,8 @@ UNSEEN = 2048  # by the camera
 SHADELESS = 4096  # no shadow ray meets it
 FACING = 8192  # a sphere's light is that of a disk through its middle which faces whoever looks
 SCATTERS_WITHIN = 16384  # some of its diffuse light goes through its inside: subsurface
+BECKMANN = 32768  # its facets are distributed by Beckmann, else GGX
+NONLINEAR = 65536  # plastic: colour changes of light that is reflected within it count
 TRANSPARENT = MASKED | BLENDED
 
 # Columns of `medium`, float32.

@@ -6,6 +6,7 @@ limits.py     memory, processor time and file size, never above what the caller 
 reader.py     the child: runs one job and reports over a pipe
 launcher.py   the process that forks readers: no environment, no inherited descriptors, modules and kernels loaded once
 running.py    the caller's side: starts jobs and takes their messages
+faults.py     which errors are a machine's
 endings.py    what comes of a reader that fails, as sentences
 place.py      the temporary folder of one job
 

@@ -11,7 +11,7 @@ from typing import Any
 from renderer.confine.limits import callers_limit
 from renderer.errors import MachineError, RayfarmError, SceneError
 
-__all__ = ["Bounds", "error_of", "how_it_ended", "too_slow"]
+__all__ = ["Bounds", "TooLargeError", "error_of", "how_it_ended", "too_slow"]
 
 log = logging.getLogger(__name__)
 
@@ -21,7 +21,7 @@ class Bounds:
     """Limits of a reader.
 
     memory_bytes: beyond what it has when it starts. seconds: of work. subject: what sentences begin with. granted: how a
-    sentence goes on from "needs more than the 4.0 GiB". longer: what to do where the time is too short.
+    sentence goes on from "needs more than the 4.0 GiB". longer, smaller: what to do where the time or the memory is too little.
     """
 
     memory_bytes: int
@@ -29,6 +29,11 @@ class Bounds:
     subject: str = "The file"
     granted: str = "that this machine has free"
     longer: str = "Make it smaller, or split it into several."
+    smaller: str = "Simplify it."
+
+
+class TooLargeError(MachineError):
+    """A file needs more memory than its reader is granted here."""
 
 
 def error_of(message: dict[str, Any], bounds: Bounds) -> RayfarmError:
@@ -63,8 +68,8 @@ def _kinds() -> dict[str, type[RayfarmError]]:
 def _out_of_memory(bounds: Bounds) -> MachineError:
     if (limit := callers_limit("-v")) is not None:
         return MachineError(f"{bounds.subject} cannot be read on this machine: {limit} is too small. Raise it.")
-    return MachineError(
-        f"{bounds.subject} needs more than the {bounds.memory_bytes / 2**30:.1f} GiB {bounds.granted}. Simplify it."
+    return TooLargeError(
+        f"{bounds.subject} needs more than the {bounds.memory_bytes / 2**30:.1f} GiB {bounds.granted}. {bounds.smaller}"
     )
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import resource
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["available_memory", "callers_limit", "inherited", "limit_program", "set_limits"]
+__all__ = ["at_most", "available_memory", "callers_limit", "inherited", "limit_program", "set_limits"]
 
 LARGEST_FILE = 16 << 30
 _CGROUPS = Path("/sys/fs/cgroup")
@@ -100,6 +101,22 @@ def _address_space() -> int:
         return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     except OSError:
         return 4 << 30
+
+
+@contextmanager
+def at_most(memory: int) -> Iterator[bool]:
+    """Limits this process to `memory` bytes of address space beyond what it has now, within the context.
+
+    Yields whether the limit that it had before is lower still.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    finite = [limit for limit in (soft, hard) if limit != resource.RLIM_INFINITY]
+    wanted = _address_space() + memory
+    resource.setrlimit(resource.RLIMIT_AS, (min([wanted, *finite]), hard))
+    try:
+        yield any(limit < wanted for limit in finite)
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
 def inherited(option: str) -> int | None:

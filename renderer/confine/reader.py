@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
-from renderer.confine import rules
+from renderer.confine import faults, rules
 from renderer.confine.limits import set_limits
 from renderer.errors import MachineError, RayfarmError, SceneError
 
@@ -168,8 +168,6 @@ def _confine_and_run(link: Link, system: Iterable[str]) -> None:
     tempfile.tempdir = os.environ["TMPDIR"] = os.environ["HOME"] = temporary
     os.chdir(temporary)
     sys.dont_write_bytecode = True
-    if (jit := sys.modules.get("renderer.jit")) is not None:  # which tries to write where kernels are kept, and may not
-        jit.KeptByMeaning.ensure_cache_path = lambda self: None
     set_limits(job.memory_bytes, job.seconds)
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(_OUT_OF_MEMORY_SCORE)
@@ -200,6 +198,8 @@ def told(error: BaseException) -> dict[str, Any]:
         if error.errno == errno.EFBIG:
             return {"error": "size"}
         return {"error": f"this machine cannot use its files ({error.strerror}: {where})", "machine": True}
+    if isinstance(error, RuntimeError) and faults.is_of_machine(error):
+        return {"error": "this machine cannot start another thread (see ulimit -u and -v)", "machine": True}
     if isinstance(error, RecursionError):
         return {"error": "is nested too deeply. Flatten its hierarchy.", "rest": True}
     trace = traceback.format_exc()[-_MOST_TRACE:]

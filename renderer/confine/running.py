@@ -20,19 +20,19 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from renderer.confine.endings import Bounds, error_of, how_it_ended, too_slow
+from renderer.confine.endings import Bounds, TooLargeError, error_of, how_it_ended, too_slow
 from renderer.confine.launcher import MOST_REQUEST
 from renderer.confine.limits import callers_limit
 from renderer.confine.reader import TAKEN, Job, Link, Send
 from renderer.errors import MachineError, RayfarmError, SceneError
 from renderer.places import cache_home
 
-__all__ = ["Bounds", "Reader", "begin_launcher", "error_of", "how_it_ended", "run"]
+__all__ = ["Bounds", "Reader", "TooLargeError", "begin_launcher", "error_of", "how_it_ended", "run"]
 
 _ROOT = Path(__file__).resolve().parents[2]
 _START = "import json, sys\nsys.path[:] = json.loads(sys.argv.pop(1))\nfrom renderer.confine.launcher import main\nmain()\n"
 # Passed on to readers: where libraries and kernels are, and how many threads libraries take. Nothing else.
-_PASSED = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "RAYFARM_AVX", "TZ", "NUMBA_THREADING_LAYER")
+_PASSED = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "RAYFARM_AVX512", "TZ", "NUMBA_THREADING_LAYER")
 _PASSED_ENDINGS = ("_NUM_THREADS",)
 _MOST_MESSAGE = 256 << 20  # bytes
 _ENDING_S = 10.0  # for which a reader that has closed its pipe may take to end

@@ -13,6 +13,7 @@ import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
 
 from renderer.errors import SceneError
 from renderer.image.channels import Colour, colour_of
+from renderer.image.unread import of_header, of_primaries, of_profile
 
 __all__ = ["Decoded", "Limits", "straightened", "through_openimageio"]
 
@@ -95,7 +96,11 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
         rgba = _within_display(rgba, spec, factor)
     if suffix == ".hdr":
         rgba = _upright(rgba, data)
+        notes += of_header(data, name)
+    notes += of_primaries(spec.getattribute("chromaticities"), name) + of_profile(spec.getattribute("ICCProfile"), name)
     if rgba.dtype == np.float32:
+        if odd := int((~np.isfinite(rgba)).any(axis=-1).sum()):
+            notes.append(f"{name}: {odd} of its pixels are not finite; they are black, or as bright as can be")
         rgba = np.nan_to_num(rgba, nan=0.0, posinf=_MOST, neginf=0.0)
     is_associated = suffix == ".exr" or (suffix in (".tif", ".tiff") and not spec.getattribute("oiio:UnassociatedAlpha"))
     if str(spec.getattribute("compression")) in ("DXT2", "DXT4"):

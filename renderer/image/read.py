@@ -14,6 +14,7 @@ from PIL import Image
 from renderer.errors import SceneError
 from renderer.image.kinds import IMAGE_SUFFIXES, KTX2, PILLOW, is_deep_png, suffix_of, targa_alpha
 from renderer.image.openimageio import Decoded, Limits, straightened, through_openimageio
+from renderer.image.unread import of_pillow
 
 __all__ = ["IMAGE_SUFFIXES", "MAX_PIXELS", "Decoded", "decode", "read"]
 
@@ -64,11 +65,12 @@ def _in_eight_bits(pixels: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def _through_pillow(data: bytes, name: str, suffix: str, limits: Limits) -> Decoded:
-    notes = []
+    notes: list[str] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         with Image.open(io.BytesIO(data), formats=(PILLOW[suffix],)) as source:
             factor = limits.factor(name, *source.size)
+            notes += of_pillow(source, name)
             image: Image.Image = source
             if source.mode == "CMYK":
                 image = source.convert("RGB")

@@ -13,7 +13,7 @@ import numpy as np
 from renderer.jit import device
 from renderer.wide.values import as_floats, as_ints, rint, to_float, to_int, u32, where
 
-__all__ = ["acos", "atan2", "exp", "exp2", "floor", "log", "log2", "power", "sincos_turns"]
+__all__ = ["acos", "atan2", "erf", "erf_inverse", "exp", "exp2", "floor", "log", "log2", "power", "sincos_turns"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -81,6 +81,28 @@ _A = tuple(
         -1.26282962e-3,
     )
 )
+
+# Abramowitz & Stegun, "Handbook of Mathematical Functions", 7.1.26.
+_ERF_P = np.float32(0.3275911)
+_ERF = tuple(np.float32(c) for c in (0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429))
+# Giles, "Approximating the erfinv function" (GPU Computing Gems, 2010), single precision: near the middle, and in the tails.
+_NEAR_TAIL = np.float32(5.0)
+_MIDDLE_SHIFT = np.float32(2.5)
+_TAIL_SHIFT = np.float32(3.0)
+_MIDDLE = tuple(
+    np.float32(c)
+    for c in (
+        1.50140941, 0.246640727, -0.00417768164, -0.00125372503, 0.00021858087, -4.39150654e-6, -3.5233877e-6, 3.43273939e-7,
+        2.81022636e-8,
+    )
+)  # fmt: skip
+_TAIL = tuple(
+    np.float32(c)
+    for c in (
+        2.83297682, 1.00167406, 0.00943887047, -0.0076224613, 0.00573950773, -0.00367342844, 0.00134934322, 0.000100950558,
+        -0.000200214257,
+    )
+)  # fmt: skip
 
 
 @device
@@ -173,3 +195,22 @@ def log(x):
 def power(x, y):
     """x**y for x >= 0; relative error about 2e-7 (1 + |y log2(x)|). 0**0 is 1."""
     return where(y == _ZERO, _ONE, exp2(y * log2(x)))
+
+
+@device
+def erf(x):
+    """The error function of one number; absolute error below 4e-7."""
+    t = _ONE / (_ONE + _ERF_P * abs(x))
+    tail = t * (_ERF[0] + t * (_ERF[1] + t * (_ERF[2] + t * (_ERF[3] + t * _ERF[4]))))
+    return math.copysign(_ONE - tail * exp(-x * x), x)
+
+
+@device
+def erf_inverse(x):
+    """The inverse of `erf` of one number, |x| < 1; relative error below 1e-6."""
+    w = -log((_ONE - x) * (_ONE + x))
+    if w < _NEAR_TAIL:
+        w, c = w - _MIDDLE_SHIFT, _MIDDLE
+    else:
+        w, c = math.sqrt(w) - _TAIL_SHIFT, _TAIL
+    return x * (c[0] + w * (c[1] + w * (c[2] + w * (c[3] + w * (c[4] + w * (c[5] + w * (c[6] + w * (c[7] + w * c[8]))))))))

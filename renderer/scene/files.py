@@ -18,6 +18,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 from urllib.parse import unquote, unquote_to_bytes
 
+from renderer.confine.faults import is_of_machine
 from renderer.errors import SceneError
 from renderer.frames import frame_name, numbers_of
 from renderer.scene.text import is_readable, readings
@@ -101,6 +102,8 @@ class SceneFiles:
         try:
             return path.read_bytes()
         except OSError as error:
+            if is_of_machine(error):
+                raise
             raise SceneError(f"{name}: could not be read ({error.strerror})") from error
 
     def at_frame(self, pattern: str, frame: float, beside: str) -> str:

@@ -26,11 +26,13 @@ from renderer.scene.parameters import (
 )
 from renderer.settings import Vec3
 
-__all__ = ["ALL_REFLECTING_IOR", "MOST_DENSE", "MOST_FORWARD", "PARAMETERS", "AlphaMode", "Material", "check"]
+__all__ = ["ALL_REFLECTING_IOR", "MOST_DENSE", "MOST_FORWARD", "PARAMETERS", "AlphaMode", "Distribution", "Material", "check"]
 
 AlphaMode = Literal["opaque", "mask", "blend"]
+Distribution = Literal["ggx", "beckmann"]
 
-_ROUGH = ("glass", "conductor", *PRINCIPLED)
+_ROUGH = ("glass", "conductor", *PRINCIPLED, "plastic")
+_COATED = (*PRINCIPLED, "plastic")
 _BRUSHED = ("conductor", *PRINCIPLED)
 _REFRACTS = ("glass", *PRINCIPLED)
 _BOUNDS = (*_REFRACTS, "interface")
@@ -63,7 +65,9 @@ class Material:
     diffuse: base_color, subsurface. mirror: base_color. glass: base_color, ior, roughness, dispersion, attenuation, sigma_a,
     sigma_s, g. conductor: eta, k, roughness, anisotropy. blinn_phong: base_color (kd), specular_color (ks), shininess. unlit:
     base_color is what is seen. metallic_roughness: all from metallic to subsurface_anisotropy, as glTF 2.0 and its KHR_materials
-    extensions say where they do. interface: no surface at all, but the boundary of a medium: attenuation, sigma_a, sigma_s, g.
+    extensions say where they do. plastic, paint under a rough coat: base_color, ior, roughness, specular, specular_color,
+    nonlinear. interface: no surface at all, but the boundary of a medium: attenuation, sigma_a, sigma_s, g. distribution: of the
+    kinds that have a roughness.
 
     emission: radiance; emission_texture multiplies it. It leaves the front face (counter-clockwise side, or a sphere's
     outside), and the back face too where `double_sided`. Scattering is the same from both sides in any case.
@@ -105,12 +109,16 @@ class Material:
         rows.METALLIC_ROUGHNESS_TEXTURE, _ROUGH, gltf=_PBR + "metallicRoughnessTexture"
     )
     """As glTF packs it: green is roughness, blue is metal."""
-    ior: float = number(1.5, rows.IOR, 1.0, ALL_REFLECTING_IOR, _REFRACTS)
-    specular: float = number(1.0, rows.SPECULAR, gltf=_SPECULAR + "specularFactor")
+    distribution: Distribution = choice("ggx", get_args(Distribution), _ROUGH)
+    """Of the slopes of microfacets; clearcoat is always ggx."""
+    nonlinear: bool = flag(kinds=("plastic",))
+    """Light that the coat throws back onto the paint takes its colour again."""
+    ior: float = number(1.5, rows.IOR, 1.0, ALL_REFLECTING_IOR, (*_REFRACTS, "plastic"))
+    specular: float = number(1.0, rows.SPECULAR, kinds=_COATED, gltf=_SPECULAR + "specularFactor")
     specular_texture: int | None = texture(rows.SPECULAR_TEXTURE, layered=False, gltf=_SPECULAR + "specularTexture")
     """Alpha."""
     specular_color: Vec3 = color(  # above 1 up to a reflectance of 1
-        1.0, rows.SPECULAR_COLOR, 1000.0, _PHONG + PRINCIPLED, gltf=_SPECULAR + "specularColorFactor"
+        1.0, rows.SPECULAR_COLOR, 1000.0, _PHONG + _COATED, gltf=_SPECULAR + "specularColorFactor"
     )
     """Tint of a dielectric's reflection; blinn_phong: ks."""
     specular_color_texture: int | None = texture(rows.SPECULAR_COLOR_TEXTURE, srgb=True, gltf=_SPECULAR + "specularColorTexture")

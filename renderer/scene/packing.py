@@ -25,8 +25,10 @@ _KINDS = {
     "conductor": rows.CONDUCTOR,
     "blinn_phong": rows.BLINN_PHONG,
     "unlit": rows.UNLIT,
+    "plastic": rows.PLASTIC,
     "interface": rows.INTERFACE,
 }
+_FACETED = (rows.CONDUCTOR, rows.LAYERED, rows.PLASTIC)  # those whose facets may be distributed by Beckmann
 _TEXTURED = tuple(parameter for parameter in PARAMETERS if parameter.slot is not None)
 _SPECIAL = ("glass", "blinn_phong", "conductor", "interface")
 _SMOOTH = ("glass", "conductor")  # where no roughness is given
@@ -115,7 +117,8 @@ def _kind(m: Material) -> int:
         textured = m.specular_texture is not None or m.specular_color_texture is not None
         if not any(layers) and m.transmission == 1 and m.metallic == 0 and _roughness(m) <= SMOOTH_GLASS and not m.thin:
             return rows.GLASS if m.transmission_texture is None else rows.LAYERED
-        return rows.LAYERED if any(layers) or m.transmission or textured else rows.METALLIC_ROUGHNESS
+        other = any(layers) or m.transmission or textured or m.distribution == "beckmann"
+        return rows.LAYERED if other else rows.METALLIC_ROUGHNESS
     return _KINDS[m.kind]
 
 
@@ -138,7 +141,9 @@ def _flags(m: Material, used: list[int], texels: Texels, absorbs: bool) -> int:
         rows.SHADELESS: m.shadeless,
         rows.FACING: m.facing and m.emission_texture is None,
         rows.ABSORBING: transmits and not m.thin and absorbs,
+        rows.NONLINEAR: m.kind == "plastic" and m.nonlinear,
         rows.SCATTERS_WITHIN: m.kind in ("diffuse", "metallic_roughness") and m.subsurface > 0,
+        rows.BECKMANN: m.distribution == "beckmann" and _kind(m) in _FACETED,
     }
     return sum(bit for bit, is_set in flags.items() if is_set)
 

@@ -26,7 +26,9 @@ __all__ = [
     "values",
 ]
 
-MaterialKind = Literal["diffuse", "mirror", "glass", "conductor", "blinn_phong", "unlit", "metallic_roughness", "interface"]
+MaterialKind = Literal[
+    "diffuse", "mirror", "glass", "conductor", "blinn_phong", "unlit", "metallic_roughness", "plastic", "interface"
+]
 
 Form = Literal["number", "flag", "choice", "color", "radiance", "triple", "pair", "degrees", "texture"]
 

@@ -92,12 +92,6 @@ def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
     url = urlsplit(settings.oidc_discovery)
     if url.scheme != "https" and url.hostname not in ("127.0.0.1", "localhost", "::1"):
         raise CannotStart("RAYFARM_OIDC_DISCOVERY begins with https://: what a provider says must not be another's words.")
-    secret = settings.oidc_secret
-    if settings.oidc_secret_file is not None:
-        try:
-            secret = settings.oidc_secret_file.expanduser().read_text().strip()
-        except OSError as error:
-            raise CannotStart(f"RAYFARM_OIDC_SECRET_FILE cannot be read: {error.strerror}.") from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of names that the library will call otherwise
@@ -105,7 +99,7 @@ def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
             import_module("joserfc.jwt")
     except ImportError:
         raise CannotStart("RAYFARM_OIDC_DISCOVERY needs Authlib. Install it: pip install 'rayfarm[oidc]'.") from None
-    return Oidc(settings, secret, sessions)
+    return Oidc(settings, settings.oidc_secret, sessions)
 
 
 class Oidc:

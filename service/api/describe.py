@@ -164,6 +164,7 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
         **dict(zip(_AS_THEY_ARE, _as_they_are(job), strict=True)),
         project=job.project or "",
         message=_message(job, view, waits) or _holes(job, about),
+        stranded=job.state in ("queued", "running") and _is_stranded(job, view.roster) and bool(view.roster.ready()),
         after=job.request.get("after") or [],
         waits_for=waits,
         needs=needs.texts if (needs := Needs.of(job.needs)) else [],
@@ -253,7 +254,7 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
         return "Waits for a worker of this release: those that are connected prepare no frames of shots."
     if job.shot is not None and job.kind is None and job.settings.get("shutter") and view.roster.blurring_kind() is None:
         return "Waits for workers of this release: of those that are connected some blur nothing that moves."
-    if job.kind is not None and not view.roster.slots(job.kind):
+    if _is_stranded(job, view.roster):
         return f"Waits for a worker of the kind {job.kind}, with which it began. Start one, or cancel the job and begin anew."
     slots = [slot for slot in view.roster.current() if slot.get("job") == job.id]
     if slots and all(slot.get("compiling") for slot in slots):
@@ -263,6 +264,11 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
     if ahead := view.ahead.get(job.id):
         return f"Waits for {ahead} job{'s'[: ahead > 1]} of a higher priority."
     return None
+
+
+def _is_stranded(job: Job, roster: Roster) -> bool:
+    """Whether a job has begun, and no worker of the kind that began it is there."""
+    return job.kind is not None and not roster.slots(job.kind)
 
 
 def _unmet(job: Job, roster: Roster) -> str | None:

@@ -30,6 +30,7 @@ from service.api.heads import headers_alone, is_head
 from service.api.lookup import Number, find_film, find_job, find_picture, no_frame
 from service.api.motion import motion_of
 from service.api.schemas import FrameOut, FrameState
+from service.api.visit import VisitDependency
 from service.errors import Invalid
 from service.farm import Farm, FarmDependency
 from service.scheduling.errands.aside import MadeAside
@@ -111,6 +112,7 @@ async def image(
     extension: Literal["png", "exr", "jpg", "hdr", "rgb9e5"],
     request: Request,
     farm: FarmDependency,
+    visit: VisitDependency,
     aov: str = Query("color", max_length=200, description=AOV_HELP),
     denoise: bool = Query(False, description="without most of the noise; waits until a worker has made it"),
     exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
@@ -150,7 +152,9 @@ async def image(
     motion = await motion_of(job, n, film, farm) if aovs.MOTION in planes else None
     wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob, motion)
     folder = farm.settings.data / "tmp"
-    made = await farm.pictures.make((id, n, headers["ETag"]), memory(film, wish), picture, film, frame_key(n), wish, folder)
+    made = await farm.pictures.make(
+        (id, n, headers["ETag"]), memory(film, wish), picture, film, frame_key(n), wish, folder, user=visit.queue
+    )
     headers["Content-Length"] = str(made.size)
     if made.span is not None:
         headers["X-Span"] = ",".join(f"{value:.6g}" for value in made.span)
@@ -158,7 +162,7 @@ async def image(
 
 
 @router.get("/{n}/film", response_class=Response, responses={200: FILM, 304: {"description": "Not changed."}})
-async def film(id: str, n: Number, request: Request, farm: FarmDependency) -> Response:
+async def film(id: str, n: Number, request: Request, farm: FarmDependency, visit: VisitDependency) -> Response:
     """All of a frame's light, and how many samples each tile has, in one answer: see docs/api.md. For watchers that begin."""
     film, version, _ = await run_in_threadpool(_state, id, n, farm)
     gzip = "gzip" in request.headers.get("accept-encoding", "")
@@ -172,7 +176,7 @@ async def film(id: str, n: Number, request: Request, farm: FarmDependency) -> Re
     folder = farm.settings.data / "tmp"
     most = film_packet.memory(film)
     key = (id, n, "film", headers["ETag"])
-    made = await farm.pictures.make(key, most, film_packet.film_packet, film, frame_key(n), folder, gzip)
+    made = await farm.pictures.make(key, most, film_packet.film_packet, film, frame_key(n), folder, gzip, user=visit.queue)
     headers["Content-Length"] = str(made.size)
     return StreamingResponse(made.pieces(), media_type="application/octet-stream", headers=headers)
 
@@ -219,12 +223,12 @@ def tile_log(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: 
 
 
 @router.get("/{n}/digest", response_model=Digest)
-async def digest(id: str, n: Number, farm: FarmDependency) -> Digest:
+async def digest(id: str, n: Number, farm: FarmDependency, visit: VisitDependency) -> Digest:
     """A name for the frame's every bit: equal requests give equal digests, whoever rendered them."""
     film, version, samples = await run_in_threadpool(_picture, id, n, farm)
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.make(
-        (id, n, "digest", version), bands.digest_memory(film), bands.digest, film, frame_key(n), folder
+        (id, n, "digest", version), bands.digest_memory(film), bands.digest, film, frame_key(n), folder, user=visit.queue
     )
     return Digest(digest=made, samples=samples)
 

@@ -208,6 +208,45 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency, visit: VisitDepe
     return _laid_out(id, farm) if is_long else get_job(id, farm)
 
 
+@router.post("/{id}/anew", status_code=201, response_model=JobOut)
+def begin_anew(id: str, farm: FarmDependency, response: Response, visit: VisitDependency) -> JobOut:
+    """Ask for the same picture in a new job, from the first sample, and cancel this one, which keeps its picture so far.
+
+    For a job that was begun by workers of a kind that is gone, after an upgrade: another kind may compute other bits, so it never
+    continues a film. To take it back, set this job to running and cancel the new one.
+    """
+    with farm.sessions.begin() as session:
+        job = find_job(id, farm)
+        if job.state in FINAL:
+            raise Conflict(f"The job is {job.state}; only one that is not over begins anew.")
+        request = _as_it_is_now(job)
+        set_state(session.get_one(Job, id, with_for_update=True), "cancelled", is_anew=False)  # now it counts in no quota
+    try:
+        made = create_job(request, farm, response, visit)
+    except Exception:
+        with farm.sessions.begin() as session:
+            row = session.get_one(Job, id, with_for_update=True)
+            row.state, row.finished = job.state, None
+        raise
+    finally:
+        farm.changed("job", id)
+    with farm.sessions.begin() as session:
+        new = session.get_one(Job, made.id, with_for_update=True)
+        new.max_slots, new.needs, new.deadline = job.max_slots, job.needs, job.deadline
+        new.focus, new.pinned, new.note = job.focus, job.pinned, job.note
+    farm.changed("job", made.id)
+    return get_job(made.id, farm)
+
+
+def _as_it_is_now(job: Job) -> JobIn:
+    """A job's request with what was changed since: its goals, frames, name and priority. What it waited for is over."""
+    now: dict[str, Any] = {"name": job.name, "priority": job.priority, "spp": job.spp, "noise": job.noise, "seconds": job.seconds}
+    if job.shot is not None and (shot := Shot.of(job.shot)) is not None:
+        now |= {"frames": shot.frames, "order": shot.order}
+    given = {name: value for name, value in job.request.items() if name not in ("after", "deadline", "needs", "max_slots")}
+    return JobIn.model_validate({**given, **now, "fresh": True})
+
+
 def _change(
     job: Job, change: JobPatch, of_shot: ShotChange | None, is_anew: bool, session: Session, farm: Farm, visit: Visit
 ) -> bool:

@@ -110,6 +110,7 @@ async def reference_image(
     extension: Literal["png", "exr", "jpg", "hdr"],
     request: Request,
     farm: FarmDependency,
+    visit: VisitDependency,
     exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
     tonemap_curve: str = Query(
         "neutral", alias="tonemap", json_schema_extra={"enum": list(tonemap.CURVES)}, description="for png and jpg"
@@ -128,6 +129,7 @@ async def reference_image(
         lambda: film_picture.picture(
             farm.blobs.serve(row.film["sha256"]).chunks, extension, exposure, tonemap_curve, farm.settings.data / "tmp"
         ),
+        user=visit.queue,
     )
     headers["Content-Length"] = str(made.size)
     return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)

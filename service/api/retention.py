@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Literal
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Response
 from pydantic import BaseModel, Field
 
 from service.api.strict import Strict
+from service.errors import NotFound
 from service.farm import FarmDependency
-from service.keeping.retention import Rules
+from service.keeping.retention import Rules, Run
 
 __all__ = ["router"]
 
@@ -42,15 +43,41 @@ class ItemOut(BaseModel):
 class RetentionOut(BaseModel):
     """What may go, or went. A film is rendered again and a scene compiled again when somebody asks; an upload is gone."""
 
-    items: list[ItemOut]
-    bytes: int
+    state: Literal["planned", "running", "finished", "failed", "stopped"] = Field(
+        description="planned: nothing is deleted; stopped: the service has ended before all was done"
+    )
+    items: list[ItemOut] = Field(description="that may go (planned), or that went so far")
+    bytes: int = Field(description="of these")
+    planned: int | None = Field(description="how many may go; null while they are looked for")
+    done: int = Field(description="of these, looked at so far; some may be needed again by then, and stay")
+    error: str | None = None
 
 
-@router.post("", response_model=RetentionOut)
-def let_go(wish: RetentionIn, farm: FarmDependency) -> RetentionOut:
-    """What the farm would let go by these rules; with dry_run false it does. What unfinished and pinned jobs need stays."""
+@router.post("", response_model=RetentionOut, responses={202: {"model": RetentionOut, "description": "It has begun."}})
+def let_go(wish: RetentionIn, farm: FarmDependency, response: Response) -> RetentionOut:
+    """What the farm would let go by these rules. With dry_run false it begins to, and answers at once with 202; `GET` says how
+    far it is. What unfinished and pinned jobs need stays."""
     rules = Rules(**wish.model_dump(exclude={"dry_run"}))
-    items = farm.retention.plan(farm.rules if rules.is_empty else rules)
-    if not wish.dry_run:
-        items = farm.retention.carry_out(items)
-    return RetentionOut(items=[ItemOut(**asdict(item)) for item in items], bytes=sum(item.bytes for item in items))
+    rules = farm.rules if rules.is_empty else rules
+    if wish.dry_run:
+        items = farm.retention.plan(rules)
+        return _out(Run("running", len(items), 0, items), "planned")
+    response.status_code, response.headers["Location"] = 202, router.prefix
+    return _out(farm.retention.begin(rules))
+
+
+@router.get("", response_model=RetentionOut)
+def retention_run(farm: FarmDependency) -> RetentionOut:
+    """How far the latest deletion is that somebody has asked for."""
+    run = farm.retention.latest
+    if run is None:
+        raise NotFound("No deletion by rules was asked for since the service started. POST /api/retention begins one.")
+    return _out(run)
+
+
+def _out(run: Run, state: Literal["planned"] | None = None) -> RetentionOut:
+    now, items = state or run.state, list(run.gone)  # in this order: what is said to be finished is all there
+    shown = [ItemOut(**asdict(item)) for item in items]
+    return RetentionOut(
+        state=now, items=shown, bytes=sum(item.bytes for item in items), planned=run.planned, done=run.done, error=run.error
+    )

@@ -335,6 +335,7 @@ class JobOut(QueueOut):
     name: str
     state: JobState
     message: str | None = Field(description="why it does not go on at the moment")
+    stranded: bool = Field(description="begun by a kind of workers of which none is connected, while others are: see /anew")
     error: str | None
     reproduce: str | None = Field(description="a command that shows the error again")
     priority: int

@@ -21,6 +21,7 @@ from service.api.file_names import named, title_of
 from service.api.heads import headers_alone, is_head
 from service.api.lookup import find_job, without_samples
 from service.api.motion import motion_of
+from service.api.visit import VisitDependency
 from service.errors import Conflict, Invalid
 from service.farm import Farm, FarmDependency
 from service.scheduling.jobs.active_frame import FrameNumbers
@@ -48,6 +49,7 @@ async def frames_zip(
     id: str,
     request: Request,
     farm: FarmDependency,
+    visit: VisitDependency,
     format: Literal["exr", "png", "jpg"] = "exr",
     which: Literal["finished", "all", "coming"] = "finished",
     frames: str | None = Frames,
@@ -70,7 +72,7 @@ async def frames_zip(
     headers = {"Content-Disposition": named(f"{_title(job, frames)}.{format}.zip", "attachment"), "Cache-Control": "no-store"}
     if is_head(request):
         return headers_alone(headers, "application/zip")
-    stream = _zipped(job, film, wish, frames, which, farm)
+    stream = _zipped(job, film, wish, frames, which, farm, visit.queue)
     return StreamingResponse(stream, media_type="application/zip", headers=headers)
 
 
@@ -83,6 +85,7 @@ async def get_movie(
     id: str,
     request: Request,
     farm: FarmDependency,
+    visit: VisitDependency,
     extension: Literal["mp4", "webm", "webp"],
     frames: str | None = Frames,
     fps: float | None = Query(None, ge=1, le=240, allow_inf_nan=False, description="the shot's unless told"),
@@ -107,12 +110,14 @@ async def get_movie(
     if is_head(request):
         return headers_alone(headers, MOVIE_MEDIA[extension])
     make = partial(movie, film, keys, wish, speed, farm.settings.data / "tmp")
-    made = await farm.pictures.make((id, "movie", wish, speed, content), movie_memory(film, wish), make)
+    made = await farm.pictures.make((id, "movie", wish, speed, content), movie_memory(film, wish), make, user=visit.queue)
     headers["Content-Length"] = str(made.size)
     return StreamingResponse(made.pieces(), media_type=MOVIE_MEDIA[extension], headers=headers)
 
 
-async def _zipped(job: Job, film: Film, wish: PictureWish, frames: str | None, which: str, farm: Farm) -> AsyncIterator[bytes]:
+async def _zipped(
+    job: Job, film: Film, wish: PictureWish, frames: str | None, which: str, farm: Farm, user: str
+) -> AsyncIterator[bytes]:
     stream = ZipStream()
     folder = farm.settings.data / "tmp"
     done: set[int] = set()
@@ -127,7 +132,7 @@ async def _zipped(job: Job, film: Film, wish: PictureWish, frames: str | None, w
                 if aovs.MOTION in wish.planes:
                     wish = replace(wish, motion=await motion_of(now, frame_number(key), film, farm))
                 about = (job.id, "zip", key, film.version(key), wish)
-                made = await farm.pictures.make(about, memory(film, wish), picture, film, key, wish, folder)
+                made = await farm.pictures.make(about, memory(film, wish), picture, film, key, wish, folder, user=user)
                 name = frame_name(f"{_title(job)}.####.{wish.extension}", frame_number(key))
                 async for piece in iterate_in_threadpool(stream.file(name, made)):
                     yield piece

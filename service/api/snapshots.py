@@ -15,6 +15,7 @@ from renderer.image import tonemap
 from service.api.file_names import named, picture_name
 from service.api.heads import headers_alone, is_head
 from service.api.lookup import find_job
+from service.api.visit import VisitDependency
 from service.errors import Invalid, NotFound
 from service.farm import Farm, FarmDependency
 from service.store.film_snapshots import FilmSnapshot
@@ -72,6 +73,7 @@ async def snapshot_image(
     extension: Literal["png", "exr", "jpg", "hdr"],
     request: Request,
     farm: FarmDependency,
+    visit: VisitDependency,
     exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
     tonemap_curve: str = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg"),
 ) -> Response:
@@ -91,6 +93,7 @@ async def snapshot_image(
         (id, "snapshot", headers["ETag"]),
         film_picture.memory(width, height),
         lambda: film_picture.picture(_packed(id, spp, farm)[1], extension, exposure, tonemap_curve, farm.settings.data / "tmp"),
+        user=visit.queue,
     )
     headers["Content-Length"] = str(made.size)
     return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)

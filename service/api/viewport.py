@@ -41,8 +41,8 @@ from service.api.problem import told
 from service.api.schemas import JobIn
 from service.errors import FarmError, NotFound
 from service.farm import Farm, FarmDependency
-from service.viewing.look import Look, look_at
-from service.viewing.watch import Watch
+from service.viewing.session import ViewSession
+from service.viewing.view_request import ViewRequest, resolve_view
 
 __all__ = ["router"]
 
@@ -73,7 +73,7 @@ class ViewIn(JobIn):
 
 @router.websocket("/api/scenes/{id}/viewport")
 async def viewport(socket: WebSocket, id: str, farm: FarmDependency) -> None:
-    """Look at a scene."""
+    """ViewRequest at a scene."""
     await socket.accept()
     try:
         await run_in_threadpool(find_scene, id, farm)
@@ -88,7 +88,7 @@ async def viewport(socket: WebSocket, id: str, farm: FarmDependency) -> None:
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
-        farm.desk.leave(viewer.watch)
+        farm.views.leave(viewer.session)
         try:
             for task in tasks:
                 task.cancel()
@@ -123,7 +123,7 @@ class _Viewer:
             with contextlib.suppress(RuntimeError):  # the loop is closed
                 loop.call_soon_threadsafe(self._changed.set)
 
-        self.watch = Watch(wake)
+        self.session = ViewSession(wake)
 
     async def receive(self) -> None:
         """Take in messages until the page leaves."""
@@ -148,9 +148,9 @@ class _Viewer:
             self._changed.set()
         elif "pick" in said:
             x, y = said["pick"]
-            self._farm.desk.pick(self.watch, int(x), int(y))
+            self._farm.views.pick(self.session, int(x), int(y))
         elif "paused" in said:
-            self._farm.desk.pause(self.watch, bool(said["paused"]))
+            self._farm.views.pause(self.session, bool(said["paused"]))
         else:
             self._ask = ViewIn.model_validate(said)
             self._asked.set()
@@ -182,25 +182,25 @@ class _Viewer:
     async def _settles(self, ask: ViewIn, makes: bool, tries_again: bool = False) -> bool:
         """Whether it is known what comes of a view: it is rendered, or refused. Raises nothing."""
         try:
-            look = await run_in_threadpool(self._look, ask, makes, tries_again)
+            view = await run_in_threadpool(self._resolve, ask, makes, tries_again)
         except FarmError as error:
             self._refuse(str(error), ask.id)
             self._ask = None if ask is self._ask else self._ask
         else:
-            if look is None:
+            if view is None:
                 of_light = self._held != self._scene
                 self._notice, self._rests_s = f"The scene is prepared{' for this light' * of_light}.", PREPARING_S
                 return False
-            self._farm.desk.show(self.watch, look)
+            self._farm.views.show(self.session, view)
             self._notice = None
         self._awaited = None
         return True
 
     def _is_unprepared(self) -> bool:
         """Whether the scene may have been compiled meanwhile for the workers that are here."""
-        return self._notice is not None or (self.watch.look is not None and self.watch.message is not None)
+        return self._notice is not None or (self.session.request is not None and self.session.message is not None)
 
-    def _look(self, ask: ViewIn, makes: bool, tries_again: bool) -> Look | None:
+    def _resolve(self, ask: ViewIn, makes: bool, tries_again: bool) -> ViewRequest | None:
         """What is to be rendered; None while the scene is prepared for it, or has to be and is not made. Raises FarmError."""
         request = ask.model_dump(mode="json", exclude={"id"})
         lighting = self._farm.lighting
@@ -214,7 +214,7 @@ class _Viewer:
             lighting.hold(row.id)
             self.release()
             self._held = row.id
-        return None if row.status == "preparing" else look_at(ask.id, request, row, ask.is_shot, ask.numbers()[0])
+        return None if row.status == "preparing" else resolve_view(ask.id, request, row, ask.is_shot, ask.numbers()[0])
 
     def release(self) -> None:
         """What is looked at need not be kept any longer."""
@@ -227,11 +227,11 @@ class _Viewer:
         while not self._farm.broadcast.closing:
             while self._errors:
                 await self._socket.send_text(json.dumps(self._errors.popleft()))
-            while self.watch.picked:
-                await self._socket.send_text(json.dumps({"type": "picked", **self.watch.picked.pop(0)}))
+            while self.session.picked:
+                await self._socket.send_text(json.dumps({"type": "picked", **self.session.picked.pop(0)}))
             picture = None
-            if not self.watch.is_paused and len(self._unacknowledged) < MAX_UNACKNOWLEDGED and self.watch.is_due():
-                picture = await run_in_threadpool(self.watch.take, self._seq + 1)
+            if not self.session.is_paused and len(self._unacknowledged) < MAX_UNACKNOWLEDGED and self.session.is_due():
+                picture = await run_in_threadpool(self.session.take, self._seq + 1)
             if picture is not None:
                 self._seq += 1
                 self._unacknowledged.append(self._seq)
@@ -244,18 +244,18 @@ class _Viewer:
         await self._socket.close(1012, "The service is going down.")
 
     async def _send_state(self) -> None:
-        watch, now = self.watch, time.monotonic()
+        session, now = self.session, time.monotonic()
         state: dict[str, Any]
-        if watch.look is None:
+        if session.request is None:
             nothing: dict[str, Any] = {"samples": 0, "bound": 0, "mean": 0, "noise": None, "done": False, "slots": 0}
             state = {"id": None, **nothing, "message": self._notice}
         else:
-            about: dict[str, Any] = {"id": watch.look.id, "samples": watch.samples, "bound": watch.bound}
-            about |= {"mean": round(watch.mean_samples, 1), "noise": watch.noise, "done": watch.is_done}
-            state = {**about, "slots": watch.slots, "message": self._notice or watch.message}
-            if watch.error is not None and self._told.get("error") != (watch.look.id, watch.error):
-                self._told["error"] = (watch.look.id, watch.error)
-                await self._socket.send_text(json.dumps({"type": "error", "id": watch.look.id, "detail": watch.error}))
+            about: dict[str, Any] = {"id": session.request.id, "samples": session.samples, "bound": session.bound}
+            about |= {"mean": round(session.mean_samples, 1), "noise": session.noise, "done": session.is_done}
+            state = {**about, "slots": session.slots, "message": self._notice or session.message}
+            if session.error is not None and self._told.get("error") != (session.request.id, session.error):
+                self._told["error"] = (session.request.id, session.error)
+                await self._socket.send_text(json.dumps({"type": "error", "id": session.request.id, "detail": session.error}))
         has_changed = state != self._told.get("state")
         is_urgent = has_changed and state["message"] != (self._told.get("state") or {}).get("message")
         if is_urgent or now - self._told_at > (STATE_EVERY_S if has_changed else SPEAK_EVERY_S):

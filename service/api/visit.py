@@ -38,6 +38,11 @@ class Visit:
         return self.caller.name if self.caller is not None and self.caller.is_known else None
 
     @property
+    def queue(self) -> str:
+        """Name of the queue in which costly requests wait: that of the user, or of the address where no login is asked for."""
+        return f"user {self.user}" if self.user is not None else f"address {self.address}"
+
+    @property
     def token(self) -> str | None:
         """The id of the token that was shown; None where it was something else."""
         return self.caller.key if self.caller is not None and self.caller.kind == "token" else None

@@ -1,22 +1,22 @@
-"""Pictures uploaded for comparison: read once, in a child process with limits, and kept as films."""
+"""Pictures uploaded for comparison: read once, in a confined process, and kept as films."""
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
 import tempfile
 import time
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 from sqlalchemy.exc import IntegrityError
 
+from renderer.confine.running import Bounds, TooLargeError, run
+from renderer.errors import MachineError, SceneError
 from service.access.projects import hold_project
 from service.errors import Failed, Invalid
-from service.intake import read_reference
 from service.intake.projects import NOBODY, Owner, id_in
+from service.intake.read_reference import as_film
 from service.store.blobs import BlobStore
 from service.store.database import Sessions
 from service.store.garbage import Garbage
@@ -28,6 +28,7 @@ __all__ = ["SUFFIXES", "keep_reference"]
 
 SUFFIXES = (".exr", ".hdr", ".pfm", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
 SECONDS = 120.0
+MEMORY = 4 << 30  # bytes, beside what the process has before it reads
 PIECE = 1 << 20
 
 
@@ -84,20 +85,17 @@ def _known(id: str, sessions: Sessions) -> Reference | None:
 
 
 def _read(image: Path, name: str, film: Path) -> dict[str, object]:
-    command = [sys.executable, "-m", read_reference.__name__, str(image), name, str(film)]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    environment.pop("RAYFARM_TOKEN", None)
-    environment["TMPDIR"] = str(film.parent)  # removed also where the child is ended and cannot
+    job = partial(as_film, os.fsencode(image.resolve()), name, os.fsencode(film.resolve()))
+    bounds = Bounds(MEMORY, SECONDS, name, "that reading an image may take", "Make it smaller.", "Make it smaller.")
     try:
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=SECONDS, env=environment)
-    except subprocess.TimeoutExpired:
-        raise Invalid(f"{name}: took longer than {SECONDS:.0f} seconds to read. Make it smaller.") from None
-    except OSError as error:
-        raise Failed(f"{name} could not be read: this machine cannot start another process ({error}).") from error
-    try:
-        answer: dict[str, object] = json.loads(done.stdout.splitlines()[-1])
-    except (ValueError, IndexError):
-        raise Invalid(f"{name}: made its reader crash. It is damaged, or too large; export it again.") from None
-    if "error" in answer:
-        raise Invalid(f"{str(answer['error']).rstrip('.')}.")
-    return answer
+        found = run(job, [image.resolve()], [film.parent.resolve()], bounds, preload=[as_film.__module__])
+        sides = int(found["width"]), int(found["height"]), int(found["clipped"])
+        if not film.is_file() or film.is_symlink():
+            raise SceneError(f"{name} cannot be read: its importer ended without a result")
+    except (SceneError, TooLargeError) as error:
+        raise Invalid(f"{str(error).rstrip('.')}.") from None
+    except MachineError as error:
+        raise Failed(f"{name} could not be read: {str(error).rstrip('.')}.") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise Invalid(f"{name} cannot be read: its importer ended without a result.") from error
+    return {"width": sides[0], "height": sides[1], "is_display": bool(found.get("is_display")), "clipped": sides[2]}

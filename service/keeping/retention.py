@@ -15,13 +15,13 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session
 
-from service.errors import FarmError
+from service.errors import Conflict, FarmError
 from service.store.database import Sessions
 from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
@@ -29,7 +29,7 @@ from service.store.garbage import Garbage
 from service.store.models import ACTIVE, FINAL, Job, Scene
 from service.store.reserve import Reserve
 
-__all__ = ["Item", "Retention", "Rules", "WallClock"]
+__all__ = ["Item", "Retention", "Rules", "Run", "WallClock"]
 
 DAY_S = 86400.0
 EVERY_S = 3600.0
@@ -83,6 +83,17 @@ class Item:
     why: str
 
 
+@dataclass
+class Run:
+    """A deletion that somebody has asked for, and how far it is; changed by one thread."""
+
+    state: Literal["running", "finished", "failed", "stopped"] = "running"
+    planned: int | None = None  # items; None: they are being looked for
+    done: int = 0  # of them
+    gone: list[Item] = field(default_factory=list)
+    error: str | None = None
+
+
 class Retention:
     """Looks each hour, where there are rules, but not by a clock that was just put forward: what has gone does not come back.
     `plan` and `carry_out` may be called from any thread."""
@@ -104,6 +115,9 @@ class Retention:
         self._rules = rules
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="retention", daemon=True)
+        self._asked_lock = threading.Lock()
+        self._asked_thread: threading.Thread | None = None
+        self.latest: Run | None = None  # that was asked for since the service started
 
     def start(self) -> None:
         """Begin, where there are rules."""
@@ -113,8 +127,9 @@ class Retention:
     def stop(self) -> None:
         """End after what is in hand."""
         self._stopping.set()
-        if self._thread.is_alive():
-            self._thread.join(5)
+        for thread in (self._thread, self._asked_thread):
+            if thread is not None and thread.is_alive():
+                thread.join(5)
 
     def _run(self) -> None:
         pause_s, clock = FIRST_S, WallClock()
@@ -129,6 +144,33 @@ class Retention:
                 log.warning("what may go stays for now: %s", error)
             except Exception:
                 log.exception("a fault while it was looked what may go")
+
+    def begin(self, rules: Rules) -> Run:
+        """Start to delete what may go by these rules, in a thread. Raises Conflict while an earlier run goes on."""
+        with self._asked_lock:
+            if self.latest is not None and self.latest.state == "running":
+                raise Conflict("A deletion by rules is running already. GET /api/retention says how far it is.")
+            run = self.latest = Run()
+            self._asked_thread = threading.Thread(target=self._carry_out, args=(run, rules), name="retention run", daemon=True)
+            self._asked_thread.start()
+        return run
+
+    def _carry_out(self, run: Run, rules: Rules) -> None:
+        try:
+            items = self.plan(rules)
+            run.planned = len(items)
+            for item in items:
+                run.gone += self.carry_out([item])
+                if self._stopping.is_set():
+                    run.state = "stopped"
+                    return
+                run.done += 1
+            run.state = "finished"
+        except FarmError as error:
+            run.state, run.error = "failed", str(error)
+        except Exception as error:
+            log.exception("a fault while old films and scenes were deleted")
+            run.state, run.error = "failed", f"The service has a fault ({type(error).__name__}); its log says more."
 
     def plan(self, rules: Rules) -> list[Item]:
         """What may go by these rules, oldest first; changes nothing."""

@@ -1,8 +1,8 @@
-"""A service that wants to own the farm: it does so at once if nobody else does, and otherwise stands by.
+"""A service that wants to own the farm: it takes a free farm at once, and otherwise stands by.
 
-Three things show that an owner is dead: it has given the farm up; the lock it held on the folder is free; its process is gone
-from this machine. An owner that hangs shows none of these. It is asked through the database, and if it does not answer for
-`lease_s`, the farm is taken over; what it still tries to write is refused (ownership.py).
+An owner is dead if it has given the farm up, if the lock it held on the folder is free, or if its process is gone from this
+machine. An owner that hangs shows none of these. It is asked through the database, and after `lease_s` without an answer the farm
+is taken over; what the old owner still tries to write is refused (ownership.py).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ log = logging.getLogger(__name__)
 
 
 class Candidate:
-    """Used by one thread at a time. Raises CannotStart for settings or a database that this service cannot work with."""
+    """Attempts to own the farm. Not thread-safe. Raises CannotStart for settings or a database that this service cannot use."""
 
     def __init__(self, settings: Settings, clock: Callable[[], float] = time.monotonic) -> None:
         settings.make_folders()
@@ -56,7 +56,10 @@ class Candidate:
         self.known: Owner | None = None  # the row as it was last seen
 
     def attempt(self) -> Ownership | None:
-        """Own the farm, where that may be; None: not now. Made to be called often. Raises Unavailable, and CannotStart."""
+        """Takes the farm if it is free or its owner dead; None otherwise. Cheap enough to call often.
+
+        Raises Unavailable and CannotStart.
+        """
         has_lock = self._lock.attempt()
         if self._clock() < self._looks_at and not (has_lock and self._may_be_dead()):
             self._lock.release()
@@ -80,12 +83,12 @@ class Candidate:
         return Ownership(self._engine, self._sessions, self._lock, epoch, self._settings.lease_s, self._clock)
 
     def close(self) -> None:
-        """Stand by no longer."""
+        """Stops standing by."""
         self._lock.release()
         self._engine.dispose()
 
     def _may_be_dead(self) -> bool:
-        """Whether the lock, which is held here, says something: also before the row was ever seen."""
+        """Whether holding the folder's lock shows that the owner is dead; also before the row was first read."""
         return self.known is None or self.known.locked
 
     def _asked_for_epoch(self, has_lock: bool) -> int | None:
@@ -135,7 +138,7 @@ class Candidate:
         self._stuck_since = None
 
     def _free_the_database(self, row: Owner) -> None:
-        """A process that was stopped in the middle of writing holds SQLite's lock for as long as it stands still."""
+        """Kills an owner that is stopped while it holds SQLite's write lock."""
         now = self._clock()
         self._stuck_since = self._stuck_since if self._stuck_since is not None else now
         if now - self._stuck_since > self._settings.lease_s and is_stopped(row.process) and end(row.process or {}):
@@ -143,12 +146,15 @@ class Candidate:
 
 
 def _is_damage(error: DatabaseError) -> bool:
-    """Whether a database cannot be read at all; any other error is a fault of ours."""
+    """Whether the database is unreadable; other errors are bugs."""
     return getattr(error.orig, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 
 def own(settings: Settings, patience_s: float) -> Ownership:
-    """Own the farm, or raise CannotStart: for whoever does not stand by. patience_s: an earlier service may still be ending."""
+    """Takes the farm, for a service that does not stand by; raises CannotStart otherwise.
+
+    patience_s: for an earlier service to end.
+    """
     candidate = Candidate(settings)
     deadline = time.monotonic() + patience_s
     try:

@@ -1,4 +1,4 @@
-"""The lock of a data folder: getting it proves that whoever held it has ended, however that happened."""
+"""The lock of a data folder: acquiring it proves that its holder has ended, however that happened."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["FolderLock"]
 
 
 class FolderLock:
-    """Of one process. The system lets go of it when that ends."""
+    """A file lock of this process, released by the system when the process ends."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / "service.lock"
@@ -21,11 +21,11 @@ class FolderLock:
 
     @property
     def is_held(self) -> bool:
-        """Whether this process has it."""
+        """Whether this process holds it."""
         return self._file is not None
 
     def attempt(self) -> bool:
-        """Take it where nobody has it; whether it is held now. A folder that knows no locks is one that is never held."""
+        """Acquires the lock if it is free; returns whether it is held. A file system without locks counts as never held."""
         if self._file is None:
             file = os.fdopen(os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, PRIVATE), "w")
             try:
@@ -37,7 +37,7 @@ class FolderLock:
         return self._file is not None
 
     def release(self) -> None:
-        """Let others have it."""
+        """Releases the lock."""
         if self._file is not None:
             self._file.close()
             self._file = None

@@ -1,8 +1,8 @@
-"""Owning the farm: this service has the latest epoch, and everything it writes is checked against that.
+"""Ownership of the farm: this service has the latest epoch, and all its writes are checked against that.
 
 Time decides when another service may take over, but never whether something may be written. That is decided in the writing
 transaction itself: the database's row has the latest epoch (`fence`), and every film a copy of it (service/store/film_file.py).
-So a service that was suspended for an hour, and continues in the middle of a merge, can no longer write anything.
+A service that was suspended for an hour in the middle of a merge can write nothing when it resumes.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ log = logging.getLogger(__name__)
 
 
 class Ownership:
-    """Held from `Candidate.attempt` until `stop`, or until it is lost. Safe to use from several threads."""
+    """Held from `Candidate.attempt` until `stop`, or until it is lost. Thread-safe."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class Ownership:
         lease_s: float,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """sessions: that hold nothing against the epoch."""
+        """sessions: database sessions without a fence."""
         self.engine = engine
         self.epoch = epoch
         self.sessions = sessions.fenced(self.fence)
@@ -68,13 +68,16 @@ class Ownership:
         self._thread = threading.Thread(target=self._run, name="owning", daemon=True)
 
     def start(self, on_lost: Callable[[], None], moves: Callable[[], bool]) -> None:
-        """Begin to answer those who ask. on_lost: called once, in a thread, where another has taken over. moves: whether the
-        service does its work; where it does not it answers nobody, and another may try."""
+        """Starts answering candidates.
+
+        on_lost: called once, in a thread, after another service has taken over. moves: whether this service makes
+        progress; one that does not answers nobody, so that another may take over.
+        """
         self._on_lost, self._moves = on_lost, moves
         self._thread.start()
 
     def stop(self) -> None:
-        """Give the farm up."""
+        """Gives the farm up."""
         self._stop.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join()
@@ -88,16 +91,16 @@ class Ownership:
 
     @property
     def is_lost(self) -> bool:
-        """Whether another has taken over."""
+        """Whether another service has taken over."""
         return self._lost.is_set()
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether another may have taken over since this was last looked at."""
+        """Whether another service may have taken over since the last check."""
         return self.is_lost or self._clock() - self._confirmed > self._doubt_s
 
     def fence(self, session: Session) -> None:
-        """Let a transaction go on only as the owner's. Raises NotOwner."""
+        """Lets a transaction continue only if this service is the owner. Raises NotOwner."""
         if session.get_bind().dialect.name == "postgresql":
             found = session.execute(OF_POSTGRES, {"what": rows.FARM, "stuck": str(STUCK_S)}).scalar()
         else:
@@ -107,8 +110,10 @@ class Ownership:
             raise NotOwner
 
     def guard(self) -> None:
-        """Whoever is about to act as the owner asks this; it costs nothing unless this process stood still. Raises NotOwner, or
-        Unavailable where another may own the farm and the database does not tell."""
+        """Checks ownership before an action; free unless this process was suspended.
+
+        Raises NotOwner, or Unavailable if another service may own the farm and the database does not answer.
+        """
         if self.is_lost:
             raise NotOwner
         if not self.is_doubtful:
@@ -126,7 +131,7 @@ class Ownership:
             raise Unavailable("The database does not say whether this service still owns the farm.")
 
     def confirm(self) -> None:
-        """Look at the row, and answer where somebody has asked. Raises Unavailable."""
+        """Reads the row, and answers a candidate that has asked. Raises Unavailable."""
         began = self._clock()
         row = rows.look(self._bare)
         if row is None or row.epoch != self.epoch:

@@ -1,6 +1,6 @@
-"""What can be told about another process of this machine: whether it has ended or is suspended; and killing it.
+"""Another process of this machine: whether it has ended or is suspended; and killing it.
 
-This works on Linux only; elsewhere, and for processes of other machines or containers, nothing is known.
+Linux only; elsewhere, and for processes of other machines or containers, nothing is known.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ STATE, STARTED = 0, 19  # fields of /proc/PID/stat behind the command's name
 
 
 def this_process() -> dict[str, Any] | None:
-    """What tells it from all others there were and will be; None where that cannot be said."""
+    """Returns an identity of this process that no other has, past or future; None if the system provides none."""
     try:
         return {**_where(), "pid": os.getpid(), "started": _stat(os.getpid())[STARTED]}
     except (OSError, IndexError):
@@ -26,17 +26,17 @@ def this_process() -> dict[str, Any] | None:
 
 
 def is_gone(known: dict[str, Any] | None) -> bool:
-    """Whether a process has surely ended. known: as `this_process` said there."""
+    """Whether a process has certainly ended. known: from its `this_process`."""
     return known is not None and _is_here(known) and _state(known) in (None, "Z", "X")
 
 
 def is_stopped(known: dict[str, Any] | None) -> bool:
-    """Whether a process was told to stand still (SIGSTOP, a debugger), and does."""
+    """Whether a process is stopped (SIGSTOP, a debugger)."""
     return known is not None and _is_here(known) and _state(known) in ("T", "t")
 
 
 def end(known: dict[str, Any]) -> bool:
-    """Kill a process, also one that stands still; whether that was possible."""
+    """Kills a process, also a stopped one; returns whether that was possible."""
     try:
         handle = os.pidfd_open(known["pid"])
     except (OSError, AttributeError, KeyError, TypeError):
@@ -53,7 +53,7 @@ def end(known: dict[str, Any]) -> bool:
 
 
 def _where() -> dict[str, str]:
-    """This start of this machine, and the numbers that processes have here: a container has its own."""
+    """Returns the ids of this boot and of this PID namespace: a container has its own."""
     boot = (PROC / "sys" / "kernel" / "random" / "boot_id").read_text().strip()
     return {"boot": boot, "numbers": os.readlink(PROC / "self" / "ns" / "pid")}  # noqa: PTH115 - it is no path
 
@@ -65,7 +65,7 @@ def _is_here(known: dict[str, Any]) -> bool:
 
 
 def _state(known: dict[str, Any]) -> str | None:
-    """The letter that the system says; None: it is gone."""
+    """Returns the process's state letter; None if it is gone."""
     try:
         found = _stat(int(known["pid"]))
         return found[STATE] if found[STARTED] == known["started"] else None

@@ -1,4 +1,4 @@
-"""The row that says who owns the farm. Each function is one transaction; raises Unavailable where the database is away."""
+"""The database row of the farm's owner. Each function is one transaction; raises Unavailable if the database is away."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ FARM = "farm"
 
 @dataclass(frozen=True)
 class Claimant:
-    """A life of a service.
+    """One run of a service.
 
-    place: where it is, for people. url: for other services. folder: the id of its data folder. process: service/owning/process.py
+    place: where it runs, for people. url: for other services. folder: id of its data folder. process: service/owning/process.py
     """
 
     id: str
@@ -32,15 +32,15 @@ class Claimant:
 
 
 def look(sessions: Sessions) -> Owner | None:
-    """The row as it is; None: nobody has owned the farm yet."""
+    """Returns the row; None if the farm never had an owner."""
     with sessions() as session:
         return session.get(Owner, FARM)
 
 
 def take(sessions: Sessions, seen: Owner | None, claimant: Claimant, has_lock: bool) -> int | None:
-    """Own the farm from now on; the new epoch, or None where another was quicker.
+    """Takes ownership; returns the new epoch, or None if another service was quicker.
 
-    seen: what was known of it when it was found to be free. has_lock: whether the folder's lock is held as well.
+    seen: the row that was found to be free. has_lock: whether the folder's lock is held as well.
     """
     try:
         with sessions.begin() as session:
@@ -63,7 +63,7 @@ def take(sessions: Sessions, seen: Owner | None, claimant: Claimant, has_lock: b
 
 
 def ask(sessions: Sessions, place: str) -> int:
-    """Ask the owner whether it is there; the number that it answers to."""
+    """Asks the owner for a sign of life; returns the number that it has to answer with."""
     with sessions.begin() as session:
         session.execute(
             update(Owner).where(Owner.what == FARM).values(asked=Owner.asked + 1, asked_by=place, asked_at=time.time())
@@ -72,7 +72,7 @@ def ask(sessions: Sessions, place: str) -> int:
 
 
 def answer(sessions: Sessions, epoch: int, asked: int, has_lock: bool) -> bool:
-    """Say that the owner is there; False where it is not the owner any more."""
+    """Answers a candidate; False if this service is no longer the owner."""
     with sessions.begin() as session:
         changed = session.execute(
             update(Owner).where(Owner.what == FARM, Owner.epoch == epoch).values(answered=asked, locked=has_lock)
@@ -81,6 +81,6 @@ def answer(sessions: Sessions, epoch: int, asked: int, has_lock: bool) -> bool:
 
 
 def give_up(sessions: Sessions, epoch: int) -> None:
-    """The owner ends: the next one need not wait."""
+    """Marks the farm as free."""
     with sessions.begin() as session:
         session.execute(update(Owner).where(Owner.what == FARM, Owner.epoch == epoch).values(owner=None, process=None))

@@ -1,4 +1,4 @@
-"""When an owner that is asked and does not answer is considered dead."""
+"""When an owner that does not answer counts as dead."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LEAST_LOOKS = 4  # at the row, so that a service which stood still itself does n
 
 
 class Silence:
-    """How long the owner has not answered. It goes by no clock but this process's own: clocks of machines differ, and jump."""
+    """How long the owner has not answered, by this process's monotonic clock alone: clocks of machines differ and jump."""
 
     def __init__(self, lease_s: float, clock: Callable[[], float]) -> None:
         self._lease_s = lease_s
@@ -24,7 +24,7 @@ class Silence:
         self._looks = 0
 
     def asked(self, epoch: int, number: int) -> None:
-        """The owner of this epoch was asked, with this number, a moment ago."""
+        """Records that the owner of this epoch was asked just now, with this number."""
         self._epoch, self._number = epoch, number
         self._since, self._looks = self._clock(), 0
 
@@ -33,7 +33,7 @@ class Silence:
         return self._number is not None and row.epoch == self._epoch and row.answered >= self._number
 
     def is_broken(self, row: Owner) -> bool:
-        """Whether the owner has answered, or is one that was not asked yet: then it is to be asked. Called once for each look."""
+        """Whether the owner has answered or is a new one that has to be asked. Called once per check."""
         if self._number is None or row.epoch != self._epoch or self.has_answered(row):
             return True
         self._looks += 1

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 from service.scheduling.errands.errands import Errands
 from service.scheduling.errands.preparing import Progress
+from service.scheduling.errands.unfit import Fault
 from service.scheduling.faults.bulkhead import Bulkheads, Step, is_of_what_was_said
 from service.scheduling.fleet.put_aside import PutAside
 from service.scheduling.handing_out.pace import Pace
@@ -357,15 +358,17 @@ class Answers:
             case PrepareFailed():
                 self._lifecycle.prepare_failed(message.scene, message.kind, message.error)
             case PrepareReturned():
-                self._errands.preparing.returned(message.scene, message.kind, message.error)
+                unfit = Fault(message.worker, message.error, message.passing) if message.unfit else None
+                self._errands.preparing.returned(message.scene, message.kind, message.error, unfit)
                 self._tell("scene", message.scene)
             case FramePrepared() | FrameFailed():
                 self._lifecycle.frame_answered(message)
             case FramesReturned():
                 if (job := self._scheduler.jobs.get(message.job)) is not None:
                     log.info("job %s: %s", job.id, message.error, extra=ids(job=job.id, worker=message.worker))
-                    job.history.log.say(message.error)
-                    self._errands.moments.returned(job, message.work)
+                    unfit = Fault(message.worker, message.error, message.passing) if message.unfit else None
+                    job.history.log.say(str(unfit or message.error))
+                    self._errands.moments.returned(job, message.work, unfit)
                     self._tell("job", job.id)
             case _:
                 self._errands.heard_aside(message)

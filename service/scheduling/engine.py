@@ -285,7 +285,9 @@ class Engine:
         self._has_begun = True
 
     def _apply_changes(self) -> None:
-        for what, id in self._changes.open():
+        changes = self._changes.open()
+        self._lifecycle.expect(id for what, id in changes if what == "job")
+        for what, id in changes:
             if what == "worker":
                 self._workers.look(now=True)
                 if id not in self._workers.roster.orders:
@@ -330,8 +332,12 @@ class Engine:
     def _review_preparing(self) -> None:
         for scene, kind in self._errands.preparing.review(self._results):
             self._lifecycle.lost_while_preparing(scene, kind)
+        for scene, kind, sentence in self._errands.preparing.impossible():
+            self._lifecycle.no_machine_for(scene, kind, sentence)
         for job, frame in self._errands.moments.review(self._scheduler.jobs, self._results):
             self._lifecycle.frame_lost(job, frame)
+        for job, sentence in self._errands.moments.impossible(self._scheduler.jobs):
+            self._bulkheads.condemn(job.id, sentence)
 
     def _ask_workers(self) -> None:
         needs = [job.needs for job in self._scheduler.jobs.values() if job.needs is not None]

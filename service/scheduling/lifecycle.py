@@ -6,9 +6,10 @@ All of it runs in the engine's thread. The database decides: what a person chang
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import asdict
+from itertools import islice
 from typing import Any
 
 from renderer.errors import SettingsError
@@ -28,7 +29,7 @@ from service.scheduling.jobs.job_log import JobLogs
 from service.scheduling.jobs.measured import measured
 from service.scheduling.jobs.reproduce import reproduce
 from service.scheduling.jobs.traces import job_over
-from service.scheduling.records import Records
+from service.scheduling.records import PendingJob, Records
 from service.scheduling.snapshot import Tell
 from service.scheduling.taking_up import TakingUp
 from service.scheduling.waiting import Waiting
@@ -39,6 +40,9 @@ from service.store.models import ACTIVE, Job, Scene, blobs_of
 from worker.protocol.contract import SceneInfo
 
 __all__ = ["LetGo", "Lifecycle"]
+
+
+READ_AT_ONCE = 16  # jobs that are to be taken up, besides the one that is taken up now
 
 
 class Lifecycle:
@@ -70,6 +74,8 @@ class Lifecycle:
         self._tell = tell
         self._let_go = let_go
         self._suspect = suspect
+        self._expected: Iterator[str] = iter(())  # jobs whose changes are applied next
+        self._pending: dict[str, PendingJob] = {}  # read in this round and not taken up yet
         self._autos: dict[str, dict[str, Any]] = {}  # of a job with a shot: the view that frames its scene at the beginning
 
     def apply(self, what: str, id: str) -> bool:
@@ -79,8 +85,14 @@ class Lifecycle:
         return self._bulkheads.run(id, Step.CHANGE, lambda: is_done.append(step(id)), needs_database=True) and all(is_done)
 
     def begin_round(self) -> None:
-        """There is time again to take up long shots."""
+        """Start a round, in which there is time again to take up jobs."""
         self._taking_up.begin_round()
+        self.expect(())
+
+    def expect(self, jobs: Iterable[str]) -> None:
+        """Name the jobs whose changes are applied next, in their order: those that are to be taken up are read together."""
+        self._expected = (id for id in jobs if id not in self._scheduler.jobs)
+        self._pending.clear()
 
     @property
     def is_taking_up(self) -> bool:
@@ -96,8 +108,9 @@ class Lifecycle:
         return id not in self._scheduler.jobs and self._changes.is_open(("job", id))
 
     def _apply_job(self, id: str) -> bool:
-        row = self._records.job(id)
         job = self._scheduler.jobs.get(id)
+        pending = self._read(id) if job is None else None
+        row = self._records.job(id) if pending is None else pending.row
         if row is None or row.state not in ACTIVE:
             self._taking_up.forget(id)
             if job is not None:
@@ -113,16 +126,28 @@ class Lifecycle:
             elif job is not None:
                 self._records.progress(job)
                 self._give_back(job)
-        elif not (self._take_up(row) if job is None else self._adjust(job, row)):
+        elif not (self._adjust(job, row) if job is not None else pending is not None and self._take_up(pending)):
             return False
         self._tell("job", id)
         return True
 
-    def _take_up(self, row: Job) -> bool:
-        if not self._taking_up.go_on(row):
+    def _read(self, id: str) -> PendingJob | None:
+        """Returns what is known of a job that the scheduler does not have; None where it has no row."""
+        if id not in self._pending:
+            ids = [id, *islice(self._expected, READ_AT_ONCE)]
+            try:
+                self._pending = self._records.pending(ids)
+            except Exception:
+                if len(ids) == 1:
+                    raise
+                self._pending = self._records.pending([id])  # the fault may be of another job's row
+        return self._pending.pop(id, None)
+
+    def _take_up(self, pending: PendingJob) -> bool:
+        if not self._taking_up.go_on(pending):
             return False
-        job = self._scheduler.jobs.get(row.id)
-        return job is None or self._adjust(job, row)  # what was changed since it was begun to be taken up
+        job = self._scheduler.jobs.get(pending.row.id)
+        return job is None or self._adjust(job, pending.row)  # what was changed since it was begun to be taken up
 
     def _adjust(self, job: ActiveJob, row: Job) -> bool:
         """Take over what a person changed in a job that is being rendered; whether all of it is."""
@@ -130,7 +155,8 @@ class Lifecycle:
         if shot is not None and job.shot is not None and shot.revision != job.shot.revision:
             self._records.progress(job)
             self._drop(job)
-            return self._take_up(row)
+            pending = self._records.pending([row.id]).get(row.id)
+            return pending is not None and self._take_up(pending)
         job.agenda.first = shot.first if shot else None
         if row.state == "paused" != job.state:
             self._scheduler.withdraw(job)
@@ -304,7 +330,12 @@ class Lifecycle:
         error = "The worker was lost three times while it prepared this scene. It may be too large."
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 
+    def no_machine_for(self, scene: str, kind: str | None, error: str) -> None:
+        """No worker's machine can prepare a scene."""
+        self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
+
     def _apply_scene(self, id: str) -> bool:
+        self._pending.clear()  # of jobs of this scene
         scene = self._records.scene(id)
         if scene is None:
             self._errands.preparing.forget(id)

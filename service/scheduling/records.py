@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from sqlalchemy import bindparam, case, delete, func, or_, select, update
+from sqlalchemy import BindParameter, bindparam, case, delete, exists, func, or_, select, update
 from sqlalchemy.orm import Session, aliased
 
 from renderer.errors import SettingsError
@@ -29,11 +29,38 @@ from service.store.models import WorkerTerms as Asked
 from worker.protocol.contract import SceneInfo
 from worker.protocol.terms import Terms as WorkerTerms
 
-__all__ = ["Records"]
+__all__ = ["PendingJob", "Records"]
 
 NUMBERS = ("samples", "target", "bad_samples", "progress", "noise", "compiled", "settings")  # of a frame, that the engine tells
 AT_A_TIME = 2000  # frames of a shot that are read at once
 AS_TOLD = {"synchronize_session": False}  # no row was read that would have to know of it
+
+
+# Those of FrameRow. Settings are most of a row: they are read when they are needed.
+_FRAME_COLUMNS = [
+    *(getattr(Frame, name) for name in FrameRow._fields if name != "has_settings"),
+    Frame.settings.is_not(None),
+]
+
+# Queries for `Records.pending`, made once: making one takes longer than carrying it out.
+_IDS: BindParameter[Any] = bindparam("ids", expanding=True)
+_PENDING = select(Job, exists().where(Wait.job == Job.id), exists().where(FrameChange.job == Job.id), Job.history).where(
+    Job.id.in_(_IDS)
+)
+_SCENES = select(Scene).where(Scene.id.in_(_IDS))
+_FRAMES = select(Frame.job, *_FRAME_COLUMNS).where(Frame.job.in_(_IDS)).order_by(Frame.number)
+
+
+@dataclass(frozen=True)
+class PendingJob:
+    """A job that the scheduler does not have yet, and all that decides whether it may begin."""
+
+    row: Job
+    scene: Scene | None  # whose compiled form is rendered
+    waits: bool  # for other jobs
+    frames_change: bool  # a change of its frames is being carried out; the job is noted as changed once that is over
+    history: dict[str, Any] | None
+    frames: list[FrameRow] | None  # None: of a shot, whose frames are read some at a time
 
 
 class Records:
@@ -104,10 +131,19 @@ class Records:
         with self._sessions.begin() as session:
             session.execute(update(Job).where(Job.id == job).values(doubted=None))
 
-    def waits(self, job: str) -> bool:
-        """Whether a job waits for others."""
+    def pending(self, ids: Collection[str]) -> dict[str, PendingJob]:
+        """Returns those of these jobs that have a row, all read together: thousands may be submitted at once."""
         with self._sessions() as session:
-            return session.scalar(select(Wait.other).where(Wait.job == job).limit(1)) is not None
+            found = session.execute(_PENDING, {"ids": list(ids)}).all()
+            stages = {job.stage for job, *_ in found}
+            scenes = {scene.id: scene for scene in session.scalars(_SCENES, {"ids": list(stages)})}
+            frames: dict[str, list[FrameRow]] = {job.id: [] for job, *_ in found if job.shot is None}
+            for job, *row in session.execute(_FRAMES, {"ids": list(frames)}):
+                frames[job].append(FrameRow._make(row))
+        return {
+            job.id: PendingJob(job, scenes.get(job.stage), waits, frames_change, history, frames.get(job.id))
+            for job, waits, frames_change, history in found
+        }
 
     def all_waiting(self) -> set[str]:
         """The jobs that wait for others and are not over."""
@@ -156,9 +192,7 @@ class Records:
 
     def frames(self, job: str) -> Iterator[list[FrameRow]]:
         """The frames of a job, in their order, some at a time."""
-        columns = [getattr(Frame, name) for name in FrameRow._fields if name != "has_settings"]
-        # Settings are most of a row: they are read when they are needed.
-        query = select(*columns, Frame.settings.is_not(None)).where(Frame.job == job).order_by(Frame.number).limit(AT_A_TIME)
+        query = select(*_FRAME_COLUMNS).where(Frame.job == job).order_by(Frame.number).limit(AT_A_TIME)
         last = -1
         while True:
             with self._sessions() as session:
@@ -176,11 +210,6 @@ class Records:
         if found is None:
             raise Conflict("The record of a frame of this job is damaged. Have its frames rendered again.")
         return RenderSettings.from_json(found)
-
-    def frames_change(self, job: str) -> bool:
-        """Whether something is being done to its frames: then it is noted as changed once that is over."""
-        with self._sessions() as session:
-            return session.get(FrameChange, job) is not None
 
     def is_to_be_opened(self, scene: Scene) -> bool:
         """Whether Blender has to open a scene's file before it can be prepared."""

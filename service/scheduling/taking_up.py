@@ -12,7 +12,7 @@ from service.scheduling.handing_out.scheduler import Scheduler
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.history import History
 from service.scheduling.jobs.job_log import JobLogs
-from service.scheduling.records import Records
+from service.scheduling.records import PendingJob, Records
 from service.scheduling.waiting import Waiting
 from service.shot import Shot
 from service.store.film_store import FilmStore
@@ -22,6 +22,7 @@ from service.store.models import Job, Scene, blobs_of
 __all__ = ["TakingUp"]
 
 A_ROUND_S = 0.05  # of the processor
+A_ROUND_BY_CLOCK_S = 0.2  # on a busy machine, where that much of the processor takes longer; results wait meanwhile
 
 
 class TakingUp:
@@ -44,31 +45,35 @@ class TakingUp:
         self._logs = logs
         self._taken = taken
         self._under_way: dict[str, tuple[object, Iterator[None]]] = {}  # of a job: as what it is taken up, and the steps left
-        self._until = 0.0
+        self._rounds = 0
+        self._until = self._until_by_clock = 0.0
 
     def begin_round(self) -> None:
-        """There is time again."""
+        """Start a round, with its limits of time."""
+        self._rounds += 1
         self._until = time.thread_time() + A_ROUND_S
+        self._until_by_clock = time.monotonic() + A_ROUND_BY_CLOCK_S
 
     @property
     def has_time(self) -> bool:
         """Whether there is time in this round to take up another job."""
-        return time.thread_time() <= self._until
+        return time.thread_time() <= self._until and time.monotonic() <= self._until_by_clock
 
     @property
     def is_under_way(self) -> bool:
         """Whether some job waits for the next round."""
         return bool(self._under_way)
 
-    def go_on(self, row: Job) -> bool:
+    def go_on(self, pending: PendingJob) -> bool:
         """Take up a job that is not over, as far as there is time in this round; whether all is done that can be now."""
+        row = pending.row
         asked = row.shot, row.spp, row.noise, row.seconds, frozenset(self._scheduler.distrusted), row.doubted
         known, steps = self._under_way.get(row.id, (None, iter(())))
         if known != asked:
-            steps = self._steps(row)
+            steps = self._steps(pending)
         self._under_way.pop(row.id, None)
         for _ in steps:
-            if time.thread_time() > self._until:
+            if not self.has_time:
                 self._under_way[row.id] = asked, steps
                 return False
         return True
@@ -77,11 +82,12 @@ class TakingUp:
         """A job is over, or to be taken up from its beginning."""
         self._under_way.pop(id, None)
 
-    def _steps(self, row: Job) -> Iterator[None]:
+    def _steps(self, pending: PendingJob) -> Iterator[None]:
         """As soon as its scene is ready and what it comes after is finished."""
-        if self._waiting.holds(row.id) or self._records.frames_change(row.id):
+        row, scene, since = pending.row, pending.scene, self._rounds
+        self._waiting.note(row.id, pending.waits)
+        if pending.waits or pending.frames_change:
             return
-        scene = self._records.scene(row.stage)
         if scene is None:
             self._records.failed(row.id, "The scene of this job was deleted. Upload it again, and make a new job.")
         elif scene.status == "failed":
@@ -94,13 +100,14 @@ class TakingUp:
         film = self._film(row, resolved)
         compiled = {kind: ref["sha256"] for kind, ref in scene.compiled.items()}
         job = ActiveJob(resolved, film, compiled, scene.blobs, partial(self._records.frame_settings, row.id))
-        for frames in self._records.frames(row.id):
+        for frames in self._records.frames(row.id) if pending.frames is None else [pending.frames]:
             job.take(frames)
             yield
         if not job.frames:
             return  # it was deleted a moment ago, which is applied next
         yield from job.begin()
-        self._hand_over(job, row, scene)
+        job.history = History.of(pending.history)
+        self._hand_over(job, row, scene, is_of_this_round=since == self._rounds)
 
     def _film(self, row: Job, resolved: Job) -> Film:
         """Opened, without what is to be rendered anew or is not believed any more. Raises FilmWaits or FilmLost."""
@@ -121,7 +128,7 @@ class TakingUp:
             self._records.believed(row.id)
         return film
 
-    def _hand_over(self, job: ActiveJob, row: Job, scene: Scene) -> None:
+    def _hand_over(self, job: ActiveJob, row: Job, scene: Scene, is_of_this_round: bool) -> None:
         job.verify = self._verify(row)
         job.checks = self._scheduler.checks
         job.looks = self._scheduler.looks
@@ -130,11 +137,11 @@ class TakingUp:
         job.scene_words = [f"--{name}={value}" for name, value in asked.items() if value]
         upload = self._records.scene(row.scene) if row.lit else scene
         job.foretold_s = float(((upload and upload.measured) or {}).get("sample_s") or 0.0)
-        job.history = History.of(self._records.history(row.id))
         job.history.log = self._logs.of(row.id)
         job.history.log.say(_taken_up(job, scene))
         self._scheduler.jobs[row.id] = job
-        self._catch_up(job, row.stage)
+        if not is_of_this_round:
+            self._catch_up(job, row.stage)
         self._taken(job, scene)
 
     def _verify(self, row: Job) -> float:

@@ -29,13 +29,12 @@ class Waiting:
         self._changes = changes
         self._held: set[str] = set()
 
-    def holds(self, job: str) -> bool:
-        """Whether a job is not to begin yet. It is noted as changed once it may."""
-        if not self._records.waits(job):
+    def note(self, job: str, waits: bool) -> None:
+        """Record whether a job waits for others. One that does is noted as changed once it may begin."""
+        if waits:
+            self._held.add(job)
+        else:
             self._held.discard(job)
-            return False
-        self._held.add(job)
-        return True
 
     def review(self) -> None:
         """Once a second: let those go on that have nothing more to wait for, and fail those that wait in vain."""

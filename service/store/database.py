@@ -26,6 +26,7 @@ from service.store.whole import PRIVATE
 __all__ = ["Fence", "Sessions", "close_database", "connect", "faults", "open_database"]
 
 LOCK_PATIENCE_S = 5.0
+PATIENCE = "patience_ms"  # option of an execution, and what a connection of SQLite's is set to
 POOL, OVERFLOW = 10, 60  # connections: of 40 threads that answer requests, each may need two, and the engine always needs one
 
 Fence = Callable[[Session], None]  # raises FarmError for a transaction that may not be
@@ -53,7 +54,7 @@ class Sessions:
         self._turns = turns or Turns()
         self._is_urgent = is_urgent
         self._is_sqlite = engine.dialect.name == "sqlite"
-        options = {"patience_ms": round(patience_s * 1000)}
+        options = {PATIENCE: round(patience_s * 1000)}
         self._readers = sessionmaker(engine.execution_options(**options), expire_on_commit=False)
         self._writers = sessionmaker(engine.execution_options(writes=True, **options), expire_on_commit=False)
 
@@ -173,6 +174,8 @@ def _begin_sqlite(connection: Connection) -> None:
     # A transaction that reads and then writes must hold the lock from its beginning: else another writer may come between,
     # and what was decided by the reading is no longer true (or SQLite gives up with "database is locked").
     options = connection.get_execution_options()
-    writes, patience_ms = options.get("writes"), options.get("patience_ms", round(LOCK_PATIENCE_S * 1000))
-    connection.exec_driver_sql(f"PRAGMA busy_timeout={patience_ms}")  # of this use of the connection, which is pooled
+    writes, patience_ms = options.get("writes"), options.get(PATIENCE, round(LOCK_PATIENCE_S * 1000))
+    if connection.info.get(PATIENCE) != patience_ms:  # the connection is pooled; its last use may have had another
+        connection.exec_driver_sql(f"PRAGMA busy_timeout={patience_ms}")
+        connection.info[PATIENCE] = patience_ms
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")

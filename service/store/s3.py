@@ -1,7 +1,7 @@
 """Blobs in an S3-compatible object store: AWS, MinIO, Ceph, R2. Needs obstore (the extra `s3`).
 
 Address and credentials come from the environment, as all S3 clients take them: AWS_ENDPOINT_URL, AWS_REGION,
-AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY.
+AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY; the latter two also from files: AWS_ACCESS_KEY_ID_FILE ...
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, cast
 from urllib.parse import urlsplit
 
 import obstore
 from obstore.exceptions import BaseError
 from obstore.store import S3Store
 
+from renderer.variables import FILE, value_of
 from service.errors import NotFound, Unavailable
 from service.store.blobs import CHUNK, OLD_S, ServedBlob, is_sha256, no_blob
 from service.store.staging import BlobWriter, Staging
@@ -27,6 +28,11 @@ from service.store.staging import BlobWriter, Staging
 __all__ = ["S3Blobs"]
 
 IN_MEMORY = 8 << 20
+CREDENTIALS = {
+    "access_key_id": "AWS_ACCESS_KEY_ID",
+    "secret_access_key": "AWS_SECRET_ACCESS_KEY",
+    "session_token": "AWS_SESSION_TOKEN",
+}
 RETRIES = 5
 PATIENCE = timedelta(seconds=10)
 
@@ -45,6 +51,7 @@ class S3Blobs:
         self._store = S3Store(
             self._bucket,
             prefix=address.path.strip("/") or None,
+            **_credentials(),
             client_options={"allow_http": os.environ.get("AWS_ENDPOINT_URL", "").startswith("http://")},
             retry_config={"max_retries": RETRIES, "retry_timeout": PATIENCE},
         )
@@ -128,6 +135,11 @@ class S3Blobs:
             raise Unavailable(
                 f"The object store does not answer as it should ({why}). Try again; see RAYFARM_BLOBS and AWS_*."
             ) from error
+
+
+def _credentials() -> dict[str, Any]:
+    """Those that files hold (AWS_SECRET_ACCESS_KEY_FILE ...). obstore reads the others from the environment itself."""
+    return {key: value_of(name) for key, name in CREDENTIALS.items() if os.environ.get(name + FILE)}
 
 
 def _key(sha256: str) -> str:

@@ -1,1 +1,1 @@
-"""Views that somebody is looking at: pictures without jobs, which leave nothing behind."""
+"""Live views: pictures of scenes without jobs, which leave nothing behind."""

@@ -1,4 +1,4 @@
-"""A view's picture in the making: exact sums of colour in memory, its noise, and which tiles have to be shown again."""
+"""The picture of a live view: exact sums of colour, noise, and the tiles that have to be shown again."""
 
 from __future__ import annotations
 
@@ -16,59 +16,59 @@ from service.viewing.passes import Level
 
 __all__ = ["BYTES_A_PIXEL", "GROWTH", "Canvas"]
 
-BYTES_A_PIXEL = 52  # of memory
-GROWTH = 1.5  # times the samples that a tile was shown with, it is shown again: less is hardly seen
+BYTES_A_PIXEL = 52  # in memory
+GROWTH = 1.5  # a tile is shown again with so many times the samples: less is hardly visible
 
 
 class Canvas:
-    """The sums of one level. Each piece is to be added once, in any order.
+    """The sums of one level of a view. Pieces are added once each, in any order.
 
-    noise: relative, as of jobs: a tile is complete that has come to it, at 32, 64, 128 ... samples; None: with all its samples.
+    noise: relative noise at which a tile is complete, as in jobs, checked at 32, 64, 128 ... samples; None: all samples.
     """
 
     def __init__(self, level: Level, film_exponent: int, noise: float | None = None) -> None:
         self.level = level
         self.film_exponent = film_exponent
-        self.changed: dict[int, None] = {}  # tiles to be shown anew, in the order in which they came to it
+        self.changed: dict[int, None] = {}  # tiles to be shown again, oldest change first
         self._wanted = noise
         self._areas = np.array([tile.w * tile.h for tile in level.tiles], np.int64)
-        self._counts = np.zeros(len(level.tiles), np.int64)  # samples of each tile's pixels
-        self._ended = np.zeros(len(level.tiles), bool)  # whether it has come to the noise that is wanted
-        self._shown = np.zeros(len(level.tiles), np.int64)  # with how many samples it was taken last
-        self._measured_at = np.zeros(len(level.tiles), np.int64)  # with how many samples its noise was looked at
-        self._noise = np.full(len(level.tiles), np.inf)  # as it was then
-        self._color = np.zeros((2, 3, level.height, level.width), np.int64)  # of the half of the samples, and of the rest
-        self._samples = np.zeros((2, level.height, level.width), np.int16)  # those that count
+        self._counts = np.zeros(len(level.tiles), np.int64)  # samples per pixel, by tile
+        self._ended = np.zeros(len(level.tiles), bool)  # whether the tile has reached the noise target
+        self._shown = np.zeros(len(level.tiles), np.int64)  # samples per pixel when the tile was taken last
+        self._measured_at = np.zeros(len(level.tiles), np.int64)  # samples per pixel when the noise was measured last
+        self._noise = np.full(len(level.tiles), np.inf)  # noise at that time
+        self._color = np.zeros((2, 3, level.height, level.width), np.int64)  # sums of either half of the samples
+        self._samples = np.zeros((2, level.height, level.width), np.int16)  # valid samples of either half
 
     @property
     def samples(self) -> int:
-        """What every pixel has at least."""
+        """Minimum number of samples over all pixels."""
         return int(self._counts.min())
 
     @property
     def mean_samples(self) -> float:
-        """What a pixel has on the average."""
+        """Mean number of samples per pixel."""
         return float((self._areas * self._counts).sum() / self._areas.sum())
 
     @property
     def is_complete(self) -> bool:
-        """Whether all tiles are."""
+        """Whether all tiles are complete."""
         return bool((self._ended | (self._counts >= self.level.samples)).all())
 
     @property
     def noise(self) -> float | None:
-        """Relative: the root mean square over its tiles, as of a job's frame; None while it is not known."""
+        """Relative noise, the root mean square over all tiles as for a job's frame; None before every tile is measured."""
         if not self._measured_at.all() or not np.isfinite(self._noise).all():
             return None
-        squares = self._noise**2 * self._measured_at / self._counts  # those that went on since they were looked at included
+        squares = self._noise**2 * self._measured_at / self._counts  # scaled to the current number of samples
         return math.sqrt(float((squares * self._areas).sum() / self._areas.sum()))
 
     def tile_is_complete(self, tile: int) -> bool:
-        """Whether nothing more is wanted of it."""
+        """Whether the tile needs no more samples."""
         return bool(self._ended[tile] or self._counts[tile] >= self.level.samples)
 
     def add(self, tile: int, first: int, count: int, sums: Sums) -> None:
-        """Add a piece's sums, (CHANNELS, h, w): all its samples are in the same half (renderer.film.in_half)."""
+        """Adds the sums of a piece, shape (CHANNELS, h, w), all of whose samples are in the same half (renderer.film.in_half)."""
         place = self._place(tile)
         half = 0 if film.in_half(first) else 1
         self._color[half][:, *place] += sums[COLOR]
@@ -83,7 +83,7 @@ class Canvas:
             self.changed[tile] = None
 
     def take(self, tile: int) -> tuple[npt.NDArray[np.float32], int, bool]:
-        """A tile to be shown: its mean (3, h, w), with how many samples, and whether it is complete."""
+        """Returns a tile's mean, shape (3, h, w), its samples per pixel, and whether it is complete; marks it as shown."""
         self.changed.pop(tile, None)
         self._shown[tile] = self._counts[tile]
         rows, columns = self._place(tile)

@@ -1,12 +1,11 @@
-"""A picture in reduced precision, shown while it clears up: brightness in 5 bits, one hue for 2 x 2 pixels.
+"""Reduced-precision encoding of a picture that is still noisy: brightness in 5 bits, one hue per 2 x 2 pixels.
 
-Brightness b = r + g + b of every pixel becomes the code q = 1 + 32 (e + 24) + m of the nearest 2**e (1 + m / 32), 0 where it is
-below 2**-24: off by 1.6 % at most. Hue is r / b and g / b of four pixels together, in 255ths: of their sums, so that a pixel's
-hue counts by its brightness, and one that is black tells none. Noise hides both; a whole picture takes an eighth to a fifth of
-the bytes of its RGB9E5 words.
+The brightness b = r + g + b of a pixel becomes the code q = 1 + 32 (e + 24) + m of the nearest 2**e (1 + m / 32), or 0 below
+2**-24; the error is at most 1.6 %. The hue is r / b and g / b of the sums of four pixels, in units of 1 / 255. A picture takes
+an eighth to a fifth of the bytes of its RGB9E5 words.
 
-JPEG and WebP need a third of that, but a page can read their pixels only through a canvas, which browsers that guard against
-fingerprinting falsify, and they do not bound the error of any pixel.
+JPEG and WebP are a third of that size, but a page reads their pixels only through a canvas, which privacy protection in
+browsers falsifies, and their error has no bound per pixel.
 """
 
 from __future__ import annotations
@@ -17,13 +16,13 @@ import numpy.typing as npt
 __all__ = ["coarse"]
 
 LEAST = 2.0**-24
-MOST = 65408.0  # as RGB9E5's
-DROPPED_BITS = 18  # of a float's mantissa of 23
+MOST = 65408.0  # the maximum of RGB9E5
+DROPPED_BITS = 18  # of a float's 23 mantissa bits
 LEAST_CODE = (127 - 24) << 5
 
 
 def coarse(mean: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.uint8]]:
-    """Of radiance (3, h, w): brightness (h, w), and hue (2, ceil(h / 2), ceil(w / 2)), red's and green's share."""
+    """Encodes radiance (3, h, w) as brightness (h, w) and hue (2, ceil(h / 2), ceil(w / 2)), the shares of red and green."""
     clean = np.fmin(np.fmax(mean, np.float32(0)), np.float32(MOST))
     bright = clean[0] + clean[1] + clean[2]
     rounded = (bright.view(np.int32) + (1 << DROPPED_BITS - 1)) >> DROPPED_BITS

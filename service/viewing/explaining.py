@@ -1,4 +1,4 @@
-"""Explained pixels: asks a worker to render a pixel's samples again, while the request waits for its answer."""
+"""Explanations of pixels: a worker renders a pixel's samples again while the request waits for its answer."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from worker.protocol.view_parts import view_queue
 
 __all__ = ["Explaining", "no_sense"]
 
-AT_ONCE = 4  # each takes a thread of the service while it waits
-BEGIN_S = 20.0  # that a slot may take to get to it: it comes before all that nobody waits for
-ANSWER_S = 60.0  # from there on; frames of what moves are prepared first
-COMPILE_S = 20.0  # to load a kernel takes seconds, to compile one minutes
+AT_ONCE = 4  # each blocks a thread of the service
+BEGIN_S = 20.0  # until a slot starts; explanations precede batches
+ANSWER_S = 60.0  # from the start; frames of animations are prepared first
+COMPILE_S = 20.0  # loading a kernel takes seconds, compiling one minutes
 LOOK_S = 1.0
 ASKED_AT_MOST = 2
 
 
 class Explaining:
-    """May be asked by any thread, which waits for the answer."""
+    """Sends explanations to workers and waits for the answers. Thread-safe; the calling thread blocks."""
 
     def __init__(self, settings: Settings, roster: Callable[[], Roster]) -> None:
         self._redis = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
@@ -41,14 +41,16 @@ class Explaining:
         self._stop = threading.Event()
 
     def stop(self) -> None:
-        """Nobody is answered any more."""
+        """Ends all waiting requests."""
         self._stop.set()
         self._dispatcher.close()
         self._redis.close()
 
     def kinds(self) -> list[str]:
-        """The kinds of the ready workers that explain pixels, those with most slots first; none of which some cannot: whoever is
-        free takes what waits for a kind. Raises Unavailable where there is none.
+        """Returns the kinds of workers of which all ready workers explain pixels, most slots first.
+
+        A message for a kind is taken by any of its workers, so one that cannot explain excludes the kind. Raises Unavailable if
+        there is none.
         """
         roster = self._roster()
         ready = roster.ready()
@@ -63,9 +65,10 @@ class Explaining:
         return kinds
 
     def explain(self, work: ExplainPixel, kind: str) -> dict[str, Any]:
-        """What worker.explain.told says of the pixel, and under `worker` who says it. work: its message is filled in.
+        """Returns the explanation made by worker.explain.told, with the worker's name under `worker`. The message id of `work` is
+        replaced.
 
-        Raises Unavailable, TooLate, or Failed where the worker says why it cannot be.
+        Raises Unavailable or TooLate, or Failed if the worker reports an error.
         """
         if not self._room.acquire(blocking=False):
             raise Unavailable("Other pixels are being explained. Try again in a moment.", 2.0)
@@ -81,7 +84,10 @@ class Explaining:
             self._room.release()
 
     def _asked(self, work: ExplainPixel, kind: str) -> dict[str, Any] | None:
-        """None where it has to be asked again. Raises redis.RedisError and QueueError too."""
+        """Sends one message and returns its answer; None if the worker was lost.
+
+        Raises redis.RedisError and QueueError as well.
+        """
         self._dispatcher.send_explain(work, kind)
         holder: str | None = None
         is_compiling = False
@@ -116,7 +122,7 @@ class Explaining:
 
 
 def _understood(data: bytes) -> dict[str, Any]:
-    """Raises Failed."""
+    """Decodes a worker's answer. Raises Failed if it is malformed."""
     try:
         answer = json.loads(data)
         if isinstance(answer, dict) and (answer.get("type") != "done" or isinstance(answer.get("explained"), dict)):
@@ -127,7 +133,7 @@ def _understood(data: bytes) -> dict[str, Any]:
 
 
 def no_sense() -> Failed:
-    """A worker has said something else than an explanation."""
+    """The error for an answer that is not an explanation."""
     return Failed("The worker's answer makes no sense here. Run the same release of Rayfarm on all machines.")
 
 

@@ -1,10 +1,11 @@
-"""The pieces in which a view is rendered: small at first, then whole, then with more and more samples.
+"""The pieces in which a view is rendered: a small picture first, then the whole view with ever more samples.
 
-The first picture is as large as the farm can render in FIRST_S, judging by what a sample of this scene costs; if the whole view
-takes much longer than that, a picture of medium size follows. The whole view is then rendered with 1, 2, 4, 8 ... samples a
-pixel. Each piece lies in one half of the samples (renderer.film.in_half), so that its sum of colours gives the noise too.
-Pieces take about PIECE_S, so that a new view does not wait long for those of the last one; as many are handed out together as
-makes the round trip worthwhile.
+The first picture is as large as the farm can render in FIRST_S at the measured cost of a sample; if the whole view takes much
+longer, a picture of medium size follows. The whole view is then rendered with 1, 2, 4, 8 ... samples per pixel. The samples of
+a
+piece lie in one half (renderer.film.in_half), so that sums of colour yield the noise. A piece takes about PIECE_S, so that a
+new
+view starts soon; several pieces form a message, enough to be worth its round trip.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ FIRST_S = 0.035
 PIECE_S = 0.03
 MESSAGE_S = 0.1
 SMALLEST = 32 * 32  # pixels
-STEP = 8.0  # between two levels, in pixels: beyond, there is one between
+STEP = 8.0  # largest ratio of pixels between two levels
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Level:
-    """A size at which the view is rendered, cut into tiles from the middle outwards, and with how many samples."""
+    """A resolution at which the view is rendered, its tiles from the centre outwards, and its samples per pixel."""
 
     width: int
     height: int
@@ -46,7 +47,7 @@ class Level:
 
 
 def levels_of(width: int, height: int, samples: int, cost_s: float, slots: int) -> list[Level]:
-    """The sizes, the view's own last. cost_s: of a sample of a pixel on one slot."""
+    """Returns the levels by size, the view's own last. cost_s: seconds per sample of a pixel on one slot."""
     whole = width * height
     first = max(SMALLEST, slots * FIRST_S / cost_s)
     sizes = []
@@ -63,7 +64,7 @@ def levels_of(width: int, height: int, samples: int, cost_s: float, slots: int) 
 
 
 class Passes:
-    """What of a view is to be handed out next."""
+    """The order in which the pieces of a view are rendered."""
 
     def __init__(self, levels: list[Level], cost_s: float) -> None:
         self.levels = levels
@@ -74,7 +75,7 @@ class Passes:
         self._ended: set[tuple[int, int]] = set()
 
     def next(self) -> list[Piece]:
-        """Pieces of one level for one message; none where all are handed out."""
+        """Returns the pieces of the next message, all of one level; an empty list if all are handed out."""
         chosen: list[Piece] = []
         expected = 0.0
         while (piece := self._take()) is not None:
@@ -85,16 +86,16 @@ class Passes:
             expected += self.expected_s(piece)
         return chosen
 
-    def lose(self, pieces: list[Piece]) -> None:
-        """They did not come back: they are the next to be handed out."""
+    def requeue(self, pieces: list[Piece]) -> None:
+        """Puts lost pieces at the front of the order."""
         self._lost.extend(pieces)
 
     def end(self, level: int, tile: int) -> None:
-        """Nothing more is wanted of a tile."""
+        """Removes a complete tile from the order."""
         self._ended.add((level, tile))
 
     def expected_s(self, piece: Piece) -> float:
-        """How long it is expected to take on one slot."""
+        """Expected seconds of a piece on one slot."""
         tile = self.levels[piece.level].tiles[piece.tile]
         return self._cost_s * tile.w * tile.h * piece.count
 
@@ -116,7 +117,7 @@ class Passes:
             first = 0
             while first < level.samples:
                 count = min(max(first, 1), level.samples - first)
-                middle = first + (first + 1) // 2  # up to which samples are in the half
+                middle = first + (first + 1) // 2  # first sample number of the second half
                 for tile, rect in enumerate(level.tiles):
                     at_once = max(1, int(PIECE_S * 1.5 / (self._cost_s * rect.w * rect.h)))
                     for begin, end in ((first, min(middle, first + count)), (middle, first + count)):
@@ -126,7 +127,7 @@ class Passes:
 
 
 def _tiles(width: int, height: int, cost_s: float, at_least: int) -> list[Tile]:
-    """Tiles that take PIECE_S for a sample each, and at least so many where the picture is not tiny."""
+    """Cuts a level into tiles of about PIECE_S per sample, and at least `at_least` tiles unless the picture is tiny."""
     pixels = min(PIECE_S / cost_s, width * height / at_least)
     side = min(256, max(16, 4 * round(math.sqrt(pixels) / 4)))
     middle = (width / 2, height / 2)

@@ -1,4 +1,4 @@
-"""What lies under a pixel of a view: one sample of it, with all planes."""
+"""Picking: the surface under a pixel of a view, by one sample with all AOVs."""
 
 from __future__ import annotations
 
@@ -7,40 +7,41 @@ from typing import Any
 
 from renderer.film import DEPTH, NORMAL, POSITION, Sums, mean
 from renderer.settings import Tile
-from service.viewing.handed import Handed
-from service.viewing.sight import sight
-from service.viewing.watch import Watch
+from service.viewing.pending import PendingMessage
+from service.viewing.pixel_direction import pixel_direction
+from service.viewing.session import ViewSession
 from worker.protocol.sums import unpack_sums
 from worker.protocol.view_parts import Part, ViewAnswer, ViewParts
 
-__all__ = ["answered", "picking"]
+__all__ = ["pick_message", "record_pick"]
 
 FILM_EXPONENT = 24
 
 
-def picking(watch: Watch, message: str, x: int, y: int) -> ViewParts:
-    """The message that asks for it, of a sharp picture: through a wide lens one sees more than one place."""
-    assert watch.settings is not None
-    view = replace(watch.settings.view, aperture=0.0)
-    settings = replace(watch.settings, view=view, film_exponent=FILM_EXPONENT)
-    return ViewParts(message, watch.id, watch.view, watch.compiled, settings, [Part(0, Tile(x, y, 1, 1), 0, 1)], True)
+def pick_message(session: ViewSession, message: str, x: int, y: int) -> ViewParts:
+    """Returns the message that renders the pixel, without depth of field: a wide lens would see several surfaces."""
+    assert session.settings is not None
+    view = replace(session.settings.view, aperture=0.0)
+    settings = replace(session.settings, view=view, film_exponent=FILM_EXPONENT)
+    return ViewParts(message, session.id, session.view, session.compiled, settings, [Part(0, Tile(x, y, 1, 1), 0, 1)], True)
 
 
-def answered(out: Handed, pick: tuple[int, int], answer: ViewAnswer) -> None:
-    """Tell the page which way the pixel looks, and of what it sees the distance from the eye, the place and the normal.
+def record_pick(out: PendingMessage, pick: tuple[int, int], answer: ViewAnswer) -> None:
+    """Reports a picked pixel to the page: its direction, and depth, position and normal of the surface.
 
-    Those three are None where nothing is; the first is while the view is begun anew."""
-    watch, (x, y) = out.watch, pick
+    The last three are None where the ray misses; the direction is None while the view starts again.
+    """
+    session, (x, y) = out.session, pick
     sums = unpack_sums(answer.sums, Tile(x, y, 1, 1))
     depth = float(mean(sums, FILM_EXPONENT, DEPTH)[0, 0])
     seen: dict[str, Any] = dict.fromkeys(("depth", "position", "normal"))
     if depth > 0.0:
         seen = {"depth": depth, "position": _vector(sums, POSITION), "normal": _vector(sums, NORMAL)}
-    settings = watch.settings
-    direction = settings and sight(settings.view, settings.width, settings.height, x + 0.5, y + 0.5)
-    watch.picked.append({"x": x, "y": y, "direction": direction, **seen})
+    settings = session.settings
+    direction = settings and pixel_direction(settings.view, settings.width, settings.height, x + 0.5, y + 0.5)
+    session.picked.append({"x": x, "y": y, "direction": direction, **seen})
     out.pick = None
-    watch.wake()
+    session.wake()
 
 
 def _vector(sums: Sums, plane: slice) -> list[float]:

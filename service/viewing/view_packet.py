@@ -1,14 +1,14 @@
-"""A view's picture on the wire, little-endian:
+"""The packet of a view's picture, little-endian.
 
-u8 version = 2, u8 kind = 3, u16 tiles, u32 id (as the page named the view, modulo 2**32), u32 seq, u16 width, u16 height (of
-this picture), u16 width, u16 height (of the view when it is whole), then of each tile u16 x, y, w, h and u32 samples a pixel, of
-which the highest bit says that the tile is exact; and then, compressed (DEFLATE, raw):
+u8 version = 2, u8 kind = 3, u16 number of tiles, u32 id (the page's number of the view, modulo 2**32), u32 seq, u16 width, u16
+height (of this picture), u16 width, u16 height (of the whole view); per tile u16 x, y, w, h and u32 samples per pixel, whose
+highest bit marks the tile as exact; then, compressed with raw DEFLATE:
 
-of all tiles that are not exact, rows from the top, one tile behind the other, brightness (service/viewing/coarse.py) as what it
-is more than the last one, where 0, -1, 1, -2 ... are written 0, 1, 2, 3 ...: the low bytes of all, then the high ones; then red's
-share, and green's, as what they are more than the last one, modulo 256;
+all tiles that are not exact, rows from the top, one tile after the other: differences of brightness codes
+(service/viewing/coarse.py) in zigzag encoding (0, -1, 1, -2 ... as 0, 1, 2, 3 ...), first all low bytes, then all high bytes;
+then differences of the shares of red, and of green, modulo 256;
 
-of all tiles that are exact their RGB9E5 words in four planes of bytes, the lowest first.
+all exact tiles as RGB9E5 words in four byte planes, the lowest byte first.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ KIND_VIEW = 3
 EXACT = 1 << 31
 HEADER = struct.Struct("<BBHIIHHHH")
 TILE = struct.Struct("<HHHHI")
-RAW = -15  # zlib's number for DEFLATE without a frame around it
-LEVEL = 1  # what a higher one takes longer, it does not make smaller: this is noise
+RAW = -15  # zlib's wbits for raw DEFLATE
+LEVEL = 1  # noise: higher levels take longer and save nothing
 
 
 class Shown(NamedTuple):
@@ -45,7 +45,7 @@ class Shown(NamedTuple):
 
 
 def packet(tiles: list[Shown], size: tuple[int, int], whole: tuple[int, int], id: int, seq: int) -> bytes:
-    """The whole message. size: of this picture. whole: of the view when it is whole."""
+    """Encodes a packet. size: of this picture; whole: of the whole view, both (width, height)."""
     head = [
         HEADER.pack(VERSION, KIND_VIEW, len(tiles), id & 0xFFFFFFFF, seq & 0xFFFFFFFF, *size, *whole),
         *(TILE.pack(*tile.rect, tile.samples | EXACT * tile.is_exact) for tile in tiles),

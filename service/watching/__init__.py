@@ -1,1 +1,1 @@
-"""What people see: pictures of a film at any moment, and the news that it has grown."""
+"""What viewers see: pictures of a film at any moment, and the news that it has grown."""

@@ -1,7 +1,6 @@
-"""News for watchers: the engine's thread tells, listeners on the event loop hear.
+"""News for viewers: the engine's thread publishes, listeners on the event loop receive.
 
-A listener holds sets of what has changed, never a list of messages: a slow one gets fewer and newer messages, and costs no
-memory.
+A listener holds sets of changes, not a list of messages: a slow listener gets fewer and newer messages and costs no memory.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ __all__ = ["Broadcast", "Listener"]
 
 
 class Listener:
-    """What changed since the listener looked last. Used on the event loop alone."""
+    """The changes since the listener last read them. Used on the event loop only."""
 
     def __init__(self, job: str | None, frame: int) -> None:
         self.job = job
@@ -26,55 +25,55 @@ class Listener:
         self._wake = asyncio.Event()
 
     def wake(self) -> None:
-        """Let `wait` return."""
+        """Makes `wait` return."""
         self._wake.set()
 
     async def wait(self, seconds: float) -> None:
-        """Until something changed, or the time is over."""
+        """Waits until something has changed or the time is over."""
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._wake.wait(), seconds)
         self._wake.clear()
 
     async def pause(self, seconds: float) -> None:
-        """Let changes gather for a moment; `wait` then returns at once."""
+        """Waits while changes accumulate; the next `wait` returns at once."""
         await asyncio.sleep(seconds)
         self._wake.set()
 
 
 class _OfJob:
-    """The listeners of a job, and how often they were told of it and of its tiles."""
+    """The listeners of a job, and counters of the changes of the job and of its tiles."""
 
     def __init__(self, life: int) -> None:
-        self.life = life  # what was told while nobody listened is not counted
+        self.life = life  # changes before the first listener are not counted
         self.listeners: set[Listener] = set()
         self.changes = 0
         self.tiles: Counter[tuple[int, int]] = Counter()  # by frame and tile
 
 
 class Broadcast:
-    """All listeners. `tell` and `tell_tiles` may be called from any thread, and cost next to nothing when nobody listens."""
+    """All listeners. `tell` and `tell_tiles` are thread-safe, and cheap if nobody listens."""
 
     def __init__(self) -> None:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._everything: set[Listener] = set()
         self._of_job: dict[str, _OfJob] = {}
         self._lives = count(1)
-        self.watchers = 0  # that listen to a job
+        self.watchers = 0  # listeners of jobs
         self.closing = False
 
     def open(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Begin to deliver, on this loop."""
+        """Starts delivery on this event loop."""
         self._loop = loop
 
     def close(self) -> None:
-        """Let every listener go. May be called from a signal handler."""
+        """Releases all listeners. Safe in a signal handler."""
         self.closing = True
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._wake_all)
 
     @contextlib.contextmanager
     def listen(self, job: str | None = None, frame: int = 0) -> Iterator[Listener]:
-        """Listen to one job and its tiles, or to all jobs, scenes and workers."""
+        """Listens to one job and its tiles, or to all jobs, scenes and workers."""
         listener = Listener(job, frame)
         group = self._everything if job is None else self._of_job.setdefault(job, _OfJob(next(self._lives))).listeners
         group.add(listener)
@@ -89,32 +88,32 @@ class Broadcast:
 
     @property
     def listeners(self) -> int:
-        """How many listen."""
+        """Number of listeners."""
         return len(self._everything) + self.watchers
 
     def version(self, job: str, frame: int, tile: int) -> tuple[int, int]:
-        """Another one as soon as a tile was told to have changed; only of a job that somebody listens to."""
+        """Returns a version that differs after each reported change of a tile; counted only for jobs with listeners."""
         of = self._of_job[job]
         return of.life, of.tiles[frame, tile]
 
     def changes(self, job: str) -> tuple[int, int]:
-        """Another one as soon as a job was told to have changed; only of one that somebody listens to."""
+        """Returns a version that differs after each reported change of a job; counted only for jobs with listeners."""
         of = self._of_job[job]
         return of.life, of.changes
 
     def tell(self, what: str, id: str) -> None:
-        """Something changed in a job, a scene or a worker."""
+        """Reports a change of a job, a scene or a worker."""
         if self._everything or (what == "job" and id in self._of_job):
             self._call(self._deliver, what, id)
 
     def tell_tiles(self, job: str, frame: int, tiles: set[int]) -> None:
-        """Tiles of a frame changed."""
+        """Reports changes of a frame's tiles."""
         if job in self._of_job:
             self._call(self._deliver_tiles, job, frame, tiles)
 
     def _call(self, function, *arguments) -> None:  # type: ignore[no-untyped-def]
         if self._loop is not None:
-            with contextlib.suppress(RuntimeError):  # the loop is closed: nobody listens any more
+            with contextlib.suppress(RuntimeError):  # the loop is closed
                 self._loop.call_soon_threadsafe(function, *arguments)
 
     def _deliver(self, what: str, id: str) -> None:

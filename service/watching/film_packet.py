@@ -1,10 +1,9 @@
-"""A frame as one response, for a page that opens it: what every tile has, and all of its light. Little-endian:
+"""The packet of a whole frame, for a page that opens it. Little-endian.
 
-u8 version = 1, u8 kind = 2, u16 frame (its whole part, modulo 65536), u16 w, h, u32 side of a tile; then u32 samples a pixel of
-every tile, in reading order; then w * h words RGB9E5 in four planes of bytes, the lowest first, rows from the top.
+u8 version = 1, u8 kind = 2, u16 frame (its integer part, modulo 65536), u16 w, h, u32 tile size; then u32 samples per pixel of
+every tile, in reading order; then w * h RGB9E5 words in four byte planes, the lowest byte first, rows from the top.
 
-In planes, because neighbouring exponents are similar and mantissas are noise: gzip compresses the former where they lie
-together.
+Planes compress better: neighbouring exponents are similar, mantissas are noise.
 """
 
 from __future__ import annotations
@@ -28,14 +27,14 @@ __all__ = ["GZIP", "HEADER", "KIND_FILM", "film_packet", "memory", "packed_pictu
 
 KIND_FILM = 2
 HEADER = struct.Struct("<BBHHHI")
-GZIP = 31  # zlib's number for its format
-LEVEL = 1  # what a higher one takes longer, it does not make smaller: mantissas are noise
+GZIP = 31  # zlib's wbits for gzip
+LEVEL = 1  # mantissas are noise: higher levels take longer and save nothing
 PIECE = 1 << 18
 
 
 def film_packet(film: Readable, frame: int, folder: Path, gzip: bool) -> Made:
-    """The whole answer. folder: for temporary files. Raises what a Film raises when it is read."""
-    # Before the light is read: where samples come meanwhile, a tile says too little of itself, and is sent again.
+    """Returns the packet. folder: for temporary files. Raises what reading a Film raises."""
+    # Counted before radiance is read: a tile that gets samples meanwhile reports too few, and is sent again.
     samples = np.array([film.coverage(frame, tile).total for tile in range(len(film.tiles))], "<u4")
     planes = np.empty((4, film.height, film.width), np.uint8)
     y = 0
@@ -56,14 +55,14 @@ def film_packet(film: Readable, frame: int, folder: Path, gzip: bool) -> Made:
 
 
 def packed_picture(words: npt.NDArray[np.uint32]) -> Iterator[bytes]:
-    """A picture that no farm has rendered, RGB9E5 (h, w), in the same form by gzip: one tile of one sample."""
+    """Yields a gzip-compressed packet of a picture that no farm has rendered, RGB9E5 (h, w): one tile of one sample."""
     height, width = words.shape
     planes = np.ascontiguousarray(np.moveaxis(words.astype("<u4").view(np.uint8).reshape(height, width, 4), 2, 0))
     yield from _compressed(HEADER.pack(VERSION, KIND_FILM, 0, width, height, max(width, height)) + struct.pack("<I", 1), planes)
 
 
 def unpacked(pieces: Iterator[bytes]) -> Iterator[bytes]:
-    """What was packed by gzip, for readers that do not take it so."""
+    """Decompresses a gzip stream, for clients that do not accept gzip."""
     unpacker = zlib.decompressobj(GZIP)
     for piece in pieces:
         yield unpacker.decompress(piece)
@@ -80,6 +79,6 @@ def _compressed(head: bytes, planes: np.ndarray) -> Iterator[bytes]:
 
 
 def memory(film: Readable) -> int:
-    """About the most bytes that `film_packet` takes."""
+    """Estimated peak memory of `film_packet`, in bytes."""
     tile = film.tiles[0]
     return 5 * film.width * tile.h * 12 + 3 * CHANNELS * tile.w * tile.h * 8 + 9 * film.width * film.height

@@ -1,4 +1,4 @@
-"""A kept film (film_packet.py) as a picture file, when nothing else is left of it."""
+"""Picture files from a kept packet (film_packet.py), when the film itself is gone."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["light", "memory", "picture"]
 
 
 def light(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
-    """The light of a film packed by gzip, (h, w, 3). Raises Failed where it is damaged."""
+    """Returns the radiance of a gzip-compressed packet, shape (h, w, 3). Raises Failed if it is damaged."""
     try:
         data = zlib.decompress(b"".join(packed), GZIP)
         _, _, _, width, height, side = HEADER.unpack_from(data)
@@ -32,10 +32,10 @@ def light(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
 
 
 def picture(packed: Iterable[bytes], extension: str, exposure: float, curve: str, folder: Path) -> Made:
-    """The file. folder: for temporary files."""
+    """Returns the picture file. folder: for temporary files."""
     return Made.of(encode(light(packed), extension, exposure, curve), folder)
 
 
 def memory(width: int, height: int) -> int:
-    """About the most bytes that `picture` takes."""
+    """Estimated peak memory of `picture`, in bytes."""
     return 48 * width * height

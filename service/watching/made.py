@@ -1,4 +1,4 @@
-"""A picture file on its way to its readers: on disk if it is large, since a slow reader would occupy memory for long."""
+"""A picture file on its way to clients, on disk if it is large, since a slow client would hold memory for long."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ PIECE = 1 << 18
 
 
 class Made:
-    """Bytes that any number of readers take in pieces. Their file has no name, and goes with the last who knows of it."""
+    """Bytes that any number of clients read in pieces. A file on disk has no name, and is freed with its last reference."""
 
     def __init__(self, data: bytes, file: int | None = None) -> None:
-        """data: what is in memory. file: a descriptor of what is not; it is closed in the end."""
-        self.span: tuple[float, float] | None = None  # of a heat map: the values between which it is drawn
+        """data: bytes in memory. file: descriptor of a file in place of them, closed at the end."""
+        self.span: tuple[float, float] | None = None  # range of a heat map
         self._data = data
         self._file = file
         self.size = len(data) if file is None else os.fstat(file).st_size
@@ -29,7 +29,7 @@ class Made:
 
     @classmethod
     def of(cls, data: bytes, folder: Path) -> Made:
-        """Of bytes; they stay in memory where they are few, or where the disk in `folder` has no room."""
+        """Wraps bytes, in memory if they are few or the disk of `folder` is full."""
         if len(data) > SMALL:
             with contextlib.suppress(OSError):
                 return cls.written(lambda path: path.write_bytes(data), folder, "")
@@ -37,14 +37,14 @@ class Made:
 
     @classmethod
     def written(cls, write: Callable[[Path], object], folder: Path, suffix: str) -> Made:
-        """Of what `write` writes to a path that ends so. Raises what it raises."""
+        """Wraps what `write` writes to a path with this suffix. Raises what `write` raises."""
         with tempfile.TemporaryDirectory(prefix="picture-", dir=folder) as own:
             path = Path(own) / f"picture{suffix}"
             write(path)
             return cls(b"", os.open(path, os.O_RDONLY | os.O_CLOEXEC))
 
     def pieces(self) -> Iterator[bytes]:
-        """All of it, from the beginning."""
+        """Yields all bytes from the beginning."""
         if self._file is None:
             yield self._data
             return

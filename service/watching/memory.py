@@ -1,4 +1,4 @@
-"""Memory needed for a moment: where it comes from, and how it is returned to the system. glibc only."""
+"""Memory that is needed briefly: where glibc takes it from, and how it returns to the system."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ import sys
 __all__ = ["give_back", "keep_one_heap"]
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8  # malloc.h
-LARGE = 32 << 20  # the most that glibc takes
+LARGE = 32 << 20  # glibc's maximum
 KEPT = 128 << 20
 
 
 def keep_one_heap() -> None:
-    """Have all threads take memory from one heap, and keep a little of what is free for the next who asks.
+    """Makes all threads share one heap that keeps some free memory for the next allocation.
 
-    Pictures and merges take and free a tile's sums (10 MB) again and again. From the system, each of its pages would be new and
-    cleared every time, which took three quarters of a picture's processor time; from a heap of each thread's own,
-    pieces would stay behind in all of them.
+    Pictures and merges allocate and free a tile's sums (10 MB) again and again. From the system, each page would be cleared
+    every
+    time, which took three quarters of a picture's processor time; with a heap per thread, free pieces would remain in all of
+    them.
     """
     _call("mallopt", M_MMAP_THRESHOLD, LARGE)
     _call("mallopt", M_TRIM_THRESHOLD, KEPT)
@@ -26,7 +27,7 @@ def keep_one_heap() -> None:
 
 
 def give_back() -> None:
-    """Return to the system what is free."""
+    """Returns free memory to the system."""
     _call("malloc_trim", 0)
 
 

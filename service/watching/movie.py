@@ -1,7 +1,6 @@
-"""Pictures as a film file: H.264 in MP4, AV1 in WebM, or an animated WebP.
+"""Movies: H.264 in MP4, AV1 in WebM, or an animated WebP.
 
-MP4 and WebM are 4:2:0 in the limited range and by the matrix of BT.709, and say so; each side is even, where it has to be by
-its last row or column twice.
+MP4 and WebM are 4:2:0, limited range, BT.709, and tagged so. Odd sides are padded by repeating the last row or column.
 """
 
 from __future__ import annotations
@@ -26,11 +25,11 @@ U8 = npt.NDArray[np.uint8]
 MOVIE_MEDIA = {"mp4": "video/mp4", "webm": "video/webm", "webp": "image/webp"}
 MOVIES = tuple(MOVIE_MEDIA)
 
-BT709 = 1  # of primaries, transfer and matrix alike (ITU-T H.273)
+BT709 = 1  # code of primaries, transfer and matrix (ITU-T H.273)
 LIMITED = 1  # AVCOL_RANGE_MPEG
-THREADS = 2  # of an encoder: workers want the others
+THREADS = 2  # per encoder: workers need the other cores
 SVT = {"crf": "24", "preset": "8", "svtav1-params": f"lp={THREADS}"}
-# What is tried in turn, and with which options: visually lossless, and fast enough for a few cores.
+# Encoders in order of preference, with options: visually lossless, and fast enough for a few cores.
 _CODECS: dict[str, tuple[tuple[str, dict[str, str]], ...]] = {
     "mp4": (("libx264", {"crf": "17", "preset": "medium"}), ("libsvtav1", SVT)),
     "webm": (("libsvtav1", SVT), ("libvpx-vp9", {"crf": "24", "b:v": "0", "cpu-used": "4"})),
@@ -39,15 +38,15 @@ _CODECS: dict[str, tuple[tuple[str, dict[str, str]], ...]] = {
 
 
 def is_movie(name: str | Path) -> bool:
-    """Whether a file of this name is a film, and not a picture."""
+    """Whether a file name's suffix is that of a movie."""
     return Path(name).suffix.lower().lstrip(".") in MOVIES
 
 
 def write_movie(path: Path, pictures: Iterable[U8], fps: float) -> int:
-    """Writes pictures, (h, w, 3) as a screen shows them (sRGB), all of one size; returns how many there were.
+    """Writes sRGB pictures (h, w, 3) of one size, and returns their number.
 
-    path: ends with .mp4, .webm or .webp, which says what is written. Raises SettingsError where there are none, or where this
-    machine's FFmpeg cannot write it.
+    path: its suffix, .mp4, .webm or .webp, selects the format. Raises SettingsError if there are no pictures or FFmpeg on this
+    machine cannot write the format.
     """
     import av
 
@@ -81,7 +80,7 @@ def _stream(container: Any, kind: str, shape: tuple[int, ...], fps: Fraction) ->
 
     for name, options in _CODECS[kind]:
         if name == "libsvtav1" and min(shape[:2]) < 64:
-            continue  # smaller ones it does not take
+            continue  # the encoder refuses smaller sizes
         try:
             stream = container.add_stream(name, rate=fps, options=options)
         except (av.FFmpegError, ValueError):

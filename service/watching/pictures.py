@@ -1,7 +1,7 @@
-"""A frame as a picture file: colour or denoised colour, one of the planes beside it, or all of them.
+"""A frame as a picture file: colour, denoised colour, one AOV, or all of them.
 
-It is made of bands from the top, so that what is in memory at a time is a few rows of tiles. What has to be whole is counted in
-bytes a pixel by `memory`: what a screen shows, and planes whose range must be known before the first row is shown.
+Files are made of bands from the top, so that a few rows of tiles are in memory at a time. What has to be complete first is
+counted per pixel by `memory`: display-referred pictures, and AOVs whose range is needed before the first row is drawn.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from service.watching.smaller import side_of, smaller
 __all__ = ["MEDIA", "PictureWish", "memory", "picture", "shown"]
 
 F32 = npt.NDArray[np.float32]
-HEAT = ("samples", "error")  # planes that are drawn as heat
-ROWS = 64  # at a time, of a denoised picture
+HEAT = ("samples", "error")  # planes drawn as heat maps
+ROWS = 64  # of a denoised picture, per band
 MEDIA = {
     "png": "image/png",
     "jpg": "image/jpeg",
@@ -40,10 +40,11 @@ MEDIA = {
 
 @dataclass(frozen=True)
 class PictureWish:
-    """What a reader asks for.
+    """What a client requests.
 
-    planes: AOVs by name, none for colour. in_layers: as layers beside the colour, else the one plane alone.
-    denoised: opens the colour to take instead. motion: opens what the film has not, and comes last among the planes.
+    planes: AOVs by name; empty for colour. in_layers: as layers beside the colour instead of one plane alone.
+    denoised: opens the colour to use instead. motion: opens motion vectors, which the film lacks; they come last among the
+    planes.
     """
 
     extension: str
@@ -56,7 +57,7 @@ class PictureWish:
     motion: Callable[[], BinaryIO] | None = None
 
     def check(self) -> None:
-        """Raise Invalid for a wish that no file fulfils."""
+        """Raises Invalid for a combination that no file supports."""
         if self.in_layers and self.extension != "exr":
             raise Invalid(f"aov: a .{self.extension} holds one plane; ask for one, or for image.exr.")
         if self.planes and self.extension == "rgb9e5":
@@ -68,12 +69,12 @@ class PictureWish:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What is read of the film, side by side."""
+        """Names of the channels read from the film, in order."""
         return ("color", *self.planes) if self.in_layers else self.planes or ("color",)
 
 
 def picture(film: Film, frame: int, wish: PictureWish, folder: Path) -> Made:
-    """The file. folder: for temporary files."""
+    """Returns the file. folder: for temporary files."""
     side = side_of(wish.width, film.width, film.height)
     width, height = film.width // side, film.height // side
     if wish.extension in ("exr", "hdr"):
@@ -100,13 +101,13 @@ def picture(film: Film, frame: int, wish: PictureWish, folder: Path) -> Made:
 
 
 def shown(film: Film, frame: int, wish: PictureWish) -> npt.NDArray[np.uint8]:
-    """The colour as a screen shows it, (h, w, 3)."""
+    """Returns display-referred colour, shape (h, w, 3)."""
     side = side_of(wish.width, film.width, film.height)
     return _laid(np.empty((film.height // side, film.width // side, 3), np.uint8), _toned(film, frame, wish, side))
 
 
 def memory(film: Film, wish: PictureWish) -> int:
-    """About the most bytes that `picture` takes."""
+    """Estimated peak memory of `picture`, in bytes."""
     side = side_of(wish.width, film.width, film.height)
     channels = sum(map(aovs.size, wish.names))
     tile = film.tiles[0]
@@ -115,12 +116,12 @@ def memory(film: Film, wish: PictureWish) -> int:
         return of_bands
     if wish.extension == "rgb9e5":
         return of_bands + 8 * film.width * film.height // side**2
-    of_shown = 10 * film.width * film.height // side**2  # the rows, the encoder's copy of them, the file
+    of_shown = 10 * film.width * film.height // side**2  # rows, the encoder's copy, the file
     return of_bands + of_shown + (8 * channels * film.width * film.height if wish.planes else 0)
 
 
 def _values(film: Film, frame: int, wish: PictureWish) -> Iterator[F32]:
-    """(rows, width, channels) from the top."""
+    """Yields values of shape (rows, width, channels) from the top."""
     if wish.motion is not None:
         yield from _with_motion(film, frame, [name for name in wish.names if name != aovs.MOTION], wish.motion)
         return
@@ -134,7 +135,7 @@ def _values(film: Film, frame: int, wish: PictureWish) -> Iterator[F32]:
 
 
 def _with_motion(film: Film, frame: int, names: list[str], motion: Callable[[], BinaryIO]) -> Iterator[F32]:
-    """As `bands`, and the motion vectors beside them."""
+    """Yields bands with motion vectors appended."""
     with motion() as file:
         for band in bands(film, frame, names or ["samples"]):
             size = aovs.size(aovs.MOTION)
@@ -148,7 +149,7 @@ def _toned(film: Film, frame: int, wish: PictureWish, side: int) -> Iterator[npt
 
 
 def _whole(film: Film, frame: int, wish: PictureWish) -> F32:
-    """A plane, all of it: it is looked at between its least and greatest values."""
+    """Returns a whole plane, which is drawn relative to its minimum and maximum."""
     (name,) = wish.planes
     size = aovs.size(name)
     plane = _laid(np.empty((film.height, film.width, size), np.float32), _values(film, frame, wish))
@@ -156,12 +157,12 @@ def _whole(film: Film, frame: int, wish: PictureWish) -> F32:
 
 
 def _threefold(band: F32) -> F32:
-    """A single channel as grey."""
+    """Repeats a single channel three times."""
     return np.repeat(band, 3, axis=2) if band.shape[2] == 1 else band
 
 
 def _laid(out: npt.NDArray[Any], parts: Iterator[npt.NDArray[Any]]) -> npt.NDArray[Any]:
-    """`out`, filled from the top."""
+    """Fills `out` with parts from the top."""
     y = 0
     for part in parts:
         out[y : y + len(part)] = part

@@ -1,8 +1,8 @@
-"""A few threads and a memory budget for what takes much memory and time: whole pictures and digests. Requests beyond the length
-of the queue are turned away.
+"""Threads and a memory budget for pictures and digests. Each user has a queue; the queues take turns, and requests beyond the
+length of a user's own queue are refused.
 
-Without limits, each of many readers of a large picture would hold copies of it in memory at the same time, and together they
-would take the threads of all other requests.
+Without limits, each of many clients of a large picture would hold copies of it in memory at the same time, and together they
+would occupy the threads of all other requests.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import asyncio
 import math
 import os
 import time
-from collections import deque
+from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Hashable
 from typing import Any, TypeVar
 
@@ -24,75 +24,91 @@ from service.watching.memory import give_back
 __all__ = ["Pool"]
 
 THREADS = max(2, min(4, (os.cpu_count() or 2) // 2))
-IN_LINE = 64
+IN_LINE = 64  # of one user, however long they take
+MOST_IN_LINE = 512  # of one user, where they come to their turn within LONGEST_WAIT_S
+LONGEST_WAIT_S = 30.0  # shorter than the read timeouts of common proxies
+MOST_OF_ALL = 4096  # of all users together; beyond it a user with nothing in the queue is still let in
 MOST_RETRY_S = 60.0
 
 T = TypeVar("T")
 
 
 class Pool:
-    """Used on the event loop alone. Readers who ask for the same at the same time share one answer."""
+    """A queue of expensive work, used on the event loop only. Concurrent requests for the same key share one result."""
 
-    def __init__(self, memory: int, threads: int = THREADS, in_line: int = IN_LINE) -> None:
-        """memory: bytes that all together may take at a time. What says that it takes more is made alone."""
+    def __init__(self, memory: int, threads: int = THREADS, in_line: int = IN_LINE, most_in_line: int = MOST_IN_LINE) -> None:
+        """memory: budget in bytes. Work that needs more runs alone."""
         self._turns = _Turns(threads, memory)
         self._limiter = anyio.CapacityLimiter(threads)
         self._threads = threads
-        self._most = threads + in_line
+        self._in_line = threads + in_line
+        self._most_in_line = threads + max(in_line, most_in_line)
         self._made: dict[Hashable, asyncio.Task[Any]] = {}
-        self._seconds = 0.0  # that the latest took, on the average
+        self._asked_by: Counter[Hashable] = Counter()
+        self._seconds = 0.0  # running average of the latest durations
 
     @property
     def asked(self) -> int:
-        """How many different things are asked for and not made yet."""
+        """Number of different keys that are queued or running."""
         return len(self._made)
 
-    async def make(self, key: Hashable, memory: int, function: Callable[..., T], *arguments: Any) -> T:
-        """function(*arguments), in a thread when its turn comes. memory: the most bytes that it takes meanwhile.
+    async def make(self, key: Hashable, memory: int, function: Callable[..., T], *arguments: Any, user: Hashable = None) -> T:
+        """Runs function(*arguments) in a thread when its turn comes; returns the result.
 
-        Raises Unavailable where the line is too long.
+        memory: its estimated peak, in bytes. user: whose queue it waits in. Raises Unavailable if that queue is too long.
         """
         task: asyncio.Task[T] | None = self._made.get(key)
         if task is None:
-            if self.asked >= self._most:
-                raise Unavailable(
-                    f"{self.asked} other pictures are asked for and not made yet. Try again in a moment.",
-                    retry_after_s=min(math.ceil(self.asked * self._seconds / self._threads) + 1, MOST_RETRY_S),
-                )
-            task = self._made[key] = asyncio.create_task(self._run(memory, function, *arguments))
-            task.add_done_callback(lambda task: self._done(key, task))
-        return await asyncio.shield(task)  # a reader that leaves must not take the picture from those who wait for the same
+            self._check_room(user)
+            self._asked_by[user] += 1
+            task = self._made[key] = asyncio.create_task(self._run(user, memory, function, *arguments))
+            task.add_done_callback(lambda task: self._done(key, user, task))
+        return await asyncio.shield(task)  # a client that leaves does not cancel it for others
 
-    async def _run(self, memory: int, function: Callable[..., T], *arguments: Any) -> T:
-        taken = await self._turns.take(memory)
+    def _check_room(self, user: Hashable) -> None:
+        """Raises Unavailable where a user's queue is full, or longer than a reader waits."""
+        own = self._asked_by.get(user, 0)
+        wait_s = own * max(len(self._asked_by), 1) * self._seconds / self._threads
+        is_full = own >= (self._in_line if wait_s > LONGEST_WAIT_S else self._most_in_line)
+        if is_full or (own and self.asked >= MOST_OF_ALL):
+            raise Unavailable(
+                f"{own} other pictures that you asked for are not made yet. Try again in a moment.",
+                retry_after_s=min(math.ceil(wait_s / 2) + 1, MOST_RETRY_S),
+            )
+
+    async def _run(self, user: Hashable, memory: int, function: Callable[..., T], *arguments: Any) -> T:
+        taken = await self._turns.take(user, memory)
         begun = time.monotonic()
         try:
             return await anyio.to_thread.run_sync(function, *arguments, limiter=self._limiter)
         finally:
             self._turns.give(taken)
             self._seconds += (time.monotonic() - begun - self._seconds) / 4
-            if self.asked == 1:  # the last for now
+            if self.asked == 1:  # the queue is empty after it
                 await anyio.to_thread.run_sync(give_back, limiter=self._limiter)
 
-    def _done(self, key: Hashable, task: asyncio.Task[Any]) -> None:
+    def _done(self, key: Hashable, user: Hashable, task: asyncio.Task[Any]) -> None:
         del self._made[key]
+        self._asked_by[user] -= 1
+        if not self._asked_by[user]:
+            del self._asked_by[user]
         if not task.cancelled():
-            task.exception()  # it is the readers' to handle; where all have left, it is nobody's
+            task.exception()  # retrieved, so that one without clients is not reported as unhandled
 
 
 class _Turns:
-    """Threads and bytes, given out in the order in which they are asked for."""
+    """Threads and bytes. Users take turns; each user's requests are served in the order in which they came."""
 
     def __init__(self, threads: int, memory: int) -> None:
         self._threads = threads
         self._memory = self._all = memory
-        self._waiting: deque[tuple[int, asyncio.Future[None]]] = deque()
+        self._waiting: OrderedDict[Hashable, deque[tuple[int, asyncio.Future[None]]]] = OrderedDict()  # the next user first
 
-    async def take(self, memory: int) -> int:
+    async def take(self, user: Hashable, memory: int) -> int:
         """Wait for a turn; what `give` is to be told."""
         memory = min(memory, self._all)
         turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        self._waiting.append((memory, turn))
+        self._waiting.setdefault(user, deque()).append((memory, turn))
         self._next()
         await turn
         return memory
@@ -104,8 +120,15 @@ class _Turns:
         self._next()
 
     def _next(self) -> None:
-        while self._waiting and self._threads and self._memory >= self._waiting[0][0]:
-            memory, turn = self._waiting.popleft()
+        while self._waiting and self._threads:
+            user, own = next(iter(self._waiting.items()))
+            memory, turn = own[0]
+            if self._memory < memory:
+                return  # nobody overtakes what needs much memory, which would never come to its turn
+            own.popleft()
+            self._waiting.move_to_end(user)
+            if not own:
+                del self._waiting[user]
             if not turn.cancelled():
                 self._threads -= 1
                 self._memory -= memory

@@ -1,7 +1,7 @@
-"""Threads that an encoder made more urgent than all else on the machine, brought back among the others.
+"""Restores the priority of threads that an encoder made real-time.
 
-SVT-AV1 takes the highest real-time priority where it runs as root: for its own threads, for the one that opened it, and so for
-each child that is started from there. Such threads keep every other program off their core for as long as they work.
+SVT-AV1 running as root gives the highest real-time priority to its own threads and to the thread that opened it, which children
+inherit. Such threads keep every other program off their core while they work.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ __all__ = ["no_more_urgent"]
 
 @contextlib.contextmanager
 def no_more_urgent() -> Iterator[Callable[[], None]]:
-    """Gives what is to be called after each step that may have made threads urgent; it is called once more at the end."""
-    if sys.platform != "linux":  # elsewhere the encoder does no such thing
+    """Yields a function to be called after each step that may have raised priorities; it is called once more at the end."""
+    if sys.platform != "linux":  # the encoder changes priorities on Linux only
         yield lambda: None
         return
     policy, priority = os.sched_getscheduler(0), os.sched_getparam(0)
@@ -29,7 +29,7 @@ def no_more_urgent() -> Iterator[Callable[[], None]]:
                 if os.sched_getscheduler(int(thread.name)) in (os.SCHED_FIFO, os.SCHED_RR):
                     os.sched_setscheduler(int(thread.name), policy, priority)
 
-    if policy in (os.SCHED_FIFO, os.SCHED_RR):  # as somebody wanted it
+    if policy in (os.SCHED_FIFO, os.SCHED_RR):  # the caller is real-time already
         yield lambda: None
         return
     try:

@@ -1,7 +1,6 @@
-"""What many watchers of a job are told is made once for all of them: its packed tiles, and its state as JSON.
+"""Results that all viewers of a job share: packed tiles, and the job's state as JSON.
 
-Used on the event loop only, which never waits for a film: a counter of each tile's changes says whether its packet is still
-valid.
+Used on the event loop only, which never waits for a film: a counter of each tile's changes shows whether its packet is valid.
 """
 
 from __future__ import annotations
@@ -24,18 +23,18 @@ from service.watching.broadcast import Broadcast
 __all__ = ["Body", "Shared"]
 
 THREADS = 2
-TRUE_FOR_S = 0.25  # what is said of a job, where nobody says that it changed: it tells of other things too
+TRUE_FOR_S = 0.25  # lifetime of a state without reported changes: it contains times too
 STATE_EVERY_S = 0.25
-MANY = 50  # watchers: more of them are told less often
+MANY = 50  # viewers; above, each is updated less often
 ROUND_PIXELS = 1 << 20
-UNDER_WAY = 2 * 2 * 4  # bytes a pixel: two rounds that are not acknowledged, each here and in the connection
-FOR_PACKED = 0.5  # of the memory, for tiles that others may want too
+UNDER_WAY = 2 * 2 * 4  # bytes per pixel: two unacknowledged rounds, each here and in the connection
+FOR_PACKED = 0.5  # share of the memory for packed tiles
 
 T = TypeVar("T")
 
 
 class Body(NamedTuple):
-    """A packed tile: its number, its samples a pixel, its words (tile_packet)."""
+    """A packed tile: its number, samples per pixel and words (tile_packet)."""
 
     tile: int
     spp: int
@@ -44,7 +43,7 @@ class Body(NamedTuple):
 
 @dataclass(frozen=True)
 class _Packed:
-    film: weakref.ref[Film]  # an earlier one of the same job is another
+    film: weakref.ref[Film]  # a reopened film is another object
     version: tuple[int, int]
     body: Body | None
 
@@ -57,7 +56,7 @@ class _Making:
 
 
 class Shared:
-    """memory: bytes, about, for what is packed and what is on its way to all watchers together."""
+    """memory: approximate bytes for packed tiles and for what is on its way to all viewers together."""
 
     def __init__(self, broadcast: Broadcast, memory: int) -> None:
         self._broadcast = broadcast
@@ -70,17 +69,17 @@ class Shared:
 
     @property
     def state_every_s(self) -> float:
-        """How often a watcher is told of a job that changes all the time: the less, the more watch."""
+        """Seconds between two states of a job that changes all the time; grows with the number of viewers."""
         return STATE_EVERY_S * max(1.0, self._broadcast.watchers / MANY)
 
     @property
     def round_pixels(self) -> int:
-        """How many pixels a watcher gets at a time: the fewer, the more watch."""
+        """Pixels that a viewer gets at a time; falls with the number of viewers."""
         watchers = max(self._broadcast.watchers, 1)
         return int(min(ROUND_PIXELS, self._memory * (1 - FOR_PACKED) / (UNDER_WAY * watchers)))
 
     async def tiles(self, job: str, film: Film, frame: int, tiles: Iterable[int]) -> list[Body]:
-        """These tiles as they are now; those without a sample are left out. Raises FilmWaits, FilmLost and FilmClosed."""
+        """Returns current packets of tiles, without those that have no samples. Raises FilmWaits, FilmLost and FilmClosed."""
         found: dict[int, Body | None] = {}
         tasks: dict[asyncio.Task[dict[int, Body | None]], list[int]] = {}
         missing: dict[int, tuple[int, int]] = {}
@@ -106,7 +105,7 @@ class Shared:
         return [body for body in found.values() if body is not None]
 
     async def told(self, job: str, what: str, make: Callable[[], T]) -> T:
-        """What is said of a job: what another was told, while nothing has changed since that was begun."""
+        """Returns what `make` returns, shared while the job has not changed since it began."""
         changes, now = self._broadcast.changes(job), time.monotonic()
         known = self._told.get((job, what))
         if known is None or known[0] != changes or now - known[1] > TRUE_FOR_S or _has_failed(known[2]):
@@ -143,7 +142,7 @@ class Shared:
 
 
 async def _result(task: asyncio.Task[T]) -> T:
-    """Its result; a watcher that leaves must not take it from the others."""
+    """Awaits a shared task; a viewer that leaves does not cancel it for others."""
     return task.result() if task.done() else await asyncio.shield(task)
 
 
@@ -161,6 +160,6 @@ def _has_failed(task: asyncio.Task[Any]) -> bool:
 
 
 def _heard(task: asyncio.Task[Any]) -> None:
-    """An error is the watchers' to handle; where all have left, it is nobody's."""
+    """Retrieves the exception of a shared task, so that one without viewers is not reported as unhandled."""
     if not task.cancelled():
         task.exception()

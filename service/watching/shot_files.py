@@ -1,4 +1,4 @@
-"""A shot in one file: its frames in a zip that is sent while it is made, or as a film."""
+"""A shot in one file: its frames in a zip that is sent while it is made, or as a movie."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from service.watching.pictures import PictureWish, memory, shown
 
 __all__ = ["ZipStream", "movie", "movie_memory"]
 
-ENCODER = 96  # bytes a pixel that an encoder looks ahead and keeps, about
+ENCODER = 96  # approximate bytes per pixel of an encoder's lookahead
 
 
 class ZipStream:
-    """A zip that is given away as it grows. What pictures are is compressed already, so they are stored as they are."""
+    """A zip produced as a stream. Pictures are compressed already, so they are stored."""
 
     def __init__(self) -> None:
         self._out = _Pipe()
         self._zip = zipfile.ZipFile(self._out, "w", zipfile.ZIP_STORED)
 
     def file(self, name: str, made: Made) -> Iterator[bytes]:
-        """The bytes by which the zip grows when a file is added."""
+        """Yields the bytes that a file adds to the zip."""
         with self._zip.open(zipfile.ZipInfo(name), "w", force_zip64=made.size >= 1 << 31) as file:
             for piece in made.pieces():
                 file.write(piece)
@@ -35,37 +35,37 @@ class ZipStream:
         yield self._out.take()
 
     def end(self) -> bytes:
-        """The bytes with which it ends."""
+        """Returns the bytes that end the zip."""
         self._zip.close()
         return self._out.take()
 
 
 class _Pipe(io.RawIOBase):
-    """What is written waits until it is taken."""
+    """A writable file whose bytes wait until they are taken."""
 
     def __init__(self) -> None:
         super().__init__()
         self._written = bytearray()
 
     def writable(self) -> bool:
-        """It is."""
+        """True, as zipfile expects."""
         return True
 
     def write(self, data: object) -> int:
-        """All of it."""
+        """Accepts all bytes."""
         view = memoryview(data)  # type: ignore[arg-type]
         self._written += view
         return view.nbytes
 
     def take(self) -> bytes:
-        """What was written since."""
+        """Returns the bytes written since the last call."""
         taken = bytes(self._written)
         self._written.clear()
         return taken
 
 
 def movie(film: Film, frames: Sequence[int], wish: PictureWish, fps: float, folder: Path) -> Made:
-    """The film of these frames, in the format of the wish's extension. Raises Conflict where it cannot be written."""
+    """Returns the movie of these frames in the format of the wish's extension. Raises Conflict if it cannot be written."""
     pictures = (shown(film, frame, wish) for frame in frames)
     try:
         return Made.written(lambda path: write_movie(path, pictures, fps), folder, f".{wish.extension}")
@@ -74,5 +74,5 @@ def movie(film: Film, frames: Sequence[int], wish: PictureWish, fps: float, fold
 
 
 def movie_memory(film: Film, wish: PictureWish) -> int:
-    """About the most bytes that `movie` takes."""
+    """Estimated peak memory of `movie`, in bytes."""
     return memory(film, wish) + ENCODER * film.width * film.height

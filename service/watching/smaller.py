@@ -1,4 +1,4 @@
-"""Smaller copies of pictures that arrive in bands: averages over squares of whole pixels."""
+"""Reduced copies of pictures that arrive in bands: means over squares of whole pixels."""
 
 from __future__ import annotations
 
@@ -12,17 +12,19 @@ __all__ = ["side_of", "smaller"]
 
 
 def side_of(wanted: int | None, width: int, height: int) -> int:
-    """The side of the squares, in pixels, so that the copy is at least `wanted` wide; 1 for the picture itself."""
+    """Returns the side of the squares in pixels, so that the copy is at least `wanted` wide; 1 for the picture itself."""
     return max(1, min(width // (wanted or width), height))
 
 
 def smaller(bands: Iterable[npt.NDArray[Any]], side: int) -> Iterator[npt.NDArray[Any]]:
-    """Bands (rows, width, channels) of the copy, of the same type; what is left over at the right and lower edges of the last
-    squares is cut off."""
+    """Yields bands (rows, width, channels) of the copy, of the same dtype.
+
+    Incomplete squares at the right and lower edges are cut off.
+    """
     if side == 1:
         yield from bands
         return
-    total: npt.NDArray[np.float64] | None = None  # of the squares' rows so far
+    total: npt.NDArray[np.float64] | None = None  # sums of the squares so far
     have = 0
     for band in bands:
         rows, width, channels = band.shape

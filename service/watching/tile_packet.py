@@ -1,7 +1,7 @@
-"""A live tile on the wire, little-endian:
+"""The packet of a live tile, little-endian.
 
-u8 version = 1, u8 kind = 1, u16 frame (its whole part, modulo 65536), u32 seq, u16 x, y, w, h, u32 spp, then w * h words RGB9E5,
-rows from the top.
+u8 version = 1, u8 kind = 1, u16 frame (its integer part, modulo 65536), u32 seq, u16 x, y, w, h, u32 spp, then w * h RGB9E5
+words, rows from the top.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ HEADER = struct.Struct("<BBHIHHHHI")
 
 
 def body(film: Film, frame: int, tile: int) -> tuple[int, bytes] | None:
-    """A tile's samples a pixel and its mean as RGB9E5 words; None where no sample is in."""
+    """Returns a tile's samples per pixel and its mean as RGB9E5 words; None without samples."""
     sums = film.tile_planes(frame, tile, PLANES)
     if sums is None:
         return None
@@ -31,6 +31,6 @@ def body(film: Film, frame: int, tile: int) -> tuple[int, bytes] | None:
 
 
 def packet(film: Film, frame: int, tile: int, seq: int, spp: int, words: bytes) -> bytes:
-    """The whole message."""
+    """Returns the whole packet."""
     x, y, w, h = film.tiles[tile]
     return HEADER.pack(VERSION, KIND_TILE, frame // 2 & 0xFFFF, seq & 0xFFFFFFFF, x, y, w, h, spp) + words

@@ -27,8 +27,8 @@ from tests.benchmarks.bench_mutations import placed
 from tests.benchmarks.many.gltf import GLTF
 from tests.benchmarks.many.text import TEXT
 from tests.benchmarks.many.usd import USD
+from tests.bounded import run_bounded
 from worker.exchange.errors import WorkError
-from worker.work.bounded import run_bounded
 
 MANY = 100_000
 STEEP = 1.3

@@ -3,7 +3,7 @@
     python3 farm.py bench mutations [--count 10000] [--seed 1] [--formats WORDS] [--minutes M] [--jobs 2] [--keep FOLDER] [--page]
 
 A file of one of the formats is drawn, with its textures and what else it names; one of them is damaged in a way that is drawn
-too, and the scene is read and compiled in a forked child with bounds on memory and time (worker/work/bounded.py). What may
+too, and the scene is read and compiled in a forked child with bounds on memory and time (tests/bounded.py). What may
 come of it: it is read (most damage is small), refused with a sentence of its reader's, refused by the net beneath all readers,
 too large, too slow, or the child crashes, as a library in C may: then the worker says so and goes on. --keep: a folder for the
 files of the last four kinds. Seconds are the processor's. Each number of a campaign is drawn by itself, so that
@@ -44,10 +44,10 @@ from tests.benchmarks.mutations.reading import Came, peak_memory, read_all, rese
 from tests.benchmarks.mutations.seed import Seed, draw, kind_of, packed
 from tests.benchmarks.mutations.seeds import seeds
 from tests.benchmarks.mutations.tally import Tally, into_page, table
+from tests.bounded import Bounds, run_bounded
 from tests.helpers import ROOT
 from tests.peers.blender import python_with_bpy
 from worker.exchange.errors import WorkError
-from worker.work.bounded import Bounds, run_bounded
 
 MEMORY = 1 << 30
 BLENDER_MEMORY = 8 << 30  # address space: Blender takes six before it has opened anything

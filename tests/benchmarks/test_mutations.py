@@ -13,8 +13,8 @@ from tests.benchmarks.mutations.damage import WAYS, damaged
 from tests.benchmarks.mutations.reading import read_all
 from tests.benchmarks.mutations.seed import Seed, draw, kind_of
 from tests.benchmarks.mutations.tally import OUTCOMES, Tally, into_page, table
+from tests.bounded import Bounds
 from tests.grids import grid
-from worker.work.bounded import Bounds
 
 TEXT = b"v 1.5 2 3\nv 4 5 6\nf 1 2 3\n" * 20
 

@@ -225,3 +225,37 @@ def test_a_time_is_as_short_as_it_can_be(page: Page) -> None:
 def test_the_size_of_a_scene_is_short_whatever_its_unit(page: Page) -> None:
     extents = call(page, "base/format", "return a.map(m.extent);", [[4, 3, 2.54321], [4e5, 3e5, 12], [0, 0, 0], [2e-5, 0, 1e-7]])
     assert extents == ["4 × 3 × 2.54", "4 × 3 × 0.00012 · 10⁵", "0 × 0 × 0", "2 × 0 × 0.01 · 10⁻⁵"]
+
+
+def test_a_busy_service_is_asked_again_after_the_time_that_it_names(page: Page) -> None:
+    found = call(
+        page,
+        "news/busy",
+        """
+        const { buildBusyBanner } = await import("/js/shell/shell.js");
+        buildBusyBanner();
+        const statuses = [503, 503, 200], before = fetch, said = [];
+        m.retries.subscribe(({ length }) => said.push(length));
+        let asked = 0;
+        window.fetch = async () => {
+            const status = statuses[asked++];
+            return new Response("", { status, headers: status === 503 ? { "Retry-After": "1" } : {} });
+        };
+        const begun = performance.now(), answer = m.fetchPatiently("/film", new AbortController().signal);
+        await new Promise((done) => setTimeout(done, 200));
+        const banner = document.querySelector(".lost-banner.busy");
+        const words = banner.hidden ? null : banner.textContent.trim();
+        const { status } = await answer;
+        const ms = performance.now() - begun;
+        asked = 0;
+        const left = new AbortController();
+        const gone = m.fetchPatiently("/film", left.signal).catch((error) => error.name);
+        setTimeout(() => left.abort(), 50);
+        const name = await gone;
+        window.fetch = before;
+        return { status, ms, words, said, name, hidden: banner.hidden };""",
+    )
+    assert found["status"] == 200 and found["ms"] >= 2000
+    assert found["words"] in ("Server busy, retrying in 1 s", "Server busy, retrying in 2 s")
+    assert found["said"] == [0, 1, 0, 1, 0, 1, 0]
+    assert found["name"] == "AbortError" and found["hidden"]

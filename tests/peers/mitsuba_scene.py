@@ -229,6 +229,7 @@ def _scattering(mi: Any, description: SceneDescription, material: Material) -> d
     smooth = material.kind in ("glass", "conductor")
     roughness = material.roughness if material.roughness is not None else 0.0 if smooth else 1.0
     alpha = roughness**2
+    facets = {"distribution": material.distribution, "alpha": alpha}
     if material.kind == "diffuse":
         return {"type": "diffuse", "reflectance": base}
     if material.kind == "mirror":
@@ -237,15 +238,18 @@ def _scattering(mi: Any, description: SceneDescription, material: Material) -> d
         glass = {"int_ior": material.ior, "ext_ior": 1.0, "specular_transmittance": base}
         if alpha < _ROUGH_ALPHA:
             return glass | {"type": "dielectric"}
-        return glass | {"type": "roughdielectric", "distribution": "ggx", "alpha": alpha}
+        return glass | facets | {"type": "roughdielectric"}
     if material.kind == "conductor":
         metal = {"eta": _rgb(material.eta), "k": _rgb(material.k)}
         if alpha < _ROUGH_ALPHA:
             return metal | {"type": "conductor"}
-        return metal | {"type": "roughconductor", "distribution": "ggx", "alpha": alpha}
+        return metal | facets | {"type": "roughconductor"}
     if material.kind == "metallic_roughness" and material.metallic == 1 and material.base_color == (1.0, 1.0, 1.0):
         # A white metal has no Fresnel effect in either model.
-        return {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": max(alpha, _ROUGH_ALPHA)}
+        return facets | {"type": "roughconductor", "material": "none", "alpha": max(alpha, _ROUGH_ALPHA)}
+    if material.kind == "plastic":
+        coat = {"int_ior": material.ior, "ext_ior": 1.0, "specular_reflectance": _rgb(material.specular_color)}
+        return facets | coat | {"type": "roughplastic", "diffuse_reflectance": base, "nonlinear": material.nonlinear}
     raise ValueError(f"Mitsuba has no twin of {material.kind} with metallic {material.metallic:g}")
 
 

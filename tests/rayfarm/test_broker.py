@@ -88,3 +88,14 @@ def test_the_data_may_lie_in_a_folder_of_any_name(tmp_path: Path) -> None:
             assert store.config_get("dir") == {"dir": str(folder)}
     finally:
         server.stop()
+
+
+def test_a_value_that_is_too_large_is_refused_before_it_is_sent(tmp_path: Path) -> None:
+    server = running_redis(tmp_path)
+    with server, redis.Redis.from_url(server.url) as store:
+        connection = store.connection_pool.get_connection()
+        connection.send_packed_command([b"*3\r\n$3\r\nSET\r\n$1\r\na\r\n$%d\r\n" % (broker.LARGEST_VALUE + 1)])
+        with pytest.raises(redis.ResponseError, match="invalid bulk length"):
+            connection.read_response()
+        connection.disconnect()
+        assert store.set("works", bytes(1 << 20))

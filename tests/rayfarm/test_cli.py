@@ -15,6 +15,7 @@ import pytest
 from PIL import Image
 
 from rayfarm import cli
+from renderer import __version__
 from renderer.denoise import is_available
 from renderer.errors import RayfarmError
 from tests.grids import grid
@@ -55,6 +56,10 @@ def test_help_reads_well() -> None:
     submit = rayfarm("submit", "--help").stdout
     assert "SCENE" in submit
     assert not [word for word in ("<bool>", "<int", "<float", "<path>") if word in submit]
+
+
+def test_it_says_its_version() -> None:
+    assert rayfarm("--version").stdout == f"rayfarm {__version__}\n"
 
 
 def test_every_command_has_its_module() -> None:

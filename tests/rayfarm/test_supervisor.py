@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import subprocess
@@ -254,3 +255,41 @@ def test_a_full_disk_or_a_lack_of_processes_does_not_end_the_farm(
     monkeypatch.setattr(supervision.subprocess, "Popen", popen)
     wait_until(lambda: supervisor.tend() is None and part.running and part.process.pid != first, 30, "the part runs again")
     assert any("Too many open files" in sentence and "next try" in sentence for sentence in said)
+
+
+WRITER = [sys.executable, "-c", "import itertools\nfor i in itertools.count(): print(f'line {i:09d}', 'x' * 100, flush=True)"]
+
+
+@pytest.mark.parametrize("is_full", [False, True])
+def test_a_log_is_bounded_while_it_is_written(
+    supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_full: bool
+) -> None:
+    monkeypatch.setattr(supervision, "LOG_KEPT", 200_000)
+    monkeypatch.setattr(supervision, "LOGS_EVERY_S", 0.0)
+    part = Part("writer", WRITER, tmp_path / "writer.log")
+    old = tmp_path / "writer.old.log"
+    if is_full:
+        old.symlink_to("/dev/full")
+    supervisor.start(part)
+    first = part.process
+    with part.log.open("ab") as log:
+        writer = subprocess.Popen(WRITER, stdout=log)  # one that an earlier supervisor has started
+    lengths: list[int] = []
+
+    def has_shrunk_often() -> bool:
+        supervisor.tend()
+        lengths.append(part.log.stat().st_size)
+        return sum(b < a for a, b in itertools.pairwise(lengths)) >= 5
+
+    try:
+        wait_until(has_shrunk_often, 30, "the log is emptied again and again")
+    finally:
+        writer.kill()
+        writer.wait()
+    assert part.process is first and part.running
+    if not is_full:
+        assert old.stat().st_size == 200_000
+        assert old.read_text().splitlines()[-2].startswith("line ")
+    part.log.write_bytes(b"")
+    wait_until(lambda: part.log.stat().st_size > 0, 5, "the part goes on writing")
+    assert part.log.read_bytes()[:5] != b"\0" * 5, "no hole at its begin"

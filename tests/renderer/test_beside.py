@@ -12,9 +12,10 @@ from typing import Any
 
 import psutil
 import pytest
-from numba import njit, typeof
+from numba import typeof
 from numba.core import ir, types
 from numba.core.compiler_machinery import FunctionPass, register_pass
+from numba.core.typed_passes import NopythonTypeInference
 
 from renderer import beside
 from renderer.absent import Compiler
@@ -27,7 +28,7 @@ from renderer.kernel.pool.scatter import scatter
 from renderer.reference import Reference
 from renderer.render import _PICTURE, FULL, PLAIN, _render, warm_up
 from renderer.settings import Tile
-from renderer.typed_before import TypeOnce
+from renderer.target import KernelDispatcher
 
 
 class TypedError(Exception):
@@ -55,13 +56,14 @@ class TellCalls(FunctionPass):
 class Typed(Compiler):
     def define_pipelines(self) -> list[Any]:
         (steps,) = super().define_pipelines()
-        steps.add_pass_after(TellCalls, TypeOnce)
+        steps.add_pass_after(TellCalls, NopythonTypeInference)
         steps.finalize()
         return [steps]
 
 
 def calls_of(function: Any, arguments: tuple[types.Type, ...]) -> frozenset[tuple[str, str]]:
-    fresh = njit(error_model="numpy", _nrt=False, no_cpython_wrapper=True, pipeline_class=Typed)(function.py_func)
+    options = {"nopython": True, "error_model": "numpy", "_nrt": False, "no_cpython_wrapper": True}
+    fresh = KernelDispatcher(function.py_func, targetoptions=options, pipeline_class=Typed)
     with pytest.raises(TypedError):
         fresh.compile(arguments)
     return TellCalls.calls

@@ -126,4 +126,3 @@ def test_kernels_in_a_folder_that_can_only_be_read_are_loaded_and_nothing_is_wri
         assert is_cold
         files.save(("other", *KEY[1:]), "code")
     assert not jit.is_kept("absent")
-    assert jit.KeptByMeaning.from_function(jit.entry, str(jit.sources.ROOT / "absent.py")) is not None

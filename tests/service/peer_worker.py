@@ -36,6 +36,7 @@ from worker.protocol.contract import (
     WorkerReport,
     denoise_queue,
     order_key,
+    own_prepare_queue,
     prepare_queue,
     render_queue,
     worker_key,
@@ -112,6 +113,8 @@ class PeerWorker:
         self.tags = tags
         self.memory = memory
         self.terms = Terms()
+        self.unfit: str | None = None  # what its machine lacks
+        self.passing = False  # for now
         self.rests: str | None = None  # why it takes nothing by itself, as it says
         self.on_explain: Callable[[ExplainPixel], list[dict[str, Any]]] = lambda work: []  # what is answered
         self.explained: list[ExplainPixel] = []  # asked for
@@ -206,7 +209,13 @@ class PeerWorker:
                     time.sleep(0.05)
                     continue
                 queues = [view_queue(self.kind)] * self.views + [denoise_queue(self.kind)] * self.denoises
-                queues += [*self.more, prepare_queue(self.kind), *self.terms.queues, render_queue(self.kind)]
+                queues += [
+                    *self.more,
+                    own_prepare_queue(self.kind, self.name),
+                    prepare_queue(self.kind),
+                    *self.terms.queues,
+                    render_queue(self.kind),
+                ]
                 found: Any = self.redis.brpop(queues, timeout=0.1)
             except redis.RedisError:
                 time.sleep(0.1)
@@ -346,6 +355,9 @@ class PeerWorker:
         """The camera goes a unit to the right with every frame. A frame that raises cannot be prepared."""
         send = send or self.send
         about = {"work": work.work, "job": work.job, "kind": self.kind, "worker": self.name}
+        if self.unfit is not None:
+            send({"type": "frames-returned", **about, "error": self.unfit, "unfit": True, "passing": self.passing})
+            return
         self.current = {"scene": work.scene, "work": work.work}
         for key in work.frames:
             frame = key / 2
@@ -378,6 +390,9 @@ class PeerWorker:
         self.prepared.append(scene)
         about = {"scene": scene, "kind": self.kind, "worker": self.name}
         self.send({"type": "prepare-started", **about})
+        if self.unfit is not None:
+            self.send({"type": "prepare-returned", **about, "error": self.unfit, "unfit": True, "passing": self.passing})
+            return
         try:
             self.on_prepare(scene)
             manifest = self.http.get(f"/api/farm/scenes/{scene}/manifest").raise_for_status().json()

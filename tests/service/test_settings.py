@@ -59,3 +59,54 @@ def test_a_data_folder_that_cannot_be_written_is_a_sentence(tmp_path: Path, monk
 )
 def test_the_page_is_named_as_people_reach_it(given: dict[str, Any], url: str, tmp_path: Path) -> None:
     assert Settings(data=tmp_path, **given).page_url == url
+
+
+@pytest.mark.parametrize("name", Settings.model_fields)
+def test_every_setting_may_lie_in_a_file(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The environment's value counts where both are given."""
+    values = {
+        "allowed_hosts": '["farm.example"]',
+        "blobs": "s3://bucket/prefix",
+        "login": "always",
+        "oidc_role": "submit",
+        "oidc_roles": '{"artists": "submit"}',
+        "print_link": "true",
+        "oidc_logout": "false",
+        "redis_url": "redis://:x@queue.example:6379/0",
+        "reuse_films": "false",
+        "verify": "1",
+        "webhooks": '["https://studio.example/rayfarm"]',
+        "webhook_secret": "whsec_C2FVsBQIhrscChlQIMV+b5sSYspob7oD",
+        "data": str(tmp_path / "farm"),
+    }
+    value, default = values.get(name, "8"), getattr(Settings.read(), name)
+    file = tmp_path / "value"
+    file.write_text(f"{value}\n")
+    monkeypatch.setenv(f"RAYFARM_{name.upper()}", value)
+    expected = getattr(Settings.read(), name)
+    assert expected != default
+    monkeypatch.delenv(f"RAYFARM_{name.upper()}")
+    monkeypatch.setenv(f"RAYFARM_{name.upper()}_FILE", str(file))
+    assert getattr(Settings.read(), name) == expected
+    assert getattr(Settings.read(**{name: expected}), name) == expected
+
+
+def test_a_secret_s_file_that_cannot_be_read_is_a_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("RAYFARM_TOKEN_FILE", str(tmp_path / "none"))
+    with pytest.raises(CannotStart, match=r"RAYFARM_TOKEN_FILE: .*none cannot be read \(No such file or directory\)"):
+        Settings.read()
+
+
+@pytest.mark.parametrize(
+    ("url", "with_it"),
+    [
+        ("redis://redis:6379/0", "redis://:p%2Fw%40@redis:6379/0"),
+        ("redis://farm@redis:6379/0", "redis://farm:p%2Fw%40@redis:6379/0"),
+        ("redis://:own@redis:6379/0", "redis://:own@redis:6379/0"),
+        ("redis://[::1]:6379", "redis://:p%2Fw%40@[::1]:6379"),
+    ],
+)
+def test_redis_s_password_comes_by_itself(url: str, with_it: str) -> None:
+    """Into the address that has none, also the one that workers are told."""
+    settings = Settings(redis_url=url, redis_password="p/w@", public_redis_url=url)
+    assert (settings.redis_url, settings.worker_redis_url) == (with_it, with_it)

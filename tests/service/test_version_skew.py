@@ -79,6 +79,49 @@ def test_a_job_waits_for_its_own_kind_and_is_never_mixed(service: Service) -> No
     assert service.digest(job) == expected_digest(spp=64)
 
 
+def test_a_job_of_a_kind_that_is_gone_begins_anew_where_one_wants_it(service: Service) -> None:
+    """The same picture in a new job; the old one keeps what it has, and can be taken up again instead."""
+    old_kind = OLD["report"]["kind"]
+    address = str(service.options["redis_url"]), service.url, "the farm's token"
+    with OldWorker(*address, name="old", kind=old_kind) as old:
+        old.on_batch = lambda batch: time.sleep(0.05)
+        job = service.submit(service.ready_scene(), spp=64)
+        until(lambda: service.job(job)["samples"] > 0, "the old worker has begun")
+        assert service.job(job)["stranded"] is False
+        service.http.patch(f"/api/jobs/{job}", json={"name": "shot 12", "priority": 3, "note": "for Friday"}).raise_for_status()
+    until(lambda: not service.http.get("/api/workers").json(), "the old worker is gone")
+    assert service.job(job)["stranded"] is False, "the next worker may be of its kind"
+    with service.worker(name="new", kind="0.2.0-12345678-x86-64-v3") as new:
+        until(lambda: service.job(job)["stranded"], "its kind is gone", 20, lambda: service.job(job))
+        answer = service.http.post(f"/api/jobs/{job}/anew")
+        assert answer.status_code == 201, answer.text
+        made = answer.json()
+        assert made["id"] != job
+        assert [made[key] for key in ("name", "priority", "note", "spp")] == ["shot 12", 3, "for Friday", 64]
+        assert service.wait_for(made["id"], "finished")["kind"] == new.kind
+        assert service.digest(made["id"]) == expected_digest(spp=64)
+        left = service.job(job)
+        assert (left["state"], left["stranded"], left["kind"]) == ("cancelled", False, old_kind)
+        assert left["samples"] > 0
+        again = service.http.post(f"/api/jobs/{job}/anew")
+        assert (again.status_code, "not over" in again.json()["detail"]) == (409, True)
+    service.http.patch(f"/api/jobs/{job}", json={"state": "running"}).raise_for_status()
+    with OldWorker(*address, name="old", kind=old_kind):
+        assert service.wait_for(job, "finished")["kind"] == old_kind
+
+
+def test_what_cannot_begin_anew_stays_as_it_was(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.05)
+    job = service.submit(service.ready_scene(), spp=64)
+    until(lambda: service.job(job)["samples"] > 0, "it has begun")
+    service.farm.settings.min_free_bytes = 1 << 62
+    assert service.http.post(f"/api/jobs/{job}/anew").status_code == 507
+    service.farm.settings.min_free_bytes = 0
+    worker.on_batch = lambda batch: None
+    assert service.wait_for(job, "finished")
+    assert service.http.post("/api/jobs/gone/anew").status_code == 404
+
+
 def test_reports_that_cannot_be_read_hurt_nobody(service: Service, worker: PeerWorker, store: redis.Redis) -> None:
     whole = json.loads(WorkerReport("newer", "host", 1, 2, "cpu", worker.kind, "starting", 0.0).to_bytes())
     store.set(worker_key("newer"), json.dumps(whole | {"gpus": [1], "region": "attic"}))

@@ -19,9 +19,9 @@ from pxr import Sdf, UsdGeom, UsdLux, UsdUtils
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.load import Shot
+from tests.bounded import run_bounded
 from tests.renderer.scene.usd_files import TYPES, bind, cube, material, stage
 from worker.exchange.errors import WorkError
-from worker.work.bounded import run_bounded
 
 SUFFIXES = ("usda", "usdc", "usdz")
 ODD = ["-1", "0", "1e39", "nan", "inf", "2147483648", '""', "None", "[]", "@../../etc/passwd@", "</>", "1e-40"]

@@ -201,6 +201,60 @@ def test_a_file_that_is_no_scene_is_a_sentence_and_no_end_of_a_worker(
     assert {slot.pid for slot in slots_of(bench.process.pid)} == before
 
 
+MD5 = """MD5Version 10
+commandline ""
+
+numJoints 1
+numMeshes 1
+
+joints {{
+ "origin" -1 ( 0 0 0 ) ( 0 0 0 )
+}}
+
+mesh {{
+ shader "x"
+ numverts 3
+ vert 0 ( 0 0 ) 0 1
+ vert 1 ( 1 0 ) 1 1
+ vert 2 ( 0 1 ) 2 1
+ numtris 1
+ tri 0 0 1 2
+ numweights 3
+ weight 0 0 1 ( 0 0 0 )
+ weight 1 0 1 ( 1 0 0 )
+ weight {number} 0 1 ( 0 1 0 )
+}}
+"""
+
+
+def test_a_native_importer_that_crashes_is_a_sentence_and_disturbs_nothing(bench: Bench) -> None:
+    before = {slot.pid for slot in slots_of(bench.process.pid)}
+    bench.upload("md5", {"wild.md5mesh": MD5.format(number=2**32 - 1).encode()}, "wild.md5mesh")
+    event = bench.prepare("md5").event
+    assert event["type"] == "prepare-failed"
+    assert "wild.md5mesh cannot be read: its importer crashed (signal 11" in event["error"]
+    assert {slot.pid for slot in slots_of(bench.process.pid)} == before
+    bench.upload("md5", {"fine.md5mesh": MD5.format(number=2).encode()}, "fine.md5mesh")
+    assert bench.prepare("md5").event["type"] == "prepared"
+
+
+def test_a_reader_of_a_worker_is_confined_and_has_nothing_of_it(bench: Bench, info: SceneInfo) -> None:
+    auto = info.cameras[-1]["view"]
+    bench.prepare_frames(PrepareFrames("one", "job", "ball", [0], info.compiled.sha256, auto))  # its reader stays for more
+    reader = next(
+        child
+        for launcher in psutil.Process(bench.process.pid).children()
+        if not any(argument.startswith("--slots=") for argument in launcher.cmdline())
+        for child in launcher.children()
+    )
+    environment = Path(f"/proc/{reader.pid}/environ").read_bytes() + Path(f"/proc/{reader.ppid()}/environ").read_bytes()
+    assert not [name for name in (b"TOKEN", b"REDIS") if name in environment]
+    opened = [str(path.readlink()) for path in Path(f"/proc/{reader.pid}/fd").iterdir()]
+    assert all(each.startswith(("/dev/null", "pipe:")) or "/rayfarm-frames-" in each for each in opened), opened
+    status = dict(line.split(":", 1) for line in Path(f"/proc/{reader.pid}/status").read_text().splitlines())
+    assert (status["NoNewPrivs"].strip(), status["Seccomp"].strip()) == ("1", "2")
+
+
 def test_a_batch_of_a_missing_scene_says_so_and_how_to_see_it(bench: Bench, info: SceneInfo) -> None:
     lost = RenderBatch(**{**batch_of(info, "lost", 0, 1).__dict__, "compiled": "0" * 64})
     bench.render(lost)

@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from renderer.places import distrust, make_private, private_folder, trusted
-from worker.exchange.errors import MachineError
+from worker.exchange.errors import MachineError, WorkError
 from worker.exchange.link import FarmAnswer, Link
 
 __all__ = ["BlobCache", "default_cache_dir"]
@@ -72,7 +72,9 @@ class BlobCache:
         return target
 
     def adopt(self, path: Path, sha256: str) -> None:
-        """Keep a file that was made here and whose hash is known, so that it need not be fetched back."""
+        """Keep a copy of a file that was made here, so that it need not be fetched back. Raises WorkError if its hash is another:
+        a reader of untrusted files made it.
+        """
         if self.shared is not None:
             return
         target = self._target(sha256)
@@ -108,6 +110,9 @@ class BlobCache:
     def _copy(self, path: Path, target: Path) -> None:
         with self._writing(target) as temporary:
             shutil.copyfile(path, temporary)
+            with temporary.open("rb") as file:
+                if hashlib.file_digest(file, "sha256").hexdigest() != target.name:
+                    raise WorkError("a part of the compiled scene is not what its name says; prepare the scene again")
 
     def _with_room(self, target: Path, write: Callable[[], None]) -> None:
         """Write a file; where the disk is full, give up all other blobs for it."""

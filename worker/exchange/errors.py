@@ -7,6 +7,7 @@ WorkerError            one sentence for a person
 │   ├── TokenError     the service does not know this worker's token
 │   ├── NotAFarmError  something else answers at the service's address
 │   └── MachineError   this machine: a full disk, a cache that cannot be written, too many processes
+├── UnfitError         this machine cannot do this work: another may, and no scene is to blame; not tried again here
 ├── RefusedError       the service answered and said no; another try gives the same answer
 └── WorkError          the work's own: a file that is no scene
 """
@@ -23,6 +24,7 @@ __all__ = [
     "RefusedError",
     "TokenError",
     "Trouble",
+    "UnfitError",
     "WorkError",
     "WorkerError",
     "is_of_machine",
@@ -61,6 +63,10 @@ class NotAFarmError(Trouble):
 
 class MachineError(Trouble):
     """This machine: a full disk, a cache that cannot be written, too many processes."""
+
+
+class UnfitError(WorkerError):
+    """This machine cannot do this work, whatever the scene: its limits, its memory, its temporary folder."""
 
 
 class RefusedError(WorkerError):

@@ -7,9 +7,9 @@ each of them, and the service, has it in RAYFARM_REDIS_CA.
 from __future__ import annotations
 
 import os
-from urllib.parse import parse_qsl, urlencode, urlsplit
+from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
-__all__ = ["CA_VARIABLE", "as_told", "trusting"]
+__all__ = ["CA_VARIABLE", "as_told", "trusting", "with_password"]
 
 CA_VARIABLE = "RAYFARM_REDIS_CA"
 OWN = ("ssl_ca_certs", "ssl_ca_path", "ssl_certfile", "ssl_keyfile")  # of an address: files of one machine
@@ -32,3 +32,12 @@ def as_told(url: str) -> str:
     parts = urlsplit(url)
     query = [(name, value) for name, value in parse_qsl(parts.query) if name not in OWN]
     return parts._replace(query=urlencode(query, safe="/")).geturl() if parts.scheme == "rediss" else url
+
+
+def with_password(url: str, password: str) -> str:
+    """The address with the password; as it is where it names a password already, or no host."""
+    parts = urlsplit(url)
+    user, _, host = parts.netloc.rpartition("@")
+    if not password or not parts.hostname or ":" in user:
+        return url
+    return parts._replace(netloc=f"{user}:{quote(password, safe='')}@{host}").geturl()

@@ -1,4 +1,4 @@
-"""Processes and their children: no child outlives its parent, however the parent dies.
+"""Child processes that end with their parent, however the parent dies.
 
 On Linux only (prctl PR_SET_PDEATHSIG); elsewhere children end when their parent stops in order.
 """
@@ -18,7 +18,7 @@ _prctl = ctypes.CDLL(None, use_errno=True).prctl if sys.platform == "linux" else
 
 
 def die_with_parent(parent: int | None = None) -> None:
-    """Ask the kernel to kill this process when its parent ends. `parent`: the parent's pid, where known.
+    """Has the kernel kill this process when its parent ends. parent: the parent's pid, if known.
 
     The kernel watches the thread that forked, so fork from a thread that lives as long as its process.
     """
@@ -40,16 +40,16 @@ def share_one_heap() -> None:
 
 
 class spawn_guard:  # noqa: N801 - used like a function
-    """A `preexec_fn` for subprocess.Popen that ties the new process to this one."""
+    """A `preexec_fn` for subprocess.Popen that makes the new process end with this one."""
 
     def __init__(self) -> None:
         self.parent = os.getpid()
 
     def __call__(self) -> None:
-        """Run in the child, between fork and exec."""
+        """Runs in the child, between fork and exec."""
         die_with_parent(self.parent)
 
 
 def signal_name(number: int) -> str:
-    """A signal's name, or its number where it has none: real-time signals."""
+    """Returns a signal's name, or its number if it has none, as real-time signals."""
     return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"

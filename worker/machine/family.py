@@ -9,9 +9,9 @@ __all__ = ["family"]
 
 
 def family(proc: Path = Path("/proc")) -> dict[int, int]:
-    """Their ids, and what each has taken of the processors with those of its children that have ended, in clock ticks.
+    """Returns, by pid, the processor time in clock ticks of each process and of its children that have ended.
 
-    Empty where the system does not tell.
+    Empty if the system does not report it.
     """
     parents: dict[int, int] = {}
     ticks: dict[int, int] = {}

@@ -1,13 +1,12 @@
-"""What the slots of a worker share of joint batches: which pieces nobody has begun, and the sums of those that are rendered.
+"""The pieces of joint batches that the slots of a worker share: those that are free, and the sums of those that are rendered.
 
-It is a folder, so that it needs no process of its own and outlives any slot. Each piece is one file, and a slot claims it by
-renaming it, which only one slot can do. What a killed slot was rendering stays behind under its process id and is abandoned:
-its sums never existed, so the service hands that piece out again. What it was about to send is sent by another slot; if both
-did, the film takes it once.
+A folder needs no process of its own and outlives any slot. Each piece is a file, and a slot claims it by renaming it, which only
+one slot can do. What a killed slot was rendering stays behind under its process id and is abandoned: its sums never existed, so
+the service hands that piece out again. What it was about to send is sent by another slot; if both did, the film takes it once.
 
     SINCE.HOLD.MESSAGE/about        the message, as JSON
-                       todo-I       a piece that nobody has begun
-                       doing-I-PID  one that a slot renders
+                       todo-I       a free piece
+                       doing-I-PID  a piece that a slot renders
                        done-I       its result, as worker/protocol/result_bytes.py packs it
     sending.PID.MESSAGE.../done-I   results that this process adds up and sends
 """
@@ -42,7 +41,7 @@ log = logging.getLogger(__name__)
 
 
 class Taken(NamedTuple):
-    """A piece that this process has taken."""
+    """A piece claimed by this process."""
 
     folder: Path
     number: int
@@ -50,10 +49,10 @@ class Taken(NamedTuple):
 
 
 class Pieces:
-    """Made by the parent before it forks. Its methods raise OSError where the disk does not do as it is told."""
+    """The shared folder, created by the parent before it forks. Methods raise OSError if the disk fails."""
 
     def __init__(self) -> None:
-        """Make the folder, and remove those that killed workers left."""
+        """Creates the folder, and removes those of killed workers."""
         self.root = Path(tempfile.mkdtemp(prefix=PREFIX))
         self._lock = (self.root / "lock").open("w")
         fcntl.flock(self._lock, fcntl.LOCK_EX)  # its slots have it too: it ends with the last of them
@@ -62,12 +61,12 @@ class Pieces:
             _remove_if_left(other)
 
     def close(self) -> None:
-        """Remove the folder."""
+        """Removes the folder."""
         shutil.rmtree(self.root, ignore_errors=True)
         self._lock.close()
 
     def begin(self, message: str, about: bytes, pieces: Iterable[int], hold_s: float) -> None:
-        """Lay out some of a message's pieces, by their numbers. Raises ValueError where its id is no file's name."""
+        """Adds pieces of a message, by number. Raises ValueError if its id cannot be a file name."""
         if not _MESSAGE.fullmatch(message):
             raise ValueError(f"{message!r} is no id of a message")
         new = Path(tempfile.mkdtemp(prefix="new-", dir=self.root))
@@ -77,7 +76,7 @@ class Pieces:
         new.rename(self.root / f"{time.time_ns():020}.{int(1000 * hold_s)}.{message}")
 
     def take(self) -> Taken | None:
-        """The piece that has waited longest; None where none waits."""
+        """Claims the piece that has waited longest; None if none waits."""
         for folder in self._groups():
             for name in sorted(_names(folder, "todo-")):
                 number = int(name.partition("-")[2])
@@ -87,20 +86,21 @@ class Pieces:
         return None
 
     def put(self, taken: Taken, result: Result) -> None:
-        """Lay down the sums of a piece for whoever sends them."""
+        """Stores the sums of a piece for whichever slot sends them."""
         written = taken.folder / f"written-{taken.number}-{os.getpid()}"
         written.write_bytes(result_bytes(result))
         written.rename(taken.folder / f"done-{taken.number:04}")
         self.let_go(taken)
 
     def let_go(self, taken: Taken) -> None:
-        """The piece is no longer in hand: its sums are there, or nobody here will have them."""
+        """Releases a piece that is rendered or abandoned."""
         with contextlib.suppress(FileNotFoundError):
             (taken.folder / f"doing-{taken.number}-{os.getpid()}").unlink()
 
     def ripe(self, at_once: bool = False) -> Iterator[list[Result]]:
-        """What is to be sent now, and by this process, in the order of the pieces: of a message whose pieces are all rendered or
-        of which one has waited too long (at_once: all there is). Once the next is asked for, it counts as sent."""
+        """Yields results that are due, in the order of the pieces: of messages that are complete or have a piece that waited too
+        long (at_once: all). Advancing the iterator marks them as sent.
+        """
         for left in [*self._left_by_the_dead()]:
             yield from self._sent(left)
         for folder in self._groups():
@@ -115,15 +115,15 @@ class Pieces:
             self._tidy(folder)
 
     def messages(self) -> list[str]:
-        """The messages of which something is here: pieces that wait or are rendered, or sums that are not sent."""
+        """Returns the messages with pieces or unsent sums here."""
         return sorted({_message(folder) for folder in [*self._groups(), *self._sending()]})
 
     def waiting(self) -> int:
-        """How many pieces nobody has begun."""
+        """Returns the number of free pieces."""
         return sum(len(_names(folder, "todo-")) for folder in self._groups())
 
     def take_over(self, message: str) -> list[int] | None:
-        """Take back what nobody has begun of a message, and what those had in hand who have ended; None where it is not here."""
+        """Withdraws the free pieces of a message and those of slots that have ended; None if the message is not here."""
         for folder in self._groups():
             if _message(folder) == message:
                 dead = [name for name in _names(folder, "doing-") if not _is_alive(int(name.rpartition("-")[2]))]
@@ -131,7 +131,7 @@ class Pieces:
         return None
 
     def withdraw(self) -> list[tuple[bytes, list[int]]]:
-        """Take back what nobody has begun: of each message its words, and the pieces' numbers."""
+        """Withdraws all free pieces: each message's text with the numbers of its pieces."""
         taken = []
         for folder in self._groups():
             if numbers := _taken(folder, sorted(_names(folder, "todo-"))):
@@ -139,7 +139,7 @@ class Pieces:
         return taken
 
     def _groups(self) -> list[Path]:
-        """The messages' folders, the oldest first."""
+        """Returns the folders of messages, oldest first."""
         return sorted(self.root / name for name in _names(self.root, *"0123456789"))
 
     def _sending(self) -> list[Path]:
@@ -166,7 +166,7 @@ class Pieces:
                     (folder / name).unlink()
 
     def _tidy(self, folder: Path) -> None:
-        """Remove a message's folder where nothing is left to do, or nobody waits for it any more."""
+        """Removes the folder of a message that is finished or expired."""
         if not _names(folder, "todo-", "doing-", "done-") or time.time() - _since(folder) > STALE_S:
             shutil.rmtree(folder, ignore_errors=True)
 
@@ -198,7 +198,7 @@ def _is_alive(pid: int) -> bool:
 
 
 def _taken(folder: Path, names: list[str]) -> list[int]:
-    """The pieces' numbers of those files that this process could remove."""
+    """Returns the numbers of the pieces whose files this process could remove."""
     numbers = []
     for name in names:
         with contextlib.suppress(FileNotFoundError):
@@ -224,7 +224,7 @@ def _read(path: Path) -> Result | None:
 
 
 def _remove_if_left(folder: Path) -> None:
-    """Remove a folder whose worker has ended without doing so."""
+    """Removes the folder of a worker that ended without doing so."""
     with contextlib.suppress(OSError), (folder / "lock").open() as lock:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         shutil.rmtree(folder, ignore_errors=True)

@@ -1,8 +1,7 @@
-"""Whether somebody is using this machine: judged by the processor time of its other programs, by typing in its terminals, by
-what the desktop tells logind (under Wayland as under X11), and by the screen if `xprintidle` is installed and the worker runs
-in that session (X11 only).
+"""Whether somebody is using this machine: by the processor time of other programs, typing in terminals, what the desktop reports
+to logind (Wayland and X11), and the X11 screen if `xprintidle` is installed and the worker runs in that session.
 
-Not noticed are somebody who is only reading, if no desktop reports it, and a program that waits.
+Undetected: somebody who only reads, unless the desktop reports it, and a program that waits.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ TICK = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 
 
 class Presence:
-    """Looks about every few seconds; `idle_s` says since when nobody was there."""
+    """Checks every few seconds; `idle_s` returns for how long nobody has been there."""
 
     def __init__(self, proc: Path = Path("/proc"), dev: Path = Path("/dev")) -> None:
         self._proc, self._dev = proc, dev
@@ -34,7 +33,7 @@ class Presence:
         self.by: tuple[str, ...] = ()
 
     def idle_s(self, now: float | None = None) -> float:
-        """For how long nobody has worked here, as far as that is known."""
+        """Returns the seconds since somebody used the machine, as far as known."""
         now = time.time() if now is None else now
         if now - self._looked >= LOOK_EVERY_S:
             self._looked = now
@@ -59,7 +58,7 @@ class Presence:
         self.by = tuple(seen)
 
     def _others(self, now: float) -> float | None:
-        """Cores that other programs took since the last look; None where that is not known."""
+        """Returns the cores that other programs used since the last check; None if unknown."""
         try:
             name, *ticks = (self._proc / "stat").read_text().split("\n", 1)[0].split()
             user, low, system, _, _, irq, soft = map(int, ticks[:7])
@@ -73,7 +72,7 @@ class Presence:
         return max(every - before[1] - (own - before[2]), 0.0) / (now - before[0])
 
     def _typed(self) -> float | None:
-        """When something was last typed into a terminal; None where there are none."""
+        """Returns the time of the last input in any terminal; None without terminals."""
         times = []
         for folder, pattern in ((self._dev / "pts", "[0-9]*"), (self._dev, "tty[1-9]*")):
             for path in folder.glob(pattern):
@@ -85,10 +84,10 @@ class Presence:
 
 
 def _desktop(now: float) -> float | None:
-    """For how long nobody has been at any graphical session, by what their desktops tell logind (IdleHint); None where none does.
+    """Returns the idle seconds of the graphical sessions by logind's IdleHint; None if no desktop reports it.
 
-    A desktop sets the hint some minutes after the last touch, and takes it back at the next. One that has never set it since its
-    session began may be of those that never do, and says nothing.
+    A desktop sets the hint some minutes after the last input, and clears it at the next. One that has never set it since its
+    session began may never do so, and counts as unknown.
     """
     program = shutil.which("loginctl")
     if program is None:
@@ -113,7 +112,7 @@ def _desktop(now: float) -> float | None:
 
 
 def _said(command: list[str]) -> str:
-    """What a program prints; nothing where it fails or takes long."""
+    """Returns a program's output; empty if it fails or takes long."""
     try:
         return subprocess.run(command, capture_output=True, text=True, timeout=SCREEN_PATIENCE_S, check=True).stdout
     except (OSError, UnicodeError, subprocess.SubprocessError):
@@ -121,7 +120,7 @@ def _said(command: list[str]) -> str:
 
 
 def _screen() -> float | None:
-    """For how long nobody has touched keyboard or mouse of this X session; None where that cannot be had."""
+    """Returns the idle seconds of this X session's keyboard and mouse; None if unavailable."""
     program = shutil.which("xprintidle")
     if program is None or not os.environ.get("DISPLAY"):
         return None

@@ -1,4 +1,4 @@
-"""What every process of a worker knows: made by the parent before it forks, and the same in all its children."""
+"""The state shared by all processes of a worker: created by the parent before it forks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from worker.machine.pieces import Pieces
 from worker.machine.status import SlotBoard
 from worker.process.keeping import Keeping
 from worker.protocol.blends import blender_queue
-from worker.protocol.contract import WorkerReport, denoise_queue, prepare_queue, render_queue
+from worker.protocol.contract import WorkerReport, denoise_queue, own_prepare_queue, prepare_queue, render_queue
 from worker.protocol.joint import help_queue
 from worker.protocol.view_parts import view_queue
 from worker.site.link import SiteLink
@@ -29,7 +29,7 @@ __all__ = ["WorkerContext", "cpu_name", "current", "set_current"]
 
 @dataclass
 class WorkerContext:
-    """A worker: its name, what it renders with, and where it fetches and reports."""
+    """A worker: its name, its kind, and its connections for fetching and reporting."""
 
     name: str
     slots: int
@@ -50,27 +50,28 @@ class WorkerContext:
 
     @property
     def queues(self) -> list[str]:
-        """What this worker takes tasks from."""
+        """The queues that this worker consumes."""
         queues = [view_queue(self.kind), help_queue(self.name), render_queue(self.kind), prepare_queue(self.kind)]
+        queues.append(own_prepare_queue(self.kind, self.name))
         queues += [blender_queue(self.kind)] if self.blender is not None else []
         return [*queues, denoise_queue(self.kind)] if denoise.is_available() else queues
 
     @property
     def results(self) -> ResultStream:
-        """The stream of results; a connection of this process."""
+        """The stream of results; one connection per process."""
         if self._results is None:
             self._results = ResultStream(self.redis_url)
         return self._results
 
     @property
     def sites(self) -> SiteLink:
-        """The way to its site's reducer; a connection of this process."""
+        """The connection to the site's reducer; one per process."""
         if self._sites is None:
             self._sites = SiteLink(self.redis_url)
         return self._sites
 
     def report(self, is_paused: bool = False) -> WorkerReport:
-        """The worker of itself, ready or paused, and with what its slots do now."""
+        """Returns the worker's report: ready or paused, with the current work of its slots."""
         doing, speed = self.board.read()
         slots = self.keeping.slots_now if self.keeping else self.slots
         if slots < self.slots:  # what is in hand is shown in any case
@@ -104,7 +105,7 @@ class WorkerContext:
             return []
 
     def after_fork(self) -> None:
-        """Leave the parent's connections to the parent."""
+        """Closes connections inherited from the parent."""
         self.link.forget_connections()
         self._results = self._sites = None
 
@@ -113,20 +114,20 @@ _current: WorkerContext | None = None
 
 
 def set_current(context: WorkerContext) -> None:
-    """Set by the parent before Celery starts."""
+    """Sets the context; called by the parent before Celery starts."""
     global _current
     _current = context
 
 
 def current() -> WorkerContext:
-    """The worker that this process is part of."""
+    """Returns the context of the worker that this process belongs to."""
     if _current is None:
         raise RuntimeError("no worker runs in this process; start one with `python -m worker`")
     return _current
 
 
 def cpu_name() -> str:
-    """The processor as its maker calls it."""
+    """Returns the processor's model name."""
     try:
         for line in Path("/proc/cpuinfo").read_text().splitlines():
             if line.startswith("model name"):

@@ -1,4 +1,4 @@
-"""How a worker keeps to the terms it was asked for (worker/protocol/terms.py). In the parent's event loop, at each heartbeat."""
+"""Applies the terms requested of a worker (worker/protocol/terms.py), in the parent's event loop at each heartbeat."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ _limit = mmap.mmap(-1, 8)  # shared with the slots, which are forked later
 
 
 def memory_limit() -> int:
-    """Bytes that this worker may use; 0: as many as there are. In all processes of the worker."""
+    """Returns the bytes that this worker may use, in any of its processes; 0: unlimited."""
     return int(struct.unpack("q", _limit[:8])[0])
 
 
 @dataclass
 class Keeping:
-    """Of one worker. own: as it was started."""
+    """The terms of one worker. own: those it was started with."""
 
     slots: int  # processes that it has
     tags: tuple[str, ...] = ()
@@ -53,21 +53,21 @@ class Keeping:
 
     @property
     def terms(self) -> Terms:
-        """What holds now."""
+        """The terms in force."""
         return self.asked.over(self.own)
 
     @property
     def slots_now(self) -> int:
-        """How many it may use."""
+        """The number of slots it may use."""
         return min(self.terms.slots or self.slots, self.slots)
 
     def may_work_ahead(self) -> bool:
-        """Whether it may do what nobody has asked for yet: not where it shall spare the machine."""
+        """Whether it may work ahead of requests; not while it spares the machine."""
         own = self.own
         return not (own.hours or own.idle_minutes or own.memory or own.nice)
 
     def ask(self, data: bytes | None) -> None:
-        """What the service asks for; None: nothing. What makes no sense is left out."""
+        """Takes the service's requested terms; None: none. Invalid terms are ignored."""
         try:
             asked = Terms.from_bytes(data) if data is not None else Terms()
         except ValueError as error:
@@ -81,7 +81,7 @@ class Keeping:
         self.asked = asked
 
     def look(self) -> None:
-        """Find out whether to rest, and stand back as far as is asked."""
+        """Updates whether the worker rests, and its nice level."""
         terms = self.terms
         struct.pack_into("q", _limit, 0, terms.memory or 0)
         self._be_nice(terms.nice)
@@ -92,7 +92,7 @@ class Keeping:
         self._beats += 1
 
     def offer(self) -> Offer:
-        """What it says of itself."""
+        """Returns what the worker offers to jobs with needs."""
         terms = self.terms
         self._total = self._total or (found.memory_total if (found := vitals.look()) else 0)
         return Offer(
@@ -124,7 +124,7 @@ class Keeping:
         )
 
     def _too_large(self, terms: Terms) -> str | None:
-        """Once it is over its limit it rests until it is well below."""
+        """Returns why it rests for memory: from its limit on, until well below."""
         if not terms.memory:
             self._is_over = False
         elif self._beats % MEMORY_EVERY == 0 or self._is_over:
@@ -134,7 +134,7 @@ class Keeping:
         return f"It uses more memory than its limit of {terms.memory / 1e9:.3g} GB."
 
     def _be_nice(self, nice: int | None) -> None:
-        """All processes of the worker; those that are forked later are as their parent. None: as it was started."""
+        """Sets the nice level of all processes of the worker, which later forks inherit. None: as it was started."""
         wanted = self._first_nice if nice is None else nice
         if os.getpriority(os.PRIO_PROCESS, 0) == wanted:
             return
@@ -152,7 +152,7 @@ class Keeping:
 
 
 def _memory_of_family() -> int:
-    """Bytes that they have together; what they share is counted once."""
+    """Returns the bytes of all its processes; shared pages count once."""
     total = 0
     for pid in family():
         with contextlib.suppress(OSError, ValueError, IndexError):

@@ -1,6 +1,6 @@
-"""How a worker reads its queue: whatever lies there and is not a message is skipped.
+"""Reading queues with malformed messages: they are skipped.
 
-Kombu raises whatever decoding raises, which ends the worker, and then the next one that reads the queue, one after the other.
+Kombu raises whatever decoding raises, which would end one worker after another.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ log = logging.getLogger(__name__)
 
 
 class ScriptlessRedis(Redis):
-    """A client whose locks run no scripts, which a worker's user may not."""
+    """A Redis client whose locks run no scripts, which a worker's user may not."""
 
     def lock(self, name: str, *positional: Any, **options: Any) -> Any:
-        """A lock; Celery takes one before it restores messages of dead workers."""
+        """Returns a lock; Celery takes one before it restores messages of dead workers."""
         return super().lock(name, *positional, **{"lock_class": ScriptlessLock, **options})
 
 
 class PatientChannel(redis.Channel):
-    """Redis' channel, to whom garbage is as nothing."""
+    """Kombu's Redis channel, which skips malformed messages."""
 
     def _get_client(self) -> Any:
         super()._get_client()  # checks redis-py's version
@@ -42,5 +42,5 @@ class PatientChannel(redis.Channel):
 
 
 def be_patient() -> None:
-    """Have this process read all its queues so."""
+    """Makes this process read all queues through PatientChannel."""
     redis.Transport.Channel = PatientChannel

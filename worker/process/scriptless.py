@@ -1,4 +1,4 @@
-"""Redis locks without Lua: a worker's user may not run scripts of its own."""
+"""Redis locks without Lua scripts, which a worker's user may not run."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ class ScriptlessLock(Lock):
     """redis-py's lock, released in a transaction that fails if the key changes, in place of a script."""
 
     def register_scripts(self) -> None:
-        """No scripts."""
+        """Registers none."""
 
     def do_release(self, expected_token: Any) -> None:
-        """Delete the key if it holds this lock's token. Raises LockNotOwnedError otherwise."""
+        """Deletes the key if it holds this lock's token. Raises LockNotOwnedError otherwise."""
         client: redis.Redis = self.redis
         with client.pipeline() as transaction:
             try:

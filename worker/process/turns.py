@@ -1,7 +1,7 @@
-"""From which queue a worker takes next: first views that somebody is looking at, then pieces of a batch that this machine has
-begun, then batches with requirements that not every worker fulfils; the other queues take turns.
+"""The order of a worker's queues: live views first, then pieces of joint batches that this machine has begun, then batches with
+needs that not every worker meets; the other queues take turns.
 
-Preparing gets a turn after each view, since a view may be waiting for it, as for a scene under another light.
+Preparing gets a turn after each view, since a view may wait for it, as for a scene under another light.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ PREPARE_QUEUES = prepare_queue("")
 
 
 class ViewsFirst(round_robin_cycle):
-    """Kombu's round robin of the queues, but for those of views and of what is begun."""
+    """Kombu's round robin, except for the queues of views, pieces and needs."""
 
     _was_view = False
 
     def rotate(self, last_used: str) -> str:
-        """A queue has had its turn."""
+        """Records that a queue had its turn."""
         self._was_view = last_used.startswith(VIEW_QUEUES)
         super().rotate(last_used)
         return last_used
 
     def consume(self, n: int) -> list[str]:
-        """The queues in the order in which they are looked into."""
+        """Returns the queues in the order in which they are read."""
         first = (PREPARE_QUEUES, VIEW_QUEUES, HELP_QUEUES) if self._was_view else (VIEW_QUEUES, HELP_QUEUES)
         return sorted(
             super().consume(n),

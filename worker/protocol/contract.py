@@ -88,6 +88,11 @@ def prepare_queue(kind: str) -> str:
     return f"rayfarm.prepare.{kind}"
 
 
+def own_prepare_queue(kind: str, worker: str) -> str:
+    """The Celery queue for preparing on one worker of this kind: for what the machines of others could not prepare."""
+    return f"{prepare_queue(kind)}.of.{worker}"
+
+
 def render_queue(kind: str) -> str:
     """The Celery queue for batches of jobs of this kind."""
     return f"rayfarm.render.{kind}"
@@ -378,10 +383,11 @@ class Result:
         prepare-progress scene, kind, step (a phrase), fraction 0..1
         prepared         scene, kind, worker, info: SceneInfo
         prepare-failed   scene, kind, worker, error (a sentence)
-        prepare-returned the same: the worker's own trouble, to be handed out again
+        prepare-returned the same, unfit, passing: the worker's own trouble, to be handed out again. unfit: its machine cannot do
+                         it, another may; passing: for now
         frame-prepared   work, job, kind, worker, frame, info: FrameInfo
         frame-failed     work, job, kind, worker, frame, error (a sentence)
-        frames-returned  work, job, kind, worker, error (a sentence): those that are not answered, to be handed out again
+        frames-returned  work, job, kind, worker, error (a sentence), unfit, passing: those that are not answered, as above
     """
 
     event: dict[str, Any]

@@ -1,8 +1,8 @@
-"""A site: several machines that add up their sums of a tile before these travel.
+"""Sites: the machines of a site add up their sums of a tile before these travel to the service.
 
 reducer.py        the process that adds up what a site's machines have rendered
 sums.py           the sums it holds, on disk
 adding.py         sums of one tile into one
-link.py           a worker's way to it
+link.py           a worker's connection to it
 timed.py          reads from a socket with a time limit
 """

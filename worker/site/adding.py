@@ -1,5 +1,4 @@
-"""Adds results of consecutive batches up to one: integers add exactly, and a result costs the service about the same whatever
-is in it."""
+"""Merges results of consecutive batches: integers add exactly, and a result costs the service the same whatever its size."""
 
 from __future__ import annotations
 
@@ -18,7 +17,7 @@ MOST_LINES = 20  # that were warned of
 
 
 def joined(results: Iterable[Result]) -> Iterator[Result]:
-    """Results of batches, each added to the one before it where its samples follow those."""
+    """Yields results, each merged with the one before it if its samples follow."""
     run: list[Result] = []
     for result in results:
         if run and _end(run[-1]) != (*_of(result), result.event["first"]):
@@ -30,7 +29,7 @@ def joined(results: Iterable[Result]) -> Iterator[Result]:
 
 
 def parts_of(event: dict[str, Any]) -> list[list[Any]]:
-    """The batches whose sums came with an event: batch, first, count, seconds, and who rendered it where that stands there."""
+    """Returns the batches in an event: batch, first, count, seconds, and who rendered it if that is known."""
     if event["type"] == "batches":
         return [list(part) for part in event["parts"]]
     return [[event[key] for key in ("batch", "first", "count", "seconds")]]

@@ -1,5 +1,4 @@
-"""A worker's connection to its site's reducer. If that is away, slow or refuses, sums go to the service as they would without
-it."""
+"""A worker's connection to its site's reducer. If that is away, slow or refuses, sums go to the service directly."""
 
 from __future__ import annotations
 
@@ -40,14 +39,14 @@ class _Where(NamedTuple):
 
 
 class SiteLink:
-    """Of one process."""
+    """A connection of one process."""
 
     def __init__(self, redis_url: str) -> None:
         self._redis = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
         self._known: dict[str, tuple[float, _Where | None]] = {}  # until when, and where
 
     def send(self, result: Result) -> bool:
-        """Give sums to the reducer of the site that their run names; False where they are to be sent to the service."""
+        """Sends sums to the reducer of their run's site; False if they have to go to the service."""
         run = Run.of(result.event.get("run"))
         if run is None or result.sums is None:
             return False

@@ -1,7 +1,7 @@
-"""`python -m worker.site.reducer --service URL --name SITE`: adds up what the machines of a site have rendered of a tile, and
-sends it on as one result. `rayfarm site` starts one.
+"""`python -m worker.site.reducer --service URL --name SITE`: merges what the machines of a site have rendered of a tile, and
+forwards it as one result. `rayfarm site` starts one.
 
-It is not a record: whatever it loses is handed out again. Workers that cannot reach it send to the service themselves.
+It keeps no record: whatever it loses is rendered again. Workers that cannot reach it send to the service themselves.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from urllib.parse import urlsplit
 
 import redis
 
+from renderer.variables import VariableError, value_of
 from worker.exchange.errors import LinkError, RefusedError, Trouble, WorkerError
 from worker.exchange.link import FarmAnswer, Link
 from worker.exchange.redis_tls import trusting
@@ -66,7 +67,7 @@ log = logging.getLogger("worker")
 
 
 class Reducer:
-    """Takes sums from many threads, and sends what is ripe from one."""
+    """Receives sums in many threads, and sends them from one."""
 
     def __init__(self, name: str, sums: SiteSums, redis_url: str) -> None:
         self.name = name
@@ -80,16 +81,16 @@ class Reducer:
         self._count = threading.Lock()
 
     def is_signed(self, body: bytes, said: str) -> bool:
-        """Whether a worker of the farm has sent this."""
+        """Whether a worker of the farm signed this body."""
         return any(secrets.compare_digest(signature(secret, body).encode(), said.encode()) for _, secret in self._secrets)
 
     def is_announced(self, size: int, said: str) -> bool:
-        """Whether a worker of the farm is about to send so much."""
+        """Whether a worker of the farm signed this announcement of a size."""
         return any(secrets.compare_digest(announced(secret, size).encode(), said.encode()) for _, secret in self._secrets)
 
     @contextlib.contextmanager
     def room(self, size: int, is_ours: bool = False) -> Iterator[bool]:
-        """Whether so many bytes may come now; within, they are counted. is_ours: a worker of the farm sends them."""
+        """Reserves memory for a body, and yields whether it may come now. is_ours: a worker of the farm sends it."""
         with self._count:
             is_there = self._coming[is_ours] + size <= MOST_COMING
             self._coming[is_ours] += size if is_there else 0
@@ -100,14 +101,14 @@ class Reducer:
                 self._coming[is_ours] -= size if is_there else 0
 
     def take(self, body: bytes) -> None:
-        """Raises ValueError, Full or OSError where it does not."""
+        """Stores sums. Raises ValueError, Full or OSError if it cannot."""
         self.sums.take(result_of(body))
         with self._count:
             self.results += 1
             self.bytes_in += len(body)
 
     def send_ripe(self, at_once: bool = False) -> None:
-        """Send what is to be sent now."""
+        """Sends the sums that are due."""
         for results in self.sums.ripe(at_once):
             for result in results:
                 self._stream.send(Result({**result.event, "worker": f"site {self.name}"}, result.sums))
@@ -115,7 +116,7 @@ class Reducer:
                 self.bytes_out += len(result.sums or b"")
 
     def report(self, address: str, port: int) -> None:
-        """Say that it is here, and what is signed with. Raises redis.RedisError."""
+        """Announces this reducer and its signing key. Raises redis.RedisError."""
         now = time.monotonic()
         if not self._secrets or now - self._secrets[0][0] > SECRET_S:
             self._secrets = [(now, secrets.token_bytes(32)), *self._secrets[:1]]
@@ -127,7 +128,7 @@ class Reducer:
             both.execute()
 
     def leave(self) -> None:
-        """Let workers send to the service again."""
+        """Withdraws the announcement, so that workers send to the service."""
         with contextlib.suppress(redis.RedisError):
             self._store.delete(site_key(self.name), secret_key(self.name))
 
@@ -143,7 +144,7 @@ class _Server(ThreadingHTTPServer):
         self._lock = threading.Lock()
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
-        """Whether there is room for it: each takes a thread, and nobody may take those of all others."""
+        """Whether there is room for a request: each takes a thread, and no client may take all of them."""
         who = str(client_address[0])
         with self._lock:
             here = list(self._here.values())
@@ -153,13 +154,13 @@ class _Server(ThreadingHTTPServer):
         return True
 
     def shutdown_request(self, request: Any) -> None:
-        """It has ended, or there was no room for it."""
+        """Ends a request, or refuses one without room."""
         with self._lock:
             self._here.pop(id(request), None)
         super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A connection that breaks is the sender's to notice."""
+        """Ignores broken connections: the sender notices them."""
         log.debug("a connection of %s broke", client_address, exc_info=True)
 
 
@@ -167,7 +168,7 @@ class _Handler(BaseHTTPRequestHandler):
     server: _Server
 
     def setup(self) -> None:
-        """Read for a bounded time."""
+        """Limits the time of reading."""
         super().setup()
         self.rfile.close()
         self._timed = Timed(self.connection, PATIENCE_S)
@@ -210,11 +211,11 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
 
     def log_message(self, *_: Any) -> None:
-        """Workers say what does not go well."""
+        """Logs nothing: workers report failures."""
 
 
 def main() -> int:
-    """Take sums until a signal says to stop. Exit code 3: no farm is there, or it refuses; another try is of no use."""
+    """Runs until a signal. Exit code 3: there is no farm, or it refuses; another try is useless."""
     options = _options()
     if options.log_format:
         os.environ[FORMAT_VARIABLE] = options.log_format
@@ -223,8 +224,9 @@ def main() -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     try:
+        options.token = options.token or value_of("RAYFARM_TOKEN")
         return _work(options, stop)
-    except WorkerError as error:
+    except (WorkerError, VariableError) as error:
         log.error("%s", error) if by_json() else print(f"rayfarm site: {error}", file=sys.stderr)
         return EXIT_REFUSED
 
@@ -283,7 +285,7 @@ def _beat(reducer: Reducer, address: str, port: int, stop: threading.Event) -> N
 
 
 def _joined(link: Link, stop: threading.Event) -> FarmAnswer | None:
-    """Join as soon as the service is there. Raises WorkerError where another try is of no use."""
+    """Joins as soon as the service is there. Raises WorkerError if another try is useless."""
     pause, said = FIRST_PAUSE_S, ""
     while not stop.is_set():
         try:
@@ -305,7 +307,7 @@ def _joined(link: Link, stop: threading.Event) -> FarmAnswer | None:
 
 
 def _own_address(service: str) -> str:
-    """This machine's address on its way to the service."""
+    """Returns this machine's address on its route to the service."""
     url = urlsplit(service)
     with contextlib.suppress(OSError):
         family, kind, _, _, where = socket.getaddrinfo(url.hostname, url.port or 80, type=socket.SOCK_DGRAM)[0]
@@ -320,7 +322,7 @@ def _options() -> argparse.Namespace:
         prog="python -m worker.site.reducer", description="A site's reducer, as `rayfarm site` starts it."
     )
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
-    parser.add_argument("--token", default=os.environ.get("RAYFARM_TOKEN", ""), help="a worker's token; $RAYFARM_TOKEN")
+    parser.add_argument("--token", default="", help="a worker's token; $RAYFARM_TOKEN, or the file $RAYFARM_TOKEN_FILE")
     parser.add_argument("--name", required=True, help="the site's; its workers are started with --site NAME")
     parser.add_argument("--host", default="0.0.0.0", help="where it listens; everywhere unless told")
     parser.add_argument("--port", type=int, default=8010, help="0: any that is free")

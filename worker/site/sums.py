@@ -1,8 +1,7 @@
-"""The sums that a site's reducer holds and has not sent, in a folder, so that the successor of a killed reducer can send what
-that one had acknowledged.
+"""The unsent sums of a site's reducer, in a folder, so that the successor of a killed reducer can send what was acknowledged.
 
-    SINCE-NUMBER/FIRST      a result, as result_bytes.py packs it; all of a folder are of one run (worker.protocol.joint.Run)
-    sending-SINCE-NUMBER/   the same, about to be sent or sent: as it is, so that what goes twice is twice the same
+SINCE-NUMBER/FIRST      a result, as result_bytes.py packs it; all of a folder belong to one run (worker.protocol.joint.Run)
+sending-SINCE-NUMBER/   the same, being sent or sent: left unchanged, so that a second delivery equals the first
 """
 
 from __future__ import annotations
@@ -40,12 +39,12 @@ log = logging.getLogger(__name__)
 
 
 class Full(Exception):  # noqa: N818 - it says how it is, and is nobody's error
-    """No more can be taken until some was sent."""
+    """The error for sums that do not fit until others are sent."""
 
 
 @dataclass
 class _Group:
-    """What is there of one run."""
+    """The results of one run."""
 
     folder: Path
     run: Run
@@ -57,10 +56,10 @@ class _Group:
 
 
 class SiteSums:
-    """Safe to use from several threads; `ripe` from one of them."""
+    """Stores sums. Thread-safe, but `ripe` is for one thread."""
 
     def __init__(self, folder: Path, most_bytes: int, clock: Callable[[], float] = time.monotonic) -> None:
-        """Take up what lies in the folder. Raises OSError."""
+        """Loads the folder's contents. Raises OSError."""
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         self._folder = folder
         self._most_bytes = most_bytes
@@ -75,17 +74,19 @@ class SiteSums:
 
     @property
     def size(self) -> int:
-        """Bytes of what is there."""
+        """Bytes stored."""
         return sum(group.size for group in [*self._groups.values(), *self._sending.values()])
 
     def in_hand(self) -> list[str]:
-        """The batches whose sums are here."""
+        """The batches whose sums are stored."""
         with self._lock:
             return [batch for group in [*self._groups.values(), *self._sending.values()] for batch in group.batches]
 
     def take(self, result: Result) -> None:
-        """Keep sums until those of their run are there. Raises ValueError where they are none or do not fit to what is here,
-        Full, and OSError."""
+        """Stores sums until those of their run are complete.
+
+        Raises ValueError for malformed or conflicting sums, Full, and OSError.
+        """
         run, result = _checked(result)
         event = result.event
         data = result_bytes(result)
@@ -123,8 +124,10 @@ class SiteSums:
             self._groups[key] = group
 
     def ripe(self, at_once: bool = False) -> Iterator[list[Result]]:
-        """What is to be sent now, of each run by itself: whole, or one of it has waited too long (at_once: all there is). Once
-        the next is asked for, it counts as sent."""
+        """Yields the results that are due, by run: complete, or waiting too long (at_once: all).
+
+        Advancing the iterator marks them as sent.
+        """
         with self._lock:
             for key, group in list(self._groups.items()):
                 if at_once or group.missing <= 0 or self._clock() - group.since > group.run.hold_s:
@@ -149,7 +152,7 @@ class SiteSums:
         return _Group(folder, run, self._clock(), missing)
 
     def _take_up(self, left: Path) -> None:
-        """What an earlier life has left is sent as it lies there."""
+        """Loads what an earlier process has left, to be sent unchanged."""
         name = left.name.removeprefix(SENDING)
         try:
             is_stale = time.time() - int(name.partition("-")[0]) / 1e9 > STALE_S
@@ -167,7 +170,7 @@ class SiteSums:
 
 
 def _checked(result: Result) -> tuple[Run, Result]:
-    """Sums, each batch with who rendered it, and the run that they are of. Raises ValueError."""
+    """Checks sums; returns their run, and each batch with who rendered it. Raises ValueError."""
     try:
         event = {name: value for name, value in result.event.items() if name != "run"}
         run = Run.of(result.event["run"])
@@ -199,7 +202,7 @@ def _checked(result: Result) -> tuple[Run, Result]:
 
 
 def _results_in(folder: Path) -> list[Result]:
-    """Those of one run; none where somebody has cleared the folder: they are rendered again."""
+    """Returns the results of one run; empty if the folder was cleared, after which they are rendered again."""
     try:
         return [found for path in sorted(folder.iterdir()) if (found := _read(path)) is not None]
     except OSError as error:

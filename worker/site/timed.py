@@ -1,5 +1,4 @@
-"""Reads from a socket with a deadline for the whole, so that a sender of one byte now and then is waited for no longer than a
-silent one."""
+"""Reads from a socket with a deadline for the whole, so that a sender of single bytes cannot hold it open."""
 
 from __future__ import annotations
 
@@ -12,22 +11,22 @@ __all__ = ["Timed"]
 
 
 class Timed(io.RawIOBase):
-    """What comes over a connection. Raises TimeoutError once its time is over."""
+    """The input of a connection. Raises TimeoutError after its deadline."""
 
     def __init__(self, wire: socket.socket, seconds: float) -> None:
         self._wire = wire
         self.allow(seconds)
 
     def allow(self, seconds: float) -> None:
-        """Let what comes from now on take so long."""
+        """Sets the deadline, in seconds from now."""
         self._until = time.monotonic() + seconds
 
     def readable(self) -> bool:
-        """It is."""
+        """True, as io expects."""
         return True
 
     def readinto(self, buffer: Any) -> int:
-        """Bytes as they come; 0 at their end."""
+        """Reads available bytes; returns 0 at the end."""
         left_s = self._until - time.monotonic()
         if left_s <= 0.0:
             raise TimeoutError("it takes too long")

@@ -1,9 +1,9 @@
-"""What a worker writes down about itself: its log and its traces.
+"""A worker's own log and traces.
 
 logs.py           set up the log
 log_lines.py      log lines as JSON
 log_tail.py       the end of the log, for the service
-told.py           what a task is about
+told.py           the ids of the task in progress
 overheard.py      a batch's warnings, and how long its steps took
 tracing.py        OpenTelemetry spans
 trace_sender.py   the process that sends them

@@ -1,6 +1,6 @@
-"""Log lines for programs: each line of standard error is one JSON object, with the ids of what was being done.
+"""Log lines for programs: each line of standard error is one JSON object, with the ids of the work in progress.
 
-Both the service and the workers write them if RAYFARM_LOG_FORMAT is json, and so do their libraries.
+The service and the workers write them if RAYFARM_LOG_FORMAT is json, and so do their libraries.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _about: ContextVar[Mapping[str, Any]] = ContextVar("about", default=MappingProxy
 
 @contextlib.contextmanager
 def about(**names: Any) -> Iterator[None]:
-    """Within it, lines of this thread are about these: job, batch, frame, scene, worker ... What is None is left out."""
+    """Adds these ids to the lines of this thread: job, batch, frame, scene, worker ... None is left out."""
     before = _about.set({**_about.get(), **_known(names)})
     try:
         yield
@@ -51,35 +51,35 @@ def about(**names: Any) -> Iterator[None]:
 
 
 def told() -> Mapping[str, Any]:
-    """What lines are about here."""
+    """Returns the ids of the current lines."""
     return _about.get()
 
 
 def ids(**names: Any) -> dict[str, Any]:
-    """For a single line: log.warning("...", extra=ids(job=job.id))."""
+    """Returns `extra` for a single line: log.warning("...", extra=ids(job=job.id))."""
     return {"about": _known(names)}
 
 
 def by_json() -> bool:
-    """Whether lines are for programs."""
+    """Whether lines are JSON objects."""
     return os.environ.get(FORMAT_VARIABLE, "text").strip().lower() == "json"
 
 
 def level() -> int:
-    """The least level that is written down; what is no level is INFO."""
+    """Returns the lowest level that is logged; an invalid setting counts as INFO."""
     name = os.environ.get(LEVEL_VARIABLE, "info").strip().lower()
     return getattr(logging, name.upper()) if name in LEVELS else logging.INFO
 
 
 class JsonLines(logging.Formatter):
-    """time (UTC), level, logger, message, process (`service` or `worker`), pid, what it is about, an exception in one piece."""
+    """Formats time (UTC), level, logger, message, process (`service` or `worker`), pid, ids, and the exception in one field."""
 
     def __init__(self, process: str) -> None:
         super().__init__()
         self.always: dict[str, Any] = {"process": process}  # added to once more is known, as the worker's name
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line; whatever was logged, it is one."""
+        """Returns one line, whatever was logged."""
         when = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
         line: dict[str, Any] = {
             "time": when,
@@ -97,8 +97,10 @@ class JsonLines(logging.Formatter):
 
 
 def as_json(process: str) -> JsonLines:
-    """From here on all lines of this process are objects on standard error: those of libraries, warnings, what ends a thread or
-    the program. Returns what formats them."""
+    """Makes all lines of this process JSON objects on standard error: those of libraries, warnings, and uncaught exceptions.
+
+    Returns the formatter.
+    """
     lines = JsonLines(process)
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(lines)
@@ -149,7 +151,7 @@ def _exception(kind: type[BaseException], error: BaseException, trace: Traceback
 
 
 def _of_access(record: logging.LogRecord) -> dict[str, Any]:
-    """Of uvicorn's lines about requests: its parts."""
+    """Returns the fields of uvicorn's access lines."""
     if record.name != "uvicorn.access" or not isinstance(record.args, tuple) or len(record.args) != 5:
         return {}
     client, method, path, _, status = record.args

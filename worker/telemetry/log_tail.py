@@ -1,4 +1,4 @@
-"""The end of a worker's log, from the parent and all its slots: they append to an unlinked file that the parent reads."""
+"""The end of a worker's log, from the parent and all slots: they append to an unlinked file that the parent reads."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LONGEST = 2000  # bytes of a line
 
 
 class LogTail(logging.Handler):
-    """Made by the parent before it forks. Each line is one write at the file's end, so no lock is needed between processes."""
+    """Created by the parent before it forks. Each line is one write at the file's end, so processes need no lock."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -25,19 +25,19 @@ class LogTail(logging.Handler):
         fcntl.fcntl(fd, fcntl.F_SETFL, fcntl.fcntl(fd, fcntl.F_GETFL) | os.O_APPEND)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keep a line; a full disk must not end the work."""
+        """Stores a line; a full disk is ignored."""
         with contextlib.suppress(OSError, ValueError):
             self._file.write(self.format(record).encode(errors="replace")[:LONGEST] + b"\n")
 
     def lines(self, most: int = 200) -> list[str]:
-        """The last lines, the newest last."""
+        """Returns the last lines, newest last."""
         with contextlib.suppress(OSError, ValueError):
             text = self._end().decode(errors="replace")
             return text.splitlines()[-most:]
         return []
 
     def trim(self) -> None:
-        """Drop what nobody will read; in the parent alone."""
+        """Drops old lines; in the parent only."""
         with contextlib.suppress(OSError, ValueError):
             if os.fstat(self._file.fileno()).st_size > LARGEST:
                 kept = self._end()
@@ -45,7 +45,7 @@ class LogTail(logging.Handler):
                 self._file.write(kept)
 
     def close(self) -> None:
-        """Let the file go."""
+        """Closes the file."""
         self._file.close()
         super().close()
 

@@ -1,6 +1,6 @@
 """A worker's log: lines on standard error, or JSON objects (worker/telemetry/log_lines.py).
 
-A failure of Redis or the network is one line too, not a page of the libraries' internals.
+A failure of Redis or the network is one line too, without the libraries' traceback.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ TEXT = "%(asctime)s %(levelname)s %(message)s"
 
 
 def set_up() -> tuple[LogTail, JsonLines | None]:
-    """Log to standard error, from here on and in every slot; returns the end of the log, and what formats objects."""
+    """Logs to standard error, in this process and every slot; returns the end of the log, and the JSON formatter or None."""
     tail = LogTail()
     tail.setFormatter(logging.Formatter(TEXT))
     lines = as_json("worker") if by_json() else None
@@ -39,7 +39,7 @@ def set_up() -> tuple[LogTail, JsonLines | None]:
 
 
 def _in_a_line(record: logging.LogRecord) -> bool:
-    """Celery shows where in itself a connection was lost, every time; what happened is enough to act on."""
+    """Drops Celery's tracebacks of lost connections; the message is enough to act on."""
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, (redis.RedisError, OSError)):
         said = record.getMessage().rstrip()

@@ -1,6 +1,6 @@
-"""What is reported about a batch besides its sums: warnings of this slot while it rendered, and how long each step took.
+"""Warnings of this slot while it renders a batch, and the duration of each step.
 
-It goes back with the batch's answer into its job's log, so nobody has to look for it on the machine.
+They return with the batch's answer into its job's log, so nobody has to look for them on the machine.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ LONGEST = 300  # characters of a line
 
 @dataclass
 class Overheard:
-    """lines: warnings and errors, the first of them. took: seconds of each step."""
+    """lines: the first warnings and errors. took: seconds of each step."""
 
     lines: list[str] = field(default_factory=list)
     took: dict[str, float] = field(default_factory=dict)
 
     def told(self) -> dict[str, Any]:
-        """What an answer says of it; nothing where there is nothing."""
+        """Returns the fields of an answer; empty without warnings or steps."""
         said = {"lines": self.lines, "took": {name: round(seconds, 4) for name, seconds in self.took.items()}}
         return {name: value for name, value in said.items() if value}
 
@@ -38,13 +38,13 @@ _now: ContextVar[Overheard | None] = ContextVar("overheard", default=None)
 
 
 class Listener(logging.Handler):
-    """On the root logger: notes what is warned of, where somebody wants to know."""
+    """A handler of the root logger that collects warnings while a batch is rendered."""
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Note a line."""
+        """Collects a line."""
         now = _now.get()
         if now is not None and len(now.lines) < MOST:
             error = record.exc_info[1] if record.exc_info else None
@@ -54,7 +54,7 @@ class Listener(logging.Handler):
 
 @contextlib.contextmanager
 def overhear() -> Iterator[Overheard]:
-    """Within it, what is warned of and how long steps take is noted."""
+    """Collects warnings and durations within the context."""
     noted = Overheard()
     before = _now.set(noted)
     try:
@@ -65,7 +65,7 @@ def overhear() -> Iterator[Overheard]:
 
 @contextlib.contextmanager
 def step(name: str, **attributes: Any) -> Iterator[None]:
-    """A step of a batch: its seconds, and its span."""
+    """Times a step of a batch, and traces it as a span."""
     begun = time.perf_counter()
     try:
         with tracing.span(name, **attributes):

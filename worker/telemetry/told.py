@@ -1,4 +1,4 @@
-"""What a task is about: the ids in its message, for the lines logged during the task and for its span."""
+"""The ids in a task's message, for the lines logged during the task and for its span."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LONGEST = 200
 
 
 def named(message: Any) -> dict[str, Any]:
-    """The ids in a message; of another release it may be anything."""
+    """Returns the ids in a message; another release may send anything."""
     if isinstance(message, str):
         return {"scene": message[:LONGEST]}
     if not isinstance(message, Mapping):
@@ -29,14 +29,14 @@ def named(message: Any) -> dict[str, Any]:
 
 
 class Steps:
-    """What is told of a piece of work on its way, as spans one behind the other within it."""
+    """The steps of a piece of work, as consecutive spans."""
 
     def __init__(self) -> None:
         self._name: str | None = None
         self._begun = 0.0
 
     def now(self, name: str | None) -> None:
-        """It goes on to this; None: it is done."""
+        """Begins the next step; None ends the last."""
         if name != self._name:
             if self._name is not None:
                 tracing.record(self._name.lower(), self._begun, time.time(), tracing.here())
@@ -44,9 +44,9 @@ class Steps:
 
 
 def told_about(task: Callable[[Any, Any], None], span: str) -> Callable[..., None]:
-    """A task (its arguments are one message, by name), whose lines say what it is about, and whose span that is.
+    """Wraps a task (its argument is one message, by name) with its ids in log lines and its span.
 
-    The span's parent comes with Celery's message; without one there is no span. span: empty where batches have their own.
+    The span's parent comes with Celery's message; without one there is no span. span: empty if batches have their own.
     """
 
     @functools.wraps(task)

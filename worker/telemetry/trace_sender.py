@@ -1,7 +1,7 @@
-"""`python -m worker.telemetry.trace_sender SERVICE INSTANCE VERSION`: sends a collector spans, a line of standard input each.
+"""`python -m worker.telemetry.trace_sender SERVICE INSTANCE VERSION`: sends spans to a collector, one per input line.
 
-It uses OpenTelemetry's own exporter (OTLP over HTTP), batching and samplers, and so supports all of their environment
-variables. It ends with its input.
+It uses OpenTelemetry's exporter (OTLP over HTTP), batching and samplers, and so supports all of their environment variables. It
+ends with its input.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["main", "read_span"]
 
 
 def main() -> int:
-    """Send until the input ends, and then what is left."""
+    """Sends until the input ends, then sends the rest."""
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, signal.SIG_IGN)  # whoever writes decides when it is over
     service, instance, version = sys.argv[1:4]
@@ -55,7 +55,7 @@ def main() -> int:
 
 
 def read_span(said: dict[str, Any], resource: Resource, scope: InstrumentationScope) -> ReadableSpan:
-    """The span that a line says. Raises ValueError, KeyError or TypeError."""
+    """Parses a line into a span. Raises ValueError, KeyError or TypeError."""
     error = said.get("error")
     return ReadableSpan(
         said["name"],

@@ -1,11 +1,10 @@
-"""Traces, if OTEL_EXPORTER_OTLP_ENDPOINT asks for them: spans of what service and workers do, propagated by W3C's traceparent.
+"""Traces, if OTEL_EXPORTER_OTLP_ENDPOINT is set: spans of service and workers, propagated by W3C traceparent.
 
-Without it nothing is imported and nothing is done. With it a span is one line written into a pipe, and a separate process
-(trace_sender.py) runs OpenTelemetry's own exporter: it may have to wait for its collector, which must not slow down a batch,
-and it uses a thread, which a slot must not have because it forks (worker/work/bounded.py). A full pipe loses spans and blocks
-nobody.
+Without it nothing is imported. With it a span is one line written into a pipe, and a separate process (trace_sender.py) runs
+OpenTelemetry's exporter: it may wait for its collector, which must not slow down a batch, and it uses a thread, which a slot must
+not have because it forks. A full pipe drops spans and blocks nobody.
 
-The trace ids of a job and a scene follow from their own ids, so nothing has to remember them across a restart.
+The trace ids of a job and a scene follow from their ids, so they survive a restart.
 """
 
 from __future__ import annotations
@@ -41,13 +40,13 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Where:
-    """A span's place: its trace and its own number, in hexadecimal."""
+    """A span's trace id and span id, in hexadecimal."""
 
     trace: str
     span: str
 
     def __str__(self) -> str:
-        """As a message carries it: W3C Trace Context, level 1."""
+        """Returns the traceparent of W3C Trace Context, level 1."""
         return f"00-{self.trace}-{self.span}-01"
 
 
@@ -57,12 +56,12 @@ _pipe: int | None = None
 
 
 def is_on() -> bool:
-    """Whether spans are taken."""
+    """Whether spans are recorded."""
     return _pipe is not None
 
 
 def begin(service: str, instance: str, version: str) -> None:
-    """Take spans from here on, where that is asked for, in this process and those that it forks. instance: which of several."""
+    """Starts recording in this process and those that it forks, if requested. instance: name of this service or worker."""
     global _sender, _pipe
     if _pipe is not None or not _is_asked():
         return
@@ -78,7 +77,7 @@ def begin(service: str, instance: str, version: str) -> None:
 
 
 def end() -> None:
-    """Send what was taken, for a few seconds at most, and take no more."""
+    """Sends recorded spans, for a few seconds at most, and stops."""
     global _sender, _pipe
     if _pipe is not None:
         os.close(_pipe)
@@ -92,13 +91,13 @@ def end() -> None:
 
 
 def root_of(what: str, id: str) -> Where:
-    """The first span of the trace of a `job` or a `scene`."""
+    """Returns the root span of a `job` or a `scene`."""
     digest = hashlib.sha256(f"rayfarm {what} {id}".encode()).hexdigest()
     return Where(digest[:32], digest[32:48])
 
 
 def where(traceparent: Any) -> Where | None:
-    """What a message's traceparent says; None where it says nothing that makes sense."""
+    """Parses a traceparent; None if it is malformed."""
     found = PARENT.fullmatch(traceparent) if isinstance(traceparent, str) else None
     if found is None or not int(found[1], 16) or not int(found[2], 16):
         return None
@@ -106,13 +105,13 @@ def where(traceparent: Any) -> Where | None:
 
 
 def here() -> Where | None:
-    """The span that this thread is in."""
+    """Returns the span of this thread."""
     return _here.get()
 
 
 @contextlib.contextmanager
 def within(parent: Where | None) -> Iterator[None]:
-    """What is done within belongs to a span of another process."""
+    """Makes a span of another process the parent within the context."""
     before = _here.set(parent)
     try:
         yield
@@ -122,9 +121,9 @@ def within(parent: Where | None) -> Iterator[None]:
 
 @contextlib.contextmanager
 def span(name: str, parent: Where | None = None, **attributes: Any) -> Iterator[dict[str, Any]]:
-    """What is done within, as a child of `parent`, or of the span that this thread is in; of neither: it is none.
+    """Records a span within the context, as a child of `parent` or of this thread's span; without either there is none.
 
-    Attributes may be added to the dict that it gives. An exception is the span's error, and goes on.
+    Attributes may be added to the yielded dict. An exception becomes the span's error, and is raised.
     """
     parent = parent or _here.get()
     if _pipe is None or parent is None:
@@ -153,7 +152,7 @@ def record(
     error: str | None = None,
     **attributes: Any,
 ) -> None:
-    """A span whose times (unix seconds) are known. own: its place, where others know of it; links: what it has to do with."""
+    """Records a span with known times (unix seconds). own: its ids, if others refer to it; links: related spans."""
     if _pipe is None or (parent is None and own is None):
         return
     place = own or Where(parent.trace if parent else "", os.urandom(8).hex())

@@ -15,5 +15,5 @@ environments.py   an uploaded environment's thumbnail
 explain.py        the paths of a pixel
 files.py          a scene's files in a folder
 scenes.py         compiled scenes: fetched, mapped, stored
-bounded.py        runs work on untrusted files in a child with limits; standing.py keeps such a child for more
+reader.py         runs a job on untrusted files in a confined process (worker/reading/), with a room of its own
 """

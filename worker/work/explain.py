@@ -15,7 +15,7 @@ from renderer.pixel_paths import MODELS, PixelPath, PixelPaths, bounce_of, pixel
 from renderer.render import edition_for, is_warm
 from renderer.replay import Lamp, Vertex
 from renderer.scene.compiled import CompiledScene
-from worker.exchange.errors import RefusedError, Trouble
+from worker.exchange.errors import RefusedError, Trouble, UnfitError
 from worker.exchange.patience import patiently
 from worker.exchange.ready import get_ready
 from worker.process.context import WorkerContext
@@ -54,6 +54,8 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
             compiling(False)
         found = pixel_paths(scene, work.settings, work.x, work.y, work.count, work.sample)
         say(worker, work.message, "done", explained=told(scene, found))
+    except UnfitError as error:
+        say(worker, work.message, "failed", error=f"{worker.name}: {error}")
     except Trouble as error:
         say(worker, work.message, "returned", error=f"{worker.name} hands it back: {error}")
     except RefusedError as error:

@@ -6,12 +6,15 @@ import os
 import shutil
 from pathlib import Path, PurePosixPath
 
+from renderer.confine.limits import available_memory
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
 from worker.process.context import WorkerContext
 from worker.process.keeping import memory_limit
 from worker.protocol.contract import Manifest
 
-__all__ = ["memory_budget", "place_files"]
+__all__ = ["link_or_copy", "memory_budget", "place_files"]
+
+_LEAST_MEMORY = 1 << 30  # of address space, whatever is free: less reads no scene
 
 
 def place_files(worker: WorkerContext, manifest: Manifest, folder: Path) -> None:
@@ -21,17 +24,14 @@ def place_files(worker: WorkerContext, manifest: Manifest, folder: Path) -> None
 
 
 def _place(blob: Path, folder: Path, name: str) -> None:
-    """Put a blob under its uploaded name: linked where the file system allows it, else copied."""
+    """Puts a blob under its uploaded name, in UTF-8 whatever the locale: readers look for it so."""
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts or "\0" in name:
         raise WorkError(f"{name!r} is a path that climbs out of the upload; rename it.")
-    target = folder.joinpath(*parts)
+    target = folder.joinpath(*(os.fsdecode(part.encode("utf-8", "surrogateescape")) for part in parts))
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            os.link(blob, target)
-        except OSError:
-            shutil.copyfile(blob, target)
+        link_or_copy(blob, target)
     except OSError as error:
         if is_of_machine(error):
             raise
@@ -40,19 +40,21 @@ def _place(blob: Path, folder: Path, name: str) -> None:
         raise WorkError(f"{name!r} cannot be the name of a file here ({error.strerror}); rename it.") from error
 
 
+def link_or_copy(blob: Path, target: Path) -> None:
+    """Links a file where the file system allows it, else copies it."""
+    try:
+        os.link(blob, target)
+    except OSError:
+        shutil.copyfile(blob, target)
+
+
 def memory_budget() -> int:
-    """Bytes that preparing one scene may take: $RAYFARM_PREPARE_MEMORY_MB, else three quarters of what is free now; never more
-    than the worker itself may use.
+    """Bytes that a reader of one scene may take: $RAYFARM_PREPARE_MEMORY_MB, else three quarters of what the machine and the
+    process's cgroups have free now; never more than the worker itself may use.
 
     Raises ValueError where the variable is no number.
     """
     limit = memory_limit() or (1 << 60)
     if named := os.environ.get("RAYFARM_PREPARE_MEMORY_MB"):
         return min(int(named) << 20, limit)
-    try:
-        for line in Path("/proc/meminfo").read_text().splitlines():
-            if line.startswith("MemAvailable:"):
-                return min(max(int(line.split()[1]) * 1024 * 3 // 4, 1 << 30), limit)
-    except OSError:
-        pass
-    return min(8 << 30, limit)
+    return min(max(available_memory() * 3 // 4, _LEAST_MEMORY), limit)

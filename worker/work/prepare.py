@@ -3,35 +3,24 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from pathlib import Path
+from functools import partial
 from typing import Any
 
-from renderer import denoise
-from renderer.aovs import values
+from renderer.arrays.has import EDITIONS
 from renderer.blender.convert import convert
 from renderer.blender.program import find
-from renderer.errors import SceneError
-from renderer.film import mean
-from renderer.image import encode
-from renderer.render import edition_for, load_preparing, render_frame, warm_up
-from renderer.scene.animation import Moment
-from renderer.scene.compile import compile_scene, summarise
-from renderer.scene.compiled import CompiledScene
-from renderer.scene.kept import Kept
-from renderer.scene.load import Shot
-from renderer.scene.parts import Saver
-from renderer.scene.readers import collada, fbx, gltf, mitsuba, obj, pbrt, ply, stl, yaml  # noqa: F401 - imported before the fork, so that no scene waits for them
+from renderer.render import warm_up
 from renderer.settings import RenderSettings, View
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
 from worker.process.context import WorkerContext
 from worker.protocol.blends import is_blend
 from worker.protocol.contract import BlobRef, Manifest, SceneInfo
-from worker.work.bounded import Send, run_bounded
+from worker.reading.prepare import THUMBNAIL, THUMBNAIL_WIDTH, prepare
 from worker.work.files import memory_budget, place_files
+from worker.work.reader import Room, as_of_worker
 from worker.work.relight import relight
 from worker.work.scenes import store, store_scene
 
@@ -41,34 +30,64 @@ SECONDS = 600.0  # below Celery's task_time_limit
 MAX_NAMES = 10_000
 LEFT_S = 120.0  # of them, for what Blender wrote
 WRITTEN = "written"
-THUMBNAIL_WIDTH = 256
-THUMBNAIL_SPP = 16
-THUMBNAIL_SECONDS = 0.3  # passes double, so that it takes at most about twice this; and 0.2 s to denoise it
 
 
 def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[[str, float], None]) -> SceneInfo:
     """Prepare an uploaded scene and store what came of it at the service.
 
-    Raises WorkError with a sentence where the files are no scene; Trouble or RefusedError where the service or this machine
-    cannot be used.
+    Raises WorkError with a sentence where the files are no scene; Trouble, UnfitError or RefusedError where the service or this
+    machine cannot be used.
     """
     begun = time.monotonic()
-    load_preparing()  # here, not in each child: a worker that began with nothing compiled has had them compiled meanwhile
     try:
         if (info := relight(worker, manifest)) is not None:
             return replace(info, seconds=time.monotonic() - begun)
-        with tempfile.TemporaryDirectory(prefix="rayfarm-prepare-") as name:
-            try:
-                summary, compiled, thumbnail = _prepared(worker, manifest, Path(name) / "first", progress)
-            except WorkError:
-                # Files that have suffered in the cache are no fault of who uploaded them.
-                if not [file for file in manifest.files if worker.cache.discard_damaged(file.sha256)]:
-                    raise
-                summary, compiled, thumbnail = _prepared(worker, manifest, Path(name) / "again", progress)
+        try:
+            return _prepared(worker, manifest, progress, begun)
+        except WorkError:
+            # Files that have suffered in the cache are no fault of who uploaded them.
+            if not [file for file in manifest.files if worker.cache.discard_damaged(file.sha256)]:
+                raise
+        return _prepared(worker, manifest, progress, begun)
     except OSError as error:
         if not is_of_machine(error):
             raise
         raise MachineError(f"this machine cannot keep a scene's files ({error.strerror}: {error.filename})") from error
+
+
+def _prepared(worker: WorkerContext, manifest: Manifest, progress: Callable[[str, float], None], begun: float) -> SceneInfo:
+    with Room("prepare") as room:
+        progress("fetching files", 0.0)
+        place_files(worker, manifest, room.scene)
+        read, written = manifest, list[str]()
+        if is_blend(manifest.main):
+            progress("opening in Blender", 0.02)
+            written = _opened(manifest, room)
+            read = replace(manifest, main=written[0])
+        folder = room.folder / WRITTEN if written else room.scene
+
+        def take(message: dict[str, Any]) -> None:
+            progress(str(message.get("step")), float(message.get("fraction", 0.0)))
+
+        job = partial(prepare, os.fsencode(folder), read, os.fsencode(room.out))
+        summary = room.run(job, manifest.main, SECONDS, take, calls={"warm_up": _warm_up}, reads=[folder])
+        progress("storing", 0.95)
+        compiled = store_scene(worker, room.compiled(summary.get("compiled")))
+        if written:
+            files = [replace(store(worker, folder / name), path=name) for name in written]
+            summary["blend"] = {"main": written[0], "files": [asdict(file) for file in files]}
+        thumbnail: BlobRef | None = None
+        if room.has(room.out / THUMBNAIL):
+            thumbnail = store(worker, room.out / THUMBNAIL)
+    try:
+        return _info(worker, summary, compiled, thumbnail, begun)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise WorkError(f"{manifest.main}: its reader's summary lacks what belongs there ({error})") from error
+
+
+def _info(
+    worker: WorkerContext, summary: dict[str, Any], compiled: BlobRef, thumbnail: BlobRef | None, begun: float
+) -> SceneInfo:
     return SceneInfo(
         kind=worker.kind,
         compiled=compiled,
@@ -89,85 +108,28 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
     )
 
 
-def _prepared(
-    worker: WorkerContext, manifest: Manifest, room: Path, progress: Callable[[str, float], None]
-) -> tuple[dict[str, Any], BlobRef, BlobRef | None]:
-    """The summary, and what was stored: the compiled scene and its thumbnail. room: a folder to work in."""
-    folder = room / "scene"
-    out = room / "out"
-    out.mkdir(parents=True)
-    progress("fetching files", 0.0)
-    place_files(worker, manifest, folder)
-    summary = run_bounded(
-        lambda send: _work(folder, manifest, out, send),
-        lambda message: progress(message["step"], message["fraction"]),
-        memory_bytes=memory_budget(),
-        seconds=SECONDS,
-        faults=(SceneError,),
-        subject=manifest.main,
-    )
-    progress("storing", 0.95)
-    compiled = store_scene(worker, out / summary["compiled"])
-    if written := summary.get("written"):
-        files = [replace(store(worker, out / WRITTEN / name), path=name) for name in written]
-        summary["blend"] = {"main": written[0], "files": [asdict(file) for file in files]}
-    thumbnail: BlobRef | None = None
-    if (out / "thumbnail.png").is_file():
-        thumbnail = store(worker, out / "thumbnail.png")
-    return summary, compiled, thumbnail
+def _warm_up(edition: str) -> None:
+    """Gets the kernel of a thumbnail ready, compiled or loaded, for the readers of this machine too."""
+    if edition in EDITIONS:
+        settings = RenderSettings(THUMBNAIL_WIDTH, THUMBNAIL_WIDTH, View((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), max_depth=6)
+        warm_up(settings, edition, prepares=False)  # where slots want the same kernel now, one compiles it
 
 
-def _work(folder: Path, manifest: Manifest, out: Path, send: Send) -> dict[str, Any]:
-    """In the bounded child: read, compile, save, and take a small picture."""
+def _opened(manifest: Manifest, room: Room) -> list[str]:
+    """Has Blender write a scene into the room's folder WRITTEN, with what lights it beside: the written files' names, the main
+    one first.
 
-    def progress(step: str, fraction: float) -> None:
-        send({"step": step, "fraction": fraction})
-
-    main, written = manifest.main, list[str]()
-    if is_blend(main):
-        progress("opening in Blender", 0.02)
-        folder, written = _opened(folder, manifest, out / WRITTEN)
-        main = written[0]
-    progress("reading", 0.05)
-    shot = Shot(folder, main, manifest.environment, manifest.variant)
-    description = shot.at(Moment(shot.start))
-    kept = Kept()
-    compiled = compile_scene(description, lambda step, fraction: progress(step, 0.3 + 0.5 * fraction), kept=kept)
-    summary = summarise(description, compiled)
-    summary["lights_power"], summary["written"] = kept.lights_power, written
-    assert kept.cuts is not None
-    summary["compiled"] = Saver(out).save(compiled, kept.cuts).name  # other moments, and other lights, share most of it
-    progress("rendering a thumbnail", 0.85)
-    _thumbnail(compiled, summary, out / "thumbnail.png")
-    return summary
-
-
-def _opened(folder: Path, manifest: Manifest, written: Path) -> tuple[Path, list[str]]:
-    """What Blender wrote of a scene: the folder that it lies in, with what lights it beside, and its files, the main one first.
-
-    Raises SceneError.
+    Raises WorkError.
     """
-    blender = find()
-    if blender is None:
-        raise SceneError(f"{manifest.main}: this worker has no Blender any more; start it anew with --blender")
+    written = room.folder / WRITTEN
     written.mkdir()
-    main = convert(blender, folder, manifest.main, written, memory_budget(), SECONDS - LEFT_S)
+    with as_of_worker():
+        if (blender := find()) is None:
+            raise WorkError(f"{manifest.main}: this worker has no Blender any more; start it anew with --blender")
+        main = convert(blender, room.scene, manifest.main, written, memory_budget(), SECONDS - LEFT_S)
     files = [main, *sorted(path.name for path in written.iterdir() if path.name != main)]
-    if manifest.environment is not None and (folder / manifest.environment).is_file():
+    if manifest.environment is not None and (room.scene / manifest.environment).is_file():
         light = written / manifest.environment
         light.parent.mkdir(parents=True, exist_ok=True)
-        os.link(folder / manifest.environment, light)
-    return written, files
-
-
-def _thumbnail(compiled: CompiledScene, summary: dict[str, Any], path: Path) -> None:
-    """A small tone-mapped picture from the first camera: of the samples that a short time gives, without most of their noise."""
-    defaults = summary["defaults"]
-    width, height = defaults.get("width", 16), defaults.get("height", 9)
-    small_height = min(max(THUMBNAIL_WIDTH * height // width, 64), 2 * THUMBNAIL_WIDTH)
-    view = View.from_json(summary["cameras"][0]["view"])
-    settings = RenderSettings(THUMBNAIL_WIDTH, small_height, view, max_depth=6)
-    warm_up(settings, edition_for(settings, compiled), prepares=False)  # where slots want the same kernel now, one compiles it
-    sums = render_frame(compiled, settings, THUMBNAIL_SPP, threads=1, time_limit=THUMBNAIL_SECONDS)
-    albedo, normal = (values(sums, settings.film_exponent, name) for name in ("albedo", "normal"))
-    encode.write(path, denoise.for_a_glance(mean(sums, settings.film_exponent), albedo, normal))
+        os.link(room.scene / manifest.environment, light)
+    return files

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import tempfile
+import os
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
+from functools import partial
 
 from renderer.errors import SceneError
 from renderer.scene.compiled import CompiledScene
-from renderer.scene.description import SceneDescription
-from renderer.scene.files import SceneFiles
-from renderer.scene.lit import CHANGED, lit
-from renderer.scene.load import light_with
-from renderer.scene.parts import parts_of, save_changed
+from renderer.scene.parts import parts_of
 from renderer.scene.presets import is_named
 from renderer.scene.studio import STUDIO_NOTES
 from worker.exchange.errors import RefusedError
 from worker.process.context import WorkerContext
 from worker.protocol.contract import Manifest, SceneInfo
-from worker.work.bounded import Send, run_bounded
-from worker.work.files import memory_budget, place_files
+from worker.reading.relight import relight as relight_by_image
+from worker.reading.relight import save_lit
+from worker.work.files import place_files
+from worker.work.reader import Room
 from worker.work.render import mapped_scene
 from worker.work.scenes import store_scene
 
@@ -40,30 +37,17 @@ def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
     info, base, data = known
     power = info.lights_power
     assert power is not None
-    with tempfile.TemporaryDirectory(prefix="rayfarm-relight-") as name:
-        folder, out = Path(name) / "scene", Path(name) / "out"
-        folder.mkdir()
-        out.mkdir()
-        if is_named(manifest.environment):
-            made = _relit(folder, manifest.environment, base, data, power, out)
+    light = manifest.environment
+    with Room("relight") as room:
+        if is_named(light):
+            made = save_lit(room.scene, light, base, data, power, room.out)
         else:  # an image that somebody uploaded
-            light = manifest.environment
-            file = [file for file in manifest.files if file.path == light]
-            place_files(worker, replace(manifest, files=file), folder)
-
-            def work(send: Send) -> dict[str, Any]:
-                return {"manifest": str(_relit(folder, light, base, data, power, out))}
-
-            made = Path(
-                run_bounded(
-                    work,
-                    lambda message: None,
-                    memory_bytes=memory_budget(),
-                    seconds=SECONDS,
-                    faults=(SceneError,),
-                    subject=light,
-                )["manifest"]
-            )
+            files = [file for file in manifest.files if file.path == light]
+            place_files(worker, replace(manifest, files=files), room.scene)
+            room.place_base(worker, info.compiled.sha256)
+            folder, base_folder, out = (os.fsencode(each) for each in (room.scene, room.base, room.out))
+            job = partial(relight_by_image, folder, light, base_folder, info.compiled.sha256, power, out)
+            made = room.compiled(room.run(job, light, SECONDS).get("compiled"))
         there = {part.sha256 for part in parts_of(worker.cache.path(info.compiled.sha256))}
         compiled = store_scene(worker, made, there)
     warnings = [warning for warning in info.warnings if warning not in STUDIO_NOTES]
@@ -82,9 +66,3 @@ def _base_of(worker: WorkerContext, manifest: Manifest) -> tuple[SceneInfo, Comp
         return info, base, worker.cache.path(info.compiled.sha256).read_bytes()
     except (ValueError, KeyError, SceneError, RefusedError, FileNotFoundError):
         return None
-
-
-def _relit(folder: Path, light: str, base: CompiledScene, data: bytes, power: float, out: Path) -> Path:
-    description = SceneDescription(name="light")
-    light_with(SceneFiles(folder, light), light, description)
-    return save_changed(data, lit(base, description, power), CHANGED, out)

@@ -13,7 +13,7 @@ import redis
 from renderer.errors import RayfarmError
 from renderer.film import COLOR, SAMPLES
 from renderer.render import edition_for, is_warm, render_batch
-from worker.exchange.errors import RefusedError, Trouble
+from worker.exchange.errors import RefusedError, Trouble, UnfitError
 from worker.exchange.patience import patiently
 from worker.exchange.ready import get_ready
 from worker.process.context import WorkerContext
@@ -123,6 +123,8 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
         answering.send("over")
     except (Trouble, RefusedError) as error:
         answering.send("returned", error=f"{worker.name} hands a frame back: {error}")
+    except UnfitError as error:
+        answering.send("failed", error=f"{worker.name}: {error}")
     except Exception as error:
         log.exception("a frame of a view failed")
         answering.send("failed", error=f"{worker.name} could not prepare the frame ({type(error).__name__}: {error}).")

@@ -6,6 +6,7 @@ as files because every host must render by the same bits, and numpy's sines diff
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy.typing as npt
 __all__ = [
     "BRUSHED_NODES",
     "CHARLIE_LAMBDA",
+    "COAT_NODES",
     "GLASS_SIZE",
     "MOST_BEND",
     "SIZE",
@@ -21,6 +23,8 @@ __all__ = [
     "brushed_means",
     "brushed_node",
     "brushed_table",
+    "coat_table",
+    "facets_pass",
     "ggx_albedo",
     "ggx_table",
     "glass_albedo",
@@ -39,6 +43,7 @@ GLASS_SIZE = 16  # nodes likewise, and of (eta - 1) / (eta + 1), even from -MOST
 # Nodes of the root of the greater alpha, of the root of the lesser over the greater, of the root of the cosine, and of where the
 # alpha of the azimuth lies between the two; all even from 0 to 1.
 BRUSHED_NODES = (16, 8, 16, 6)
+COAT_NODES = (12, 16, 32)  # of (eta - 1) / (eta + 1), even from 0 to MOST_BEND; of roughness and root of the cosine likewise
 MOST_BEND = 0.45  # eta from 0.38 to 2.64
 # a, b, c, d, e of log Lambda, for alpha 0 and alpha 1 (Estevez & Kulla, "Production Friendly Microfacet Sheen BRDF", 2017).
 CHARLIE_LAMBDA = (25.3245, 3.32435, 0.16801, -1.27393, -4.85967), (21.5473, 3.82987, 0.19823, -1.97760, -4.32054)
@@ -61,8 +66,10 @@ def ggx_albedo(cosine: float, alpha: float, steps: int = 192) -> tuple[float, fl
     return float((shadowing * (1 - schlick)).mean()), float((shadowing * schlick).mean())
 
 
-def _visible_normals(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns: int) -> F64:
+def _visible_normals(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns: int, distribution: str = "ggx") -> F64:
     """(steps, turns, 3) microfacet normals by the area that wo sees of them; steps / 2 turns: the half circle where y > 0."""
+    if distribution == "beckmann":
+        return _visible_beckmann(wo, alpha_x, alpha_y, steps, turns)
     u, v = np.meshgrid((np.arange(steps) + 0.5) / steps, (np.arange(turns) + 0.5) / steps, indexing="ij")
     stretched = wo * (alpha_x, alpha_y, 1)
     stretched /= np.linalg.norm(stretched)
@@ -74,19 +81,58 @@ def _visible_normals(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns:
     return np.asarray(h / np.linalg.norm(h, axis=-1, keepdims=True))
 
 
-def _smith_lambda(cosine: float | F64, alpha: float) -> F64:
+def _visible_beckmann(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns: int) -> F64:
+    """The same of Beckmann's: slopes along wo's azimuth by the inverse of their tabulated distribution, across it Gaussian."""
+    x, y = wo[0] * alpha_x, wo[1] * alpha_y
+    sine = float(np.hypot(x, y))
+    cosine, turn = (x / sine, y / sine) if sine > 0 else (1.0, 0.0)
+    tangent = sine / wo[2]
+    least = max(-5.0, -1 / tangent) if tangent > 0 else -5.0
+    slope = np.linspace(least, 5.0, 4097)
+    middle = 0.5 * (slope[1:] + slope[:-1])
+
+    def quantiles(density: F64, count: int) -> F64:
+        summed = np.concatenate([[0.0], np.cumsum(density)])
+        return np.interp((np.arange(count) + 0.5) / count * summed[-1], summed, slope)
+
+    along = quantiles((1 + middle * tangent) * np.exp(-(middle**2)), steps)
+    slope = np.linspace(-5.0, 5.0, 4097)
+    across = quantiles(np.exp(-((0.5 * (slope[1:] + slope[:-1])) ** 2)), turns)
+    along, across = np.meshgrid(along, across, indexing="ij")
+    h = np.stack(
+        [(cosine * along - turn * across) * alpha_x, (turn * along + cosine * across) * alpha_y, np.ones_like(along)], -1
+    )
+    return np.asarray(h / np.linalg.norm(h, axis=-1, keepdims=True))
+
+
+def _lambda(tangent: float | F64, distribution: str) -> F64:
+    """Smith's Lambda by the tangent of the direction times alpha."""
+    tangent = np.asarray(tangent, np.float64)
+    if distribution == "ggx":
+        return np.asarray((np.sqrt(1 + tangent**2) - 1) / 2)
+    a = 1 / np.maximum(tangent, 0.2)
+    t = 1 / (1 + 0.3275911 * a)  # Abramowitz & Stegun 7.1.26, as in renderer/kernel/polynomial.py
+    tail = t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429)))) * np.exp(-a * a)
+    return np.where(tangent > 0.25, np.maximum(np.exp(-a * a) / (2 * a * np.sqrt(np.pi)) - tail / 2, 0), 0.0)
+
+
+def _smith_lambda(cosine: float | F64, alpha: float, distribution: str = "ggx") -> F64:
+    if distribution != "ggx":
+        return _lambda(alpha * np.sqrt(np.maximum(1 - np.square(cosine), 0)) / cosine, distribution)
     return (np.sqrt(1 + alpha**2 * (1 / np.square(cosine) - 1)) - 1) / 2
 
 
-def brushed_albedo(wo: F64, alpha_x: float, alpha_y: float, steps: int = 64) -> tuple[float, float]:
+def brushed_albedo(wo: F64, alpha_x: float, alpha_y: float, steps: int = 64, distribution: str = "ggx") -> tuple[float, float]:
     """(A, B) as `ggx_albedo`, of microfacets with two alphas, for light from the direction wo."""
-    h = _visible_normals(wo, alpha_x, alpha_y, steps, steps)
+    h = _visible_normals(wo, alpha_x, alpha_y, steps, steps, distribution)
     cosine_h = np.clip(h @ wo, 0, 1)
     wi = 2 * cosine_h[..., None] * h - wo
     up = wi[..., 2] > 1e-9
 
     def smith_lambda(w: F64) -> F64:
         slope2 = ((alpha_x * w[..., 0]) ** 2 + (alpha_y * w[..., 1]) ** 2) / np.maximum(w[..., 2], 1e-9) ** 2
+        if distribution != "ggx":
+            return _lambda(np.sqrt(slope2), distribution)
         return np.asarray((np.sqrt(1 + slope2) - 1) / 2)
 
     lambda_o = smith_lambda(wo)
@@ -95,7 +141,7 @@ def brushed_albedo(wo: F64, alpha_x: float, alpha_y: float, steps: int = 64) -> 
     return float((shadowing * (1 - schlick)).mean()), float((shadowing * schlick).mean())
 
 
-def brushed_node(i: int, j: int, k: int, n: int) -> tuple[float, float]:
+def brushed_node(i: int, j: int, k: int, n: int, distribution: str = "ggx") -> tuple[float, float]:
     """One node of `brushed_table`."""
     r, q, t, a = (index / (nodes - 1) for index, nodes in zip((i, j, k, n), BRUSHED_NODES, strict=True))
     alpha_x = max(r * r, _SMALLEST)
@@ -106,7 +152,7 @@ def brushed_node(i: int, j: int, k: int, n: int) -> tuple[float, float]:
     along = min(max(along, 0.0), 1.0)  # the square of the azimuth's cosine
     sine = np.sqrt(1 - cosine**2)
     wo = np.array([sine * np.sqrt(along), sine * np.sqrt(1 - along), cosine])
-    return brushed_albedo(wo, alpha_x, alpha_y)
+    return brushed_albedo(wo, alpha_x, alpha_y, distribution=distribution)
 
 
 def brushed_means(plane: F64, j: int) -> list[float]:
@@ -119,45 +165,93 @@ def brushed_means(plane: F64, j: int) -> list[float]:
     return [mean_over_hemisphere(np.array([np.interp(at, node, row).mean() for row in plane[..., k]])) for k in range(2)]
 
 
-def brushed_table() -> F64:
+def brushed_table(distribution: str = "ggx") -> F64:
     """BRUSHED_NODES and (A, B), the third axis one longer: its last row holds the means over the hemisphere."""
-    table = np.array([brushed_node(*index) for index in np.ndindex(BRUSHED_NODES)]).reshape(*BRUSHED_NODES, 2)
+    table = np.array([brushed_node(i, j, k, n, distribution) for i, j, k, n in np.ndindex(BRUSHED_NODES)]).reshape(
+        *BRUSHED_NODES, 2
+    )
     means = np.array([[brushed_means(plane, j) for j, plane in enumerate(of_ratio)] for of_ratio in table])
     return np.concatenate([table, np.repeat(means[:, :, None, None], BRUSHED_NODES[3], axis=3)], axis=2)
 
 
-def glass_albedo(cosine: float, alpha: float, eta: float, steps: int = 128) -> float:
+def glass_albedo(cosine: float, alpha: float, eta: float, steps: int = 128, distribution: str = "ggx") -> float:
     """What a rough boundary reflects and transmits of light from this direction, once. eta: index beyond over index here."""
     wo = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
-    h = _visible_normals(wo, alpha, alpha, steps, steps // 2)
+    h = _visible_normals(wo, alpha, alpha, steps, steps // 2, distribution)
     cosine_h = np.clip(h @ wo, 0, 1)
     inside2 = 1 - (1 - cosine_h**2) / eta**2
     inside = np.sqrt(np.clip(inside2, 0, None))
     s = (cosine_h - eta * inside) / (cosine_h + eta * inside)
     p = (eta * cosine_h - inside) / (eta * cosine_h + inside)
     reflectance = np.where(inside2 > 0, (s * s + p * p) / 2, 1.0)
-    lambda_o = _smith_lambda(cosine, alpha)
+    lambda_o = _smith_lambda(cosine, alpha, distribution)
     total = np.zeros_like(cosine_h)
     up = 2 * cosine_h * h[..., 2] - cosine
     down = cosine / eta - (cosine_h / eta - inside) * h[..., 2]
     for share, z in ((reflectance, up), (1 - reflectance, down)):
-        lambda_i = _smith_lambda(np.where(z > 1e-9, z, 1.0), alpha)
+        lambda_i = _smith_lambda(np.where(z > 1e-9, z, 1.0), alpha, distribution)
         total += np.where(z > 1e-9, share * (1 + lambda_o) / (1 + lambda_o + lambda_i), 0.0)
     return float(total.mean())
 
 
-def glass_table() -> F64:
+def glass_table(distribution: str = "ggx") -> F64:
     """(GLASS_SIZE, GLASS_SIZE + 1, GLASS_SIZE): by bend, roughness, cosine; the middle axis' last row holds the means."""
     node = np.arange(GLASS_SIZE) / (GLASS_SIZE - 1)
     bend = (2 * node - 1) * MOST_BEND
     table = np.array(
         [
-            [[glass_albedo(max(t * t, _SMALLEST), max(r * r, _SMALLEST), (1 + b) / (1 - b)) for t in node] for r in node]
+            [
+                [
+                    glass_albedo(max(t * t, _SMALLEST), max(r * r, _SMALLEST), (1 + b) / (1 - b), distribution=distribution)
+                    for t in node
+                ]
+                for r in node
+            ]
             for b in bend
         ]
     )
     mean = np.array([[mean_over_hemisphere(row) for row in plane] for plane in table])
     return np.concatenate([table, mean[:, None]], axis=1)
+
+
+def facets_pass(cosine: float, eta: float, alpha: float, distribution: str = "ggx", steps: int = 96) -> tuple[float, float]:
+    """(reflected, let through) of the light from this direction that facets scatter once, shadowed by G1(wo) G1(wi).
+
+    eta: index beyond over index here. The rest is lost between facets.
+    """
+    wo = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
+    h = _visible_normals(wo, alpha, alpha, steps, steps // 2, distribution)
+    cosine_h = np.clip(h @ wo, 0, 1)
+    inside2 = 1 - (1 - cosine_h**2) / eta**2
+    inside = np.sqrt(np.clip(inside2, 0, None))
+    s = (cosine_h - eta * inside) / (cosine_h + eta * inside)
+    p = (eta * cosine_h - inside) / (eta * cosine_h + inside)
+    reflectance = np.where(inside2 > 0, (s * s + p * p) / 2, 1.0)
+    up = 2 * cosine_h * h[..., 2] - cosine
+    down = cosine / eta - (cosine_h / eta - inside) * h[..., 2]
+
+    def seen(share: F64, z: F64) -> float:
+        lambda_i = _smith_lambda(np.where(z > 1e-9, z, 1.0), alpha, distribution)
+        return float(np.where(z > 1e-9, share / (1 + lambda_i), 0.0).mean())
+
+    return seen(reflectance, up), seen(1 - reflectance, down)
+
+
+def coat_table(distribution: str = "ggx") -> F64:
+    """COAT_NODES, the last axis one longer: the share of light from outside that a coat's facets let through.
+
+    The last entry of the last axis is the share of diffuse light from within that they throw back.
+    """
+    bends, roughnesses, cosines = (np.linspace(0, 1, nodes) for nodes in COAT_NODES)
+    found = np.empty((len(bends), len(roughnesses), len(cosines) + 1))
+    for (k, b), (i, r) in itertools.product(enumerate(bends * MOST_BEND), enumerate(roughnesses)):
+        eta, alpha = (1 + b) / (1 - b), max(r * r, 1e-3)
+        heights = np.maximum(np.square(cosines), _SMALLEST)
+        found[k, i, :-1] = [facets_pass(c, eta, alpha, distribution)[1] for c in heights.tolist()]
+        found[k, i, -1] = mean_over_hemisphere(
+            np.array([facets_pass(c, 1 / eta, alpha, distribution)[0] for c in heights.tolist()])
+        )
+    return found
 
 
 def sheen_albedo(cosine: float, alpha: float, steps: int = 256) -> float:
@@ -218,6 +312,10 @@ def main() -> None:
     np.save(table_path("ggx_albedo"), ggx_table().astype(np.float32))
     np.save(table_path("brushed_albedo"), brushed_table().astype(np.float32))
     np.save(table_path("glass_albedo"), glass_table().astype(np.float32))
+    for distribution in ("ggx", "beckmann"):
+        np.save(table_path(f"{distribution}_coat"), coat_table(distribution).astype(np.float32))
+    np.save(table_path("beckmann_albedo"), brushed_table("beckmann").astype(np.float32))
+    np.save(table_path("beckmann_glass_albedo"), glass_table("beckmann").astype(np.float32))
     np.save(table_path("sheen_albedo"), sheen_table().astype(np.float32))
 
 

@@ -1,4 +1,4 @@
-"""The single-scatter albedo of brushed surfaces: GGX whose two alphas differ, from a table (albedo_tables.py).
+"""The single-scatter albedo of brushed surfaces, whose two alphas differ, from tables (albedo_tables.py): GGX and Beckmann.
 
 It depends on the azimuth as well: along the groove's cross direction, where facets tilt most, far more light is lost at
 grazing angles than along the groove. No isotropic surface loses as much in one direction and as little in the other.
@@ -20,12 +20,14 @@ __all__ = ["brushed_albedo", "brushed_mean_albedo"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-_TABLE = np.load(table_path("brushed_albedo"))
+_TABLE = np.concatenate([np.load(table_path(name)) for name in ("brushed_albedo", "beckmann_albedo")])
 _LAST_ROUGHNESS, _LAST_RATIO, _LAST_COSINE, _LAST_AZIMUTH = (np.float32(nodes - 1) for nodes in BRUSHED_NODES)
 # How many entries (A, B) the table has for a node of all but the roughness; the means follow the cosines' nodes.
 _RATIOS, _COSINES, _AZIMUTHS = (np.uint32(entries) for entries in _TABLE.shape[1:4])
+_BECKMANN = np.uint32(BRUSHED_NODES[0])  # where its roughnesses begin
 _MEANS = np.uint32(BRUSHED_NODES[2])
 _FIRST = np.uint32(0)
+_LEAST = np.float32(1e-6)
 
 
 @device
@@ -48,8 +50,27 @@ def _entry(roughness, ratio, cosine, azimuth):
     return columns(_TABLE, number, 2, 0, 2)
 
 
+@device
+def _first(beckmann):
+    """The number of the distribution's first roughness in the table."""
+    first = _FIRST
+    if beckmann is not None:  # noqa: SIM102
+        if beckmann != _ZERO:
+            first = _BECKMANN
+    return first
+
+
+@device
+def _is_tabled(beckmann, alpha_x, alpha_y):
+    """Whether this table has the surface's albedo: all but those of GGX that are equally rough in both directions."""
+    tabled = alpha_x > alpha_y
+    if beckmann is not None:
+        tabled = tabled | (beckmann != _ZERO)
+    return tabled
+
+
 @subroutine
-def _lookup(w, alpha_x, alpha_y):
+def _lookup(first, w, alpha_x, alpha_y):
     out_of_line()
     sine2 = w[0] * w[0] + w[1] * w[1]
     x, y = alpha_x * w[0], alpha_y * w[1]
@@ -57,19 +78,19 @@ def _lookup(w, alpha_x, alpha_y):
     i, r = _node(math.sqrt(alpha_x), _LAST_ROUGHNESS)
     j, q = _node(math.sqrt(alpha_y / alpha_x), _LAST_RATIO)
     k, c = _node(math.sqrt(max(w[2], _ZERO)), _LAST_COSINE)
-    n, t = _node((alpha - alpha_y) / (alpha_x - alpha_y), _LAST_AZIMUTH)
+    n, t = _node((alpha - alpha_y) / max(alpha_x - alpha_y, _LEAST), _LAST_AZIMUTH)
     a = b = nil(t)
     for corner in range(16):
         di, dj, dk, dn = np.uint32(corner & 1), np.uint32(corner >> 1 & 1), np.uint32(corner >> 2 & 1), np.uint32(corner >> 3)
         share = _share(di, r) * _share(dj, q) * _share(dk, c) * _share(dn, t)
-        at_a, at_b = _entry(i + di, j + dj, k + dk, n + dn)
+        at_a, at_b = _entry(first + i + di, j + dj, k + dk, n + dn)
         a = a + share * at_a
         b = b + share * at_b
     return a, b
 
 
 @subroutine
-def _mean_lookup(alpha_x, alpha_y):
+def _mean_lookup(first, alpha_x, alpha_y):
     out_of_line()
     i, r = _node(math.sqrt(alpha_x), _LAST_ROUGHNESS)
     j, q = _node(math.sqrt(alpha_y / alpha_x), _LAST_RATIO)
@@ -77,35 +98,35 @@ def _mean_lookup(alpha_x, alpha_y):
     for corner in range(4):
         di, dj = np.uint32(corner & 1), np.uint32(corner >> 1)
         share = _share(di, r) * _share(dj, q)
-        at_a, at_b = _entry(i + di, j + dj, _MEANS, _FIRST)
+        at_a, at_b = _entry(first + i + di, j + dj, _MEANS, _FIRST)
         a = a + share * at_a
         b = b + share * at_b
     return a, b
 
 
 @device
-def brushed_albedo(w, roughness, alpha_x, alpha_y):
+def brushed_albedo(beckmann, w, roughness, alpha_x, alpha_y):
     """(A, B) as `ggx_albedo` gives them, towards w in the frame whose x axis has alpha_x >= alpha_y.
 
-    roughness: the root of both alphas where they are the same."""
-    brushed = alpha_x > alpha_y
+    beckmann: as in facets.py; roughness: the root of both alphas where they are the same."""
+    brushed = _is_tabled(beckmann, alpha_x, alpha_y)
     a = b = nil(w[2])
     if any_of(not_(brushed)):
         a, b = ggx_albedo(w[2], roughness)
     if any_of(brushed):
-        brushed_a, brushed_b = _lookup(w, alpha_x, alpha_y)
+        brushed_a, brushed_b = _lookup(_first(beckmann), w, alpha_x, alpha_y)
         a, b = where(brushed, brushed_a, a), where(brushed, brushed_b, b)
     return a, b
 
 
 @device
-def brushed_mean_albedo(roughness, alpha_x, alpha_y):
+def brushed_mean_albedo(beckmann, roughness, alpha_x, alpha_y):
     """(A, B), their means over the cosine-weighted hemisphere."""
-    brushed = alpha_x > alpha_y
+    brushed = _is_tabled(beckmann, alpha_x, alpha_y)
     a = b = nil(roughness)
     if any_of(not_(brushed)):
         a, b = ggx_mean_albedo(roughness)
     if any_of(brushed):
-        brushed_a, brushed_b = _mean_lookup(alpha_x, alpha_y)
+        brushed_a, brushed_b = _mean_lookup(_first(beckmann), alpha_x, alpha_y)
         a, b = where(brushed, brushed_a, a), where(brushed, brushed_b, b)
     return a, b

@@ -10,8 +10,8 @@ from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.bsdf.brushed_energy import brushed_albedo, brushed_mean_albedo
 from renderer.kernel.bsdf.energy import multiple_scattering
+from renderer.kernel.bsdf.facets import facet_density, facet_lambda, sample_visible_facet
 from renderer.kernel.bsdf.fresnel import fresnel_conductor
-from renderer.kernel.bsdf.microfacet import ggx_density, sample_visible_normal, smith_lambda
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
 from renderer.wide.values import any_of, nil, not_, where, where3
 
@@ -37,24 +37,24 @@ def fresnel_rgb(cosine, eta, k):
 
 
 @device
-def _albedo(w, roughness, alpha_x, alpha_y):
+def _albedo(beckmann, w, roughness, alpha_x, alpha_y):
     """The chance of the microfacets: the rest is light that they scatter more than once."""
-    a, b = brushed_albedo(w, roughness, alpha_x, alpha_y)
+    a, b = brushed_albedo(beckmann, w, roughness, alpha_x, alpha_y)
     return a + b
 
 
 @device
-def _above(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
+def _above(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
     """(f |cos|, pdf) of directions above the horizon."""
     h = vec.normalize(vec.add(wo, wi))
-    lambda_o = smith_lambda(wo, alpha_x, alpha_y)
-    lambda_i = smith_lambda(wi, alpha_x, alpha_y)
-    density = ggx_density(h, alpha_x, alpha_y) / (_FOUR * wo[2])
+    lambda_o = facet_lambda(beckmann, wo, alpha_x, alpha_y)
+    lambda_i = facet_lambda(beckmann, wi, alpha_x, alpha_y)
+    density = facet_density(beckmann, h, alpha_x, alpha_y) / (_FOUR * wo[2])
     f = vec.scale(fresnel_rgb(vec.dot(wo, h), eta, k), density / (_ONE + lambda_o + lambda_i))
-    a, b = brushed_mean_albedo(roughness, alpha_x, alpha_y)
+    a, b = brushed_mean_albedo(beckmann, roughness, alpha_x, alpha_y)
     mean = a + b
-    choice = _albedo(wo, roughness, alpha_x, alpha_y)
-    lost_i = max(_ONE - _albedo(wi, roughness, alpha_x, alpha_y), _ZERO)
+    choice = _albedo(beckmann, wo, roughness, alpha_x, alpha_y)
+    lost_i = max(_ONE - _albedo(beckmann, wi, roughness, alpha_x, alpha_y), _ZERO)
     lost = max(_ONE - choice, _ZERO) * lost_i / max(_ONE - mean, _LEAST_LOSS) * wi[2] * _INV_PI
     again = (
         lost * multiple_scattering(mean_fresnel[0], mean),
@@ -66,28 +66,30 @@ def _above(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
 
 
 @device
-def eval_and_pdf_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
-    """(f |cos|, pdf). mean_fresnel: over the hemisphere, cosine-weighted; roughness: the alphas' root where they are the same."""
+def eval_and_pdf_conductor(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
+    """(f |cos|, pdf). beckmann: as in facets.py; mean_fresnel: over the hemisphere, cosine-weighted.
+
+    roughness: the root of both alphas where they are the same."""
     none = nil(wi[2])
     f, pdf = (none, none, none), none
     below = (wi[2] <= _ZERO) | (wo[2] <= _ZERO)
     if any_of(not_(below)):
-        f, pdf = _above(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi)
+        f, pdf = _above(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi)
         f, pdf = where3(below, _BLACK, f), where(below, _ZERO, pdf)
     return f, pdf
 
 
 @device
-def sample_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, choose, u):
+def sample_conductor(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, choose, u):
     """(wi, weight, pdf)."""
-    mirrored = choose < _albedo(wo, roughness, alpha_x, alpha_y)
+    mirrored = choose < _albedo(beckmann, wo, roughness, alpha_x, alpha_y)
     wi = wo
     if any_of(mirrored):
-        h = sample_visible_normal(wo, alpha_x, alpha_y, u)
+        h = sample_visible_facet(beckmann, wo, alpha_x, alpha_y, u)
         wi = vec.sub(vec.scale(h, _TWO * vec.dot(wo, h)), wo)
     if any_of(not_(mirrored)):
         wi = where3(mirrored, wi, square_to_cosine_hemisphere(u))
-    f, pdf = eval_and_pdf_conductor(eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi)
+    f, pdf = eval_and_pdf_conductor(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi)
     lost = pdf <= _ZERO
     return wi, where3(lost, _BLACK, vec.scale(f, _ONE / pdf)), where(lost, _ZERO, pdf)
 

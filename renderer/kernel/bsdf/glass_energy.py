@@ -13,7 +13,7 @@ __all__ = ["glass_albedo", "glass_mean_albedo"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-_TABLE = np.load(table_path("glass_albedo"))
+_TABLE = np.concatenate([np.load(table_path(name)) for name in ("glass_albedo", "beckmann_glass_albedo")])
 _LAST = np.float32(GLASS_SIZE - 1)
 _MOST = GLASS_SIZE - 2
 _BENDS = np.float32((GLASS_SIZE - 1) / (2 * MOST_BEND))
@@ -34,6 +34,13 @@ def _mix(a, b, t):
 
 
 @device
+def _plane_of(beckmann, eta):
+    """(the plane of the table below eta, how far eta is beyond it)."""
+    k, r = _node(_bend(eta))
+    return k + (GLASS_SIZE if beckmann != _ZERO else 0), r
+
+
+@device
 def _bend(eta):
     return ((eta - _ONE) / (eta + _ONE) + _MOST_BEND) * _BENDS
 
@@ -46,20 +53,20 @@ def _plane(k, i, j, s, t):
 
 
 @subroutine
-def glass_albedo(cosine, roughness, eta):
+def glass_albedo(beckmann, cosine, roughness, eta):
     """What is reflected and transmitted, once, of light from one direction."""
     out_of_line()
-    k, r = _node(_bend(eta))
+    k, r = _plane_of(beckmann, eta)
     i, s = _node(roughness * _LAST)
     j, t = _node(math.sqrt(max(cosine, _ZERO)) * _LAST)
     return min(_mix(_plane(k, i, j, s, t), _plane(k + 1, i, j, s, t), r), _ONE)
 
 
 @subroutine
-def glass_mean_albedo(roughness, eta):
+def glass_mean_albedo(beckmann, roughness, eta):
     """Its mean over the cosine-weighted hemisphere."""
     out_of_line()
-    k, r = _node(_bend(eta))
+    k, r = _plane_of(beckmann, eta)
     i, s = _node(roughness * _LAST)
     here = _mix(_TABLE[k, GLASS_SIZE, i], _TABLE[k, GLASS_SIZE, i + 1], s)
     return _mix(here, _mix(_TABLE[k + 1, GLASS_SIZE, i], _TABLE[k + 1, GLASS_SIZE, i + 1], s), r)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.arrays import rows
-from renderer.arrays.rows import ALPHA_X, ALPHA_Y, FILM_MEAN
+from renderer.arrays.rows import ALPHA_X, ALPHA_Y, FILM_MEAN, HAS_BECKMANN
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.bsdf.brushed_energy import brushed_albedo, brushed_mean_albedo
@@ -128,8 +128,8 @@ def base_view(m, w):
     """The base towards one direction above: (a, b, loss, mean loss, scattered again by metal, by dielectric, what passes into the
     dielectric, what is left by coat, by sheen)."""
     cosine = w[2]
-    a, b = brushed_albedo(turned(m, w), m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
-    mean_a, mean_b = brushed_mean_albedo(m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
+    a, b = brushed_albedo(m[HAS_BECKMANN], turned(m, w), m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
+    mean_a, mean_b = brushed_mean_albedo(m[HAS_BECKMANN], m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
     mean = mean_a + mean_b
     loss = max(_ONE - a - b, _ZERO)
     base = rgb(m, rows.BASE)
@@ -157,9 +157,9 @@ def base_view(m, w):
 @subroutine
 def mean_passing(m):
     """What all layers together leave of light from all directions, for the diffuse base: their means, and covariances."""
-    mean_a, mean_b = brushed_mean_albedo(m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
+    mean_a, mean_b = brushed_mean_albedo(m[HAS_BECKMANN], m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
     mean = mean_a + mean_b
-    a, b = brushed_albedo((_ZERO, _ZERO, _ONE), m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
+    a, b = brushed_albedo(m[HAS_BECKMANN], (_ZERO, _ZERO, _ONE), m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
     if m[rows.IRIDESCENCE] > _ZERO:
         again = multiple_scattering(vec.maximum(rgb(m, FILM_MEAN + 3)), mean)
         taken = vec.maximum(rgb(m, FILM_MEAN + 3)) * mean + again * (_ONE - mean)

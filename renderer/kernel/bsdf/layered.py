@@ -2,9 +2,9 @@
 
     clearcoat        GGX of a varnish, ior 1.5, about its own normal
     sheen            Charlie
-    metal            GGX, Schlick by the base colour                  share: metallic
+    metal            microfacets, Schlick by the base colour                  share: metallic
     glass            rough or smooth boundary, or thin pane           share: (1 - metallic) transmission
-    dielectric       GGX by f0 and f90 over a diffuse base,           share: the rest
+    dielectric       the same by f0 and f90 over a diffuse base,           share: the rest
                      of which diffuse_transmission goes below
     iridescence      a thin film that replaces both Fresnels
 
@@ -21,11 +21,12 @@ import math
 import numpy as np
 
 from renderer.arrays import rows
-from renderer.arrays.rows import ALPHA_X, ALPHA_Y, COAT_NORMAL, IS_PANE
+from renderer.arrays.rows import ALPHA_X, ALPHA_Y, COAT_NORMAL, HAS_BECKMANN, IS_PANE
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.bsdf.clearcoat import eval_and_pdf_clearcoat, sample_clearcoat
 from renderer.kernel.bsdf.energy import schlick_mean
+from renderer.kernel.bsdf.facets import facet_density, facet_lambda, sample_visible_facet
 from renderer.kernel.bsdf.fresnel import fresnel_dielectric, schlick_weight
 from renderer.kernel.bsdf.layer_balance import (
     base_view,
@@ -38,7 +39,6 @@ from renderer.kernel.bsdf.layer_balance import (
     sheen_passing,
     turned,
 )
-from renderer.kernel.bsdf.microfacet import ggx_density, sample_visible_normal, smith_lambda
 from renderer.kernel.bsdf.rough_glass import (
     SMOOTH_GLASS,
     eval_and_pdf_pane,
@@ -109,8 +109,8 @@ def _glass(m, eta, wo, wi):
     i = turned(m, wi)
     if m[IS_PANE] != _ZERO:
         f0 = vec.maximum(dielectric_f0(m))
-        return eval_and_pdf_pane(f0, m[rows.SPECULAR], m[ALPHA_X], m[ALPHA_Y], o, i)
-    return eval_and_pdf_rough_glass(eta, m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y], o, i)
+        return eval_and_pdf_pane(m[HAS_BECKMANN], f0, m[rows.SPECULAR], m[ALPHA_X], m[ALPHA_Y], o, i)
+    return eval_and_pdf_rough_glass(m[HAS_BECKMANN], eta, m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y], o, i)
 
 
 @subroutine
@@ -155,9 +155,9 @@ def eval_and_pdf_layered(m, eta, wo, wi):
     i = turned(m, wi)
     h = vec.normalize(vec.add(o, i))
     metal_f, dielectric_f = fresnels(m, vec.dot(o, h))
-    lambda_o = smith_lambda(o, m[ALPHA_X], m[ALPHA_Y])
-    lambda_i = smith_lambda(i, m[ALPHA_X], m[ALPHA_Y])
-    density = ggx_density(h, m[ALPHA_X], m[ALPHA_Y]) / (_FOUR * wo[2])
+    lambda_o = facet_lambda(m[HAS_BECKMANN], o, m[ALPHA_X], m[ALPHA_Y])
+    lambda_i = facet_lambda(m[HAS_BECKMANN], i, m[ALPHA_X], m[ALPHA_Y])
+    density = facet_density(m[HAS_BECKMANN], h, m[ALPHA_X], m[ALPHA_Y]) / (_FOUR * wo[2])
     fresnel = vec.add(vec.scale(metal_f, metallic), vec.scale(dielectric_f, dielectric))
     f = vec.add(f, vec.scale(fresnel, left * density / (_ONE + lambda_o + lambda_i)))
     pdf += choose_specular * density / (_ONE + lambda_o)
@@ -207,7 +207,7 @@ def sample_layered(m, eta, wo, choose, u):
         wi = sample_sheen(u)
     elif choose < at + sheen + specular:
         o = turned(m, wo)
-        h = sample_visible_normal(o, m[ALPHA_X], m[ALPHA_Y], u)
+        h = sample_visible_facet(m[HAS_BECKMANN], o, m[ALPHA_X], m[ALPHA_Y], u)
         wi = _turned_back(m, vec.sub(vec.scale(h, _TWO * vec.dot(o, h)), o))
     elif choose < at + sheen + specular + diffuse:
         wi = square_to_cosine_hemisphere(u)
@@ -222,9 +222,9 @@ def sample_layered(m, eta, wo, choose, u):
             return wi, weight, _ZERO, scale
         o = turned(m, wo)
         if m[IS_PANE] != _ZERO:
-            i = sample_pane(vec.maximum(dielectric_f0(m)), m[rows.SPECULAR], m[ALPHA_X], m[ALPHA_Y], o, rest, u)
+            i = sample_pane(m[HAS_BECKMANN], vec.maximum(dielectric_f0(m)), m[rows.SPECULAR], m[ALPHA_X], m[ALPHA_Y], o, rest, u)
         else:
-            i = sample_rough_glass(eta, m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y], o, rest, u)
+            i = sample_rough_glass(m[HAS_BECKMANN], eta, m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y], o, rest, u)
             scale = eta * eta if i[2] < _ZERO else _ONE
         wi = _turned_back(m, i)
         above = wi[2] > _ZERO

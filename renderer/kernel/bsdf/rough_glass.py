@@ -13,9 +13,9 @@ import numpy as np
 
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
+from renderer.kernel.bsdf.facets import facet_density, facet_lambda, pdf_visible_facet, sample_visible_facet
 from renderer.kernel.bsdf.fresnel import fresnel_dielectric, mean_fresnel_dielectric, schlick_weight
 from renderer.kernel.bsdf.glass_energy import glass_albedo, glass_mean_albedo
-from renderer.kernel.bsdf.microfacet import ggx_density, pdf_visible_normal, sample_visible_normal, smith_lambda
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
 
 __all__ = ["SMOOTH_GLASS", "eval_and_pdf_pane", "eval_and_pdf_rough_glass", "sample_pane", "sample_rough_glass"]
@@ -33,44 +33,44 @@ _TINY = np.float32(1e-12)
 
 
 @subroutine
-def eval_and_pdf_rough_glass(eta, roughness, alpha_x, alpha_y, wo, wi):
+def eval_and_pdf_rough_glass(beckmann, eta, roughness, alpha_x, alpha_y, wo, wi):
     """(f |cos|, pdf) of white glass, above and below; radiance is squeezed by 1 / eta**2 on its way in.
 
-    roughness: the isotropic twin's, for the energy."""
+    beckmann: as in facets.py; roughness: the isotropic twin's, for the energy."""
     if wo[2] <= _ZERO or wi[2] == _ZERO:
         return _ZERO, _ZERO
-    once, density = _scattered_once(eta, alpha_x, alpha_y, wo, wi)
-    albedo = glass_albedo(wo[2], roughness, eta)
-    lost, back = _lost(eta, roughness)
+    once, density = _scattered_once(beckmann, eta, alpha_x, alpha_y, wo, wi)
+    albedo = glass_albedo(beckmann, wo[2], roughness, eta)
+    lost, back = _lost(beckmann, eta, roughness)
     cosine = abs(wi[2]) * _INV_PI
     if wi[2] > _ZERO:
-        again = back * (_ONE - albedo) * (_ONE - glass_albedo(wi[2], roughness, eta)) / lost * cosine
+        again = back * (_ONE - albedo) * (_ONE - glass_albedo(beckmann, wi[2], roughness, eta)) / lost * cosine
         return once + again, albedo * density + (_ONE - albedo) * back * cosine
     inside = _ONE / eta
-    lost_inside, _ = _lost(inside, roughness)
-    again = (_ONE - back) * (_ONE - albedo) * (_ONE - glass_albedo(-wi[2], roughness, inside)) / lost_inside * cosine
+    lost_inside, _ = _lost(beckmann, inside, roughness)
+    again = (_ONE - back) * (_ONE - albedo) * (_ONE - glass_albedo(beckmann, -wi[2], roughness, inside)) / lost_inside * cosine
     return once + again * inside * inside, albedo * density + (_ONE - albedo) * (_ONE - back) * cosine
 
 
 @device
-def _lost(eta, roughness):
+def _lost(beckmann, eta, roughness):
     """(what is scattered more than once, over the hemisphere; which part of it is reflected in the end)."""
-    lost = max(_ONE - glass_mean_albedo(roughness, eta), _LEAST_LOSS)
-    beyond = max(_ONE - glass_mean_albedo(roughness, _ONE / eta), _LEAST_LOSS)
+    lost = max(_ONE - glass_mean_albedo(beckmann, roughness, eta), _LEAST_LOSS)
+    beyond = max(_ONE - glass_mean_albedo(beckmann, roughness, _ONE / eta), _LEAST_LOSS)
     # Reciprocal for any two sides, since (1 - mean Fresnel) over eta**2 is the same from both.
     return lost, _ONE - (_ONE - mean_fresnel_dielectric(eta)) * min(beyond / lost, _ONE)
 
 
 @device
-def _scattered_once(eta, alpha_x, alpha_y, wo, wi):
-    lambda_o = smith_lambda(wo, alpha_x, alpha_y)
-    lambda_i = smith_lambda(wi, alpha_x, alpha_y)
+def _scattered_once(beckmann, eta, alpha_x, alpha_y, wo, wi):
+    lambda_o = facet_lambda(beckmann, wo, alpha_x, alpha_y)
+    lambda_i = facet_lambda(beckmann, wi, alpha_x, alpha_y)
     shadowing = (_ONE + lambda_o) / (_ONE + lambda_o + lambda_i)
     if wi[2] > _ZERO:
         h = vec.normalize(vec.add(wo, wi))
         cosine = vec.dot(wo, h)
         reflectance, _ = fresnel_dielectric(cosine, eta)
-        pdf = reflectance * pdf_visible_normal(wo, h, alpha_x, alpha_y) / (_FOUR * max(cosine, _TINY))
+        pdf = reflectance * pdf_visible_facet(beckmann, wo, h, alpha_x, alpha_y) / (_FOUR * max(cosine, _TINY))
         return pdf * shadowing, pdf
     h = vec.add(wo, vec.scale(wi, eta))
     square = vec.dot(h, h)
@@ -84,20 +84,20 @@ def _scattered_once(eta, alpha_x, alpha_y, wo, wi):
     reflectance, _ = fresnel_dielectric(cosine, eta)
     denominator = cosine_i + cosine / eta
     jacobian = -cosine_i / max(denominator * denominator, _TINY)
-    pdf = (_ONE - reflectance) * pdf_visible_normal(wo, h, alpha_x, alpha_y) * jacobian
+    pdf = (_ONE - reflectance) * pdf_visible_facet(beckmann, wo, h, alpha_x, alpha_y) * jacobian
     return pdf * shadowing / (eta * eta), pdf
 
 
 @subroutine
-def sample_rough_glass(eta, roughness, alpha_x, alpha_y, wo, choose, u):
+def sample_rough_glass(beckmann, eta, roughness, alpha_x, alpha_y, wo, choose, u):
     """A direction, above or below; zero where a microfacet sends light into the surface."""
-    albedo = glass_albedo(wo[2], roughness, eta)
+    albedo = glass_albedo(beckmann, wo[2], roughness, eta)
     if choose >= albedo:
         w = square_to_cosine_hemisphere(u)
-        _, back = _lost(eta, roughness)
+        _, back = _lost(beckmann, eta, roughness)
         return w if choose - albedo < (_ONE - albedo) * back else (w[0], w[1], -w[2])
     choose /= albedo
-    h = sample_visible_normal(wo, alpha_x, alpha_y, u)
+    h = sample_visible_facet(beckmann, wo, alpha_x, alpha_y, u)
     cosine = vec.dot(wo, h)
     reflectance, refracted = fresnel_dielectric(cosine, eta)
     if choose < reflectance:
@@ -114,7 +114,7 @@ def _pane_reflectance(f0, f90, cosine):
 
 
 @subroutine
-def eval_and_pdf_pane(f0, f90, alpha_x, alpha_y, wo, wi):
+def eval_and_pdf_pane(beckmann, f0, f90, alpha_x, alpha_y, wo, wi):
     """(f |cos|, pdf) of a white thin pane: what its microfacets do not reflect passes, mirrored at the pane's plane."""
     if wo[2] <= _ZERO or wi[2] == _ZERO:
         return _ZERO, _ZERO
@@ -122,17 +122,17 @@ def eval_and_pdf_pane(f0, f90, alpha_x, alpha_y, wo, wi):
     h = vec.normalize(vec.add(wo, up))
     cosine = vec.dot(wo, h)
     reflectance = _pane_reflectance(f0, f90, cosine)
-    lambda_o = smith_lambda(wo, alpha_x, alpha_y)
-    lambda_i = smith_lambda(up, alpha_x, alpha_y)
+    lambda_o = facet_lambda(beckmann, wo, alpha_x, alpha_y)
+    lambda_i = facet_lambda(beckmann, up, alpha_x, alpha_y)
     share = reflectance if wi[2] > _ZERO else _ONE - reflectance
-    density = share * ggx_density(h, alpha_x, alpha_y) / (_FOUR * wo[2])
+    density = share * facet_density(beckmann, h, alpha_x, alpha_y) / (_FOUR * wo[2])
     return density / (_ONE + lambda_o + lambda_i), density / (_ONE + lambda_o)
 
 
 @subroutine
-def sample_pane(f0, f90, alpha_x, alpha_y, wo, choose, u):
+def sample_pane(beckmann, f0, f90, alpha_x, alpha_y, wo, choose, u):
     """A direction, above or below; zero where light meets the surface again."""
-    h = sample_visible_normal(wo, alpha_x, alpha_y, u)
+    h = sample_visible_facet(beckmann, wo, alpha_x, alpha_y, u)
     cosine = vec.dot(wo, h)
     wi = vec.sub(vec.scale(h, _TWO * cosine), wo)
     if wi[2] <= _ZERO:

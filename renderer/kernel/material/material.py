@@ -18,6 +18,8 @@ from renderer.arrays.rows import (
     CONDUCTOR,
     DIFFUSE,
     GLASS,
+    HAS_BECKMANN,
+    HAS_NONLINEAR,
     LAYER_SLOTS,
     LAYERED,
     METALLIC_ROUGHNESS,
@@ -156,6 +158,9 @@ def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, f
     arrays = scene.has, scene.material_texture, scene.texture, scene.texture_transform, scene.texel
     textures = Textures(*arrays, number, uv, uv1, scene.key_texture, time)
     resolve(kind, scene.material, textures, base, metallic, roughness, pane, layers)
+    if scene.has.layers is not None:
+        layers[HAS_BECKMANN] = _ONE if flags & rows.BECKMANN != 0 else _ZERO
+        layers[HAS_NONLINEAR] = _ONE if flags & rows.NONLINEAR != 0 else _ZERO
     coated = kind == LAYERED and layers[rows.CLEARCOAT] > _ZERO and flags & rows.NEEDS_TANGENT != 0
     if scene.has.layers is not None and coated:
         normal = coat_normal(scene, number, shading, uv, uv1, frame, time)

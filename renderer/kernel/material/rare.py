@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.absent import where_present
 from renderer.arrays import rows
-from renderer.arrays.rows import ALPHA_X, ALPHA_Y, BLINN_PHONG, CONDUCTOR, LAYERED, MEDIUM
+from renderer.arrays.rows import ALPHA_X, ALPHA_Y, BLINN_PHONG, CONDUCTOR, HAS_BECKMANN, LAYERED, MEDIUM, PLASTIC
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.bsdf.blinn_phong import eval_and_pdf_blinn_phong, sample_blinn_phong
 from renderer.kernel.bsdf.conductor import eval_and_pdf_conductor, sample_conductor, sample_smooth_conductor
 from renderer.kernel.bsdf.layered import eval_and_pdf_layered, sample_layered
+from renderer.kernel.bsdf.plastic import eval_and_pdf_plastic, sample_plastic
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.kernel.medium.henyey_greenstein import (
     eval_henyey_greenstein,
@@ -62,13 +64,16 @@ def eval_rare(has, kind, m, eta, wo, wi):
     if kind == CONDUCTOR:
         index, k, mean, roughness, alpha_x, alpha_y = _conductor(m)
         o, i = _turned(m, wo, _ONE), _turned(m, wi, _ONE)
-        return eval_and_pdf_conductor(index, k, mean, roughness, alpha_x, alpha_y, o, i)
+        beckmann = where_present(has.layers, m[HAS_BECKMANN])
+        return eval_and_pdf_conductor(beckmann, index, k, mean, roughness, alpha_x, alpha_y, o, i)
     if has.media is not None and kind == MEDIUM:
         phase = eval_henyey_greenstein(m[rows.SUBSURFACE_ANISOTROPY], wi)
         return (phase, phase, phase), pdf_henyey_greenstein(m[rows.SUBSURFACE_ANISOTROPY], wi)
     if has.layers is not None and kind == BLINN_PHONG:
         kd, ks = _kd_ks(m)
         return eval_and_pdf_blinn_phong(kd, ks, m[rows.SHININESS], wo, wi)
+    if has.layers is not None and kind == PLASTIC:
+        return eval_and_pdf_plastic(m, wo, wi)
     return _BLACK, _ZERO
 
 
@@ -84,7 +89,8 @@ def sample_rare(has, kind, m, eta, wo, choose, u):
             wi, weight = sample_smooth_conductor(index, k, wo)
             return wi, weight, _ZERO, _ONE
         o = _turned(m, wo, _ONE)
-        i, weight, pdf = sample_conductor(index, k, mean, roughness, alpha_x, alpha_y, o, choose, u)
+        beckmann = where_present(has.layers, m[HAS_BECKMANN])
+        i, weight, pdf = sample_conductor(beckmann, index, k, mean, roughness, alpha_x, alpha_y, o, choose, u)
         return _turned(m, i, -_ONE), weight, pdf, _ONE
     if has.media is not None and kind == MEDIUM:
         wi = sample_henyey_greenstein(m[rows.SUBSURFACE_ANISOTROPY], u)
@@ -92,5 +98,8 @@ def sample_rare(has, kind, m, eta, wo, choose, u):
     if has.layers is not None and kind == BLINN_PHONG:
         kd, ks = _kd_ks(m)
         wi, weight, pdf = sample_blinn_phong(kd, ks, m[rows.SHININESS], wo, choose, u)
+        return wi, weight, pdf, _ONE
+    if has.layers is not None and kind == PLASTIC:
+        wi, weight, pdf = sample_plastic(m, wo, choose, u)
         return wi, weight, pdf, _ONE
     return (_ZERO, _ZERO, _ONE), _BLACK, _ZERO, _ONE

@@ -140,13 +140,13 @@ def answer_metallic_roughness(scene, m, wo, wi, choose, u):
 
 @device
 def answer_conductor(scene, m, wo, wi, choose, u):
-    """A rough metal's, unless it is brushed."""
+    """A rough metal's, unless it is brushed or its facets are Beckmann's."""
     eta, k = _indices(scene, m)
     mean = columns(scene.material, m.material, COLUMNS, rows.MEAN_FRESNEL, 3)
     roughness = _metallic_roughness(scene, m)[1]
     alpha = max(roughness * roughness, MIN_ALPHA)
-    f, light_pdf = eval_and_pdf_conductor(eta, k, mean, roughness, alpha, alpha, wo, wi)
-    on, weight, pdf = sample_conductor(eta, k, mean, roughness, alpha, alpha, wo, choose, u)
+    f, light_pdf = eval_and_pdf_conductor(None, eta, k, mean, roughness, alpha, alpha, wo, wi)
+    on, weight, pdf = sample_conductor(None, eta, k, mean, roughness, alpha, alpha, wo, choose, u)
     return f, light_pdf, on, weight, pdf, nil(choose) + _ONE
 
 

@@ -70,8 +70,10 @@ _FIRST_LIGHT, _NONE, _NEXT = np.uint32(0), np.uint32(0), np.uint32(1)
 _DIFFUSE, _METALLIC_ROUGHNESS, _CONDUCTOR = (
     np.uint32(kind) for kind in (kinds.DIFFUSE, kinds.METALLIC_ROUGHNESS, kinds.CONDUCTOR)
 )
-_LAYERED, _BLINN_PHONG, _UNLIT = (np.uint32(kind) for kind in (kinds.LAYERED, kinds.BLINN_PHONG, kinds.UNLIT))
-_NEEDS_TANGENT, _SCATTERS_WITHIN = np.uint32(kinds.NEEDS_TANGENT), np.uint32(kinds.SCATTERS_WITHIN)
+_LAYERED, _BLINN_PHONG, _UNLIT, _PLASTIC = (
+    np.uint32(kind) for kind in (kinds.LAYERED, kinds.BLINN_PHONG, kinds.UNLIT, kinds.PLASTIC)
+)
+_RARE_METAL, _SCATTERS_WITHIN = np.uint32(kinds.NEEDS_TANGENT | kinds.BECKMANN), np.uint32(kinds.SCATTERS_WITHIN)
 _TO_WITHIN = np.float32(WITHIN)
 _TO_DIFFUSE, _TO_SPECULAR, _TO_METALLIC_ROUGHNESS, _TO_CONDUCTOR, _TO_RARE, _TO_RARE_SPECULAR = (
     np.float32(which) for which in (DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE, RARE_SPECULAR)
@@ -166,9 +168,9 @@ def _list_of(scene, material, kind, roughness):
     which = where(kind == _DIFFUSE, _TO_DIFFUSE, where(kind == _METALLIC_ROUGHNESS, _TO_METALLIC_ROUGHNESS, _TO_SPECULAR))
     which = where((kind == _CONDUCTOR) & not_(even), _TO_CONDUCTOR, which)
     if scene.has.layers is not None:
-        brushed = (kind == _CONDUCTOR) & ((u32(lookup(scene.material_flags, material)) & _NEEDS_TANGENT) != _NONE)
-        which = where(brushed, where(even, _TO_RARE_SPECULAR, _TO_RARE), which)
-        which = where((kind == _LAYERED) | (kind == _BLINN_PHONG), _TO_RARE, which)
+        rare = (kind == _CONDUCTOR) & ((u32(lookup(scene.material_flags, material)) & _RARE_METAL) != _NONE)
+        which = where(rare, where(even, _TO_RARE_SPECULAR, _TO_RARE), which)
+        which = where((kind == _LAYERED) | (kind == _BLINN_PHONG) | (kind == _PLASTIC), _TO_RARE, which)
     return which
 
 

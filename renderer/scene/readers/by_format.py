@@ -7,6 +7,7 @@ from importlib import import_module
 from pathlib import PurePosixPath
 from typing import Any
 
+from renderer.confine.faults import is_of_machine
 from renderer.errors import RayfarmError, SceneError
 from renderer.formats import FORMATS, Format
 from renderer.scene.animation import Moment
@@ -64,6 +65,8 @@ def read_file(
         raise
     # A parser that trips over a damaged file in a way nobody foresaw must not take the worker with it.
     except Exception as error:
+        if is_of_machine(error):
+            raise
         raise SceneError(
             f"{name}: could not be read as {suffix}; it may be damaged, export it again ({_reason(error)})"
         ) from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any
 from xml.etree import ElementTree
@@ -27,7 +28,8 @@ def bridged(data: bytes) -> tuple[bytes, int]:
     filled = 0
     for mesh in root.iter():
         if _name(mesh) == "mesh":
-            filled += sum(_bridge(polygons, mesh) for polygons in mesh if _name(polygons) == "polygons")
+            with suppress(ValueError):  # words in the place of whole numbers: assimp says what is wrong with them
+                filled += sum(_bridge(polygons, mesh) for polygons in mesh if _name(polygons) == "polygons")
     namespace = root.tag[1:].partition("}")[0] if root.tag.startswith("{") else ""
     if namespace:
         ElementTree.register_namespace("", namespace)

@@ -67,7 +67,7 @@ def names_of(files: SceneFiles, name: str) -> list[str]:
 
 def without_comment(words: str) -> str:
     """What stands before a comment at a line's end."""
-    return _COMMENT.split(words, maxsplit=1)[0].strip()
+    return _COMMENT.split(words, maxsplit=1)[0].strip() if "#" in words else words.strip()
 
 
 def _lines(text: str) -> Iterator[tuple[str, str]]:
@@ -89,12 +89,17 @@ class _Statements:
 
     def numbers(self, keyword: str) -> list[float]:
         """The finite numbers of a statement; none, with a warning, where there are others or none is one."""
-        words = without_comment(self.values.get(keyword, "")).split()
+        text = without_comment(self.values.get(keyword, ""))
+        if not text:
+            return []
+        if "," in text:
+            text, commas = _DECIMAL_COMMA.subn(".", text)
+            self.commas += commas > 0
+        words = text.split()
         try:
-            values = [float(_DECIMAL_COMMA.sub(".", w)) for w in words]
+            values = [float(w) for w in words]
         except ValueError:
             values = [math.nan]
-        self.commas += any(_DECIMAL_COMMA.search(w) for w in words)
         if all(math.isfinite(v) for v in values):
             return values
         self.shelf.warn_of_surface(
@@ -115,7 +120,7 @@ class _Statements:
     def map(self, *keywords: str) -> Map | None:
         """The first of the map statements that names a file."""
         self._asked |= {*keywords}
-        maps = (parse_map(self.values.get(k, ""), self._is_file) for k in keywords)
+        maps = (parse_map(self.values[k], self._is_file) for k in keywords if k in self.values)
         return next((m for m in maps if m is not None), None)
 
     def _is_file(self, reference: str) -> bool:

@@ -66,19 +66,22 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     materials = Materials(main, said, files, shelf, description)
     cut = filled(np.diff(said.starts), said.corners[:, 0], said.positions, main, shelf)
     stretches = _stretches(said)
-    parts = _parts(said, cut, list(stretches.values()))
-    shown = list[tuple[str | None, Mesh, npt.NDArray[np.int64]]]()
+    order, begins = _groups(said, cut, list(stretches.values()))
     title = PurePosixPath(main).stem
-    for name, chosen in zip(stretches, parts, strict=True):
-        meshes = [_mesh(name or title, said, cut, some) for some in chosen if len(some)]
-        number = materials.number(name, meshes) if meshes else 0
-        for mesh, some in zip(meshes, [each for each in chosen if len(each)], strict=True):
+    made = _meshes([name or title for name in stretches], said, cut, order, begins)
+    shown = list[tuple[Mesh, npt.NDArray[np.int64]]]()
+    for i, name in enumerate(stretches):
+        groups = [group for group in (2 * i, 2 * i + 1) if begins[group] < begins[group + 1]]
+        if not groups:
+            continue
+        number = materials.number(name, [made[group] for group in groups])
+        for group in groups:
+            mesh = made[group]
             mesh.material = number
             if name and description.materials[number].name == without_comment(name):
                 mesh.name = without_comment(name)
-            shown.append((name, mesh, some))
-    bare = [mesh for _, mesh, _ in shown]
-    for mesh in _rounded(said, cut, bare, [some for _, _, some in shown]):
+            shown.append((mesh, order[begins[group] : begins[group + 1]]))
+    for mesh in _rounded(said, cut, [mesh for mesh, _ in shown], [triangles for _, triangles in shown]):
         description.meshes.append(mesh)
         description.instances.append(Instance(len(description.meshes) - 1, name=mesh.name))
     if said.others:
@@ -126,8 +129,10 @@ def _rounded(said: Statements, cut: Cut, meshes: list[Mesh], triangles: list[npt
         return meshes  # flat, without normals
     part = np.zeros(count, np.int64)
     np.add.at(part, [face for face in said.objects if face < count], 1)
-    _, surface = np.unique(np.stack([np.cumsum(part), group]), axis=1, return_inverse=True)
-    surface = np.where(group > 0, surface.reshape(-1), count + np.arange(count)).astype(np.int32)  # flat faces are alone
+    _, surface = np.unique(np.cumsum(part) * len(numbers) + group, return_inverse=True)
+    surface = np.where(group > 0, surface, count + np.arange(count)).astype(np.int32)  # flat faces are alone
+    if (surface == surface[0]).all():
+        return smoothed_together(meshes, _EVERY_EDGE, surfaces=[0] * len(meshes))
     return smoothed_together(meshes, _EVERY_EDGE, [np.asarray(surface[cut.face[some]], np.int32) for some in triangles])
 
 
@@ -154,32 +159,50 @@ def _stretches(said: Statements) -> dict[str | None, npt.NDArray[np.int64]]:
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
-def _parts(said: Statements, cut: Cut, stretches: list[npt.NDArray[np.int64]]) -> list[list[npt.NDArray[np.int64]]]:
-    """For each stretch of faces its triangles, those with normals and those without apart."""
+def _groups(
+    said: Statements, cut: Cut, stretches: list[npt.NDArray[np.int64]]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Triangles in the order of their groups, (T,), and where each group begins, (2 S + 1,). Each of S stretches of faces is two
+    groups: its triangles with normals, and those without."""
     begins = np.searchsorted(cut.face, np.arange(len(said.starts)))
-    has = (said.corners[cut.triangles, 2] >= 0).all(axis=1)
-    found = []
-    for faces in stretches:
-        count = begins[faces + 1] - begins[faces]
-        some = np.repeat(begins[faces] - (np.cumsum(count) - count), count) + np.arange(int(count.sum()))
-        found.append([some[has[some]], some[~has[some]]])
-    return found
+    faces = np.concatenate(stretches)
+    stretch = np.repeat(np.arange(len(stretches)), [len(each) for each in stretches])
+    count = begins[faces + 1] - begins[faces]
+    triangles = np.repeat(begins[faces] - (np.cumsum(count) - count), count) + np.arange(int(count.sum()))
+    is_bare = (said.corners[cut.triangles[triangles], 2] < 0).any(axis=1)
+    group = 2 * np.repeat(stretch, count) + is_bare
+    order = np.argsort(group, kind="stable")
+    return triangles[order], np.searchsorted(group[order], np.arange(2 * len(stretches) + 1))
 
 
-def _mesh(name: str, said: Statements, cut: Cut, triangles: npt.NDArray[np.int64]) -> Mesh:
-    """The mesh of some triangles, all with normals or all without."""
-    corners = said.corners[cut.triangles[triangles].reshape(-1)]
-    has_normals = bool((corners[:, 2] >= 0).all())
-    if not has_normals:
-        corners[:, 2] = -1
+def _meshes(
+    names: list[str], said: Statements, cut: Cut, order: npt.NDArray[np.int64], begins: npt.NDArray[np.int64]
+) -> list[Mesh]:
+    """A mesh for each group of triangles (see `_groups`), made at once, for files have a hundred thousand small ones."""
+    corners = said.corners[cut.triangles[order].reshape(-1)]
+    group = np.repeat(np.arange(len(begins) - 1, dtype=np.int32), 3 * np.diff(begins))
+    corners[group % 2 == 1, 2] = -1
     first, number = unique_threes(corners)
-    vertices = corners[first]
-    uvs = None if (vertices[:, 1] < 0).all() else _picked(said.uvs, vertices[:, 1])
-    normals = said.normals[vertices[:, 2]] if has_normals else None
-    mesh = Mesh(name, said.positions[vertices[:, 0]], number.reshape(-1, 3), normals, uvs)
-    if said.colors is not None:
-        mesh.colors = vertex_colors(said.colors[vertices[:, 0]])
-    return mesh
+    if len(order) and group[0] != group[-1]:
+        first, number = unique_threes(np.column_stack([number, group, np.zeros_like(group)]))
+    vertices, starts = corners[first], np.searchsorted(first, 3 * begins)
+    positions, uvs, normals = (
+        said.positions[vertices[:, 0]],
+        _picked(said.uvs, vertices[:, 1]),
+        _picked(said.normals, vertices[:, 2]),
+    )
+    has_uvs = np.concatenate([[0], np.cumsum(vertices[:, 1] >= 0)])[starts]
+    colors = None if said.colors is None else vertex_colors(said.colors[vertices[:, 0]])
+    found = []
+    for i in range(len(begins) - 1):
+        rows = slice(starts[i], starts[i + 1])
+        triangles = number[3 * begins[i] : 3 * begins[i + 1]].reshape(-1, 3) - np.int32(starts[i])
+        mesh = Mesh(names[i // 2], positions[rows], triangles)
+        mesh.normals = normals[rows] if i % 2 == 0 else None
+        mesh.uvs = uvs[rows] if has_uvs[i] < has_uvs[i + 1] else None
+        mesh.colors = colors[rows] if colors is not None else None
+        found.append(mesh)
+    return found
 
 
 def _picked(table: F32, at: I32) -> F32:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 import trimesh
 from PIL import Image, PngImagePlugin
 
+from renderer.confine.faults import is_of_machine
 from renderer.errors import SceneError
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Vec3
 from renderer.scene.files import SceneFiles
@@ -22,14 +23,12 @@ from renderer.scene.origin import exact
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.faces import filled, used
 from renderer.scene.readers.points import add_points
-from renderer.scene.readers.stl import Z_UP
+from renderer.scene.readers.uprights import X_UP, Z_UP
 from renderer.scene.readers.xml import refuse_entities
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read", "read_data"]
 
-# The world is Y up; Z_UP and this turn what is not.
-_X_UP = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 
 logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what it logs of damaged files, our errors and warnings say
 
@@ -50,6 +49,8 @@ def read_data(data: bytes, suffix: str, files: SceneFiles, main: str, descriptio
     except MemoryError:
         raise
     except Exception as error:  # trimesh's readers raise nearly every type on damaged files
+        if is_of_machine(error):
+            raise
         reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
         raise SceneError(f"{main}: is damaged or no {suffix} file ({reason}); export it again") from error
     _add(scene, main, _upright(suffix, data), shelf, description)
@@ -169,7 +170,7 @@ def _upright(suffix: str, data: bytes) -> npt.NDArray[np.float64]:
     if suffix == ".stl":
         return Z_UP
     said = re.search(rb"<up_axis>\s*([XYZ])_UP", data[:100_000]) if suffix == ".dae" else None
-    return {b"Z": Z_UP, b"X": _X_UP}.get(said.group(1) if said else b"Y", np.eye(4))
+    return {b"Z": Z_UP, b"X": X_UP}.get(said.group(1) if said else b"Y", np.eye(4))
 
 
 def _texture(image: Any, shelf: TextureShelf) -> int | None:

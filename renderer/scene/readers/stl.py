@@ -14,17 +14,16 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.faces import filled
+from renderer.scene.readers.uprights import Z_UP
 from renderer.scene.text import as_utf8, decoded, readable, with_points
 from renderer.scene.textures import TextureShelf
 from renderer.scene.unique import unique_threes
 
-__all__ = ["Z_UP", "read"]
+__all__ = ["read"]
 
 _HEAD = 84
 _ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("color", "<u2")])
 _OWN = 1 << 15
-# STL has no say of its own, and those who write it count Z up.
-Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
@@ -44,6 +43,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     rows = np.frombuffer(data, _ROW, count, _HEAD)
     corners = np.ascontiguousarray(rows["corners"]).reshape(-1, 3)
     colors = _colors(rows["color"], data[:80])
+    if colors is None and (odd := int(np.count_nonzero(rows["color"]))):
+        shelf.warn_of_surface(f"{main}: {odd} of {count} triangles have attributes that are no colours; they are left out.")
     whole = filled(np.full(count, 3), np.arange(3 * count), corners, main, shelf).face
     if len(whole) < count:
         corners = corners.reshape(-1, 9)[whole].reshape(-1, 3)

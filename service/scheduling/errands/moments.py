@@ -7,11 +7,12 @@ When room is short, the frame that is needed last loses its own first: a shot re
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from functools import cache
 
 from renderer.settings import OPTIONAL
+from service.scheduling.errands.unfit import Fault, Place, Unfit
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.handing_out.dispatch import Dispatcher
 from service.scheduling.handing_out.leases import UNSEEN_ALLOWED, Lease, Leases
@@ -47,6 +48,8 @@ class Moments:
         self._seconds: dict[str, float] = {}  # of a job: that its frames take each
         self._sizes: dict[str, int] = {}  # and the bytes that the latest took beside what it shares
         self._losses: Counter[tuple[str, int]] = Counter()
+        self._unfit = Unfit()
+        self._unfit_kind: dict[str, str] = {}  # of a job: the kind of the workers that are
 
     def fill(self, jobs: Iterable[tuple[ActiveJob, str | None]], auto: FrameOf, busy: set[tuple[str, int]]) -> list[ActiveJob]:
         """Hand out what is needed next. jobs: with the kind of workers that render each, in turn. busy: frames of jobs of which
@@ -56,6 +59,9 @@ class Moments:
         left = self._room - self._taken([job for job, _ in shots])
         for job, kind in shots:
             if kind is None or len(self.leases.of(job.id)) >= max(1, self._workers.roster.slots(kind) // 2):
+                continue
+            place = self._place(job.id, kind)
+            if place is None:
                 continue
             chosen, size = self._chosen(job, kind), self._sizes.get(job.id)
             if size is None:
@@ -70,13 +76,15 @@ class Moments:
                 chosen = chosen[: max(1, left // size)]
                 left -= len(chosen) * size
             if chosen:
-                self._send(job, kind, chosen, auto(job))
+                self._send(job, place, chosen, auto(job))
         return cleared
 
     def forget(self, job: str) -> None:
         """The job is over, or its frames are looked at anew."""
         self._seconds.pop(job, None)
         self._sizes.pop(job, None)
+        self._unfit.forget(job)
+        self._unfit_kind.pop(job, None)
         for key in [key for key in self._losses if key[0] == job]:
             del self._losses[key]
         for lease in self.leases.of(job):
@@ -102,26 +110,49 @@ class Moments:
         if not left:
             self._end(lease)
 
-    def returned(self, job: ActiveJob, work: str) -> None:
-        """A worker hands back what it has not answered: it is handed out again."""
+    def returned(self, job: ActiveJob, work: str, unfit: Fault | None = None) -> None:
+        """A worker hands back what it has not answered: it is handed out again. unfit: to another worker."""
         lease = self.leases.get(work)
         if lease is not None:
             self._is_prepared(job, self._end(lease))
+            if unfit is not None:
+                self._unfit.add(job.id, unfit)
+                self._unfit_kind[job.id] = lease.kind
+
+    def impossible(self, jobs: Mapping[str, ActiveJob]) -> list[tuple[ActiveJob, str]]:
+        """The jobs whose frames no connected worker of their kind can prepare by fault of its machine, with a sentence."""
+        found = []
+        for id, kind in self._unfit_kind.items():
+            able = [each for each in self._workers.roster.reports.values() if each.kind == kind and each.frames]
+            if id in jobs and able and not self.leases.of(id) and self._unfit.next(id, able) is None:
+                found.append((jobs[id], self._unfit.sentence(id, "this shot")))
+        return found
+
+    def _place(self, job: str, kind: str) -> Place | None:
+        """Where a job's frames are prepared next; None where no worker is left."""
+        if job not in self._unfit:
+            return Place("", kind, prepare_queue(kind))
+        ready = self._workers.roster.ready()
+        return self._unfit.next(job, [report for report in ready if report.kind == kind and report.frames])
 
     def review(self, jobs: dict[str, ActiveJob], results: Results) -> list[tuple[ActiveJob, ActiveFrame]]:
         """Once a second: drop leases that are lost; returns the frames that were lost too often.
 
         One whose answer may lie among results that were not read yet is not lost. Raises redis.RedisError.
         """
-        kinds = {lease.kind for lease in self.leases}
-        waiting = {id for kind in kinds for id in self._dispatcher.waiting(prepare_queue(kind))}
+        waiting = {id for queue in {lease.queue for lease in self.leases} for id in self._dispatcher.waiting(queue)}
         in_hand = {str(doing["work"]) for doing in self._workers.roster.current() if "work" in doing}
         end = cache(results.end)
         hopeless = []
+        there = {report.name for report in self._workers.roster.ready()}
         for lease in self.leases:
             job = jobs.get(lease.owner)
             if job is None:
                 self._end(lease)
+                continue
+            if lease.only and lease.id in waiting and lease.only not in there:  # another may be
+                self._dispatcher.take_back(lease.queue, {lease.id})
+                self._is_prepared(job, self._end(lease))
                 continue
             lease.is_held = lease.id in in_hand
             lease.seen(lease.is_held or lease.id in waiting, end)
@@ -167,15 +198,15 @@ class Moments:
         awaited = sum(self._sizes.get(job.id, 0) * len(job.agenda.turns.preparing()) for job in jobs)
         return awaited + sum(held(jobs).values())
 
-    def _send(self, job: ActiveJob, kind: str, frames: list[ActiveFrame], auto: dict[str, object]) -> None:
+    def _send(self, job: ActiveJob, place: Place, frames: list[ActiveFrame], auto: dict[str, object]) -> None:
         assert job.shot is not None
-        lease = Lease(job.id, kind, None, self._deadline_s)
+        lease = Lease(job.id, place.kind, None, self._deadline_s, queue=place.queue, only=place.worker)
         work = PrepareFrames(
             work=lease.id,
             job=job.id,
             scene=job.scene,
             frames=[frame.key for frame in frames],
-            base=job.compiled[kind],
+            base=job.compiled[place.kind],
             base_auto=auto,
             fps=job.shot.fps,
             clip=job.shot.clip,
@@ -184,7 +215,7 @@ class Moments:
             turntable=job.shot.turntable,
             shutter={name: job.request[name] for name in SHUTTER if job.request.get(name) is not None},
         )
-        self._dispatcher.send_frames(work, kind)
+        self._dispatcher.send_frames(work, place.queue)
         self.leases.add(lease)
         self._frames[lease.id] = {frame.key for frame in frames}
         for frame in frames:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 
+from service.scheduling.errands.unfit import Fault, Place, Unfit
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.handing_out.dispatch import Dispatcher
 from service.scheduling.handing_out.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.incoming.results import Results
 from worker.protocol.blends import WAITS, blender_queue
-from worker.protocol.contract import prepare_queue
+from worker.protocol.contract import WorkerReport, prepare_queue
 
 __all__ = ["Preparing", "Progress"]
 
@@ -37,6 +39,7 @@ class Preparing:
         self._deadline_s = deadline_s
         self._wanted: dict[tuple[str, str | None], int] = {}  # -> how often it was lost
         self._by_blender: set[str] = set()
+        self._unfit = Unfit()
         self.leases = Leases()
         self.progress: dict[str, Progress] = {}
 
@@ -51,6 +54,7 @@ class Preparing:
         for key in [key for key in self._wanted if key[0] == scene]:
             del self._wanted[key]
         self._by_blender.discard(scene)
+        self._unfit.forget(scene)
         self.progress.pop(scene, None)
         for lease in self.leases.of(scene):
             self.leases.end(lease.id)
@@ -60,6 +64,7 @@ class Preparing:
         self._wanted.pop((scene, kind), None)
         self._wanted.pop((scene, None), None)
         self._by_blender.discard(scene)
+        self._unfit.forget(scene)
         self.progress.pop(scene, None)
         for lease in self.leases.of(scene):
             if lease.kind == kind:
@@ -77,12 +82,33 @@ class Preparing:
                 self.progress[scene] = NO_BLENDER
             if kind is None or not roster.slots(kind):
                 continue
-            lease = Lease(scene, kind, None, self._deadline_s)
-            lease.queue = blender_queue(kind) if by_blender else prepare_queue(kind)
+            place = Place("", kind, blender_queue(kind) if by_blender else prepare_queue(kind))
+            if scene in self._unfit:
+                other = self._unfit.next(scene, self._able(scene, wanted_kind, roster.ready()))
+                if other is None:
+                    continue
+                place = other
+            lease = Lease(scene, place.kind, None, self._deadline_s, queue=place.queue, only=place.worker)
             self._dispatcher.send_prepare(scene, lease.queue, lease.id)
             self.leases.add(lease)
             if self.progress.get(scene) == NO_BLENDER:
                 del self.progress[scene]
+
+    def impossible(self) -> list[tuple[str, str | None, str]]:
+        """The (scene, kind, sentence) that no connected worker can prepare, by fault of its machine."""
+        found = []
+        for scene, kind in self._wanted:
+            if scene not in self._unfit or any(kind in (None, lease.kind) for lease in self.leases.of(scene)):
+                continue
+            able = self._able(scene, kind, self._workers.roster.reports.values())
+            if able and self._unfit.next(scene, able) is None:
+                found.append((scene, kind, self._unfit.sentence(scene, "this scene")))
+        return found
+
+    def _able(self, scene: str, kind: str | None, reports: Iterable[WorkerReport]) -> list[WorkerReport]:
+        """Those workers that may prepare a scene for a kind."""
+        by_blender, has_blender = scene in self._by_blender, self._workers.roster.has_blender
+        return [each for each in reports if kind in (None, each.kind) and (not by_blender or has_blender(each.name))]
 
     def heard(self, scene: str, kind: str, worker: str, progress: Progress | None) -> None:
         """A worker says that it is at it."""
@@ -99,11 +125,17 @@ class Preparing:
             if lease.kind == kind:
                 lease.has_arrived = True
 
-    def returned(self, scene: str, kind: str, why: str) -> None:
-        """A worker could not prepare a scene by its own trouble: it is handed out again, and the scene is not to blame."""
+    def returned(self, scene: str, kind: str, why: str, unfit: Fault | None = None) -> None:
+        """A worker could not prepare a scene by its own trouble: it is handed out again, and the scene is not to blame.
+
+        unfit: another worker gets it.
+        """
         for lease in self.leases.of(scene):
             if lease.kind == kind:
                 self.leases.end(lease.id)
+                if unfit is not None:
+                    self._unfit.add(scene, unfit)
+                    why = str(unfit)
                 self.progress[scene] = Progress(f"{why} It is tried again.", 0.0)
 
     def unusable(self, scene: str, kind: str) -> bool:
@@ -126,7 +158,12 @@ class Preparing:
         in_hand = {str(doing["scene"]) for doing in self._workers.roster.current() if "scene" in doing}
         end = cache(results.end)
         hopeless = []
+        there = {report.name for report in self._workers.roster.ready()}
         for lease in self.leases:
+            if lease.only and lease.id in waiting and lease.only not in there:  # another may be
+                self._dispatcher.take_back(lease.queue, {lease.id})
+                self.leases.end(lease.id)
+                continue
             if lease.has_arrived and not lease.is_overdue:
                 continue
             lease.is_held = lease.owner in in_hand

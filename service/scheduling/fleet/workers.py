@@ -102,8 +102,11 @@ class Roster:
 
     def blender_kind(self) -> str | None:
         """The kind of the workers that open .blend files, with most slots; None where none is ready."""
-        able = {name for name, offer in self.offers.items() if TAG in offer.tags}
-        return self._kind_of([report for report in self.ready() if report.name in able])
+        return self._kind_of([report for report in self.ready() if self.has_blender(report.name)])
+
+    def has_blender(self, name: str) -> bool:
+        """Whether a worker opens .blend files."""
+        return name in self.offers and TAG in self.offers[name].tags
 
     def takes_several(self, kind: str) -> bool:
         """Whether all workers of a kind take several batches in one message: whoever is free takes what waits for it."""

@@ -96,9 +96,9 @@ class Dispatcher:
         """Ask for a scene to be prepared. Raises QueueError."""
         self._send(PREPARE, {"scene": scene}, queue, lease, ("scene", scene))
 
-    def send_frames(self, work: PrepareFrames, kind: str) -> None:
+    def send_frames(self, work: PrepareFrames, queue: str) -> None:
         """Ask for frames of a shot to be prepared. Raises QueueError."""
-        self._send(PREPARE_FRAMES, {"frames": asdict(work)}, prepare_queue(kind), work.work, ("job", work.job))
+        self._send(PREPARE_FRAMES, {"frames": asdict(work)}, queue, work.work, ("job", work.job))
 
     def send_denoise(self, work: DenoiseFrame, kind: str) -> None:
         """Ask for a frame to be denoised. Raises QueueError."""

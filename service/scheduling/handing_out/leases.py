@@ -40,6 +40,7 @@ class Lease:
     is_rendered: bool = False  # of a joint: its slot does something else by now, and its sums wait for the others on the machine
     doubled: bool = False
     queue: str = ""  # in which its message waits, or waited
+    only: str = ""  # the worker that alone takes from that queue
     charged_s: float = 0.0  # to its share, for what it takes of a slot
     message: str = ""  # with which it was sent: its own, unless it went with others
     is_joint: bool = False  # those in its message are rendered at a time, by slots of one machine, and not in turn by one slot

@@ -23,6 +23,7 @@ BEHIND_S = 0.75  # a backlog of so long a time is none that comes with a burst
 MOST_STRETCH = 20.0
 GROWTH = 1 / 16  # of what a job has taken each slot so far: so a batch adds at most that share to a picture
 MOST_GROWN = 3.0  # times the shortest: who comes later waits for a slot so long
+SEEN_EVERY_S = 0.25  # a result of a long job: with few slots batches stay short; on a busy machine they take a multiple
 FIRST_GUESS_S = 0.001  # of a core a batch: until some have come, a farm of thousands of slots must not begin with short ones
 FEW = 8  # batches or results: less say nothing
 AHEAD_S = 1.0
@@ -101,9 +102,11 @@ class Pace:
         """How long a batch is to take where so many slots work.
 
         spent_s: what its job has taken each of them so far. In a picture of many samples a few more are not seen, and half as
-        many results take half of the service's time. Not while somebody looks at a scene, for whom slots are to be free soon.
+        many results take half of the service's time. Not with few slots, whose results cost little and whose picture would
+        stand still meanwhile; nor while somebody looks at a scene, for whom slots are to be free soon.
         """
-        grown_s = 0.0 if self.is_pressed() else min(spent_s * GROWTH, MOST_GROWN * self._shortest_s)
+        most_s = min(MOST_GROWN * self._shortest_s, slots * SEEN_EVERY_S)
+        grown_s = 0.0 if self.is_pressed() else min(spent_s * GROWTH, most_s)
         self._grown_s = max(self._shortest_s, grown_s)
         return self._long_s(slots, self._grown_s)
 

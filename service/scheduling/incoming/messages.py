@@ -292,10 +292,15 @@ class PrepareFailed(_Prepare):
 
 
 class PrepareReturned(_Prepare):
-    """A worker hands a scene back for trouble of its own."""
+    """A worker hands a scene back for trouble of its own.
+
+    unfit: its machine cannot prepare the scene, whatever that is. passing: for now.
+    """
 
     type: Literal["prepare-returned"]
     error: Sentence
+    unfit: bool = False
+    passing: bool = False
 
 
 class _Frames(BaseModel):
@@ -340,10 +345,12 @@ class FrameFailed(_Frames):
 
 
 class FramesReturned(_Frames):
-    """A worker hands back those of its frames that it has not answered."""
+    """A worker hands back those of its frames that it has not answered. unfit, passing: as of PrepareReturned."""
 
     type: Literal["frames-returned"]
     error: Sentence
+    unfit: bool = False
+    passing: bool = False
 
 
 class Wake(BaseModel):

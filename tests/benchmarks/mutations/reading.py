@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from worker.work.bounded import Bounds, Send, begin, end
+from tests.bounded import Bounds, Send, begin, end
 
 __all__ = ["Came", "peak_memory", "read_all", "reset_peak_memory"]
 

@@ -12,6 +12,7 @@ import redis
 from rayfarm.doctor.finding import Finding
 from rayfarm.doctor.running import look_at_redis, look_at_running
 from renderer import __version__
+from service.settings import Settings
 from tests.helpers import running_redis
 from tests.rayfarm.program import rayfarm
 from tests.service.conftest import Service
@@ -53,7 +54,7 @@ def test_where_no_farm_runs_it_is_told_whether_one_could(tmp_path: Path, monkeyp
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
-        found = list(look_at_running(tmp_path, other.getsockname()[1]))
+        found = list(look_at_running(Settings(data=tmp_path), other.getsockname()[1]))
     assert "No farm runs on" in said(found, "note")
     assert "in use by another program" in said(found, "fault")
     assert any(each.about == "Redis" and each.level == "fine" for each in found)

@@ -32,6 +32,8 @@ NEEDS_MORE = {
     "coloured glass": Material(kind="glass", roughness=0.0, attenuation_color=(0.5, 0.9, 0.9), attenuation_distance=1.0),
     "a prism": Material(kind="glass", roughness=0.0, dispersion=1.0),
     "a highlight of Blinn's": Material(kind="blinn_phong"),
+    "a metal of Beckmann's facets": Material(kind="conductor", roughness=0.3, distribution="beckmann"),
+    "plastic": Material(kind="plastic", roughness=0.3),
     "an interface of nothing": Material(kind="interface"),
 }
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from renderer.confine.reader import told
 from renderer.confine.running import Bounds, run
 from renderer.errors import MachineError, SceneError
+from renderer.scene.load import Shot
+from renderer.scene.readers import by_format
 from tests.renderer.confine import jobs
 
 BOUNDS = Bounds(512 << 20, 60.0, "truck.glb")
@@ -43,7 +48,7 @@ ALLOWED = {
         "HOME",
         "TZ",
         "OpenImageIO_ROOT",
-        "RAYFARM_AVX",
+        "RAYFARM_AVX512",
     ),
     *("LD_LIBRARY_PATH", "NUMBA_THREADING_LAYER", "LC_CTYPE"),
 }
@@ -66,3 +71,17 @@ def test_every_way_to_fail_is_a_sentence(tmp_path: Path, job: Any, kind: type[Ex
 def test_a_reader_that_hangs_is_ended(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"truck.glb took longer than 1 seconds"):
         run(jobs.slow, [], [tmp_path], Bounds(512 << 20, 1.0, "truck.glb"))
+
+
+@pytest.mark.parametrize("what", [OSError(errno.EMFILE, "Too many open files", "t.png"), RuntimeError("can't start new thread")])
+def test_what_a_machine_lacks_makes_no_file_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: Exception) -> None:
+    """Parsers raise nearly every type on damaged files; these are not among them."""
+
+    def lacking(*_: Any, **__: Any) -> None:
+        raise what
+
+    (tmp_path / "a.ply").write_bytes(b"ply\n")
+    monkeypatch.setattr(by_format, "import_module", lambda name: SimpleNamespace(read=lacking))
+    with pytest.raises(type(what)) as raised:
+        Shot(tmp_path, "a.ply").at()
+    assert "machine" in told(raised.value)

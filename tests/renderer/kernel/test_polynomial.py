@@ -1,5 +1,7 @@
 """Our own elementary functions against numpy's in double precision, over the ranges they state."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -28,11 +30,15 @@ def _call(which, x, y, out, second):
             out[i] = polynomial.log(x[i])
         elif which == 7:
             out[i] = polynomial.power(x[i], y[i])
+        elif which == 8:
+            out[i] = polynomial.erf(x[i])
+        elif which == 9:
+            out[i] = polynomial.erf_inverse(x[i])
         else:
             out[i] = np.float32(polynomial.floor(x[i]))
 
 
-NAMES = ("sincos", "atan2", "acos", "exp2", "log2", "exp", "log", "power", "floor")
+NAMES = ("sincos", "atan2", "acos", "exp2", "log2", "exp", "log", "power", "erf", "erf_inverse", "floor")
 
 
 def call(name, x, y=0.0):
@@ -127,6 +133,13 @@ def test_exp_and_log():
     x = np.geomspace(1e-37, 1e38, 300_001)
     expected = np.log(double(x))
     assert (np.abs(call("log", x) - expected) < 3e-7 * np.maximum(np.abs(expected), 1)).all()
+
+
+def test_erf_and_its_inverse():
+    x = np.linspace(-5, 5, 2001)
+    assert np.abs(call("erf", x) - [math.erf(v) for v in double(x)]).max() < 4e-7
+    x = double(np.linspace(-0.9999, 0.9999, 2001))
+    np.testing.assert_allclose([math.erf(v) for v in call("erf_inverse", x)], x, atol=1e-6)
 
 
 def test_power():

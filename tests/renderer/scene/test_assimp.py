@@ -2,11 +2,13 @@
 
 import math
 import re
+import resource
 import struct
 
 import numpy as np
 import pytest
 
+from renderer.confine.limits import at_most
 from renderer.errors import SceneError
 from renderer.formats import LONG_TAIL
 from renderer.scene.animation import Moment
@@ -190,6 +192,15 @@ def test_ac3d(scene):
     assert (material.opacity, material.alpha_mode) == (pytest.approx(0.75), "blend")
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
+def test_text_in_utf16_and_behind_a_bom_is_read(scene, encoding):
+    text = (
+        'AC3Db\nMATERIAL "m" rgb 1 1 1 amb 1 1 1 emis 0 0 0 spec 0 0 0 shi 0 trans 0\nOBJECT world\nkids 1\nOBJECT poly\n'
+        "numvert 3\n0 0 0\n1 0 0\n0 1 0\nnumsurf 1\nSURF 0x20\nmat 0\nrefs 3\n0 0 0\n1 1 0\n2 0 1\nkids 0\n"
+    )
+    assert corners(scene("a.ac", text.encode(encoding))) == [(0, 0, 0)]
+
+
 def test_x3d(scene):
     text = (
         '<?xml version="1.0"?><X3D version="3.0"><Scene><Transform translation="2 0 0"><Shape><Appearance>'
@@ -268,3 +279,66 @@ def test_a_texture_of_x3d_is_moved_and_turned_as_its_transform_says(scene, png):
 def test_viewpoints_of_x3d_are_named(scene):
     found = scene("a.x3d", x3d("", '<Viewpoint position="0 0 5"/>'))
     assert any("1 viewpoints, which are X3D's cameras" in w for w in found.warnings)
+
+
+def test_an_smd_file_is_not_its_own_list_of_animations(scene):
+    frames = "\n".join(f"time {t}\n0 {t} 0 0 0 0 0" for t in range(3))
+    corner = "\n".join(f"0 {x} {y} 0 0 0 1 {x} {y}" for x, y in ((0, 0), (1, 0), (0, 1)))
+    found = scene("a.smd", f'version 1\nnodes\n0 "root" -1\nend\nskeleton\n{frames}\nend\ntriangles\nm.bmp\n{corner}\nend\n')
+    assert len(found.clips) == 1
+
+
+def warned(description, sentence):
+    return any(sentence in warning for warning in description.warnings)
+
+
+def test_what_the_importer_skips_is_named_with_a_count(scene):
+    tcb = chunk(0xB020, struct.pack("<HIIH", 0x8, 0, 0, 1), struct.pack("<IHf3f", 0, 1, 0.5, 0, 0, 0))
+    points = chunk(0x4110, struct.pack("<H9f", 3, 0, 0, 0, 1, 0, 0, 0, 1, 0))
+    faces = chunk(0x4120, struct.pack("<H4H", 1, 0, 1, 2, 0))
+    tri = chunk(0x4000, b"tri\0", chunk(0x4100, points, faces))
+    moved = chunk(0xB000, chunk(0xB002, chunk(0xB010, b"tri\0", struct.pack("<3H", 0, 0, 0xFFFF)), tcb))
+    found = scene("a.3ds", chunk(0x4D4D, chunk(0x3D3D, tri), moved))
+    assert warned(found, "the importer says: 3DS: Skipping TCB animation info")
+
+
+def test_what_of_a_material_is_not_asked_for_is_named_with_a_count(scene):
+    lambert = (
+        "</diffuse><reflectivity><float>0.5</float></reflectivity><index_of_refraction><float>2</float></index_of_refraction>"
+    )
+    text = collada().replace("lambert>", "phong>").replace("</diffuse>", lambert)
+    found = scene("a.dae", text)
+    assert warned(found, "1 properties of materials: reflectivity")
+    assert warned(found, "1 properties of materials: refracti")
+    assert not warned(scene("b.dae", collada()), "properties of materials")
+
+
+def test_lights_that_do_not_fade_by_the_square_are_named(scene):
+    text = collada().replace("<quadratic_attenuation>0.5", "<linear_attenuation>1</linear_attenuation><quadratic_attenuation>0")
+    assert warned(scene("a.dae", text), "1 fadings of lights other than by the square of the distance")
+
+
+def test_animations_that_stand_beside_a_model_are_named(scene):
+    mesh = (
+        'MD5Version 10\ncommandline ""\n\nnumJoints 1\nnumMeshes 1\n\njoints {\n\t"origin" -1 ( 0 0 0 ) ( 0 0 0 )\n}\n\nmesh {\n'
+        '\tshader "m"\n\tnumverts 3\n\tvert 0 ( 0 0 ) 0 1\n\tvert 1 ( 1 0 ) 1 1\n\tvert 2 ( 0 1 ) 2 1\n\tnumtris 1\n'
+        "\ttri 0 0 1 2\n\tnumweights 3\n\tweight 0 0 1 ( 0 0 0 )\n\tweight 1 0 1 ( 1 0 0 )\n\tweight 2 0 1 ( 0 1 0 )\n}\n"
+    )
+    assert not warned(scene("a.md5mesh", mesh), "frames")
+    assert warned(scene("a.md5mesh", mesh, {"walk.md5anim": b"MD5Version 10"}), "1 frames, of which the first is shown")
+
+
+def test_an_empty_file_is_said_to_be_empty_whatever_was_read_before(scene):
+    with pytest.raises(SceneError, match="damaged"):
+        scene("a.3ds", b"hello")
+    with pytest.raises(SceneError, match=r"b\.x: is empty"):
+        scene("b.x", b"")
+
+
+def test_an_importer_may_not_allocate_without_bound():
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    with at_most(256 << 20):
+        with pytest.raises(MemoryError):
+            bytearray(512 << 20)
+        bytearray(16 << 20)
+    assert resource.getrlimit(resource.RLIMIT_AS) == before

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from renderer.errors import SceneError
 from renderer.scene.normals import face_normals
 
 SQUARE = [(0, 0), (4, 0), (4, 4), (0, 4)]
@@ -43,3 +44,12 @@ def test_holes_are_cut(scene, points, holes, area):
 def test_holes_that_cannot_be_cut_are_counted(scene):
     description = scene("a.dae", document(SQUARE + HOLES[0], ["4 5 99"]))
     assert any("1 holes of polygons could not be cut" in w for w in description.warnings)
+
+
+@pytest.mark.parametrize(("old", "new"), [('offset="0"', 'offset="-"'), ("4 5 6 7", "4 5 x 7")])
+def test_words_in_place_of_whole_numbers_get_a_sentence(scene, old, new):
+    text = document(SQUARE + HOLES[0], ["4 5 6 7"])
+    try:
+        scene("a.dae", text.replace(old, new))
+    except SceneError as error:
+        assert "could not be read as" not in str(error)

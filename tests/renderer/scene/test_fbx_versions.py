@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from tests.renderer.scene import fbx_text
 from tests.renderer.scene.builders import world
@@ -44,12 +45,12 @@ def test_rotation_order_and_pre_rotation_count_where_they_are_active(scene, off)
     assert np.abs(active - plain).max() > 0.1
 
 
-def layers(curve):
+def layers(curve, of_top=""):
     """Two animation layers, of which the base says that the node is hidden, but by no curve."""
     objects = """
     AnimationStack: 20, "AnimStack::s", "" { }
     AnimationLayer: 21, "AnimLayer::base", "" { }
-    AnimationLayer: 22, "AnimLayer::top", "" { Properties70: { P: "Weight", "Number", "", "A",100 } }
+    AnimationLayer: 22, "AnimLayer::top", "" { Properties70: { P: "Weight", "Number", "", "A",100 %s } }
     AnimationCurveNode: 23, "AnimCurveNode::Visibility", "" { Properties70: { P: "d|Visibility", "Visibility", "", "A",0 } }
     AnimationCurveNode: 24, "AnimCurveNode::Visibility", "" { Properties70: { P: "d|Visibility", "Visibility", "", "A",0 } }
     AnimationCurveNode: 25, "AnimCurveNode::T", "" { Properties70: { P: "d|X", "Number", "", "A",0 } }
@@ -61,6 +62,7 @@ def layers(curve):
         KeyAttrDataFloat: *4 { a: 0,0,0,0 }
         KeyAttrRefCount: *1 { a: 2 } }
     """
+    objects = objects.replace("%s", of_top)
     links = 'C: "OO",21,20\nC: "OO",22,20\nC: "OO",23,21\nC: "OO",24,22\nC: "OO",25,21\n'
     links += 'C: "OP",23,11, "Visibility"\nC: "OP",24,11, "Visibility"\nC: "OP",25,11, "Lcl Translation"\nC: "OP",26,25, "d|X"\n'
     if curve is not None:
@@ -82,6 +84,21 @@ def test_layers_without_curves_hide_nothing(scene, curve):
     description = scene("a.fbx", file_of(['P: "Visibility", "Visibility", "", "A",1'], *layers(curve)), moment=Moment(frame=12))
     assert len(description.instances) == 1
     assert world(description)[0][0][0] > 0  # it moves
+
+
+SHOWN = ['P: "Visibility", "Visibility", "", "A",1']
+
+
+def test_a_muted_layer_is_not_evaluated(scene):
+    """The top layer hides the node, the base layer moves it."""
+    found = scene("a.fbx", file_of(SHOWN, *layers(0, '\nP: "Mute", "bool", "", "",1')), moment=Moment(frame=12))
+    assert world(found)[0][0][0] > 0
+
+
+@pytest.mark.parametrize("state", ["", '\nP: "Solo", "bool", "", "",1'])
+def test_the_topmost_layer_says_whether_a_node_is_visible(scene, state):
+    with pytest.raises(SceneError, match="shows no surface"):
+        scene("a.fbx", file_of(SHOWN, *layers(0, state)), moment=Moment(frame=12))
 
 
 @pytest.mark.parametrize(("suffix", "format"), [(".tga", "TGA"), (".ppm", "PPM"), (".sgi", "SGI")])

@@ -117,6 +117,50 @@ def test_what_is_not_taken_over_is_named(inside: str, sentence: str, tmp_path: P
     assert any(re.search(sentence, warning) for warning in scene_of(tmp_path, inside).warnings)
 
 
+@pytest.mark.parametrize(
+    ("inside", "sentence"),
+    [
+        ('<sensor type="perspective"><film type="hdrfilm"><float name="gain" value="2"/></film></sensor>', "gain of films"),
+        ('<sensor type="perspective"><film type="specfilm"/></sensor>', "film (specfilm): an image of red"),
+        ('<sensor type="perspective"><film><string name="pixel_format" value="luminance"/></film></sensor>', "pixel_format lum"),
+        ('<sensor type="perspective"><sampler type="magic"/></sensor>', "sampler (magic) is not known"),
+        (
+            '<sensor type="perspective"><film><rfilter type="box"><float name="radius" value="2"/></rfilter></film></sensor>',
+            "of 2 is",
+        ),
+        ('<sensor type="perspective"><float name="aperture_radius" value="2"/></sensor>', "aperture_radius of sensors"),
+        ('<integrator type="path"/><integrator type="direct"/>', "more than one integrator"),
+        ('<float name="gain" value="2"/>', "gain of scenes is not taken over"),
+        ('<film type="hdrfilm"/>', "The film (hdrfilm) of the scene is not taken over"),
+        (BALL.format('<bsdf type="diffuse"/><bsdf type="conductor"/>'), "The bsdf (conductor) of a shape (sphere) is not"),
+        (BALL.format('<sensor type="irradiancemeter"/>'), "The sensor (irradiancemeter) of a shape (sphere)"),
+        (BALL.format('<medium name="around" type="homogeneous"/>'), "The medium (homogeneous) of a shape (sphere)"),
+        (BALL.format('<bsdf type="null"><float name="gain" value="2"/></bsdf>'), "gain of bsdfs of the type null"),
+        (BALL.format('<bsdf type="mask"><rgb name="opacity" value="1,0,0"/><bsdf type="diffuse"/></bsdf>'), "its opacity is a"),
+        (
+            BALL.format('<float name="radius" value="1"/><float name="radius" value="2"/>'),
+            "radius of shape (sphere) is given more",
+        ),
+        (BALL.format('<float name="radius" value="1" unit="m" scale="2"/>'), "The attribute scale of <float> is not taken"),
+        (BALL.format('<transform name="to_world"><scale value="2" pivot="1"/></transform>'), "The attribute pivot of <scale>"),
+        ('<shape type="sphere" hidden="true"/>', "The attribute hidden of <shape> is not taken over"),
+        ('<shape type="sphere" id="a"/><shape type="sphere" id="a"/>', "has the id of another object"),
+    ],
+)
+def test_what_no_reader_asks_for_is_named(inside: str, sentence: str, tmp_path: Path) -> None:
+    assert any(sentence in warning for warning in scene_of(tmp_path, inside + BALL.format("")).warnings)
+
+
+def test_a_definition_that_nothing_refers_to_is_not_named(tmp_path: Path) -> None:
+    found = scene_of(tmp_path, '<bsdf type="diffuse" id="spare"><float name="gain" value="2"/></bsdf>' + BALL.format(""))
+    assert not any("taken over" in warning for warning in found.warnings)
+
+
+def test_a_truth_is_true_or_false(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="'yes' is neither true nor false"):
+        scene_of(tmp_path, BALL.format('<boolean name="flip_normals" value="yes"/>'))
+
+
 def test_references_forward_and_by_another_name(tmp_path: Path) -> None:
     found = scene_of(
         tmp_path,

@@ -63,6 +63,9 @@ def test_what_is_not_said_is_as_in_pbrt(pbrt):
         ('Film "rgb" "float whitebalance" 4500', "strongly coloured surfaces"),
         ('Option "bool forcediffuse" true', "forcediffuse is not taken over"),
         ('Option "disable-pixel-jitter" true', "disablepixeljitter is not taken over"),
+        ('Option "string colour" "warm"', "option 'string colour' is not known"),
+        ('Sampler "magic" "integer pixelsamples" 4', "sampler 'magic' is no sampler of pbrt's"),
+        ('Sampler "sobol" "float blur" 4', "'blur' of sampler 'sobol' is not taken over"),
     ],
 )
 def test_what_stands_before_the_world_is_named(pbrt, head, sentence):
@@ -181,6 +184,12 @@ def test_what_moves_while_the_shutter_is_open(tmp_path):
             'Texture "t" "spectrum" "imagemap" "string filename" "gone.png" Material "diffuse" "texture reflectance" "t"' + BALL,
             "gone.png",
         ),
+        (BALL + ' "float radius" [1 2]', "'radius' of shape 'sphere' has 2 numbers: the first 1 count"),
+        (BALL + ' "float radius" 1 "float radius" 2', "'radius' of shape 'sphere' is given more than once: the last"),
+        ('Attribute "shape" "float radios" 2 ' + BALL, "'radios' of Attribute 'shape' is not taken over"),
+        ('MakeNamedMaterial "m" "string type" "diffuse"\n' * 2 + BALL, "line 10: The material 'm' is made again"),
+        ('Texture "t" "float" "constant"\n' * 2 + BALL, "line 10: The texture 't' is made again"),
+        ('MakeNamedMedium "m" "string type" "homogeneous"\n' * 2 + BALL, "line 10: The medium 'm' is made again"),
         ('Shape "curve" "point3 P" [0 0 0 1 0 0 1 1 0 2 1 0] "float width" .1', "curves of the type flat"),
     ],
 )

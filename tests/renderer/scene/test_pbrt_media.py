@@ -198,3 +198,18 @@ def test_a_normal_map_wins_over_displacement_and_an_even_height_does_nothing(sce
     assert made.normal_scale == 1
     even = scene("scene.pbrt", world('Material "diffuse" "float displacement" 3 ' + SQUARE, RIGHT))
     assert even.materials[even.meshes[0].material].normal_texture is None
+
+
+def test_subsurface_of_a_named_substance_scatters_by_its_asymmetry(pbrt):
+    """sigma_s of a substance is multiplied by 1 - g, as that of given coefficients."""
+    named = pbrt('Material "subsurface" "string name" "Wholemilk" "float g" 0.5' + BALL).materials[0]
+    scattered, absorbed = SUBSTANCES["Wholemilk"]
+    given = " ".join(f'"rgb {name}" [{" ".join(map(str, v))}]' for name, v in (("sigma_s", scattered), ("sigma_a", absorbed)))
+    same = pbrt(f'Material "subsurface" {given} "float g" 0.5' + BALL).materials[0]
+    assert named.subsurface_radius == pytest.approx(same.subsurface_radius)
+    assert named.base_color == pytest.approx(same.base_color)
+
+
+def test_g_beside_a_reflectance_is_named(pbrt):
+    found = pbrt('Material "subsurface" "rgb reflectance" [0.8 0.5 0.2] "float g" 0.5' + BALL)
+    assert any("'g' of material 'subsurface' is not taken over" in warning for warning in found.warnings)

@@ -51,4 +51,6 @@ def test_colours_of_triangles(scene, head, words, colors):
 
 
 def test_words_that_are_no_colours_are_none(scene):
-    assert scene("a.stl", stl(words=(7, 0x8001))).meshes[0].colors is None
+    found = scene("a.stl", stl(words=(7, 0x8001)))
+    assert found.meshes[0].colors is None
+    assert any("2 of 2 triangles have attributes that are no colours" in warning for warning in found.warnings)

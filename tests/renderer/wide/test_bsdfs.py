@@ -170,8 +170,8 @@ def _of_conductors(v):
     wo, wi, u = (v[0], v[1], v[2]), (v[3], v[4], v[5]), (v[6], v[7])
     eta, k, mean = (v[8], v[9], v[10]), (v[11], v[12], v[13]), (v[14], v[15], v[16])
     roughness, alpha_x, alpha_y, choose = v[17], v[18], v[19], v[20]
-    f, pdf = eval_and_pdf_conductor(eta, k, mean, roughness, alpha_x, alpha_y, wo, wi)
-    found, weight, density = sample_conductor(eta, k, mean, roughness, alpha_x, alpha_y, wo, choose, u)
+    f, pdf = eval_and_pdf_conductor(None, eta, k, mean, roughness, alpha_x, alpha_y, wo, wi)
+    found, weight, density = sample_conductor(None, eta, k, mean, roughness, alpha_x, alpha_y, wo, choose, u)
     mirrored, reflectance = sample_smooth_conductor(eta, k, wo)
     return *f, pdf, *found, *weight, density, *mirrored, *reflectance
 

@@ -64,15 +64,13 @@ def provider() -> Iterator[Provider]:
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis, provider: Provider) -> Iterator[Service]:
-    secret = tmp_path_factory.mktemp("secret") / "secret"
-    secret.write_text("what the provider knows us by\n")
     service = Service(
         tmp_path_factory.mktemp("openid") / "data",
         redis_server,
         host="0.0.0.0",
         oidc_discovery=f"{provider.url}/.well-known/openid-configuration",
         oidc_client="rayfarm",
-        oidc_secret_file=secret,
+        oidc_secret="what the provider knows us by",
         oidc_name="Studio",
         oidc_roles={"artists": "submit", "keepers": "admin"},
         oidc_role="",
@@ -232,7 +230,6 @@ def test_what_is_set_wrongly_is_said_at_the_start(tmp_path: Path, service: Servi
         ({"oidc_discovery": url}, "OIDC_CLIENT"),
         ({"oidc_discovery": "http://login.example/", "oidc_client": "x"}, "https://"),
         ({"oidc_discovery": url, "oidc_client": "x", "oidc_roles": {"a": "king"}}, "king"),
-        ({"oidc_discovery": url, "oidc_client": "x", "oidc_secret_file": tmp_path / "none"}, "OIDC_SECRET_FILE"),
     ):
         with pytest.raises(CannotStart, match=said):
             oidc_of(Settings(data=tmp_path, **wrong), service.farm.sessions)  # type: ignore[arg-type]

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import io
+import os
+import tempfile
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ from PIL import Image
 
 from renderer.image import encode, rgbe9995
 from service.api.security import MAX_BODY
+from service.intake import references
 from service.intake.read_reference import from_srgb
 from service.watching.film_packet import HEADER
 from service.watching.film_picture import light
@@ -97,15 +101,17 @@ def test_a_long_name_keeps_what_says_its_format(service: Service) -> None:
     service.http.delete(f"/api/references/{found['id']}").raise_for_status()
 
 
+def ended(*_: Any) -> dict[str, Any]:
+    """A job that ends its process, with a file left behind."""
+    tempfile.mkdtemp()
+    os._exit(1)
+
+
 def test_what_a_reader_leaves_behind_goes_with_it(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     temporary = service.options["data"] / "tmp"
-    sitecustomize = temporary.parent / "ended"
-    sitecustomize.mkdir()
-    ended = "import tempfile, os, sys\nif 'read_reference' in ' '.join(sys.orig_argv): tempfile.mkdtemp(); os._exit(1)\n"
-    (sitecustomize / "sitecustomize.py").write_text(ended)
-    monkeypatch.syspath_prepend(str(sitecustomize))
+    monkeypatch.setattr(references, "as_film", ended)
     answer = service.http.post("/api/references", files={"file": ("truth.exr", encode.encode(radiance(), "exr"))})
-    assert (answer.status_code, "made its reader crash" in answer.json()["detail"]) == (422, True), answer.text
+    assert (answer.status_code, "ended without a result" in answer.json()["detail"]) == (422, True), answer.text
     assert list(temporary.iterdir()) == []
 
 

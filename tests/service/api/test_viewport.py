@@ -14,7 +14,7 @@ from renderer import film as film_math
 from renderer.image import rgbe9995
 from renderer.settings import Tile
 from service.scheduling.records import Records
-from service.viewing import room
+from service.viewing import memory_limit
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
 from tests.service.viewer import look
@@ -23,7 +23,7 @@ from worker.protocol.view_parts import VIEW_ANSWERS, Part, ViewParts, view_key, 
 
 def left_behind(service: Service) -> list[str]:
     """All keys of views in Redis, files of films, and jobs."""
-    redis = service.farm.desk._redis
+    redis = service.farm.views._redis
     keys = [key.decode() for key in redis.scan_iter("rayfarm*view*")]
     films = [str(path) for path in (service.options["data"] / "films").iterdir()]
     return keys + films + [job["id"] for job in service.http.get("/api/jobs").json()]
@@ -66,7 +66,7 @@ def test_a_view_ends_when_its_noise_is_as_low_as_is_wanted(service: Service, wor
         np.testing.assert_array_equal(
             viewer.words, rgbe9995.pack(film_math.mean(expected_sums(Tile(0, 0, 96, 64), 0, 128, 3), 24))
         )
-        assert not service.farm.desk.is_watched
+        assert not service.farm.views.is_watched
         viewer.show(2, noise=-1)
         until(lambda: (viewer.read(), bool(viewer.errors))[1], "the error comes")
         assert "noise" in viewer.errors[0]["detail"]
@@ -192,9 +192,9 @@ def test_several_watchers_share_and_a_hidden_page_costs_nothing(service: Service
         until(lambda: (one.read(), len(worker.parts) > begun + 10)[1], "the other goes on")
         assert {work.settings.seed for work, _ in worker.parts[begun:]} == {1}
         one.say(paused=True)
-        until(lambda: not service.farm.desk._out, "nothing is handed out")
-        redis = service.farm.desk._redis
-        redis.delete(view_key(next(each.id for each in service.farm.desk._watches.values() if each.is_paused)))
+        until(lambda: not service.farm.views._out, "nothing is handed out")
+        redis = service.farm.views._redis
+        redis.delete(view_key(next(each.id for each in service.farm.views._sessions.values() if each.is_paused)))
         worker.unwanted.clear()
         other.say(paused=False)
         other.wait(1, 8)
@@ -209,13 +209,13 @@ def test_views_go_before_batches_and_leave_with_a_killed_page(service: Service, 
     with look(service, scene) as viewer:
         viewer.show(1, spp=256)
         viewer.wait(1, 1)
-        (watch,) = service.farm.desk._watches.values()
+        (watch,) = service.farm.views._sessions.values()
         assert watch.pixels == 96 * 64
         worker.on_part = lambda work, part: time.sleep(0.05)
         viewer.connection.socket.close()  # as a killed browser: without a word
     service.http.delete(f"/api/jobs/{job}").raise_for_status()
     until(lambda: not left_behind(service), "nothing is left", say=lambda: left_behind(service))
-    assert service.farm.desk._watches == {}
+    assert service.farm.views._sessions == {}
     assert watch.pixels == 0 and not watch._canvases, "not even in memory"
 
 
@@ -229,7 +229,7 @@ def test_a_view_that_is_whole_lets_other_work_through(service: Service) -> None:
             worker.on_part = lambda work, part: time.sleep(0.1)
             job = service.submit(scene, spp=8)
             until(lambda: (viewer.read(), service.job(job)["state"] == "finished")[1], "the job is done")
-            assert service.farm.desk.is_watched, "before the view is"
+            assert service.farm.views.is_watched, "before the view is"
 
 
 @pytest.mark.long
@@ -275,14 +275,14 @@ def test_a_light_that_cannot_be_prepared_is_told_once(service: Service, worker: 
 def test_where_memory_is_full_a_view_waits_for_another_to_leave(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(room, "MOST_TOGETHER", 96 * 64)
+    monkeypatch.setattr(memory_limit, "MAX_PIXELS", 96 * 64)
     scene = service.ready_scene()
     with look(service, scene) as other:
         with look(service, scene) as one:
             one.show(1, spp=2)
             one.wait(1, 2)
             other.show(1, spp=2)
-            until(lambda: (other.read(), room.FULL in [each["message"] for each in other.states])[1], "it is told")
+            until(lambda: (other.read(), memory_limit.FULL in [each["message"] for each in other.states])[1], "it is told")
             one.say(paused=True)
             other.wait(1, 2)
             other.say(paused=True)
@@ -325,7 +325,7 @@ def test_a_click_is_answered_though_another_view_is_asked_for_meanwhile(service:
             picks.append(work)
             if len(picks) == 1:
                 viewer.show(2, spp=2, seed=1)
-                until(lambda: any(each.view > work.view for each in service.farm.desk._watches.values()), "the view is another")
+                until(lambda: any(each.view > work.view for each in service.farm.views._sessions.values()), "the view is another")
             return None
 
         worker.on_part = first_is_lost
@@ -352,7 +352,7 @@ def test_clicks_without_end_neither_pile_up_nor_hold_up_the_picture(service: Ser
         try:
             viewer.wait(1, 8)
             until(lambda: (viewer.read(), len(viewer.picked) > 3)[1], "some are answered")
-            assert service.farm.desk._redis.llen(view_queue(worker.kind)) <= 5
+            assert service.farm.views._redis.llen(view_queue(worker.kind)) <= 5
         finally:
             stop.set()
             clicking.join()
@@ -370,7 +370,7 @@ def test_frames_are_prepared_for_the_view_and_let_go_with_it(service: Service, w
         assert worker.frames == [3.0, 4.0], "a frame that was seen is there"
         assert len(blobs(service) - before) == 2
         assert worker.parts[-1][0].compiled in blobs(service)
-        until(lambda: not service.farm.desk._frames, "nothing is kept of what is answered")
+        until(lambda: not service.farm.views._frames, "nothing is kept of what is answered")
     until(lambda: blobs(service) == before, "what was compiled for them goes", say=lambda: blobs(service) - before)
     assert not left_behind(service)
 
@@ -392,7 +392,7 @@ def test_nobody_who_can_render_it_is_said(service: Service) -> None:
 
 @pytest.mark.long
 def test_a_restarted_service_forgets_old_views(service: Service, worker: PeerWorker) -> None:
-    redis = service.farm.desk._redis
+    redis = service.farm.views._redis
     redis.lpush(view_queue("gone"), b"{}")
     redis.rpush(VIEW_ANSWERS, b"old news")
     service.restart()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sqlalchemy import update
@@ -25,8 +27,20 @@ def aged(service: Service, **days: float) -> None:
 
 def let_go(service: Service, **rules: float) -> list[tuple[str, str]]:
     answer = service.http.post("/api/retention", json={"dry_run": False, **rules})
-    assert answer.status_code == 200, answer.text
-    return [(item["what"], item["id"]) for item in answer.json()["items"]]
+    assert answer.status_code == 202, answer.text
+    return [(item["what"], item["id"]) for item in over(service, answer.headers["location"])["items"]]
+
+
+def over(service: Service, location: str = "/api/retention") -> dict[str, Any]:
+    """A run, once it is over."""
+    runs: list[dict[str, Any]] = []
+
+    def is_over() -> bool:
+        runs[:] = [service.http.get(location).raise_for_status().json()]
+        return bool(runs[0]["state"] != "running")
+
+    until(is_over, "the run ends")
+    return runs[0]
 
 
 def would_go(service: Service, **rules: float) -> list[tuple[str, str]]:
@@ -120,3 +134,34 @@ def test_a_farm_goes_by_its_own_rules_by_itself(service: Service, jobs: list[str
     with service.farm.sessions.begin() as session:
         session.execute(update(Job).where(Job.id == jobs[3]).values(state="running"))
     assert would_go(service, films_days=0) == [], "what is rendered stays"
+
+
+def test_a_deletion_is_answered_at_once_and_says_how_far_it_is(
+    service: Service, jobs: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert service.http.get("/api/retention").status_code == 404
+    go, drop = threading.Event(), service.farm.retention._drop_film
+
+    def slowly(item: retention.Item) -> bool:
+        return bool(item.id == jobs[1] or go.wait(20)) and drop(item)
+
+    monkeypatch.setattr(service.farm.retention, "_drop_film", slowly)
+    answer = service.http.post("/api/retention", json={"dry_run": False, "films_days": 15})
+    assert (answer.status_code, answer.headers["location"], answer.json()["state"]) == (202, "/api/retention", "running")
+    until(lambda: service.http.get("/api/retention").json()["done"] == 1, "the first is done")
+    now = service.http.get("/api/retention").json()
+    assert (now["state"], now["planned"], [item["id"] for item in now["items"]]) == ("running", 2, [jobs[1]])
+    again = service.http.post("/api/retention", json={"dry_run": False, "films_days": 15})
+    assert again.status_code == 409 and "running already" in again.json()["detail"]
+    go.set()
+    done = over(service)
+    assert (done["state"], done["done"], [item["id"] for item in done["items"]]) == ("finished", 2, jobs[1:3])
+    assert done["bytes"] == sum(item["bytes"] for item in done["items"]) > 0
+
+    def broken(item: retention.Item) -> bool:
+        raise KeyError("a bug")
+
+    monkeypatch.setattr(service.farm.retention, "_drop_film", broken)
+    service.http.post("/api/retention", json={"dry_run": False, "films_days": 5}).raise_for_status()
+    failed = over(service)
+    assert failed["state"] == "failed" and "KeyError" in failed["error"]

@@ -128,7 +128,7 @@ def test_answers_to_a_job_that_cannot_be_taken_up_yet_are_kept(
     until(lambda: answers_of(worker, job), "the worker answers meanwhile")
     away = threading.Event()
     away.set()
-    monkeypatch.setattr(Records, "history", away_while(away, Records.history))
+    monkeypatch.setattr(Records, "pending", away_while(away, Records.pending))
     service.start()
     until(lambda: "does not answer" in (service.job(job)["message"] or ""), "the job says what it waits for")
     time.sleep(1.0)

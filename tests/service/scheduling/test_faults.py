@@ -15,11 +15,11 @@ import pytest
 
 from service.errors import FilmWaits
 from service.scheduling.faults import bulkhead
-from service.scheduling.records import Records
+from service.scheduling.records import PendingJob, Records
 from service.store.database import connect
 from service.store.film_file import FilmFile
 from service.store.films import Film
-from service.store.models import Frame, Job
+from service.store.models import Job
 from service.store.room import no_room
 from tests.grids import grid
 from tests.service.conftest import Service, until
@@ -211,7 +211,7 @@ def failing_at_first(method: Any, error: Callable[[], Exception], applies: Calla
     return instead
 
 
-RECORDS = ("job", "scene", "resolve", "started", "progress", "finished", "prepared", "jobs_of", "all_jobs", "active_jobs")
+RECORDS = ("pending", "scene", "resolve", "started", "progress", "finished", "prepared", "jobs_of", "all_jobs", "active_jobs")
 
 
 def test_every_call_to_the_database_may_fail_and_is_made_again(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -281,17 +281,18 @@ def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(
 def test_a_job_that_is_deleted_while_it_is_taken_up_holds_up_no_other(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Its row was read, and those of its frames were gone: for seconds the engine stumbled over it at every step."""
+    """Its rows were read, and are gone when it is taken up."""
     scene, records, deleted = service.ready_scene(), service.farm.records, list[str]()
-    frames = records.frames
+    pending = records.pending
 
-    def read(job: str) -> list[Frame]:
+    def read(jobs: list[str]) -> dict[str, PendingJob]:
+        found = pending(jobs)
         if not deleted:
-            deleted.append(job)
-            service.http.delete(f"/api/jobs/{job}").raise_for_status()
-        return frames(job)
+            deleted.append(jobs[0])
+            service.http.delete(f"/api/jobs/{jobs[0]}").raise_for_status()
+        return found
 
-    monkeypatch.setattr(records, "frames", read)
+    monkeypatch.setattr(records, "pending", read)
     gone, other = service.submit(scene), service.submit(scene, seed=1)
     service.wait_for(other, "finished")
     assert deleted == [gone]

@@ -9,11 +9,12 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from sqlalchemy import event
 
 from service.errors import NoRoom, Unavailable
 from service.scheduling.records import Records
 from service.store.database import connect
-from service.store.models import Frame, Job
+from service.store.models import Frame, FrameChange, Job, Scene, Wait
 
 
 @pytest.fixture
@@ -48,6 +49,34 @@ def test_a_job_that_is_over_is_not_begun_or_failed(records: Records) -> None:
     assert not records.started("job", "kind")
     assert not records.failed("job", "an error")
     assert not records.finished(active(spp=8))
+
+
+def test_many_jobs_that_are_to_be_taken_up_are_read_by_three_queries(tmp_path: Path) -> None:
+    engine, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
+    plain = {"name": "", "priority": 0, "created": 0.0, "active_s": 0.0, "request": {}, "spp": 8, "state": "queued"}
+    ids = [f"job{i}" for i in range(40)]
+    with sessions.begin() as session:
+        named = {"name": "a", "status": "ready", "created": 0.0, "main": "a.obj", "files": [], "bytes": 1}
+        session.add(Scene(id="scene", **named))
+        session.add(Scene(id="night", of="scene", **named))
+        session.add_all(Job(id=id, scene="scene", **plain) for id in ids)
+        session.add(Job(id="lit", scene="scene", lit="night", **plain))
+        session.add(Job(id="shot", scene="gone", shot={"fps": 24.0}, history={"points": []}, **plain))
+    with sessions.begin() as session:
+        session.add_all(Frame(job=id, number=0, samples=7) for id in [*ids, "shot"])
+        session.add_all([Wait(job="job3", other="shot"), FrameChange(job="job4", steps=[], done=0, samples=0)])
+    statements: list[str] = []
+    event.listen(engine, "before_cursor_execute", lambda *given: statements.append(given[2]))
+    found = Records(sessions, 1 << 20).pending([*ids, "lit", "shot", "nothing"])
+    assert sum(statement.startswith("SELECT") for statement in statements) == 3, statements
+    assert set(found) == {*ids, "lit", "shot"}
+    assert [id for id in ids if found[id].waits] == ["job3"]
+    assert [id for id in ids if found[id].frames_change] == ["job4"]
+    scenes = {id: each.scene.id if each.scene is not None else None for id, each in found.items()}
+    assert scenes == {**dict.fromkeys(ids, "scene"), "lit": "night", "shot": None}
+    assert [frame.samples for frame in found["job0"].frames or ()] == [7]
+    assert found["lit"].frames == [], "deleted a moment ago"
+    assert (found["shot"].frames, found["shot"].history) == (None, {"points": []})
 
 
 def test_writers_wait_for_each_other(records: Records) -> None:

@@ -11,7 +11,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from service.errors import NotFound, Unavailable
+from service.errors import CannotStart, NotFound, Unavailable
+from service.farm import open_blobs
 from service.settings import Settings
 from service.store.blobs import CHUNK, BlobFolder, BlobStore
 from service.store.s3 import S3Blobs
@@ -55,6 +56,17 @@ def put(blobs: BlobStore, *pieces: bytes) -> str:
     for piece in pieces:
         writer.write(piece)
     return writer.commit()
+
+
+def test_credentials_may_lie_in_files(s3: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+        (tmp_path / name).write_text("from a file\n")
+        monkeypatch.delenv(name)
+        monkeypatch.setenv(f"{name}_FILE", str(tmp_path / name))
+    assert put(S3Blobs(s3, tmp_path / "tmp"), b"abc") == hashlib.sha256(b"abc").hexdigest()
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY_FILE", str(tmp_path / "none"))
+    with pytest.raises(CannotStart, match="AWS_SECRET_ACCESS_KEY_FILE"):
+        open_blobs(Settings(data=tmp_path, blobs=s3))
 
 
 def test_what_was_put_is_opened_and_served(blobs: BlobStore, tmp_path: Path) -> None:

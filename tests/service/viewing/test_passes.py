@@ -46,5 +46,5 @@ def test_what_is_lost_comes_next() -> None:
     passes = Passes(levels_of(64, 64, 4, 1e-6, 1), 1e-6)
     first = passes.next()
     passes.next()
-    passes.lose(first)
+    passes.requeue(first)
     assert passes.next()[: len(first)] == first

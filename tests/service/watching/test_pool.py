@@ -71,7 +71,7 @@ def test_those_who_ask_for_the_same_share_one_answer_also_when_the_first_leaves(
 
 def test_a_line_that_is_too_long_turns_readers_away_until_it_is_shorter() -> None:
     async def test() -> None:
-        pool, work = Pool(100, threads=1, in_line=2), Work()
+        pool, work = Pool(100, threads=1, in_line=2, most_in_line=2), Work()
         made = [asyncio.create_task(pool.make(i, 1, work, i)) for i in range(3)]
         await asyncio.to_thread(work.first.wait)
         with pytest.raises(Unavailable, match="3 other pictures") as refusal:
@@ -80,6 +80,40 @@ def test_a_line_that_is_too_long_turns_readers_away_until_it_is_shorter() -> Non
         work.go.set()
         assert await asyncio.gather(*made) == [0, 1, 2]
         assert await pool.make(3, 1, work, 3) == 3
+
+    run(test())
+
+
+def test_one_user_s_flood_turns_that_user_away_and_holds_up_no_other() -> None:
+    async def test() -> None:
+        pool, work = Pool(100, threads=1, in_line=20, most_in_line=20), Work()
+        flood = [asyncio.create_task(pool.make(i, 1, work, i, user="a")) for i in range(21)]
+        await asyncio.to_thread(work.first.wait)
+        with pytest.raises(Unavailable, match="21 other pictures that you asked for"):
+            await pool.make("too many", 1, work, 99, user="a")
+        others = [asyncio.create_task(pool.make((user, i), 1, work, f"{user}{i}", user=user)) for i in range(2) for user in "bc"]
+        await asyncio.sleep(0)
+        work.go.set()
+        await asyncio.gather(*flood, *others)
+        assert work.begun[:8] == [0, 1, "b0", "c0", 2, "b1", "c1", 3], "they take turns"
+        assert not pool._asked_by
+
+    run(test())
+
+
+def test_a_long_queue_is_waited_in_while_it_moves_fast_enough() -> None:
+    async def test() -> None:
+        pool, work = Pool(100, threads=2, in_line=4, most_in_line=400), Work()
+        work.go.set()
+        assert await asyncio.gather(*(pool.make(i, 1, work, i) for i in range(300))) == list(range(300))
+        pool._seconds, hold = 60.0, Work()
+        waiting = [asyncio.create_task(pool.make(i, 1, hold, i)) for i in range(6)]
+        await asyncio.to_thread(hold.first.wait)
+        with pytest.raises(Unavailable) as refusal:
+            await pool.make(6, 1, hold, 6)
+        assert refusal.value.retry_after_s == 60.0
+        hold.go.set()
+        await asyncio.gather(*waiting)
 
     run(test())
 

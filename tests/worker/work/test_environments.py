@@ -17,9 +17,8 @@ from renderer.presets import PRESETS
 from scenes import light_pictures
 from worker.machine.status import SlotBoard
 from worker.protocol.contract import BlobRef, ShowEnvironment
-from worker.work import environments
+from worker.reading.environments import small_picture
 from worker.work.asides import ENVIRONMENTS
-from worker.work.environments import small_picture
 
 
 def image(path: Path, pixels: np.ndarray) -> Path:
@@ -51,7 +50,7 @@ def shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def test_an_image_is_shown_small(shown: Any, tmp_path: Path) -> None:
     event, stored = shown(image(tmp_path / "sky.exr", np.full((16, 32, 3), 7.0)))
-    assert (event["type"], event["work"]) == ("environment-shown", "work")
+    assert (event["type"], event["work"]) == ("environment-shown", "work"), event
     assert stored[0][:2] == b"\xff\xd8", "a JPEG"
 
 
@@ -79,7 +78,7 @@ def test_a_lamp_does_not_darken_what_is_around_it() -> None:
     lit = small_picture(pixels, 32)
     np.testing.assert_allclose(np.median(lit), np.median(plain), rtol=0.1)
     assert lit.shape == (16, 32, 3)
-    assert environments.small_picture(np.ones((2, 4, 3), np.float32), 32).shape == (16, 32, 3)
+    assert small_picture(np.ones((2, 4, 3), np.float32), 32).shape == (16, 32, 3)
 
 
 @pytest.mark.long

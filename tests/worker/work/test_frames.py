@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import tempfile
 import time
 from dataclasses import replace
@@ -26,9 +25,11 @@ from renderer.scene.parts import MANIFEST_STARTS
 from renderer.settings import View
 from tests.grids import grid
 from tests.renderer.scene.builders import TRIANGLE, Gltf
+from tests.worker.work.jobs import crash_at_frame_1
 from worker.exchange.cache import BlobCache
 from worker.exchange.link import FarmAnswer, Link
 from worker.protocol.contract import BlobRef, Manifest, PrepareFrames
+from worker.reading import frames as reading
 from worker.work import frames
 
 FRAMES = [0, 12, 24, 6.5, 48, 60]
@@ -73,11 +74,11 @@ class Bench:
     def said(self, order: list[float]) -> dict[float, tuple[str | None, list[dict[str, Any]]]]:
         """Of each frame: the hash of its own compiled scene, its view, and those that it has while the shutter is open."""
         out = Path(tempfile.mkdtemp(dir=self.out))
-        stage = frames._Stage(self.shot(), self.asked, self.base, out)
+        stage = reading.Stage(self.shot(), self.asked, self.base, out)
         found = {}
         for frame in order:
             said = stage.at(Moment(frame, self.asked.fps, self.asked.clip))
-            own = said["file"] and self.hash_of(compiled_file.load(Path(said["file"]), lambda sha256, _: next(out.rglob(sha256))))
+            own = said["file"] and self.hash_of(compiled_file.load(out / said["file"], lambda sha256, _: next(out.rglob(sha256))))
             found[frame] = own, [said["view"], *said["views"]]
         return found
 
@@ -128,7 +129,7 @@ def test_a_frame_is_prepared_as_its_still_is_rendered(tmp_path: Path, camera: bo
 def test_what_stands_still_again_is_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Bench(tmp_path, moving(False, True))
     compiled: list[int] = []
-    monkeypatch.setattr(frames, "compile_scene", lambda *given, **named: compiled.append(1) or compile_scene(*given, **named))
+    monkeypatch.setattr(reading, "compile_scene", lambda *given, **named: compiled.append(1) or compile_scene(*given, **named))
     bench.said([24, 25, 30, 48])
     assert len(compiled) == 1
 
@@ -147,7 +148,7 @@ def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_pat
     auto = summarise(Shot(tmp_path, "scene.yaml").at(), base)["cameras"][-1]["view"]
     work = PrepareFrames("work", "job", "scene", [0, 2, 4, 6], "base", auto)
     said: list[dict[str, Any]] = []
-    frames._answer(tmp_path, Manifest("scene", "scene.yaml", []), work, base, tmp_path)({"frames": work.frames}, said.append)
+    reading.answering(tmp_path, Manifest("scene", "scene.yaml", []), work, base, tmp_path)(work.frames, said.append)
     assert [message["frame"] for message in said] == [0, 2, 4, 6]
     assert ["failed" in message for message in said] == [False, False, True, False]
     assert "smoke" in said[2]["failed"]
@@ -212,8 +213,7 @@ def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, m
     monkeypatch.undo()
     frames.forget_frames()
 
-    at = frames._Stage.at
-    monkeypatch.setattr(frames._Stage, "at", lambda stage, moment: os._exit(1) if moment.frame == 1 else at(stage, moment))
+    monkeypatch.setattr(frames, "serve", crash_at_frame_1)
     said.clear()
     frames.prepare_frames(worker, manifest, work, lambda kind, **more: said.append((kind, more.get("frame"))))
     assert said == [("frame-prepared", 0), ("frame-failed", 2), ("frames-returned", None)]

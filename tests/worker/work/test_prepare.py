@@ -1,4 +1,4 @@
-"""Preparing a scene, up to the bounded child (test_bounded) and around it: whose fault it is when it does not work."""
+"""Preparing a scene, around the confined reader (test_reader): whose fault it is when it does not work."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import errno
 import hashlib
 import os
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, BinaryIO
@@ -21,7 +20,9 @@ from worker.exchange.errors import LinkError, MachineError, RefusedError, TokenE
 from worker.exchange.link import FarmAnswer, Link
 from worker.process import context
 from worker.protocol.contract import BlobRef, Manifest, Result, SceneInfo
+from worker.reading import prepare as reading
 from worker.work import prepare
+from worker.work.reader import Room
 
 SCENE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 SHA256 = hashlib.sha256(SCENE).hexdigest()
@@ -60,18 +61,15 @@ def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     service = Service()
     reads: list[bytes] = []
 
-    def reader(work: Callable[..., Any], *_: Any, **__: Any) -> dict[str, Any]:
-        return work(None)
-
-    def read(folder: Path, manifest: Manifest, out: Path, send: Any) -> dict[str, Any]:
-        reads.append((folder / manifest.main).read_bytes())
+    def read(room: Room, *_: Any, **__: Any) -> dict[str, Any]:
+        reads.append((room.scene / "scene.obj").read_bytes())
         if reads[-1] != SCENE:
             raise WorkError("scene.obj is damaged; export it anew")
-        (out / "compiled.safetensors").write_bytes(b"compiled")
-        return SUMMARY
+        (room.out / "compiled.safetensors").write_bytes(b"compiled")
+        return dict(SUMMARY)
 
-    monkeypatch.setattr(prepare, "run_bounded", reader)
-    monkeypatch.setattr(prepare, "_work", read)
+    monkeypatch.setattr(Room, "run", read)
+    monkeypatch.setattr(BlobCache, "adopt", lambda *_: None)
     monkeypatch.setattr("worker.exchange.patience.time.sleep", lambda seconds: None)
     cache = BlobCache(service, FarmAnswer("", "", ""), tmp_path / "cache")
     sent: list[Result] = []
@@ -95,11 +93,11 @@ def test_a_file_that_has_suffered_in_the_cache_is_fetched_anew_and_nobody_is_bla
 
 
 def test_a_file_that_was_uploaded_so_is_read_once(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    def damaged(*_: Any) -> dict[str, Any]:
+    def damaged(*_: Any, **__: Any) -> dict[str, Any]:
         worker.reads.append(b"")
         raise WorkError("scene.obj is damaged; export it anew")
 
-    monkeypatch.setattr(prepare, "_work", damaged)
+    monkeypatch.setattr(Room, "run", damaged)
     with pytest.raises(WorkError, match="export it anew"):
         prepared(worker)
     assert worker.reads == [b""]
@@ -122,15 +120,18 @@ def test_a_full_disk_is_the_machines_own_trouble(worker: Any, monkeypatch: pytes
         prepared(worker)
 
 
-def test_a_thumbnails_kernel_is_got_ready_before_as_slots_do_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_thumbnails_kernel_is_got_ready_by_the_slot_before(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     done: list[Any] = []
-    monkeypatch.setattr(prepare, "edition_for", lambda settings, scene: "full")
+    monkeypatch.setattr(reading, "edition_for", lambda settings, scene: "full")
     monkeypatch.setattr(prepare, "warm_up", lambda settings, edition, prepares: done.append((edition, prepares)))
+    monkeypatch.setattr(reading, "render_batch", lambda *_: done.append("loaded"))
     film = np.ones((CHANNELS, 90, 160), np.int64)
-    monkeypatch.setattr(prepare, "render_frame", lambda *_, **__: (done.append("rendered"), film)[1])
+    monkeypatch.setattr(reading, "render_frame", lambda *_, **__: (done.append("rendered"), film)[1])
     summary = {"defaults": {}, "cameras": [{"view": {"eye": [0, 0, 1], "target": [0, 0, 0]}}]}
-    prepare._thumbnail(SimpleNamespace(), summary, tmp_path / "thumbnail.png")  # type: ignore[arg-type]
-    assert done == [("full", False), "rendered"]
+    link: Any = SimpleNamespace(call=lambda name, edition: {"warm_up": prepare._warm_up}[name](edition))
+    reading.render_thumbnail(SimpleNamespace(), summary, link, tmp_path / "thumbnail.png")  # type: ignore[arg-type]
+    prepare._warm_up("none that there is")
+    assert done == [("full", False), "loaded", "rendered"]
     assert (tmp_path / "thumbnail.png").is_file()
 
 

@@ -50,7 +50,6 @@ class Service(Link):
 @pytest.fixture
 def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     service = Service()
-    monkeypatch.setattr(prepare, "_thumbnail", lambda *_: None)
     return SimpleNamespace(name="w", kind="k", link=service, cache=BlobCache(service, FarmAnswer("", "", ""), tmp_path / "cache"))
 
 

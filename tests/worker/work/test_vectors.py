@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+import os
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from renderer.scene.load import Shot
 from renderer.settings import View
 from tests.worker.work.test_frames import moving
 from worker.protocol.contract import FrameVectors, Manifest
-from worker.work import vectors
+from worker.reading import vectors
 
 OWN = View((1.0, 2.0, 6.0), (0.0, 0.0, 0.0))
 VIEWS = {
@@ -49,7 +50,9 @@ def test_they_are_those_of_the_command(tmp_path: Path, name: str) -> None:
     request: dict[str, Any] = {"camera": given.get("camera"), "view": own if "eye" in given else None}
     work = FrameVectors("work", "job", frame_key(6.5), "scene", 24, 16, auto, **request, **asked)
     result = tmp_path / "vectors.f32"
-    vectors._work(tmp_path, Manifest("scene", "shot.glb", []), FrameVectors.from_json(asdict(replace(work))), result)
+    link: Any = None
+    sent = FrameVectors.from_json(asdict(work))
+    vectors.vectors(os.fsencode(tmp_path), Manifest("scene", "shot.glb", []), sent, os.fsencode(result), link)
     found = np.fromfile(result, "<f4").reshape(16, 24, 4)
     assert np.abs(found).max() > 0.1
     np.testing.assert_array_equal(found, expected)

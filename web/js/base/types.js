@@ -56,6 +56,7 @@
  * @property {string} [project] its scene's; empty: none
  * @property {JobState} state
  * @property {string | null} message why it does not go on at the moment
+ * @property {boolean} [stranded] none of the workers is of the kind that began it
  * @property {string | null} error
  * @property {string | null} reproduce a command that shows the error again
  * @property {number} progress 0..1

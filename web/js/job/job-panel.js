@@ -1,17 +1,17 @@
 /** A job's progress and what can be done with it: pause, resume, cancel, more samples. */
 
-import { changeJob } from "../news/api.js";
+import { beginAnew, changeJob } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { putJob } from "../news/farm.js";
 import { mayChange, whyNot } from "../news/projects.js";
 import { clock, compact, count } from "../base/format.js";
 import { command } from "../shell/hints.js";
-import { linkTo } from "../shell/router.js";
+import { go, here, linkTo } from "../shell/router.js";
 import { icon } from "../base/icons.js";
 import { endOf, settingOf, valueText } from "../news/settings-table.js";
 import { framesDone, isShot } from "../base/shot-words.js";
 import { progressBar } from "../shell/state-chip.js";
-import { showError } from "../shell/tray.js";
+import { showError, undoable } from "../shell/tray.js";
 import { said } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 
@@ -41,6 +41,28 @@ export async function change(job, change, failure) {
   }
 }
 
+/**
+ * A job whose kind of workers is gone begins anew, in a new job, after a few seconds in which that can be taken back.
+ *
+ * @param {Job} job
+ * @param {HTMLElement} button
+ */
+function offerAnew(job, button) {
+  button.setAttribute("disabled", "");
+  const done = () => button.removeAttribute("disabled");
+  undoable(t("“{name}” begins anew", { name: job.name }), {
+    commit: () =>
+      void beginAnew(job.id)
+        .then((made) => {
+          putJob(made);
+          if (here().path.join("/") === `jobs/${job.id}`) go("jobs", made.id);
+        })
+        .catch((error) => showError(t("“{name}” does not begin anew", { name: job.name }), error))
+        .finally(done),
+    undo: done,
+  });
+}
+
 /** Progress in numbers, ticking between the service's messages. */
 export function progressPanel() {
   const samples = h("strong", { class: "big number" });
@@ -51,6 +73,12 @@ export function progressPanel() {
   const leftRow = h("div", null, h("dt", null, t("Left")), left);
   const speed = h("dd");
   const message = h("p", { class: "quiet small", role: "status", hidden: true });
+  const anew = h(
+    "button",
+    { class: "button small for-submit", type: "button", hidden: true, onclick: () => latest && offerAnew(latest, anew) },
+    icon("refresh"),
+    t("Begin anew"),
+  );
   const error = h("div", { class: "notice error", role: "alert", hidden: true });
   const bad = h("div", { class: "quiet small", hidden: true });
   const taken = h("p", { class: "quiet small", hidden: true });
@@ -90,6 +118,7 @@ export function progressPanel() {
       ),
       taken,
       message,
+      anew,
       error,
       bad,
     ),
@@ -106,6 +135,7 @@ export function progressPanel() {
       setText(speed, rate >= 1 ? compact(rate) : "–");
       message.hidden = !job.message;
       setText(message, said(job.message));
+      anew.hidden = !job.stranded;
       error.hidden = !job.error;
       if (job.error !== shownError) {
         shownError = job.error; // an alert that is written again is read out again

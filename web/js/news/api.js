@@ -1,6 +1,7 @@
 /** The REST API, a function a call. What goes wrong is an `ApiError` whose message is the service's own sentence. */
 
 import { decodeFilm } from "./tile-packet.js";
+import { fetchPatiently } from "./busy.js";
 import { inProject } from "../base/project.js";
 import { said } from "../base/said.js";
 import { t } from "../base/words.js";
@@ -183,6 +184,9 @@ export const createJob = (request, idempotencyKey) =>
 /** @param {string} id @param {JobChange} change @returns {Promise<Job>} */
 export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: change });
 
+/** The same picture in a new job, from the first sample; this one is cancelled. @param {string} id @returns {Promise<Job>} */
+export const beginAnew = (id) => call("POST", `/jobs/${id}/anew`);
+
 /** @param {number} offset @returns {Promise<Page<Environment>>} presets, then what was uploaded, newest first */
 export const getEnvironments = (offset) => getPage(inProject("/environments"), offset);
 
@@ -316,7 +320,7 @@ export const shotUrl = (job, file, query) => `api/jobs/${job}/${file}${queryText
  * @param {AbortSignal} signal
  */
 async function fetchPicture(place, format, query, signal) {
-  const response = await fetch(imageUrl(place, format, query), { signal });
+  const response = await fetchPatiently(imageUrl(place, format, query), signal);
   if (!response.ok) throw errorOf(response.status, await response.text());
   return response;
 }
@@ -370,7 +374,7 @@ export const fetchFilm = ({ job, frame }, signal) => fetchPacket(`api/jobs/${job
  * @returns {Promise<import("./tile-packet.js").FilmPacket>}
  */
 export async function fetchPacket(url, signal) {
-  const response = await fetch(url, { signal });
+  const response = await fetchPatiently(url, signal);
   if (!response.ok) throw errorOf(response.status, await response.text());
   return decodeFilm(await response.arrayBuffer());
 }

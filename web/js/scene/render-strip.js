@@ -4,6 +4,7 @@
  */
 
 import { imageUrl } from "../news/api.js";
+import { showImage } from "../news/busy.js";
 import { h, keyedList, setText } from "../base/dom.js";
 import { hidden, jobs } from "../news/farm.js";
 import { firstFrame } from "../base/shot-words.js";
@@ -95,7 +96,7 @@ function tile(job, clicked, sides) {
       if (next.samples <= 0) return;
       shown = next.state;
       at = performance.now();
-      image.src = imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 240, v: next.samples });
+      showImage(image, imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 240, v: next.samples }));
     },
   };
 }

@@ -2,44 +2,20 @@
 
 import { fill, h } from "../base/dom.js";
 import { chosenProject } from "../base/project.js";
-import { filesOfDrop, filesOfList, notTaken } from "./gather-files.js";
+import { filesOfDrop } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { mayChange } from "../news/projects.js";
-import { showError } from "./tray.js";
+import { pick, startFrom } from "./pick-files.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
 
-/**
- * @param {() => NamedFile[] | Promise<NamedFile[]>} gather
- * @param {(files: NamedFile[]) => Promise<void>} [take]
- */
-async function startFrom(gather, take = upload) {
-  let files;
-  try {
-    files = await gather();
-  } catch (error) {
-    showError(t("The files could not be read"), error);
-    return;
-  }
-  await attempt(files, take);
-}
-
-/** Its modules come when the page stands (./ahead.js), or with the first files. @param {NamedFile[]} files */
+/** Uploads files, by modules that are loaded once the page stands (./ahead.js). @param {NamedFile[]} files */
 async function upload(files) {
   const { start } = await import("./uploads.js").catch(() => {
     throw new Error(t("This part of the page could not be loaded"));
   });
   await start(files);
-}
-
-/** @param {NamedFile[]} files @param {(files: NamedFile[]) => Promise<void>} take */
-async function attempt(files, take) {
-  try {
-    await take(files);
-  } catch (error) {
-    showError(notTaken(files), error, { action: { label: t("Try again"), run: () => void attempt(files, take) } });
-  }
 }
 
 /**
@@ -48,19 +24,6 @@ async function attempt(files, take) {
  * @param {{folder: boolean}} options
  */
 export const choose = ({ folder }) => pick({ folder }, upload);
-
-/**
- * @param {{folder: boolean}} options
- * @param {(files: NamedFile[]) => Promise<void>} take
- */
-export function pick({ folder }, take) {
-  const input = h("input", { type: "file", multiple: true, webkitdirectory: folder, hidden: true });
-  input.addEventListener("change", () => void startFrom(() => filesOfList(input.files ?? new DataTransfer().files), take));
-  input.addEventListener("cancel", () => input.remove());
-  input.addEventListener("change", () => input.remove());
-  document.body.append(input);
-  input.click();
-}
 
 /** Lets files be dropped anywhere on the page. */
 export function acceptDrops() {
@@ -93,6 +56,6 @@ export function acceptDrops() {
     setDepth(0);
     if (!isFree) return;
     const gathering = filesOfDrop(event.dataTransfer);
-    void startFrom(() => gathering);
+    void startFrom(() => gathering, upload);
   });
 }

@@ -1,6 +1,7 @@
-/** The top bar, the "connection lost" banner, and the view between them. */
+/** The top bar, the banners "connection lost" and "server busy", and the view between them. */
 
 import { fill, h, setText } from "../base/dom.js";
+import { retries } from "../news/busy.js";
 import { lost, workers } from "../news/farm.js";
 import { showHelp } from "./help-dialog.js";
 import { icon } from "../base/icons.js";
@@ -93,6 +94,7 @@ export function buildShell() {
     setTally("workers", all?.length ?? 0, all?.length ? t("connected") : t("No worker is connected"), all?.length === 0),
   );
   buildLostBanner();
+  buildBusyBanner();
   return (section) => {
     for (const { path, element } of links) {
       if (path === section) element.setAttribute("aria-current", "page");
@@ -122,6 +124,25 @@ function buildLostBanner() {
     timer = undefined;
     if (!banner.hidden) announce(t("Connected again"));
     banner.hidden = true;
+  });
+}
+
+/** Says that the service is busy, and when it is asked again. */
+export function buildBusyBanner() {
+  const words = h("span");
+  const banner = h("div", { class: "lost-banner busy", role: "status", hidden: true }, icon("warning"), words);
+  document.body.append(banner);
+  /** @type {ReturnType<typeof setInterval> | undefined} */
+  let timer;
+  const show = () => {
+    const seconds = Math.max(1, Math.ceil((Math.min(...retries.value) - performance.now()) / 1000));
+    setText(words, t("Server busy, retrying in {n} s", { n: seconds }));
+  };
+  retries.subscribe(({ length }) => {
+    banner.hidden = !length;
+    clearInterval(timer);
+    timer = length ? setInterval(show, 1000) : undefined;
+    if (length) show();
   });
 }
 

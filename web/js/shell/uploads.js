@@ -4,12 +4,12 @@ import { ApiError, deleteScene, getInfo } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptScene, scenes } from "../news/farm.js";
 import { bytes, clock } from "../base/format.js";
-import { choose, pick } from "./drops.js";
 import { notTaken, titleOf } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { areImages, hasLight, offerLight } from "./light-drop.js";
 import { addEnvironment } from "../news/environments.js";
 import { said } from "../base/said.js";
+import { pick } from "./pick-files.js";
 import { go, here } from "./router.js";
 import { Card, announce, offerNews, showError } from "./tray.js";
 import { Pace } from "./upload-pace.js";
@@ -211,7 +211,7 @@ async function sendOnce(files, fields) {
     // A service that answered says itself what to do.
     if (error instanceof ApiError && error.status === 0)
       return new Promise((resolve) => showError(heading, error, { action: { label: t("Try again"), run: () => resolve(AGAIN) } }));
-    showError(heading, error, { action: { label: t("Choose other files"), run: () => choose({ folder: false }) } });
+    showError(heading, error, { action: { label: t("Choose other files"), run: () => pick({ folder: false }, start) } });
     return null;
   } finally {
     clearTimeout(stalling);

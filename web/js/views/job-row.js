@@ -1,6 +1,7 @@
 /** A job in a list. */
 
 import { imageUrl } from "../news/api.js";
+import { showImage } from "../news/busy.js";
 import { h, setText } from "../base/dom.js";
 import { scenes } from "../news/farm.js";
 import { remove as removeJobs } from "./job-deeds.js";
@@ -88,7 +89,7 @@ export function jobRow(job, lead) {
       if (next.samples > 0 && due && !document.hidden) {
         picturedAt = now;
         picturedState = next.state;
-        image.src = imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 320, v: next.samples });
+        showImage(image, imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 320, v: next.samples }));
       }
     },
   };

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import importlib.util
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.confine.limits import at_most
 from renderer.errors import SceneError
 from renderer.scene.polygons import triangulate
 
@@ -23,11 +25,29 @@ __all__ = ["Animation", "Bone", "Camera", "Channel", "Imported", "Lamp", "Node",
 F64 = npt.NDArray[np.float64]
 F32 = npt.NDArray[np.float32]
 
+# What an importer may allocate: damaged files hold counts of gigabytes. Whole files take up to 30 times their size.
+_LEAST_MEMORY, _MEMORY_PER_BYTE = 512 << 20, 200
+_INCOMPLETE = 0x1  # of a scene's flags
 _KNOWN = (5, 6)  # major versions, whose structures are those below
 _JOIN, _INVALID, _UVS = 0x2, 0x20000, 0x40000
 _STEPS = _JOIN | _INVALID | _UVS
 _POINTS, _LINES, _TRIANGLES, _POLYGONS = 1, 2, 4, 8  # aiPrimitiveType
 MAX_NODES = 200_000
+# Settings that keep importers from opening a second file. In memory there is one file only, and assimp hands it out under every
+# name: an SMD file was read again as a list of animations, once for each of its lines.
+_SETTINGS = {b"IMPORT_SMD_LOAD_ANIMATION_LIST": 0, b"IMPORT_MD5_NO_ANIM_AUTOLOAD": 1}
+
+# What assimp logs as a warning or an error of a part of a file, and no picture depends on.
+_IDLE = (
+    "Collada: Orthographic cameras are not supported",  # renderer/scene/readers/collada.py reads them
+    "Collada: Unexpected effect input mapping",
+    "IRRMESH: Ignoring non buffer node",
+    "No hierarchy information has been found",
+    "ScenePreprocessor: UVs are declared to be 3D",
+    "Simplified dummy tracks",
+    "Unexpected ThumbNailHdrSize",
+)
+MAX_SAID = 50  # sentences of assimp that are kept, of a file
 
 _u, _f, _d, _p = ctypes.c_uint32, ctypes.c_float, ctypes.c_double, ctypes.c_void_p
 
@@ -81,6 +101,10 @@ _PLACE = np.dtype([("time", "f8"), ("value", "f4", 3), ("way", "i4")])  # aiVect
 _TURN = np.dtype([("time", "f8"), ("value", "f4", 4), ("way", "i4"), ("_", "i4")])  # aiQuatKey: w x y z
 
 
+_Said = ctypes.CFUNCTYPE(None, ctypes.c_char_p, ctypes.c_char_p)
+_Log = _structure(("callback", _Said), ("user", _p))
+
+
 @dataclass
 class Node:
     """parent: of the nodes before it, -1 for the root."""
@@ -114,6 +138,7 @@ class Shape:
     material: int
     bones: list[Bone] = field(default_factory=list)
     unfilled: int = 0  # concave polygons that could not be cut
+    more_sets: int = 0  # of texture coordinates beyond two, and of colours beyond one
 
 
 @dataclass
@@ -125,6 +150,7 @@ class Lamp:
     position: F64
     direction: F64
     color: F64
+    linear: float
     quadratic: float
     inner: float
     outer: float
@@ -176,6 +202,9 @@ class Imported:
     animations: list[Animation]
     loose: int  # meshes of lines and points
     morphs: int
+    stacked: int = 0  # textures of materials beyond the first of their kind
+    is_whole: bool = True
+    said: Counter[str] = field(default_factory=Counter)  # what assimp warns of, and how often
 
 
 @functools.cache
@@ -184,9 +213,13 @@ def _library() -> Any:
     for folder in (spec.submodule_search_locations or []) if spec else []:
         for path in sorted(Path(folder).glob("*.so")):
             found = ctypes.CDLL(str(path))
-            if hasattr(found, "aiImportFileFromMemory") and found.aiGetVersionMajor() in _KNOWN:
-                found.aiImportFileFromMemory.restype = _p
-                found.aiImportFileFromMemory.argtypes = [ctypes.c_char_p, _u, _u, ctypes.c_char_p]
+            if hasattr(found, "aiImportFileFromMemoryWithProperties") and found.aiGetVersionMajor() in _KNOWN:
+                found.aiImportFileFromMemoryWithProperties.restype = _p
+                found.aiImportFileFromMemoryWithProperties.argtypes = [ctypes.c_char_p, _u, _u, ctypes.c_char_p, _p]
+                found.aiAttachLogStream.argtypes = found.aiDetachLogStream.argtypes = [_p]
+                found.aiCreatePropertyStore.restype = _p
+                found.aiReleasePropertyStore.argtypes = [_p]
+                found.aiSetImportPropertyInteger.argtypes = [_p, ctypes.c_char_p, ctypes.c_int]
                 found.aiReleaseImport.argtypes = [_p]
                 found.aiGetErrorString.restype = ctypes.c_char_p
                 return found
@@ -195,16 +228,41 @@ def _library() -> Any:
 
 def import_file(data: bytes, name: str) -> Imported:
     """All that assimp finds in a file's bytes; the name says of which kind it is. Raises SceneError."""
+    if not data:
+        raise SceneError(f"{name}: is empty; export it again")
     library = _library()
     hint = Path(name).suffix[1:].lower().encode()
-    address = library.aiImportFileFromMemory(data, len(data), _STEPS, hint)
-    if not address:
-        said = (library.aiGetErrorString() or b"").decode("utf-8", "replace").strip().splitlines() or ["unknown"]
-        raise SceneError(f"{name}: is damaged or no {Path(name).suffix} file ({said[0][:160]}); export it again")
+    said: Counter[str] = Counter()
+    log = _Log(_Said(lambda line, _: _note(line, said)), None)
+    settings = library.aiCreatePropertyStore()
+    library.aiAttachLogStream(ctypes.byref(log))
     try:
-        return _copied(_Scene.from_address(address), name)
+        for key, value in _SETTINGS.items():
+            library.aiSetImportPropertyInteger(settings, key, value)
+        with at_most(_LEAST_MEMORY + _MEMORY_PER_BYTE * len(data)) as is_less_than_asked:
+            address = library.aiImportFileFromMemoryWithProperties(data, len(data), _STEPS, hint, settings)
+    finally:
+        library.aiDetachLogStream(ctypes.byref(log))
+        library.aiReleasePropertyStore(settings)
+    if not address:
+        reason = (library.aiGetErrorString() or b"").decode("utf-8", "replace").strip().splitlines() or ["unknown"]
+        if is_less_than_asked and "bad_alloc" in reason[0]:
+            raise MemoryError
+        raise SceneError(f"{name}: is damaged or no {Path(name).suffix} file ({reason[0][:160]}); export it again")
+    try:
+        found = _copied(_Scene.from_address(address), name)
+        found.said = said
+        return found
     finally:
         library.aiReleaseImport(address)
+
+
+def _note(line: bytes, said: Counter[str]) -> None:
+    """Counts a line of assimp's log if it is a warning or an error: `Warn,  T0: 3DS: Skipping TCB animation info`."""
+    kind, _, text = line.decode("utf-8", "replace").strip().partition(": ")
+    text = " ".join(text.split())[:160].rstrip(".")
+    if kind.startswith(("Warn", "Error")) and not text.startswith(_IDLE) and (text in said or len(said) < MAX_SAID):
+        said[text] += 1
 
 
 def _copied(scene: Any, name: str) -> Imported:
@@ -223,7 +281,17 @@ def _copied(scene: Any, name: str) -> Imported:
         [_material(m) for m in _pointed(scene.materials, scene.num_materials, _Material)],
         [_texture(t) for t in _pointed(scene.textures, scene.num_textures, _Texture)],
         [
-            Lamp(str(x.name), x.kind, _vector(x.position), _vector(x.direction), _vector(x.color), x.quadratic, x.inner, x.outer)
+            Lamp(
+                str(x.name),
+                x.kind,
+                _vector(x.position),
+                _vector(x.direction),
+                _vector(x.color),
+                x.linear,
+                x.quadratic,
+                x.inner,
+                x.outer,
+            )
             for x in _pointed(scene.lights, scene.num_lights, _Light)
         ],
         [
@@ -233,6 +301,12 @@ def _copied(scene: Any, name: str) -> Imported:
         [_animation(a, i) for i, a in enumerate(_pointed(scene.animations, scene.num_animations, _Animation))],
         loose,
         morphs,
+        sum(
+            said.index > 0 and str(said.key) == "$tex.file"
+            for material in _pointed(scene.materials, scene.num_materials, _Material)
+            for said in _pointed(material.properties, material.count, _Property)
+        ),
+        is_whole=not scene.flags & _INCOMPLETE,
     )
 
 
@@ -294,7 +368,8 @@ def _shape(mesh: Any, name: str) -> Shape:
     positions = _array(mesh.vertices, count, np.float32, 3)
     cut = triangulate(counts, corners, positions)
     triangles = corners[cut.triangles].astype(np.int32)
-    return Shape(str(mesh.name), positions, triangles, normals, uvs, colors, int(mesh.material), bones, cut.unfilled)
+    more = sum(map(bool, mesh.uvs[2:])) + sum(map(bool, mesh.colors[1:]))
+    return Shape(str(mesh.name), positions, triangles, normals, uvs, colors, int(mesh.material), bones, cut.unfilled, more)
 
 
 def _material(material: Any) -> dict[tuple[str, int], Any]:

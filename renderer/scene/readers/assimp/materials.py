@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import Any
 from urllib.parse import unquote
 
@@ -27,6 +28,59 @@ _WRAPS: dict[int, Wrap] = {0: "repeat", 1: "clamp", 2: "mirror", 3: "clamp"}
 _MATTE = (1, 2, 9)  # aiShadingMode: flat, Gouraud, none
 _UNSHADED = 9
 _MAX_RADIANCE = 1e9
+# Properties that no picture depends on, or that others repeat: opacity says what these two say of transparency.
+# Of how a texture is mapped assimp makes texture coordinates.
+_IDLE = (
+    "$clr.ambient",
+    "$clr.transparent",
+    "$mat.transparencyfactor",
+    "$mat.twosided",
+    "$tex.file",
+    "$tex.mapping",
+    "$tex.mapaxis",
+)
+_NEUTRAL = {  # values that change nothing, of those not asked for; 0 of the others
+    "$clr.specular": (0.0, 1.0),
+    "$mat.bumpscaling": (1.0,),
+    "$mat.refracti": (0.0, 1.0, 1.5),
+    "$mat.shininess": tuple(map(float, range(1001))),  # of what does not shine
+    "$mat.shinpercent": (0.0, 1.0),
+    "$mat.shadingm": tuple(map(float, range(12))),
+    "$tex.blend": (1.0,),
+    "$tex.uvtrafo": (0.0, 1.0),
+}
+
+
+class _Asked(dict[tuple[str, int], Any]):
+    """What a file says of a material, which remembers what was asked for."""
+
+    def __init__(self, said: dict[tuple[str, int], Any]) -> None:
+        super().__init__(said)
+        self._asked: set[tuple[str, int]] = set()
+
+    def get(self, key: tuple[str, int], default: Any = None) -> Any:
+        """A property's value, or the default."""
+        self._asked.add(key)
+        return super().get(key, default)
+
+    def __contains__(self, key: object) -> bool:
+        if isinstance(key, tuple):
+            self._asked.add(key)
+        return super().__contains__(key)
+
+    def left(self) -> list[str]:
+        """The names of properties that were not asked for and change a picture."""
+        found = []
+        for (key, kind), value in self.items():
+            name = key.rpartition(".")[2]
+            is_of_texture = key.startswith("$tex.")
+            if (key, kind) in self._asked or key in _IDLE or not key.startswith("$") or (is_of_texture and kind not in _TAKEN):
+                continue
+            numbers = value if isinstance(value, np.ndarray) else np.zeros(0)
+            numbers = numbers[:3] if key.startswith("$clr.") else numbers  # without alpha
+            if len(numbers) and not np.isin(numbers, _NEUTRAL.get(key, (0.0,))).all():
+                found.append(name)
+        return found
 
 
 class Materials:
@@ -35,17 +89,18 @@ class Materials:
     def __init__(self, imported: Imported, main: str, files: SceneFiles, shelf: TextureShelf, materials: list[Material]) -> None:
         self._imported, self._main, self._files, self._shelf, self._materials = imported, main, files, shelf, materials
         self._known: dict[int, int] = {}
+        self.odd: Counter[str] = Counter()  # what is not taken over
         self._inside = {name: i for i, (name, _) in reversed(list(enumerate(imported.textures)))}
 
     def number(self, source: int) -> int:
         """The description's number of one of the file's."""
         if source not in self._known:
             sources = self._imported.materials
-            self._materials.append(self._read(sources[source]) if 0 <= source < len(sources) else Material())
+            self._materials.append(self._read(_Asked(sources[source])) if 0 <= source < len(sources) else Material())
             self._known[source] = len(self._materials) - 1
         return self._known[source]
 
-    def _read(self, said: dict[tuple[str, int], Any]) -> Material:
+    def _read(self, said: _Asked) -> Material:
         name = str(said.get(("?mat.name", 0), "") or "material")
         material = Material(name, base_color=_color(said, "$clr.base", _color(said, "$clr.diffuse", (0.8, 0.8, 0.8))))
         texture = self._texture(said, _BASE, name, srgb=True)
@@ -67,6 +122,8 @@ class Materials:
         left = [_NAMES.get(kind, f"kind {kind}") for key, kind in said if key == "$tex.file" and kind not in _TAKEN]
         if left:
             self._shelf.warn_of_surface(f"Material {name}: its textures for {', '.join(sorted(set(left)))} are left out.")
+        for key in said.left():
+            self.odd[f"properties of materials: {key}"] += 1
         return material
 
     def _surface(self, said: dict[tuple[str, int], Any], material: Material) -> None:
@@ -86,7 +143,8 @@ class Materials:
 
     def _opacity(self, said: dict[tuple[str, int], Any], material: Material) -> None:
         opacity = unit(_number(said, "$mat.opacity", 1.0))
-        if 0 < opacity < 1:  # 0 is written by exporters that mean the opposite
+        self.odd["opacities of 0, which many programs write of what is opaque"] += opacity == 0
+        if 0 < opacity < 1:
             material.opacity, material.alpha_mode = opacity, "blend"
         mask = self._texture(said, _OPACITY, material.name, srgb=False)
         if mask is not None:
@@ -109,7 +167,9 @@ class Materials:
         if not reference:
             return None
         wraps = [_WRAPS.get(int(_number(said, key, 0, kind)), "repeat") for key in ("$tex.mapmodeu", "$tex.mapmodev")]
-        uv_set = min(max(int(_number(said, "$tex.uvwsrc", 0, kind)), 0), 1)
+        number = int(_number(said, "$tex.uvwsrc", 0, kind))
+        uv_set = min(max(number, 0), 1)
+        self.odd["sets of texture coordinates that a texture names"] += uv_set != number
         place = _transform(said.get(("$tex.uvtrafo", kind)), self._main.lower().endswith((".x3d", ".x3db", ".wrl")))
         image, tiled = self._image(reference, f"Material {name}", srgb)
         return self._shelf.texture(image, wraps[0], wraps[1], uv_set, composed(place, tiled))

@@ -6,6 +6,7 @@ import functools
 import math
 from collections import Counter
 from collections.abc import Callable
+from pathlib import PurePosixPath
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +24,7 @@ from renderer.scene.readers.assimp.materials import Materials
 from renderer.scene.readers.assimp.untrusted import judge
 from renderer.scene.readers.carried import carried
 from renderer.scene.readers.numbers import clamped
+from renderer.scene.text import as_utf8
 from renderer.scene.textures import TextureShelf
 from renderer.settings import View
 
@@ -33,6 +35,7 @@ F64 = npt.NDArray[np.float64]
 _DIRECTIONAL, _POINT, _SPOT, _AMBIENT = 1, 2, 3, 4
 _ASPECT = 16 / 9  # of a camera that does not say
 _MOST = 1e12
+_TEXT = (".ac", ".ac3d", ".ase", ".dxf", ".md5mesh", ".nff", ".ogex", ".smd", ".x")  # which importers read as UTF-8 alone
 
 
 def read(
@@ -55,6 +58,8 @@ def read(
 
 def _opened(files: SceneFiles, main: str, scale: float, change: Callable[[bytes], bytes]) -> Imported:
     data = files.read(main)
+    if main.lower().endswith(_TEXT):
+        data = as_utf8(data)
     judge(data, main)
     data = change(data)
     imported = import_file(data, main)
@@ -101,11 +106,18 @@ class _Reader:
             self._odd["viewpoints, which are X3D's cameras"] += self._files.read(self._main).count(b"Viewpoint ")
         self._odd["meshes of lines and points"] += self._imported.loose
         self._odd["concave polygons, which are filled as if convex"] += sum(m.unfilled for m in self._imported.meshes.values())
+        self._odd["sets of texture coordinates and of colours"] += sum(m.more_sets for m in self._imported.meshes.values())
+        self._odd["textures over others of the same kind"] += self._imported.stacked
+        self._odd["frames, of which the first is shown"] += _frames(self._main, self._files)
+        self._odd["parts that the importer could not finish"] += not self._imported.is_whole
+        self._odd += self._materials.odd
         self._odd["morph targets"] += self._imported.morphs
         self._odd["channels that animate meshes"] += self._movement.others
         listed = ", ".join(f"{count} {words}" for words, count in self._odd.items() if count)
         if listed:
             self._shelf.warn(f"{self._main}: not taken over: {listed}.")
+        for text, count in self._imported.said.items():
+            self._shelf.warn(f"{self._main}: the importer says: {text}{f' ({count} times)' if count > 1 else ''}.")
 
     def _show(self, number: int, node: int, name: str) -> None:
         shape = self._imported.meshes[number]
@@ -141,6 +153,7 @@ class _Reader:
         for bone in shape.bones:
             at = self._by_name.get(bone.node)
             if at is None:
+                self._odd["bones without a node"] += 1
                 continue
             places.append(self._world(at) @ bone.offset)
             vertex.append(bone.vertices.astype(np.int64))
@@ -196,6 +209,8 @@ class _Reader:
         scale = math.pi
         if lamp.kind != _DIRECTIONAL:
             far = float(np.linalg.norm(position - middle))
+            if lamp.quadratic <= 1e-9 or lamp.linear > 1e-9:
+                self._odd["fadings of lights other than by the square of the distance"] += 1
             scale *= 1 / lamp.quadratic if lamp.quadratic > 1e-9 else max(far, 1e-3) ** 2
         r, g, b = (clamped(float(np.nan_to_num(c)) * scale, 0.0, _MOST) for c in lamp.color)
         x, y, z = (float(c) for c in np.nan_to_num(position))
@@ -234,6 +249,16 @@ class _Reader:
     def _unique(self, name: str) -> str:
         self._names[name] += 1
         return name if self._names[name] == 1 else f"{name} ({self._names[name]})"
+
+
+def _frames(main: str, files: SceneFiles) -> int:
+    """How many frames or animations a file has that assimp does not read."""
+    suffix = PurePosixPath(main).suffix.lower()
+    if suffix == ".md5mesh":
+        return len(files.siblings(main, (".md5anim",)))
+    data, at, least = files.read(main), *{".md2": (40, 1), ".iqm": (84, 0)}.get(suffix, (0, 0))
+    count = int.from_bytes(data[at : at + 4], "little") if at else 0
+    return count if count > least else 0
 
 
 def _bare(shape: Shape) -> Mesh:

@@ -8,7 +8,7 @@ from typing import Any
 from renderer.scene.animation import Clip, Moment
 from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.readers.fbx import layout
-from renderer.scene.readers.fbx.library import Opened, at, each, is_visible, pointed, text, value_at
+from renderer.scene.readers.fbx.library import Opened, at, each, is_set, is_visible, pointed, text, value_at
 from renderer.scene.readers.names import number_of
 
 __all__ = ["Stacks"]
@@ -37,32 +37,31 @@ class Stacks:
         chosen = self._stacks[:1]
         if moment.clip is not None and (moment.clip != ALL_CLIPS or ALL_CLIPS in names):
             chosen = [self._stacks[number_of("clip", names, moment.clip, self._file)]]
-        if self._opened.unturned:
+        if self._opened.unturned or any(len(_heard(stack)) < stack.layers.count for stack in chosen):
             return self._together(chosen)
         return int(chosen[0].anim) if chosen else None
 
     def _together(self, stacks: list[Any]) -> int:
-        layers = [layer for stack in stacks for layer in pointed(stack.layers, layout.AnimLayer)]
+        layers = [layer for stack in stacks for layer in _heard(stack)]
         return self._opened.together([int(layer.typed_id) for layer in layers], self._file)
 
     def shown(self, anim: int, evaluated: Opened, seconds: float) -> dict[int, bool]:
-        """Whether nodes, by id, are visible where several layers say so: the topmost curve of a layer that has a weight counts.
+        """Whether nodes, by id, are visible where layers say so: the topmost curve of a layer that has a weight counts.
 
-        ufbx adds and mixes the layers' values of a property that is yes or no, whose products are neither.
+        Maya evaluates visibility, as all booleans, in override mode whatever the layer's mode (Autodesk, "Animation layer
+        modes"); ufbx adds and mixes the layers' values.
         """
         layers = pointed(layout.Anim.from_address(anim).layers, layout.AnimLayer)
-        if len(layers) < 2:
-            return {}
         weights = {layer.element_id: layer.weight for layer in pointed(evaluated.scene.layers, layout.AnimLayer)}
         still = {node.element_id: is_visible(node) for node in pointed(self._opened.scene.nodes, layout.Node)}
         found: dict[int, bool] = {}
         for layer in layers:
             for each_property in each(layer.properties, layout.AnimProp):
+                if text(each_property.name) != "Visibility":
+                    continue
                 value = at(layout.AnimValue, each_property.value)
                 element = at(layout.Element, each_property.element)
                 if value is None or element is None or element.element_id not in still:
-                    continue
-                if text(each_property.name) != "Visibility":
                     continue
                 found.setdefault(element.element_id, still[element.element_id])
                 curve = value.curves[0]
@@ -73,6 +72,12 @@ class Stacks:
     def moving(self, anim: int | None) -> set[int]:
         """The elements, by id, of which something has another value at another time."""
         return set(_moved(anim))
+
+
+def _heard(stack: Any) -> list[Any]:
+    """The layers of a stack that are evaluated: those with solo, or without any all that are not muted."""
+    layers = pointed(stack.layers, layout.AnimLayer)
+    return [layer for layer in layers if is_set(layer, b"Solo")] or [layer for layer in layers if not is_set(layer, b"Mute")]
 
 
 def _moved(anim: int | None) -> Iterator[int]:

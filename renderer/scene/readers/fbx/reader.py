@@ -61,7 +61,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     seconds = moment.seconds(description.fps)
     needs = anim is not None and bool(moving or opened.unturned)
     evaluated = opened.at(anim, seconds, main) if anim is not None and needs else opened
-    shown = stacks.shown(anim, evaluated, seconds) if anim is not None and needs else {}
+    shown = stacks.shown(anim, evaluated, seconds) if anim is not None else {}
     _Reader(files, main, description, evaluated, moving, shown).read()
 
 

@@ -15,12 +15,12 @@ from renderer.scene.readers.brushed import brushed
 from renderer.scene.readers.bumps import BumpMaps, rounded
 from renderer.scene.readers.coats import coat_over, pane_ior
 from renderer.scene.readers.fibres import BROWN, color_of, fibre, pigments
+from renderer.scene.readers.linear import linear
 from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.media import Media
 from renderer.scene.readers.mitsuba.metals import CONDUCTORS
 from renderer.scene.readers.mitsuba.principled import principled
-from renderer.scene.readers.mitsuba.rough_coats import rough_coat
 from renderer.scene.readers.mitsuba.textures import Textures
 from renderer.scene.readers.mitsuba.values import rgb
 from renderer.scene.readers.mixed import mixed
@@ -116,6 +116,7 @@ class Bsdfs:
         if depth > _MAX_NESTED:
             self._document.ignore(f"{source.what} is nested too deep: rendered grey")
             return Material(source.id or source.type)
+        source.take()
         make = {
             "diffuse": self._diffuse,
             "roughdiffuse": self._diffuse,
@@ -140,6 +141,7 @@ class Bsdfs:
             return Material(name, opacity=0.0, alpha_mode="blend")
         if source.type == "twosided" and inner:
             if len(inner) > 1:
+                inner[1].take()
                 self._document.ignore(f"{source.what}: has a material of its own for each side; both show the first")
             return self._made(inner[0], depth + 1)
         if source.type == "mask" and inner:
@@ -210,6 +212,9 @@ class Bsdfs:
             if known is None:
                 self._document.ignore(f"{source.what}: the metal {str(named)[:40]} is not known here; rendered as aluminium")
             eta, k = known or CONDUCTORS["Al"]
+            if source.get("ext_eta") is not None:
+                outside = self._ior(source, "ext_eta", "air")
+                eta, k = tuple(v / outside for v in eta), tuple(v / outside for v in k)  # type: ignore[assignment]
         else:
             eta, k = rgb(source.get("eta", 0.0)), rgb(source.get("k", 1.0))
             outside = self._ior(source, "ext_eta", "air")
@@ -223,22 +228,26 @@ class Bsdfs:
         color, texture = self._textures.color(source, "diffuse_reflectance", 0.5)
         inside, outside = self._ior(source, "int_ior", "polypropylene"), self._ior(source, "ext_ior", "air")
         ior = clamped(inside / outside, 1.0, ALL_REFLECTING_IOR)
-        rough = {"roughness": 0.0} if source.type == "plastic" else self._rough(source, 0.1)
-        left, inner = 1.0, coat_over(ior)
+        nonlinear = source.flag("nonlinear", False)
+        painted: dict[str, Any] = {"base_color": color, "base_color_texture": texture, "ior": ior}
         if source.type != "plastic":
-            facets = "ggx" if source.get("distribution", "beckmann") == "ggx" else "beckmann"
-            left, inner = rough_coat(ior, unit(self._textures.number(source, "alpha", 0.1)), facets)
-        if source.flag("nonlinear", False):
-            color, texture = self._textures.coated(color, texture, inner)
-        color, texture = self._textures.scaled(color, texture, left)
-        return Material(kind="metallic_roughness", base_color=color, base_color_texture=texture, ior=ior, **rough)
+            shine, _ = self._textures.color(source, "specular_reflectance", 1.0)
+            return Material(kind="plastic", specular_color=shine, nonlinear=nonlinear, **painted, **self._rough(source, 0.1))
+        if nonlinear:
+            color, texture = self._textures.coated(color, texture, coat_over(ior))
+            painted.update(base_color=color, base_color_texture=texture)
+        return Material(kind="metallic_roughness", roughness=0.0, **painted)
 
     def _principled(self, source: Element) -> Material:
         return principled(source, self._textures, self._document)
 
     def _phong(self, source: Element) -> Material:
         color, texture = self._textures.color(source, "diffuse_reflectance", 0.5)
-        shine, _ = self._textures.color(source, "specular_reflectance", 0.2)
+        shine, pattern = self._textures.color(source, "specular_reflectance", 0.2)
+        if pattern is not None:
+            self._document.ignore(f"specular_reflectance of {source.what} varies over the surface: its mean is taken")
+            r, g, b = (unit(float(v)) for v in linear(self._textures.shelf.image_of(pattern))[..., :3].mean(axis=(0, 1)))
+            shine = r, g, b
         exponent = min(max(source.number("exponent", 30.0), 0.0), 1e6)
         return Material(
             kind="blinn_phong", base_color=color, base_color_texture=texture, specular_color=shine, shininess=exponent
@@ -260,7 +269,10 @@ class Bsdfs:
     def _masked(self, source: Element, inner: Material) -> Material:
         texture = source.child("opacity")
         if texture is None:
-            return replace(inner, opacity=unit(rgb(source.get("opacity", 0.5))[0]), alpha_mode="blend")
+            opacity = rgb(source.get("opacity", 0.5))
+            if len({*opacity}) > 1:
+                self._document.ignore(f"{source.what}: its opacity is a colour, of which the mean is taken")
+            return replace(inner, opacity=unit(sum(opacity) / 3), alpha_mode="blend")
         mask = self._textures.texture(texture, False)
         if mask is None:
             return replace(inner, opacity=0.5, alpha_mode="blend")
@@ -283,18 +295,20 @@ class Bsdfs:
         return replace(made, normal_texture=found.texture, normal_scale=found.strength)
 
     def _rough(self, source: Element, default: float, brushes: bool = False) -> dict[str, Any]:
-        """Roughness of a microfacet distribution of GGX; of Beckmann's, as rough. brushes: whether the kind can be brushed."""
-        if source.get("distribution", "beckmann") != "ggx":
-            self._document.ignore(f"{source.what}: its distribution is rendered as GGX with the same alpha")
+        """Distribution and roughness of microfacets. brushes: whether the kind can be brushed."""
+        named = str(source.get("distribution", "beckmann"))
+        if named not in ("ggx", "beckmann"):
+            self._document.ignore(f"{source.what}: its distribution {named[:40]!r} is rendered as Beckmann's with the same alpha")
+        facets: dict[str, Any] = {"distribution": "ggx" if named == "ggx" else "beckmann"}
         if any(source.child(name) is not None or source.get(name) is not None for name in ("alpha_u", "alpha_v")):
             along, across = (unit(self._textures.number(source, name, default)) for name in ("alpha_u", "alpha_v"))
             if brushes or along == across:
-                return brushed(along, across)
+                return facets | brushed(along, across)
             self._document.ignore(f"{source.what}: it is as rough in both directions here")
-            return {"roughness": math.sqrt(math.sqrt(along * across))}
+            return facets | {"roughness": math.sqrt(math.sqrt(along * across))}
         roughness, texture = self._textures.amount(source, "alpha", default, 0.5)
         packed = None if texture is None else self._textures.roughness_and_metal(texture, None)
-        return {"roughness": unit(roughness), "metallic_roughness_texture": packed}
+        return facets | {"roughness": unit(roughness), "metallic_roughness_texture": packed}
 
     def _ior(self, source: Element, name: str, default: str) -> float:
         found = source.get(name, default)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import Any
@@ -38,6 +38,8 @@ _OBJECTS = (
     "volume",
 )
 _OLD_NAMES = {"subsurface": "medium", "luminaire": "emitter", "camera": "sensor", "spectrum": "texture"}
+_OF_OBJECTS = ("type", "id", "name", "version")  # attributes
+_OF_VALUES = {"intent", "unit"}  # of spectra of Mitsuba 0.6: reflectance or light, which their place says; nanometres
 MAX_INCLUDES = 32
 MAX_ELEMENTS = 2_000_000
 MAX_DEPTH = 60
@@ -55,6 +57,10 @@ class Element:
     values: dict[str, Any] = field(default_factory=dict)
     children: list[Element] = field(default_factory=list)
     used: set[str] = field(default_factory=set)
+
+    def take(self) -> None:
+        """Marks an object as one that the scene is made of, also where nothing is asked of it."""
+        self.used.add("")
 
     def get(self, name: str, default: Any = None) -> Any:
         """A property's value; asked for is what counts as understood."""
@@ -95,6 +101,23 @@ class Element:
     def what(self) -> str:
         """For a sentence."""
         return f"{self.tag} {self.id!r} ({self.type})" if self.id else f"{self.tag} ({self.type})"
+
+
+class _Attributes(dict[str, str]):
+    """Attributes of a value, which remember the names that were asked for."""
+
+    def __init__(self, written: Mapping[str, str]) -> None:
+        super().__init__(written)
+        self.asked = {"name", "id", "value"}
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """An attribute, or the default."""
+        self.asked.add(key)
+        return super().get(key, default)
+
+    def __getitem__(self, key: str) -> str:
+        self.asked.add(key)
+        return super().__getitem__(key)
 
 
 def _is_object(part: ElementTree.Element) -> bool:
@@ -154,6 +177,7 @@ class Document:
             raise SceneError(f"{file}: its elements are nested too deep, or too many; make the scene smaller")
         tag = _OLD_NAMES.get(source.tag, source.tag)
         made = Element(tag, self._text(source, "type", file), source.get("id", ""), self._key(source.get("name", "")), file)
+        self._left_of(source, _OF_OBJECTS)
         for part, where in self._parts(source, file):
             if part.tag == "default":
                 self._defaults.setdefault(part.get("name", ""), part.get("value", ""))
@@ -164,7 +188,12 @@ class Document:
             elif part.tag == "alias":
                 self._rename(part, where)
             elif part.tag != "path":  # files are found wherever they lie
-                made.values[self._key(part.get("name", ""))] = self._value(part, where)
+                name = self._key(part.get("name", ""))
+                if name in made.values:
+                    self.ignore(f"{name[:60]} of {made.what} is given more than once: the last one counts")
+                made.values[name] = self._value(part, where)
+        if made.id and made.id in self._by_id:
+            self.ignore(f"{made.what} has the id of another object: references after it mean the later one")
         if made.id:
             self._by_id[made.id] = made
         return made
@@ -206,16 +235,31 @@ class Document:
             raise SceneError(f"{file}: gives {wanted[:80]!r}, which does not stand before, another name; mend the alias")
         self._by_id[name] = self._by_id[wanted]
 
+    def _left_of(self, part: ElementTree.Element, known: Container[str]) -> None:
+        """Counts attributes of an element that are not known."""
+        for key in part.keys():  # noqa: SIM118 - an element is no dict
+            if key not in known:
+                self.ignore(f"The attribute {key[:40]} of <{part.tag[:40]}> is not taken over")
+
     def _value(self, part: ElementTree.Element, file: str) -> Any:
-        written = {key: self._text(part, key, file) for key in part.keys()}  # noqa: SIM118 - an element is no dict
-        steps = []
+        def attributes(source: ElementTree.Element) -> _Attributes:
+            return _Attributes({key: self._text(source, key, file) for key in source.keys()})  # noqa: SIM118
+
+        written, steps = attributes(part), []
+        inner = part
         if part.tag in ("transform", "animation"):
             inner = part if part.tag == "transform" else next(iter(part), part)
             if part.tag == "animation":
                 self.ignore("The file moves things over time: what is shown is their first place")
-            steps = [(step.tag, {key: self._text(step, key, file) for key in step.keys()}) for step in inner]  # noqa: SIM118
+            steps = [(step.tag, attributes(step)) for step in inner]
+        elif len(part):
+            name = part.get("name", "")
+            self.ignore(f"What stands within <{part.tag[:40]} name={name[:40]!r}> is not taken over")
         try:
             found = values.value(part.tag, written, steps, lambda name: self._curve(name, file))
+            self._left_of(part, written.asked | _OF_VALUES)
+            for step, (_, said) in zip(inner if steps else (), steps, strict=True):
+                self._left_of(step, said.asked)
             is_even = part.tag == "spectrum" and not self.is_old and isinstance(found, np.ndarray) and len(set(found)) == 1
             return values.Spectrum.even(float(found[0])) if is_even else found
         except ValueError as error:

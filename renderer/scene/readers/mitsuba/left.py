@@ -12,17 +12,21 @@ __all__ = ["left_over"]
 _IDLE = {
     "integrator": {"rr_depth", "samples_per_pass", "block_size", "timeout", "strict_normals", "max_depth", "hide_emitters"}
     | {"emitter_samples", "bsdf_samples", "shading_samples", "luminaire_samples", "aovs"},
-    "sensor": {"far_clip", "near_clip", "focus_distance", "aperture_radius", "fov", "fov_axis", "shutter_open", "shutter_close"},
-    "bsdf": {"sample_visible", "eta", "k", "ext_eta", "distribution", "main_specular_sampling_rate", "clearcoat_sampling_rate"}
+    "scene": set(),
+    "sensor": {"far_clip", "near_clip", "focus_distance", "fov", "fov_axis", "focal_length", "shutter_open", "shutter_close"},
+    "film": {"component_format", "file_format", "sample_border", "compensate", "banner", "high_quality_edges", "attach_log"},
+    "sampler": {"seed", "jitter", "scramble", "dimension"},  # which samples: no mean depends on it
+    "rfilter": set(),
+    "bsdf": {"sample_visible", "main_specular_sampling_rate", "clearcoat_sampling_rate"}
     | {"diffuse_reflectance_sampling_rate", "diff_refl_sampling_rate", "spec_refl_sampling_rate", "spec_trans_sampling_rate"},
     "emitter": {"sampling_weight", "to_world"},
-    "shape": {"silhouette_sampling_weight", "to_world", "flip_tex_coords", "face_normals", "flip_normals"},
+    "shape": {"silhouette_sampling_weight", "to_world", "flip_tex_coords", "face_normals"},
     "texture": {"accel", "format"},
     "medium": {"sample_emitters", "has_spectral_extinction", "method", "strategy"}
     | {"scale", "sigma_a", "sigma_s", "sigma_t", "albedo"},  # of which two say all
     "phase": set(),
 }
-_NOTED_WHOLE = {"sunsky", "sky", "sun", "timed_sunsky"}
+_SHOWN = ("shape", "emitter", "sensor", "integrator")  # of a scene; the others are seen where something refers to them
 
 
 def left_over(scene: Element, sentences: list[str]) -> Iterator[str]:
@@ -41,16 +45,19 @@ def left_over(scene: Element, sentences: list[str]) -> Iterator[str]:
             continue
         for name in element.values:
             if name not in element.used and name and _counts(element, name):
-                yield f"{name} of {element.tag}s of the type {element.type} is not taken over"
+                of_type = f" of the type {element.type}" if element.type else ""
+                yield f"{name} of {element.tag}s{of_type} is not taken over"
         for child in element.children:
             if child.tag == "volume":
                 continue  # of a medium, which names it
-            if child.tag in ("texture", "emitter") and not child.used and not any(each.startswith(child.what) for each in said):
-                yield f"The {child.tag} ({child.type}) of a {element.tag} ({element.type}) is not taken over"
-            else:
+            is_named = element.tag == "scene" and (child.type == "shapegroup" or (child.id and child.tag not in _SHOWN))
+            if child.used or any(each.startswith(child.what) for each in said):
                 stack.append(child)
+            elif not is_named:
+                owner = f"a {element.tag} ({element.type})" if element.type else f"the {element.tag}"
+                yield f"The {child.tag} ({child.type}) of {owner} is not taken over"
 
 
 def _counts(element: Element, name: str) -> bool:
-    """Whether a picture may differ by it: of plugins of which nothing was asked, a note says that they are left out."""
-    return bool(element.used) and element.type not in _NOTED_WHOLE and element.tag in _IDLE and name not in _IDLE[element.tag]
+    """Whether a picture may differ by it."""
+    return element.tag in _IDLE and name not in _IDLE[element.tag]

@@ -89,6 +89,8 @@ class Media:
         if named is not None:
             known = substance(str(named))
             if known is not None:
+                if g:
+                    self._document.ignore(f"{source.what}: its phase function is not taken over, as its material is named")
                 return medium(known[1], known[0], 0.0, scale)
             self._document.ignore(f"{source.what}: the material {str(named)[:40]} is not known here; its numbers count")
         absorbed, scattered = (self._color(source, name) for name in ("sigma_a", "sigma_s"))
@@ -118,6 +120,8 @@ class Media:
     def _direction(self, source: Element) -> float:
         """The mean cosine."""
         phase = next(iter(source.of("phase")), None)
+        if phase is not None:
+            phase.take()
         if phase is None or phase.type == "isotropic":
             return 0.0
         if phase.type == "hg":

@@ -33,6 +33,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
             add_sensor(part, document, description)
         elif part.tag == "integrator":
             add_integrator(part, document, description)
+    if len(document.scene.of("integrator")) > 1:
+        document.ignore("The scene has more than one integrator: the last one counts")
     for part in document.scene.of("sensor"):
         note_what_lies_beyond(part, document, description)
     media.surround(description)

@@ -18,6 +18,8 @@ __all__ = ["add_integrator", "add_sensor", "note_what_lies_beyond", "vertical_fo
 
 _FILM = (768, 576)
 _FILTERS = {"box": "box", "tent": "tent"}
+_SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler", "halton", "hammersley", "sobol")
+_WIDTHS = {"box": ("radius", 0.5), "tent": ("radius", 1.0), "gaussian": ("stddev", 0.5)}
 _UNBOUNDED = 64  # segments of a path for "as many as it takes": roulette ends nearly all before
 _DIAGONAL_MM = math.hypot(36, 24)
 
@@ -64,6 +66,8 @@ def vertical_fov(source: Element, width: int, height: int) -> float:
         half = math.tan(min(max(math.radians(source.number("fov", 50.0)), 1e-6), math.radians(179.9)) / 2)
     else:
         half, axis = _DIAGONAL_MM / 2 / _millimetres(source), "diagonal"
+    if axis not in ("x", "y", "diagonal", "larger", "smaller"):
+        raise SceneError(f"{source.file}: {source.what}: its fov_axis is {axis[:40]!r}; it is x, y, diagonal, smaller or larger")
     if axis == "larger":
         axis = "x" if ratio > 1 else "y"
     elif axis == "smaller":
@@ -91,23 +95,38 @@ def _film(source: Element, document: Document, description: SceneDescription, is
     """Its width and height, and what of it is rendered; the first one's settings are the scene's."""
     film = next(iter(source.of("film")), None)
     sampler = next(iter(source.of("sampler")), None)
+    named = next(iter(film.of("rfilter")), None) if film is not None else None
+    for part in (sampler, named):
+        if part is not None:
+            part.take()
     width, height = _FILM
     if film is not None:
         width, height = (max(int(film.number(key, size)), 1) for key, size in zip(("width", "height"), _FILM, strict=True))
         window = _window(film, width, height)
+        if film.type != "hdrfilm":
+            document.ignore(f"{film.what}: an image of red, green and blue in linear light is rendered")
+        if (pixels := str(film.get("pixel_format", "rgb"))) not in ("rgb", "rgba"):
+            document.ignore(f"{film.what}: its pixel_format {pixels[:40]} is not taken over: red, green and blue are rendered")
     else:
         window = Window(0, 0, width, height)
     if is_first:
         description.defaults["width"], description.defaults["height"] = min(window.width, 16384), min(window.height, 16384)
         if sampler is not None:
             description.defaults["spp"] = max(int(sampler.number("sample_count", 4)), 1)
-        named = next(iter(film.of("rfilter")), None) if film is not None else None
+            if sampler.type not in _SAMPLERS:
+                document.ignore(f"{sampler.what} is not known: the number of samples that it names is taken")
+        if named is not None and named.type in _WIDTHS:
+            parameter, usual = _WIDTHS[named.type]
+            if (width_of := named.number(parameter, usual)) != usual:
+                document.ignore(f"{named.what}: its {parameter} of {width_of:g} is not taken over: it is {usual:g}")
         if named is not None and named.type in _FILTERS:
             description.defaults["filter"] = _FILTERS[named.type]
         else:
             description.defaults["filter"] = "tent"  # nearer to Mitsuba's Gaussian than Blackman and Harris's, half as wide
             if named is not None and named.type != "gaussian":
                 document.ignore(f"{named.what}: pixels are filtered by a tent of two pixels")
+    elif (window.width, window.height) != (description.defaults["width"], description.defaults["height"]):
+        document.ignore("The films of sensors after the first have sizes of their own: pictures have that of the first")
     return width, height, window
 
 
@@ -123,6 +142,7 @@ def _window(film: Element, width: int, height: int) -> Window:
 def add_integrator(source: Element, document: Document, description: SceneDescription) -> None:
     """The way in which light is followed."""
     inner = next(iter(source.of("integrator")), None)
+    source.take()
     if inner is not None:
         add_integrator(inner, document, description)
         return

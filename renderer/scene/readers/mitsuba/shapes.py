@@ -41,6 +41,7 @@ class Shapes:
         """Adds a shape, in the place of the group that it belongs to."""
         if depth > _MAX_NESTED:
             raise SceneError(f"{shape.file}: {shape.what} is nested too deep")
+        shape.take()
         if shape.type == "shapegroup":
             return  # seen where an instance shows it
         world = (np.eye(4) if place is None else place) @ shape.matrix()
@@ -48,6 +49,7 @@ class Shapes:
             raise SceneError(f"{shape.file}: {shape.what} stands nowhere: its transform has numbers that are not finite")
         if shape.type == "instance":
             for group in shape.of("shape"):
+                group.take()
                 for part in group.of("shape"):
                     self.add(part, world @ group.matrix(), depth + 1)
         elif shape.type == "merge":

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from renderer.scene.description import Environment, Image, Light, Sky, Vec3
 from renderer.scene.readers.mitsuba.document import Document, Element
+from renderer.scene.readers.mitsuba.values import rgb
 from renderer.scene.readers.turned_sky import seen_upright
 from renderer.scene.sky import image_of_sky, sun_of_sky
 from renderer.scene.textures import TextureShelf
@@ -40,9 +41,9 @@ def sky_of(source: Element, document: Document, shelf: TextureShelf) -> tuple[En
     sky_scale = both * source.number("sky_scale", 1.0) if source.type != "sun" else 0.0
     sun_scale = both * source.number("sun_scale", 1.0) if source.type != "sky" else 0.0
     dust = min(max((source.number("turbidity", 3.0) - 1) / 2, 0.0) ** _BENT, 10.0)
-    albedo = min(max(source.number("albedo", 0.3), 0.0), 1.0)
+    r, g, b = (min(max(v, 0.0), 1.0) for v in rgb(source.get("albedo", 0.3)))
     aperture = min(max(source.number("sun_aperture", 0.5358) * source.number("sun_radius_scale", 1.0), 0.01), 30.0)
-    sky = Sky(elevation, dust=dust, sun_size=aperture, ground_albedo=(albedo,) * 3)
+    sky = Sky(elevation, dust=dust, sun_size=aperture, ground_albedo=(r, g, b))
     return (
         _above(sky, up, towards, shelf, sky_scale) if sky_scale > 0 else None,
         _sun(sky, towards, sun_scale, source.id or source.type) if sun_scale > 0 else None,

@@ -147,7 +147,14 @@ class Textures:
             self._document.ignore(
                 f"{source.what}: {name} is decoded as a colour, as in Mitsuba; where it holds numbers or normals, set raw to true"
             )
-        wrap = _WRAPS.get(str(source.get("wrap_mode", "repeat")), "repeat")
+        gamma, mode = source.number("gamma", -1.0), str(source.get("wrap_mode", "repeat"))
+        if gamma not in (-1.0, 1.0):
+            self._document.ignore(
+                f"{source.what}: its gamma of {gamma:g} is not taken over: the picture is decoded as its kind says"
+            )
+        if mode not in _WRAPS:
+            self._document.ignore(f"{source.what}: the wrap_mode {mode[:40]!r} is not known: the picture repeats")
+        wrap = _WRAPS.get(mode, "repeat")
         filter: TexelFilter = "nearest" if source.get("filter_type") == "nearest" else "linear"
         return self.shelf.texture(self.shelf.image_file(name, not is_raw), wrap, wrap, 0, transform, (), filter)
 

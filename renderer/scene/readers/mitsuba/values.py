@@ -100,6 +100,8 @@ def value(tag: str, written: Mapping[str, str], steps: Sequence[Step], curve: Ca
     if tag in ("float", "integer"):
         return numbers(text, 1)[0]
     if tag == "boolean":
+        if text.lower() not in ("true", "false"):
+            raise ValueError(f"{text[:40]!r} is neither true nor false")
         return text.lower() == "true"
     if tag == "string":
         return text
@@ -153,7 +155,8 @@ def _spectrum(text: str, written: Mapping[str, str], curve: Callable[[str], str]
             raise ValueError("its file has no values")
         return Spectrum([row[0] for row in rows], [row[1] for row in rows])
     if written.get("temperature"):
-        return planck(float(numbers(written["temperature"].rstrip("kK"), 1)[0]))
+        kelvin, scale = numbers(written["temperature"].rstrip("kK"), 1), numbers(written.get("scale", "1"), 1)
+        return planck(float(kelvin[0]), float(scale[0]))
     if ":" not in text:
         found = numbers(text)
         if len(found) not in (1, 3):

@@ -27,6 +27,8 @@ _FAR = 1e6
 # A tent of two pixels is nearer to pbrt's Gaussian than ours of Blackman and Harris, which is half as wide.
 _FILTERS = {"box": "box", "triangle": "tent", "gaussian": "tent"}
 FILTER = "tent"  # where none is named
+_SAMPLERS = ("halton", "independent", "paddedsobol", "pmj02bn", "sobol", "stratified", "zsobol")
+_OF_SAMPLERS = ("seed", "randomization", "jitter", "pixelsamples", "xsamples", "ysamples")  # which samples: no mean depends on it
 _UNSAID = ("filename", "savefp16", "diagonal", "coordinatesystem", "buckets", "nbuckets", "lambdamin", "lambdamax")
 
 
@@ -84,13 +86,15 @@ def _rendered(source: Parameters, width: int, height: int) -> Window:
     return Window(left, top, right - left, bottom - top)
 
 
-def set_sampler(source: Parameters, description: SceneDescription) -> None:
+def set_sampler(source: Parameters, description: SceneDescription, notes: Notes) -> None:
     """How many samples a pixel has."""
+    if source.type not in _SAMPLERS:
+        notes.add(source.place, f"{source} is no sampler of pbrt's: the number of samples that it names is taken")
     count = source.integer("pixelsamples", 16)
     if source.type == "stratified":
         count = source.integer("xsamples", 4) * source.integer("ysamples", 4)
     description.defaults["spp"] = min(max(count, 1), MAX_SPP)
-    source.used.update(source.values)
+    source.used.update(_OF_SAMPLERS)
 
 
 def balance_of(film: Parameters | None, notes: Notes) -> Matrix | None:

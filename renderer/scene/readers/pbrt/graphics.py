@@ -45,7 +45,7 @@ class _State:
     area: Parameters | None = None
     space: str = "srgb"
     medium: Interface = ("", "")
-    attributes: dict[str, dict[str, Parameter]] = field(default_factory=dict)
+    attributes: dict[str, dict[str, tuple[Parameter, set[str]]]] = field(default_factory=dict)
 
 
 class Graphics:
@@ -232,8 +232,9 @@ class Graphics:
         if target not in _ATTRIBUTES:
             raise statement.place.wrong(f"Attribute speaks of {', '.join(_ATTRIBUTES)}, and not of {target[:40]!r}")
         known = dict(self._state.attributes)
-        known[target] = known.get(target, {}) | found.values
+        known[target] = known.get(target, {}) | {name: (each, found.used) for name, each in found.values.items()}
         self._state.attributes = known
+        self._all.append((found, -1))
 
     def _on_reverse_orientation(self, statement: Statement) -> None:
         self._state.reverse = not self._state.reverse
@@ -260,7 +261,7 @@ class Graphics:
         cameras.set_integrator(self._kept(statement, "integrator"), self._description, self._notes)
 
     def _on_sampler(self, statement: Statement) -> None:
-        cameras.set_sampler(self._kept(statement, "sampler"), self._description)
+        cameras.set_sampler(self._kept(statement, "sampler"), self._description, self._notes)
 
     def _on_pixel_filter(self, statement: Statement) -> None:
         cameras.set_filter(self._kept(statement, "filter"), self._description, self._notes)
@@ -313,6 +314,8 @@ class Graphics:
         found.type = found.text("type")
         found.defaults = self._state.attributes.get("material", {})
         self._all.append((found, len(found.used)))
+        if name in self._materials.named:
+            self._notes.add(statement.place, f"The material {name[:60]!r} is made again: what follows has the later one")
         self._materials.named[name] = found
 
     def _on_named_material(self, statement: Statement) -> None:
@@ -326,6 +329,8 @@ class Graphics:
         if kind not in ("float", "spectrum", "color"):
             raise statement.place.wrong(f"a texture is of floats or of spectra, and not of {kind[:40]!r}")
         found.defaults = self._state.attributes.get("texture", {})
+        if ("float" if kind == "float" else "spectrum", name) in self._textures.named:
+            self._notes.add(statement.place, f"The texture {name[:60]!r} is made again: what follows has the later one")
         self._textures.define(name, kind, found, self._state.ctm[0])
         self._all.append((found, len(found.used)))
 

@@ -38,6 +38,8 @@ class Media:
     def make(self, name: str, source: Parameters) -> None:
         """Names a medium."""
         kind = source.type
+        if name in self._named:
+            self._notes.add(source.place, f"The medium {name[:60]!r} is made again: the later one counts")
         if kind == "homogeneous":
             self._named[name] = self._homogeneous(source)
             return
@@ -120,6 +122,8 @@ def subsurface(source: Parameters, textures: Textures, notes: Notes) -> Material
     g = clamped(source.number("g", 0.0), -0.999, 0.999)
     wanted, is_given = source.text("name"), source.get("sigma_a") is not None or source.get("sigma_s") is not None
     if not wanted and not is_given and source.get("reflectance") is not None:
+        if g:
+            notes.add(source.place, f"'g' of {source} is not taken over where its reflectance is given")
         color = textures.color(source, "reflectance", (1.0, 1.0, 1.0))
         path = coefficients(source, "mfp", (1.0,) * 3, textures)
         radius = seen_through_a_boundary(textures.mean(color), tuple(scale * c for c in path), ior)  # type: ignore[arg-type]
@@ -129,9 +133,8 @@ def subsurface(source: Parameters, textures: Textures, notes: Notes) -> Material
     scattered, absorbed = SUBSTANCES.get(wanted, _MILK)
     if not wanted and is_given:
         absorbed = coefficients(source, "sigma_a", (0.0,) * 3, textures)
-        whole = coefficients(source, "sigma_s", (0.0,) * 3, textures)
-        scattered = (whole[0] * (1 - g), whole[1] * (1 - g), whole[2] * (1 - g))
-    found = medium(absorbed, scattered, 0.0, scale)
+        scattered = coefficients(source, "sigma_s", (0.0,) * 3, textures)
+    found = medium(absorbed, (scattered[0] * (1 - g), scattered[1] * (1 - g), scattered[2] * (1 - g)), 0.0, scale)
     if not any(found.sigma_s):
         return replace(made, base_color=(0.0, 0.0, 0.0), subsurface=0.0)
     color_seen, radius = within(found.sigma_a, found.sigma_s, ior)

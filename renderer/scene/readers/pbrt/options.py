@@ -12,6 +12,11 @@ _OF_THE_PICTURE = {
     "disablepixeljitter": "a pixel's samples lie all over it",
     "disabletexturefiltering": "textures are interpolated",
 }
+_OF_THE_RUN = (
+    *("disablewavelengthjitter", "displacementedgescale", "fullscreen", "gpudevice", "interactive", "msereferenceimage"),
+    *("msereferenceout", "nthreads", "pixelstats", "quickrender", "quiet", "recordpixelstatistics", "rendercoordsys", "seed"),
+    *("upgrade", "usegpu", "wavefront", "writepartialimages"),
+)  # and displacement, which is noted where it stands
 
 
 def note_option(name: str, statement: Statement, notes: Notes) -> None:
@@ -21,3 +26,5 @@ def note_option(name: str, statement: Statement, notes: Notes) -> None:
     is_on = said == "true" or (isinstance(said, tuple) and said[:1] in ((True,), ("true",)))
     if is_on and key in _OF_THE_PICTURE:
         notes.add(statement.place, f"The option {key} is not taken over: {_OF_THE_PICTURE[key]}")
+    elif key not in _OF_THE_PICTURE and key not in _OF_THE_RUN:
+        notes.add(statement.place, f"The option {name[:60]!r} is not known, and not taken over")

@@ -34,15 +34,18 @@ class Parameter(NamedTuple):
 class Parameters:
     """What a statement says of a thing `what`, of a type as "diffuse"; asked for is what counts as understood.
 
-    defaults: what an Attribute directive has said of all such things.
+    defaults: parameters of Attribute directives, each with the set of names that were asked for of its directive.
+    repeated: names that are given more than once. cut: how many numbers were given, and how many of them count, by name.
     """
 
     what: str
     type: str
     place: Place
     values: dict[str, Parameter] = field(default_factory=dict)
-    defaults: dict[str, Parameter] = field(default_factory=dict)
+    defaults: dict[str, tuple[Parameter, set[str]]] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
+    repeated: set[str] = field(default_factory=set)
+    cut: dict[str, tuple[int, int]] = field(default_factory=dict)
     space: str = "srgb"  # the colour space where it stands
 
     @classmethod
@@ -57,6 +60,8 @@ class Parameters:
         rest = arguments[names:]
         for declared, value in zip(rest[::2], rest[1::2], strict=False):
             parameter, name = _declared(declared, value, statement, space)
+            if name in made.values:
+                made.repeated.add(name)
             made.values[name] = parameter
         if len(rest) % 2:
             raise place.wrong(f'{made} has a parameter without a value; write it as "float radius" 2')
@@ -68,7 +73,10 @@ class Parameters:
     def get(self, name: str, *types: str) -> Parameter | None:
         """A parameter of one of the types; None where it is not there. Raises SceneError where it is of another."""
         self.used.add(name)
-        found = self.values.get(name) or self.defaults.get(name)
+        found = self.values.get(name)
+        if found is None and name in self.defaults:
+            found, asked = self.defaults[name]
+            asked.add(name)
         if found is None:
             return None
         if types and found.type not in types:
@@ -125,7 +133,7 @@ class Parameters:
 
     def names_texture(self, name: str) -> bool:
         """Whether a texture stands in a value's place."""
-        found = self.values.get(name) or self.defaults.get(name)
+        found = self.values.get(name) or self.defaults.get(name, (None,))[0]
         return found is not None and found.type == "texture"
 
     def color(self, name: str) -> Parameter | None:
@@ -133,14 +141,21 @@ class Parameters:
         return self.get(name, *_COLORS)
 
     def say_unused(self, notes: Notes) -> None:
-        """Notes what nobody asked for."""
+        """Notes parameters that were not asked for, and those of which only a part counts."""
         for name, parameter in self.values.items():
             if name not in self.used:
                 notes.add(parameter.place, f"{name[:60]!r} of {self} is not taken over")
+            elif name in self.repeated:
+                notes.add(parameter.place, f"{name[:60]!r} of {self} is given more than once: the last one counts")
+            elif name in self.cut:
+                count, least = self.cut[name]
+                notes.add(parameter.place, f"{name[:60]!r} of {self} has {count} numbers: the first {least} count")
 
     def _some(self, found: Parameter, name: str, least: int) -> F64:
         if not isinstance(found.value, np.ndarray) or len(found.value) < least:
             raise found.place.wrong(f"{name!r} of {self} takes {'numbers' if least != 1 else 'a number'}")
+        if 0 < least < len(found.value):
+            self.cut[name] = len(found.value), least
         return found.value
 
 

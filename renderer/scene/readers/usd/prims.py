@@ -11,6 +11,7 @@ from pxr import Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, UsdSkel
 
 from renderer.errors import SceneError
 from renderer.scene.matrices import Matrix, product
+from renderer.scene.readers.uprights import Z_UP
 from renderer.scene.readers.usd.metadata import is_z_up, unit_of
 from renderer.scene.readers.usd.notes import Notes
 
@@ -25,7 +26,6 @@ _DEFINED = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 # Prototypes may be `over` or `class`, so that nothing but their instancer shows them.
 _UNDEFINED = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded & ~Usd.PrimIsAbstract)
 _ABSTRACT = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
-_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
 @dataclass
@@ -43,7 +43,7 @@ def upright(stage: Any, notes: Notes | None = None) -> Matrix:
     """From the stage's units and axes to metres with Y up."""
     notes = Notes() if notes is None else notes
     unit = unit_of(stage, notes)
-    turn = _Z_UP if is_z_up(stage, notes) else np.eye(4)
+    turn = Z_UP if is_z_up(stage, notes) else np.eye(4)
     return product(turn, np.diag([unit, unit, unit, 1.0]))
 
 

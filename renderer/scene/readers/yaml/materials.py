@@ -73,6 +73,8 @@ def _kind_of(source: dict[str, Any]) -> MaterialKind:
         return "conductor"
     if "shininess" in source:
         return "blinn_phong"
+    if "nonlinear" in source:
+        return "plastic"
     return "metallic_roughness" if _OWN & source.keys() else "diffuse"
 
 

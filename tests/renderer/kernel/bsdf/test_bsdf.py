@@ -34,6 +34,16 @@ MODELS = {
     "brushed conductor": Material(kind="conductor", roughness=0.45, anisotropy=0.6, anisotropy_rotation=0.9, **GOLD),
     "blinn-phong": Material(kind="blinn_phong", base_color=(0.5, 0.3, 0.1), specular_color=(0.4, 0.4, 0.4), shininess=20.0),
     "rough glass": Material(kind="glass", base_color=COLOR, roughness=0.8),
+    "Beckmann conductor": Material(kind="conductor", roughness=0.5, distribution="beckmann", **GOLD),
+    "brushed Beckmann conductor": Material(
+        kind="conductor", roughness=0.45, anisotropy=0.6, anisotropy_rotation=0.9, distribution="beckmann", **GOLD
+    ),
+    "Beckmann glass": Material(kind="glass", base_color=COLOR, roughness=0.8, distribution="beckmann"),
+    "Beckmann metal": principled(metallic=1.0, roughness=1.0, distribution="beckmann"),
+    "coated paint": Material(kind="plastic", base_color=COLOR, roughness=0.5, specular_color=(1.0, 0.8, 0.5)),
+    "paint under a Beckmann coat": Material(
+        kind="plastic", base_color=COLOR, roughness=0.7, distribution="beckmann", nonlinear=True, ior=1.8
+    ),
     "rough pane": Material(kind="glass", base_color=COLOR, roughness=0.5, thin=True),
     "half transmission": principled(transmission=0.5, metallic=0.2, roughness=0.8),
     "leaf": principled(diffuse_transmission=0.6, diffuse_transmission_color=(0.3, 0.8, 0.1)),
@@ -46,7 +56,7 @@ MODELS = {
         sheen_color=(0.5, 0.4, 0.3), sheen_roughness=0.6, anisotropy=0.4, iridescence=0.5, roughness=0.6,
     ),
 }  # fmt: skip
-FROM_BOTH_SIDES = ("rough glass", "half transmission")
+FROM_BOTH_SIDES = ("rough glass", "Beckmann glass", "half transmission")
 CASES = [(name, True) for name in MODELS] + [(name, False) for name in FROM_BOTH_SIDES]
 
 
@@ -63,7 +73,21 @@ def sphere(n, seed):
 
 
 @grid("degrees", ANGLES)
-@grid(("name", "front"), CASES, ordinary=("plastic", "metal", "rough glass", "leaf", "clearcoat", "everything"))
+@grid(
+    ("name", "front"),
+    CASES,
+    ordinary=(
+        "plastic",
+        "metal",
+        "rough glass",
+        "leaf",
+        "clearcoat",
+        "everything",
+        "brushed Beckmann conductor",
+        "Beckmann glass",
+        "paint under a Beckmann coat",
+    ),
+)
 def test_samples_follow_their_density(subjects, name, front, degrees):
     subject, wo = subjects[name, front], tilted(degrees)
     wi, _, pdf, _ = subject.sample(wo)
@@ -152,6 +176,16 @@ metals = st.builds(
     anisotropy=st.one_of(st.just(0.0), st.floats(0, 0.75)),
     eta=st.tuples(*[st.floats(0.05, 4)] * 3),
     k=st.tuples(*[st.floats(0, 8)] * 3),
+    distribution=st.sampled_from(("ggx", "beckmann")),
+)
+plastics = st.builds(
+    Material,
+    kind=st.just("plastic"),
+    base_color=st.tuples(*[st.floats(0, 1)] * 3),
+    roughness=st.floats(0.15, 1),
+    ior=st.floats(1.0, 2.5),
+    nonlinear=st.booleans(),
+    distribution=st.sampled_from(("ggx", "beckmann")),
 )
 phong = st.builds(
     Material,
@@ -179,12 +213,13 @@ surfaces = st.builds(
     anisotropy=st.one_of(st.just(0.0), st.floats(0, 0.75)),
     anisotropy_rotation=st.floats(0, 6),
     iridescence=st.one_of(st.just(0.0), unit),
+    distribution=st.sampled_from(("ggx", "beckmann")),
     iridescence_ior=st.floats(1, 2),
     iridescence_thickness=st.tuples(st.just(100.0), st.floats(0, 800)),
 )
 
 
-anything = st.one_of(surfaces, surfaces, surfaces, metals, phong)
+anything = st.one_of(surfaces, surfaces, surfaces, metals, phong, plastics)
 
 
 @settings(derandomize=True)
@@ -221,6 +256,8 @@ def test_whatever_its_properties_it_makes_no_light(material, degrees, front):
         ({"sheen_color": WHITE, "sheen_roughness": 0.5}, 0.97),
         ({"metallic": 1.0, "clearcoat": 1.0}, 0.93),
         ({"kind": "conductor", "eta": (0.0, 0.0, 0.0), "k": (1e4, 1e4, 1e4)}, 0.995),
+        ({"metallic": 1.0, "distribution": "beckmann"}, 0.995),
+        ({"transmission": 1.0, "distribution": "beckmann"}, 0.99),
     ],
     ids=str,
 )
@@ -237,6 +274,7 @@ BRUSHED = [
     {"metallic": 1.0},
     {"diffuse_transmission": 0.5},
     {"kind": "conductor", "eta": (0.0, 0.0, 0.0), "k": (1e4, 1e4, 1e4)},
+    {"metallic": 1.0, "distribution": "beckmann"},
 ]
 
 

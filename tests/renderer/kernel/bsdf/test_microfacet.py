@@ -1,5 +1,7 @@
 """The GGX distribution against values in double precision, and the tables of its albedo against what makes them."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from renderer.kernel.bsdf.albedo_tables import (
     sheen_albedo,
     table_path,
 )
+from renderer.kernel.bsdf.beckmann import beckmann_density, beckmann_lambda
 from renderer.kernel.bsdf.fresnel import fresnel_conductor
 from renderer.kernel.bsdf.microfacet import ggx_density, pdf_visible_normal, smith_lambda
 
@@ -55,6 +58,27 @@ def test_distribution_and_masking_at_alpha_0_1():
     np.testing.assert_allclose(found[[1, 3, 4], 1], (0.997512, 0.930395, 0.794059), rtol=1e-4)
 
 
+@entry
+def _beckmann(alpha, angles, out):
+    for i in range(len(angles)):
+        w = (np.float32(np.sin(angles[i])), np.float32(0), np.float32(np.cos(angles[i])))
+        out[i, 0] = beckmann_density(w, alpha, alpha)
+        out[i, 1] = np.float32(1) / (np.float32(1) + beckmann_lambda(w, alpha, alpha))
+
+
+@pytest.mark.parametrize("alpha", [0.1, 0.5, 1.0])
+def test_distribution_and_masking_of_beckmann(alpha):
+    """By equation 25 of Walter et al. 2007, and the exact masking before their fit (equation 26)."""
+    found = np.empty((len(DEGREES), 2), np.float32)
+    _beckmann(np.float32(alpha), np.radians(DEGREES), found)
+    for row, degrees in zip(found, DEGREES, strict=True):
+        theta = np.radians(degrees)
+        density = np.exp(-((np.tan(theta) / alpha) ** 2)) / (np.pi * alpha**2 * np.cos(theta) ** 4)
+        a = 1 / (alpha * np.tan(theta)) if degrees else np.inf
+        masking = 1.0 if degrees == 0 else 2 / (1 + math.erf(a) + np.exp(-a * a) / (a * np.sqrt(np.pi)))
+        np.testing.assert_allclose(row, (density, masking), rtol=3e-4, atol=1e-12)
+
+
 def test_a_white_microfacet_mirror_scatters_once_what_is_known():
     for alpha, albedo in ((0.25, 0.916), (0.5, 0.688), (0.75, 0.464), (1.0, 1 - np.log(2))):
         assert sum(ggx_albedo(1.0, alpha)) == pytest.approx(albedo, abs=4e-4)
@@ -70,33 +94,35 @@ def test_the_tables_are_what_makes_them():
     np.testing.assert_allclose(table[SIZE], [mean_over_hemisphere(row) for row in table[:SIZE].astype(float)], atol=2e-6)
 
 
-def test_the_table_of_brushed_surfaces_is_what_makes_it():
+@pytest.mark.parametrize(("name", "distribution"), [("brushed_albedo", "ggx"), ("beckmann_albedo", "beckmann")])
+def test_the_table_of_brushed_surfaces_is_what_makes_it(name, distribution):
     """Some of its nodes, and all of its means."""
-    table = np.load(table_path("brushed_albedo"))
+    table = np.load(table_path(name))
     rng = np.random.default_rng(4)
     for index in zip(*(rng.integers(0, nodes, 80) for nodes in BRUSHED_NODES), strict=True):
-        np.testing.assert_allclose(table[index], brushed_node(*map(int, index)), atol=2e-6)
+        np.testing.assert_allclose(table[index], brushed_node(*map(int, index), distribution), atol=2e-6)
     cosines = BRUSHED_NODES[2]
     means = [[brushed_means(plane[:cosines].astype(float), j) for j, plane in enumerate(row)] for row in table]
     np.testing.assert_allclose(table[:, :, cosines], np.repeat(np.array(means)[:, :, None], BRUSHED_NODES[3], 2), atol=2e-6)
 
 
 @entry
-def _brushed(w, alpha, roughness, out):
+def _brushed(beckmann, w, alpha, roughness, out):
     for i in range(len(w)):
         direction = (w[i, 0], w[i, 1], w[i, 2])
-        out[i, 0], out[i, 1] = brushed_energy.brushed_albedo(direction, roughness[i], alpha[i, 0], alpha[i, 1])
+        out[i, 0], out[i, 1] = brushed_energy.brushed_albedo(beckmann, direction, roughness[i], alpha[i, 0], alpha[i, 1])
 
 
-def test_lookups_of_brushed_surfaces_are_good():
+@pytest.mark.parametrize(("beckmann", "distribution"), [(0.0, "ggx"), (1.0, "beckmann")])
+def test_lookups_of_brushed_surfaces_are_good(beckmann, distribution):
     rng = np.random.default_rng(2)
     alpha_x = rng.uniform(0.02, 1, 300)
     alpha = np.stack([alpha_x, alpha_x * rng.uniform(0.01, 1, 300)], -1).astype(np.float32)
     cosine, turn = rng.uniform(0.1, 1, 300), rng.uniform(0, 2 * np.pi, 300)
     w = np.stack([np.sqrt(1 - cosine**2) * np.cos(turn), np.sqrt(1 - cosine**2) * np.sin(turn), cosine], -1)
     found = np.empty((300, 2), np.float32)
-    _brushed(w.astype(np.float32), alpha, np.sqrt(alpha.mean(1)), found)
-    expected = [brushed_albedo(*row) for row in zip(w, *alpha.T.astype(float), strict=True)]
+    _brushed(np.float32(beckmann), w.astype(np.float32), alpha, np.sqrt(alpha.mean(1)), found)
+    expected = [brushed_albedo(*row, distribution=distribution) for row in zip(w, *alpha.T.astype(float), strict=True)]
     np.testing.assert_allclose(found, expected, atol=1e-2)
     assert np.sqrt(np.square(found - expected).mean()) < 3e-3
 

@@ -52,14 +52,19 @@ def test_batches_grow_with_the_slots_and_with_what_a_result_costs(clock: Clock) 
 def test_batches_grow_with_what_a_job_has_taken_unless_somebody_looks_at_a_scene(clock: Clock) -> None:
     pressed = False
     of = Pace(0.5, 10.0, 1 << 20, lambda: pressed)
-    assert of.batch_s(2, spent_s=4.0) == 0.5
+    assert of.batch_s(8, spent_s=4.0) == 0.5
     assert of.window(2, 2) == 4
-    assert of.batch_s(2, spent_s=16.0) == 1.0
-    assert of.batch_s(2, spent_s=1e6) == 1.5
+    assert of.batch_s(8, spent_s=16.0) == 1.0
+    assert of.batch_s(8, spent_s=1e6) == 1.5
     assert of.window(4, 2) == 4 + 3, "what waits is less where batches are longer"
     pressed = True
-    assert of.batch_s(2, spent_s=1e6) == 0.5
+    assert of.batch_s(8, spent_s=1e6) == 0.5
     assert of.window(2, 2) == 4
+
+
+def test_batches_of_few_slots_do_not_grow(clock: Clock) -> None:
+    of = Pace(0.5, 10.0, 1 << 20)
+    assert [of.batch_s(slots, spent_s=1e6) for slots in (1, 2, 4, 6, 100)] == [0.5, 0.5, 1.0, 1.5, 1.5]
 
 
 def test_a_backlog_makes_batches_longer_whatever_it_comes_from_and_ends_the_handing_out(clock: Clock) -> None:

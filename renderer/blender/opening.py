@@ -1,0 +1,58 @@
+"""Opening a file with Blender, for this process or for a confined reader, which starts no programs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from renderer.blender.convert import convert
+from renderer.blender.program import BlenderError, find
+from renderer.errors import SceneError
+from renderer.formats import WITHOUT_BLENDER
+
+__all__ = ["calls_of_reader", "open_in_blender"]
+
+MISSING = (
+    "is opened by Blender, and there is none here. Install it so that `blender` is on the PATH, or set RAYFARM_BLENDER to its "
+    "program; `rayfarm worker --blender` fetches one for a worker"
+)
+SECONDS = 540.0
+
+
+def open_in_blender(root: Path, name: str, out: Path) -> str:
+    """Has Blender write the scene in a file of the folder `root` into the folder `out`; returns the main file's name there.
+
+    Raises SceneError.
+    """
+    try:
+        blender = find()
+    except BlenderError as error:
+        raise SceneError(f"{name}: {error}") from None
+    if blender is None:
+        raise SceneError(f"{name}: {MISSING}. Or {WITHOUT_BLENDER}.")
+    return convert(blender, root, name, out, _memory(), SECONDS)
+
+
+def calls_of_reader(scene: Path, room: Path) -> dict[str, Callable[..., Any]]:
+    """Functions of this process that a confined reader may call: `blender`, since Blender is confined by itself.
+
+    scene: the folder of the scene's files. room: the folder that everything of the reader lies in.
+    """
+
+    def blender(name: str, out: str) -> str:
+        path, folder = (scene / name).resolve(), Path(out).resolve()
+        if not path.is_relative_to(scene.resolve()) or not folder.is_relative_to(room.resolve()):
+            raise SceneError(f"{name}: is not among the scene's files")
+        return open_in_blender(scene, name, folder)
+
+    return {"blender": blender}
+
+
+def _memory() -> int:
+    """Three quarters of what this machine has."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") * 3 // 4
+    except (ValueError, OSError):
+        return 8 << 30

@@ -1,0 +1,21 @@
+"""Which errors are a machine's, whatever the file that is read."""
+
+from __future__ import annotations
+
+import errno
+
+__all__ = ["is_of_machine"]
+
+# A full, read-only or failing file system; no more files, processes or file size. Not a file that may not be opened: a scene may
+# name one outside of its folder.
+_OF_MACHINE = {
+    *(errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO),
+    *(errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ESTALE, errno.EFBIG),
+}
+
+
+def is_of_machine(error: BaseException) -> bool:
+    """Whether an error that a library raises is this machine's."""
+    if isinstance(error, OSError):
+        return error.errno in _OF_MACHINE
+    return isinstance(error, RuntimeError) and "start new thread" in str(error)

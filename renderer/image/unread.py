@@ -1,0 +1,92 @@
+"""What image files say of their colours and the decoders do not take over, as notes that name the file."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageCms
+
+__all__ = ["of_header", "of_pillow", "of_primaries", "of_profile"]
+
+_REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+_EQUAL_ENERGY = (*_REC709[:6], 0.3333, 0.3333)  # the white that Radiance writes beside primaries of its own
+_TOLERANCE = 0.01
+_SRGB_GAMMA = 0.45455
+_ORIENTATION = 0x0112  # of Exif
+
+
+def of_pillow(source: Image.Image, name: str) -> list[str]:
+    """Notes of an image that Pillow has opened."""
+    notes = of_profile(source.info.get("icc_profile"), name)
+    gamma = source.info.get("gamma")
+    if not notes and "srgb" not in source.info and gamma is not None and abs(gamma - _SRGB_GAMMA) > _TOLERANCE:
+        notes.append(f"{name}: its gamma of {gamma:g} is not taken over; it is read as sRGB, whose gamma is {_SRGB_GAMMA:g}")
+    if source.mode == "CMYK":
+        notes.append(f"{name}: its inks (CMYK) are read as red, green and blue without a colour profile; give it in RGB")
+    try:
+        frames, turned = getattr(source, "n_frames", 1), source.getexif().get(_ORIENTATION, 1)
+    except Exception:  # on damaged metadata Pillow raises nearly every type; the pixels may be whole
+        frames, turned = 1, 1
+        notes.append(f"{name}: its metadata is damaged, and not read")
+    if frames > 1:
+        notes.append(f"{name}: has {frames} frames, of which the first is shown")
+    if turned not in (0, 1):
+        notes.append(f"{name}: says that it is to be turned (Exif orientation {turned}), which is not taken over; save it turned")
+    return notes
+
+
+def of_profile(profile: Any, name: str) -> list[str]:
+    """A note of a colour profile (ICC) other than sRGB's."""
+    if not profile:
+        return []
+    try:
+        opened = ImageCms.ImageCmsProfile(io.BytesIO(bytes(profile)))
+        title = ImageCms.getProfileDescription(opened).strip()
+    except (OSError, ImageCms.PyCMSError, TypeError, ValueError):
+        title = "damaged"
+    if "srgb" in title.lower().replace(" ", ""):
+        return []
+    return [f'{name}: its colour profile "{title[:80]}" is not taken over; its colours are read as sRGB. Convert it to sRGB']
+
+
+def of_primaries(chromaticities: Any, name: str) -> list[str]:
+    """A note of chromaticities (red, green, blue, white, x and y each) other than Rec.709's."""
+    if chromaticities is None or np.shape(chromaticities) != (8,):
+        return []
+    if any(np.allclose(chromaticities, known, atol=_TOLERANCE) for known in (_REC709, _EQUAL_ENERGY)):
+        return []
+    listed = " ".join(f"{value:.4g}" for value in chromaticities)
+    return [
+        f"{name}: its primaries ({listed}) are not Rec.709's; its colours are read as if they were. Convert it to linear Rec.709"
+    ]
+
+
+def of_header(data: bytes, name: str) -> list[str]:
+    """Notes of a Radiance file's header: what it multiplies radiance by, and its primaries."""
+    head = data[: max(data.find(b"\n\n"), 0)].decode("latin-1")
+    said: Mapping[str, list[str]] = {
+        key: re.findall(rf"(?m)^{key}\s*=\s*(.+)$", head) for key in ("EXPOSURE", "COLORCORR", "PRIMARIES")
+    }
+    notes = []
+    for key in ("EXPOSURE", "COLORCORR"):
+        factor = np.ones(3)
+        for text in said[key]:
+            values = _numbers(text)
+            factor = factor * values if len(values) in (1, 3) else factor
+        if not np.allclose(factor, 1, rtol=1e-3):
+            listed = " ".join(f"{value:g}" for value in (factor[:1] if len({*factor}) == 1 else factor))
+            notes.append(f"{name}: its values are {listed} times the radiance ({key}); they are read as they are")
+    if said["PRIMARIES"]:
+        notes += of_primaries(_numbers(said["PRIMARIES"][-1]), name)
+    return notes
+
+
+def _numbers(text: str) -> np.ndarray:
+    try:
+        return np.array([float(word) for word in text.split()])
+    except ValueError:
+        return np.zeros(0)

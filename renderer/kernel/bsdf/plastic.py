@@ -1,0 +1,148 @@
+"""Rough plastic: diffuse paint under a rough dielectric coat, microfacets once scattered.
+
+Light goes through the coat's facets on its way in and out. With T(w) the share of light from w that they let through, and R
+the share of diffuse light from within that they throw back, paint of reflectance d scatters
+
+    f(wo, wi) = d / (1 - R d') T(wo) T(wi) / (pi eta**2),   d' = d where nonlinear, else 1.
+
+Source: W. Jakob, Mitsuba 3, src/bsdfs/roughplastic.cpp, whose separable shadowing, G1(wo) G1(wi), this has too. Table of T and R:
+albedo_tables.py.
+
+A material comes as its row (renderer/arrays/rows.py), textures looked up, by `resolve` in kernel/material/layers.py.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.arrays import rows
+from renderer.arrays.rows import ALPHA_X, HAS_BECKMANN, HAS_NONLINEAR
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.bsdf.albedo_tables import COAT_NODES, MOST_BEND, table_path
+from renderer.kernel.bsdf.facets import facet_density, facet_lambda, sample_visible_facet
+from renderer.kernel.bsdf.fresnel import fresnel_dielectric
+from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
+
+__all__ = ["eval_and_pdf_plastic", "sample_plastic"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_FOUR = np.float32(4.0)
+_BLACK = (_ZERO, _ZERO, _ZERO)
+_INV_PI = np.float32(1.0 / math.pi)
+_LEAST = np.float32(1e-6)
+_MIN_CHOICE = np.float32(0.125)
+_TABLE = np.concatenate([np.load(table_path(name)) for name in ("ggx_coat", "beckmann_coat")])
+_BENDS, _ROUGHNESSES, _COSINES = COAT_NODES
+_BENDS_PER_UNIT = np.float32((_BENDS - 1) / MOST_BEND)
+
+
+@device
+def _node(x, nodes):
+    """(the node below x, how far x is beyond it)."""
+    x = min(max(x, _ZERO), np.float32(nodes - 1))
+    i = min(np.int64(x), nodes - 2)
+    return i, x - np.float32(i)
+
+
+@device
+def _mix(a, b, t):
+    return a + t * (b - a)
+
+
+@device
+def _place(m):
+    """(plane of the index of refraction, its fraction, row of the roughness, its fraction) in the table."""
+    ior = m[rows.IOR]
+    k, r = _node((ior - _ONE) / (ior + _ONE) * _BENDS_PER_UNIT, _BENDS)
+    i, s = _node(m[rows.ROUGHNESS] * np.float32(_ROUGHNESSES - 1), _ROUGHNESSES)
+    return k + (_BENDS if m[HAS_BECKMANN] != _ZERO else 0), r, i, s
+
+
+@device
+def _at(k, r, i, s, j):
+    here = _mix(_TABLE[k, i, j], _TABLE[k, i + 1, j], s)
+    return _mix(here, _mix(_TABLE[k + 1, i, j], _TABLE[k + 1, i + 1, j], s), r)
+
+
+@subroutine
+def _passing(m, cosine):
+    """T: the share of light from outside that facets let through, once scattered."""
+    out_of_line()
+    k, r, i, s = _place(m)
+    j, t = _node(math.sqrt(max(cosine, _ZERO)) * np.float32(_COSINES - 1), _COSINES)
+    return _mix(_at(k, r, i, s, j), _at(k, r, i, s, j + 1), t)
+
+
+@device
+def _inner(m):
+    """R: the share of diffuse light from within that facets throw back."""
+    k, r, i, s = _place(m)
+    return _at(k, r, i, s, _COSINES)
+
+
+@device
+def _tint(m):
+    """What the coat's reflection is multiplied by."""
+    scale = m[rows.SPECULAR]
+    return m[rows.SPECULAR_COLOR] * scale, m[rows.SPECULAR_COLOR + 1] * scale, m[rows.SPECULAR_COLOR + 2] * scale
+
+
+@device
+def _paint(m, inner):
+    """d / (1 - R d') / eta**2."""
+    base = m[rows.BASE], m[rows.BASE + 1], m[rows.BASE + 2]
+    squeeze = _ONE / (m[rows.IOR] * m[rows.IOR])
+    if m[HAS_NONLINEAR] != _ZERO:
+        return (
+            base[0] * squeeze / (_ONE - inner * base[0]),
+            base[1] * squeeze / (_ONE - inner * base[1]),
+            base[2] * squeeze / (_ONE - inner * base[2]),
+        )
+    return vec.scale(base, squeeze / (_ONE - inner))
+
+
+@device
+def _choice(m, passing, paint):
+    """The chance of the coat's facets."""
+    mirrored = (_ONE - passing) * vec.luminance(_tint(m))
+    below = passing * vec.luminance(paint)
+    return max(mirrored / max(mirrored + below, _LEAST), _MIN_CHOICE)
+
+
+@subroutine
+def eval_and_pdf_plastic(m, wo, wi):
+    """(f |cos|, pdf per steradian)."""
+    if wo[2] <= _ZERO or wi[2] <= _ZERO:
+        return _BLACK, _ZERO
+    alpha, beckmann = m[ALPHA_X], m[HAS_BECKMANN]
+    passing_o = _passing(m, wo[2])
+    paint = _paint(m, _inner(m))
+    choice = _choice(m, passing_o, paint)
+    h = vec.normalize(vec.add(wo, wi))
+    masked_o = _ONE + facet_lambda(beckmann, wo, alpha, alpha)
+    masked_i = _ONE + facet_lambda(beckmann, wi, alpha, alpha)
+    density = facet_density(beckmann, h, alpha, alpha) / (_FOUR * wo[2] * masked_o)
+    reflectance, _ = fresnel_dielectric(vec.dot(wo, h), m[rows.IOR])
+    cosine = wi[2] * _INV_PI
+    f = vec.scale(paint, passing_o * _passing(m, wi[2]) * cosine)
+    f = vec.add(f, vec.scale(_tint(m), reflectance * density / masked_i))
+    return f, choice * density + (_ONE - choice) * cosine
+
+
+@subroutine
+def sample_plastic(m, wo, choose, u):
+    """(wi, weight, pdf); `choose` picks the coat or the paint, u the direction."""
+    if choose < _choice(m, _passing(m, wo[2]), _paint(m, _inner(m))):
+        h = sample_visible_facet(m[HAS_BECKMANN], wo, m[ALPHA_X], m[ALPHA_X], u)
+        wi = vec.sub(vec.scale(h, _TWO * vec.dot(wo, h)), wo)
+    else:
+        wi = square_to_cosine_hemisphere(u)
+    f, pdf = eval_and_pdf_plastic(m, wo, wi)
+    if pdf <= _ZERO:
+        return wi, _BLACK, _ZERO
+    return wi, vec.scale(f, _ONE / pdf), pdf

@@ -1,0 +1,92 @@
+"""`python -m renderer.precompile FOLDER`: compiles the kernels for pictures, for an image of containers.
+
+Editions are compiled side by side, one process for each, as far as there are cores and memory. FOLDER/kernels
+gets only the files that the kernels are loaded from (each kernel's `.done` lists them): an eighth of what compiling leaves.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from renderer import jit
+from renderer.beside import Helpers
+from renderer.preparing import prepare
+from renderer.render import EDITIONS, kernel_name, warm_up
+from renderer.shipped_kernels import copy_loaded
+from renderer.threads import cores
+
+__all__ = ["main"]
+
+MEMORY = 1 << 30  # bytes that a process takes while it compiles an edition
+PREPARING = "preparing"  # a job beside the editions: the kernels that prepare scenes
+
+
+def _compile(job: str, prepares: bool) -> None:
+    """One job, in a process of its own. prepares: so that the kernel's list names those that prepare scenes too."""
+    if job == PREPARING:
+        prepare()
+    else:
+        warm_up(edition=job, helpers=Helpers(job, wanted=False), prepares=prepares)
+
+
+def _beside(job: str, *options: str) -> None:
+    subprocess.run([sys.executable, "-m", "renderer.precompile", "--job", job, *options], check=True)
+
+
+def _timed(job: str) -> None:
+    begin = time.perf_counter()
+    _beside(job)
+    print(f"{job}: {time.perf_counter() - begin:.0f} s", flush=True)
+
+
+def _jobs() -> list[str]:
+    """The longest first."""
+    return [*sorted(EDITIONS, key=lambda name: sum(map(bool, EDITIONS[name])), reverse=True), PREPARING]
+
+
+def _at_a_time(count: int) -> int:
+    memory = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    return max(1, min(count, cores(), memory // MEMORY))
+
+
+def _compile_all(jobs: list[str]) -> None:
+    if all(jit.is_kept(kernel_name(edition=name)) for name in EDITIONS):
+        return
+    with ThreadPoolExecutor(_at_a_time(len(jobs))) as pool:
+        list(pool.map(_timed, jobs))
+
+
+def main(arguments: Iterable[str] | None = None) -> None:
+    """Compiles, then loads each edition once more, which completes its list, then copies. Raises CalledProcessError."""
+    parser = argparse.ArgumentParser(prog="python -m renderer.precompile", description="Compiles the kernels for an image.")
+    parser.add_argument("folder", nargs="?", type=Path, help="gets kernels/HASH")
+    parser.add_argument("--if-avx512", action="store_true", help="do nothing on a processor without AVX-512")
+    parser.add_argument("--job", help=argparse.SUPPRESS)
+    parser.add_argument("--prepares", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    if options.job:
+        _compile(options.job, options.prepares)
+        return
+    if options.folder is not None:
+        (options.folder / "kernels").mkdir(parents=True, exist_ok=True)
+    if options.if_avx512 and not jit.HAS_AVX512:
+        print("this processor has no AVX-512: kernels for it are compiled by the first worker that has it")
+        return
+    begin = time.perf_counter()
+    _compile_all(_jobs())
+    for name in EDITIONS:
+        _beside(name, "--prepares")
+    print(f"{jit.kind()}: kernels ready after {time.perf_counter() - begin:.0f} s")
+    if options.folder is not None:
+        copy_loaded(jit.cache_folder(), options.folder / "kernels" / jit.cache_folder().name)
+
+
+if __name__ == "__main__":
+    main()

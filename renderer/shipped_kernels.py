@@ -1,0 +1,56 @@
+"""Kernels that come with an image: what a worker's own cache lacks of them is copied there when it starts.
+
+So the cache may lie on a volume that outlives the image, and everything else can be read-only.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from pathlib import Path
+
+from renderer.places import make_private, read_private
+
+__all__ = ["FOLDER", "copy_loaded", "take_shipped"]
+
+FOLDER = "RAYFARM_KERNELS"  # names a folder with one folder for each state of the sources, as the cache has
+LISTS = "*.done"
+
+log = logging.getLogger(__name__)
+
+
+def take_shipped(cache: Path) -> None:
+    """Copies what $RAYFARM_KERNELS has for this cache folder of kernels; warns where that fails, and they are compiled."""
+    if not (shipped := os.environ.get(FOLDER, "")):
+        return
+    try:
+        copy_loaded(Path(shipped) / cache.name, cache)
+    except OSError as error:
+        log.warning("the kernels that come with this image cannot be copied to %s and are compiled: %s", cache, error)
+
+
+def copy_loaded(source: Path, to: Path) -> int:
+    """Copies the files that a folder's finished kernels are loaded from, with their lists; returns how many.
+
+    Files that are there stay: a name stands for its content. The lists come last, so that a listed file is there. Files that
+    other users may have written are left out (renderer/places.py). Raises OSError.
+    """
+    lists = sorted(source.glob(LISTS))
+    names = sorted({name for each in lists for name in each.read_text().split()})
+    missing = [name for name in (*names, *(each.name for each in lists)) if not (to / name).exists()]
+    for name in missing:
+        if (content := read_private(source / name)) is not None:
+            _write(to / name, content)
+    return len(missing)
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Whole or not at all, readable by its owner alone."""
+    make_private(path.parent)
+    beside = path.with_name(f".part-{os.getpid()}-{path.name}")
+    try:
+        beside.touch(0o600)
+        beside.write_bytes(content)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)

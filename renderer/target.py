@@ -1,0 +1,124 @@
+"""The compile target of Rayfarm's kernels: Numba's CPU target with a processor, optimisation options and registries of its own.
+
+Numba reads such options from one configuration for the whole process, which belongs to the host program. So kernels do not use
+the target "cpu": they are dispatched by `KernelDispatcher`, whose contexts and code generator are separate instances. A host's
+own `@njit` functions keep their options, their cache and their machine code (tests/renderer/test_target.py).
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+from numba import jit, types
+from numba.core import typing
+from numba.core.codegen import JITCPUCodegen
+from numba.core.cpu import CPUContext
+from numba.core.registry import CPUDispatcher, CPUTarget, cpu_target
+from numba.core.runtime import rtsys
+from numba.core.target_extension import CPU, dispatcher_registry, jit_registry, target_override, target_registry
+from numba.core.utils import threadsafe_cached_property
+
+from renderer import cpu
+
+__all__ = ["NAME", "KernelDispatcher"]
+
+NAME = "rayfarm"
+# Kernels say themselves what is to be SIMD. LLVM's vectorisers and its third level of optimisation take a fifth of the time that
+# a cold kernel takes to compile, and make none faster (measured).
+_OPTIMISATION = {"opt": 2, "loop_vectorize": False, "slp_vectorize": False}
+
+
+class KernelCPU(CPU):
+    """The key of the target in Numba's registries; what is declared for "cpu" or "generic" is available to it."""
+
+
+class _Codegen(JITCPUCodegen):
+    """Generates code for the processor in renderer/cpu.py, whatever NUMBA_CPU_NAME, NUMBA_CPU_FEATURES and NUMBA_OPT say."""
+
+    def _get_host_cpu_name(self) -> str:
+        return cpu.NAME
+
+    def _get_host_cpu_features(self) -> str:
+        return cpu.FEATURES
+
+    def _customize_tm_options(self, options: dict[str, Any]) -> None:
+        super()._customize_tm_options(options)
+        options["opt"] = _OPTIMISATION["opt"]
+
+    def _pass_builder(self, **options: Any) -> Any:
+        return super()._pass_builder(**{**_OPTIMISATION, **options})
+
+
+class _TypingContext(typing.Context):
+    """The typing context: which signature a call of certain types has.
+
+    Numba tries some ten templates for an operation, dates before numbers, and types each function at least twice. This context
+    remembers the signatures found: an eighth less time to compile kernels (measured).
+    """
+
+    def __init__(self) -> None:
+        self._signatures: dict[tuple[Any, tuple[types.Type, ...]], Any] = {}
+        super().__init__()
+
+    def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
+        """Returns the call's signature, or None. Those of operators, intrinsics and Numba's own functions are remembered; Numba
+        itself remembers those of functions that are compiled when they are first called.
+        """
+        if kws or isinstance(func, str) or (isinstance(func, types.Type) and not isinstance(func, types.Function)):
+            return super().resolve_function_type(func, args, kws)
+        key = func, args
+        if key not in self._signatures:
+            found = super().resolve_function_type(func, args, kws)
+            if found is None:
+                return None
+            self._signatures[key] = found
+        return self._signatures[key]
+
+
+class _Context(CPUContext):
+    """The target context: lowers and generates code."""
+
+    enable_boundscheck = False  # whatever NUMBA_BOUNDSCHECK says: the cache has one version of each function
+
+    def init(self) -> None:
+        """Sets up the code generator."""
+        super().init()
+        self._internal_codegen = _Codegen("rayfarm.exec")
+
+    def load_additional_registries(self) -> None:
+        """Loads Numba's declarations. The runtime that all targets share is initialised for "cpu", as without kernels."""
+        rtsys.initialize(cpu_target.target_context)
+        super().load_additional_registries()
+
+
+class _Target(CPUTarget):
+    @threadsafe_cached_property
+    def typing_context(self) -> _TypingContext:
+        """The typing context that all threads share."""
+        return _TypingContext()
+
+    @threadsafe_cached_property
+    def target_context(self) -> _Context:
+        """The target context that all threads share."""
+        return _Context(self.typing_context, NAME)
+
+
+class KernelDispatcher(CPUDispatcher):
+    """Compiles a function for this target."""
+
+    targetdescr = _Target(NAME)
+
+    def keep_in(self, cache: Any) -> None:
+        """Sets where compiled code is loaded from and kept."""
+        self._cache = cache
+
+    def compile(self, sig: Any) -> Any:
+        """Compiles the function for a signature, or loads it; overloads that it calls are compiled for the same target."""
+        with target_override(NAME):
+            return super().compile(sig)
+
+
+target_registry[NAME] = KernelCPU
+dispatcher_registry[KernelCPU] = KernelDispatcher
+jit_registry[KernelCPU] = functools.partial(jit, _target=NAME)

@@ -1,0 +1,62 @@
+"""Compiled frames of animations that live views use, kept while a session shows their scene, then deleted."""
+
+from __future__ import annotations
+
+from collections import Counter, OrderedDict
+from collections.abc import Callable
+from dataclasses import asdict
+
+from service.store.models import blobs_of
+from worker.protocol.contract import FrameInfo
+
+__all__ = ["FrameCache"]
+
+MOST = 48  # enough for scrubbing to and fro
+
+
+class FrameCache:
+    """Least recently used cache of frames by FrameRequest.cache_key. Used in the scheduler's thread only."""
+
+    def __init__(self, let_go: Callable[[Counter[str]], None]) -> None:
+        self._let_go = let_go
+        self._infos: OrderedDict[str, tuple[str, FrameInfo]] = OrderedDict()  # (scene, frame) by cache key
+
+    def get(self, name: str) -> FrameInfo | None:
+        """Returns a cached frame, or None."""
+        if name not in self._infos:
+            return None
+        self._infos.move_to_end(name)
+        return self._infos[name][1]
+
+    def put(self, name: str, scene: str, info: FrameInfo) -> None:
+        """Adds a frame and evicts the least recently used one of more than MOST."""
+        earlier = self._infos.pop(name, None)
+        self._infos[name] = scene, info
+        gone = [earlier[1]] if earlier else []
+        if len(self._infos) > MOST:
+            gone.append(self._infos.popitem(last=False)[1][1])
+        self.let_go(*gone)
+
+    def keep(self, scenes: set[str]) -> None:
+        """Evicts the frames of all other scenes."""
+        names = [name for name, (scene, _) in self._infos.items() if scene not in scenes]
+        self.let_go(*[self._infos.pop(name)[1] for name in names])
+
+    def forget(self) -> None:
+        """Evicts all frames, so that they are prepared again."""
+        self.keep(set())
+
+    def let_go(self, *infos: FrameInfo) -> None:
+        """Deletes the blobs of frames, except those that cached frames share."""
+        gone = Counter[str]()
+        for info in infos:
+            gone.update(_blobs(info))
+        for _, info in self._infos.values():
+            for sha256 in _blobs(info):
+                del gone[sha256]
+        if gone:
+            self._let_go(gone)
+
+
+def _blobs(info: FrameInfo) -> set[str]:
+    return blobs_of([asdict(info.compiled)]) if info.compiled else set()

@@ -1,0 +1,27 @@
+"""The limit on the memory of all live views together, at 52 bytes per pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from service.viewing.session import ViewSession
+
+__all__ = ["FULL", "MAX_PIXELS", "fits_in_memory"]
+
+MAX_PIXELS = 1 << 24  # about 1 GB
+FULL = "So many look at scenes now that another view has no room. It comes when one of them leaves."
+
+
+def fits_in_memory(pixels: int, sessions: Iterable[ViewSession]) -> bool:
+    """Whether another view of this many pixels fits.
+
+    Paused sessions give up their pictures if that is needed, and start again later.
+    """
+    room = MAX_PIXELS - pixels - sum(session.pixels for session in sessions)
+    for session in sessions:
+        if room >= 0:
+            break
+        if session.is_paused and session.pixels:
+            room += session.pixels
+            session.begin_again()
+    return room >= 0

@@ -1,0 +1,34 @@
+"""Messages that were sent to workers and are not finished."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from dataclasses import dataclass, field
+
+from service.viewing.passes import Piece
+from service.viewing.session import ViewSession
+
+__all__ = ["PendingMessage"]
+
+
+@dataclass
+class PendingMessage:
+    """Pieces of a view, a picked pixel, or the frame that the view shows."""
+
+    session: ViewSession
+    view: int
+    kind: str
+    pieces: dict[int, Piece] = field(default_factory=dict)  # unanswered
+    pick: tuple[int, int] | None = None  # unanswered
+    is_frame: bool = False
+    id: str = field(default_factory=lambda: uuid.uuid4().hex)
+    last_seen: float = field(default_factory=time.monotonic)  # time of the latest report
+    has_started: bool = False
+
+    def requeue(self) -> None:
+        """Returns unanswered work to its session, to be sent again if the view is still shown."""
+        if self.pieces and self.session.passes is not None and self.view == self.session.view:
+            self.session.passes.requeue(list(self.pieces.values()))
+        if not self.session.is_closed:
+            self.session.pick = self.session.pick or self.pick

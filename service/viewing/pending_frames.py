@@ -1,0 +1,39 @@
+"""Requests for frames of views, so that an answer is matched even after the view has changed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Container, Iterable
+
+__all__ = ["ANSWER_TIMEOUT_S", "PendingFrames"]
+
+ANSWER_TIMEOUT_S = 10.0  # for a message that is neither queued nor held by a slot
+
+
+class PendingFrames:
+    """Requests by message id. Used in the scheduler's thread only."""
+
+    def __init__(self) -> None:
+        self._asked: dict[str, tuple[str, str, float]] = {}
+
+    def __len__(self) -> int:
+        return len(self._asked)
+
+    def add(self, message: str, name: str, scene: str) -> None:
+        """Adds a request. name: FrameRequest.cache_key of the frame."""
+        self._asked[message] = name, scene, time.monotonic()
+
+    def about(self, message: str) -> tuple[str, str]:
+        """Returns the frame's cache key and scene; empty strings for unknown messages."""
+        return self._asked.get(message, ("", "", 0.0))[:2]
+
+    def forget(self, messages: Iterable[str]) -> None:
+        """Removes requests that are answered or withdrawn."""
+        for message in messages:
+            self._asked.pop(message, None)
+
+    def review(self, *alive: Container[str]) -> None:
+        """Removes requests older than ANSWER_TIMEOUT_S whose ids are in none of the containers."""
+        too_old = time.monotonic() - ANSWER_TIMEOUT_S
+        gone = [id for id, (*_, at) in self._asked.items() if at < too_old and not any(id in each for each in alive)]
+        self.forget(gone)

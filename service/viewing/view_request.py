@@ -1,0 +1,93 @@
+"""The view to be rendered: from the page's request to a compiled scene and settings."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from renderer.errors import SettingsError
+from renderer.frames import frame_key
+from renderer.settings import OPTIONAL, RenderSettings
+from service.errors import Conflict, Invalid
+from service.intake.resolve import frame_settings, resolve
+from service.store.models import Job, Scene
+from worker.protocol.contract import FrameInfo, PrepareFrames
+
+__all__ = ["MOST_PIXELS", "MOST_SAMPLES", "FrameRequest", "ViewRequest", "resolve_view"]
+
+MOST_PIXELS = 1 << 21  # the sums of a view are held in memory
+MOST_SAMPLES = 256
+SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
+
+
+@dataclass(frozen=True)
+class FrameRequest:
+    """A frame of an animated scene."""
+
+    key: int  # twice the frame number
+    fps: float | None
+    clip: str | None
+    turntable: float | None
+    camera: str | int | None
+    view: dict[str, Any] | None
+    shutter: dict[str, Any]
+    auto: dict[str, Any]  # the camera that frames the scene at its first frame
+
+    def message(self, scene: str, base: str, session: str, message: str) -> PrepareFrames:
+        """Returns the message that has a worker prepare the frame. base: SHA-256 of the scene compiled at its first frame."""
+        return PrepareFrames(
+            *(message, session, scene, [self.key], base, self.auto, self.fps, self.clip, self.camera, self.view, self.turntable),
+            shutter=self.shutter,
+        )
+
+    def cache_key(self, scene: str, base: str) -> str:
+        """Returns a key that is equal for equal frames."""
+        return json.dumps([scene, base, asdict(self)], sort_keys=True)
+
+
+@dataclass(frozen=True)
+class ViewRequest:
+    """A view with resolved settings."""
+
+    id: int  # number chosen by the page
+    upload: str  # id of the uploaded scene
+    scene: str  # id of the scene to render, which differs if the light is replaced
+    settings: RenderSettings
+    samples: int
+    compiled: dict[str, str]  # kind of worker -> SHA-256 of the scene compiled at its first frame
+    job_request: dict[str, Any]
+    noise: float | None = None  # relative noise at which a tile is complete before it has all samples
+    frame_request: FrameRequest | None = None  # None: the scene's first frame
+
+    def at(self, info: FrameInfo) -> RenderSettings:
+        """Returns the settings at the frame. Raises SettingsError."""
+        return frame_settings(self.job_request, self.settings, info.view, info.defaults, info.views)
+
+
+def resolve_view(id: int, request: dict[str, Any], scene: Scene, is_shot: bool, frame: float) -> ViewRequest:
+    """Resolves a request for a scene that is ready and lit as requested. Raises Conflict and Invalid.
+
+    request: a job's request (service.api.schemas.JobIn) as JSON. is_shot: whether it is more than a still of the first frame.
+    """
+    if scene.status == "failed":
+        raise Conflict(f"The scene cannot be rendered: {scene.error}")
+    job = Job(request=request, spp=1, noise=None, seconds=None, tile_size=64, shot=None)
+    try:
+        resolve(job, scene, MOST_PIXELS)
+        settings = RenderSettings.from_json(job.settings or {})
+    except SettingsError as error:
+        raise Invalid(f"{error}.") from None
+    frame_request = None
+    if is_shot or settings.shutter:
+        cameras = (scene.info or {})["cameras"]
+        frame_request = FrameRequest(
+            frame_key(frame),
+            **{name: request.get(name) for name in ("fps", "clip", "turntable", "camera", "view")},
+            shutter={name: request[name] for name in SHUTTER if request.get(name) is not None},
+            auto=cameras[-1]["view"],
+        )
+    samples = min(request.get("spp") or MOST_SAMPLES, MOST_SAMPLES)
+    compiled = {kind: str(ref["sha256"]) for kind, ref in scene.compiled.items()}
+    upload, noise = scene.of or scene.id, request.get("noise")
+    return ViewRequest(id, upload, scene.id, settings, samples, compiled, request, noise, frame_request)

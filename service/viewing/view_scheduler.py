@@ -1,0 +1,406 @@
+"""The scheduler of live views: one thread that sends pieces of views to workers and adds up their results.
+
+Views bypass jobs, films and the database: their pieces have a queue that slots check first, their sums are held in memory, and
+everything is dropped when the viewer leaves. Lost pieces are sent again. A view that is already whole shares the slots with
+other
+waiting work, such as preparing the next light.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+from typing import Any
+
+import redis
+
+from renderer.errors import SettingsError
+from renderer.film import SAMPLES
+from service.scheduling.faults.redis_says import trouble_of
+from service.scheduling.fleet.workers import Roster
+from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
+from service.settings import Settings
+from service.viewing.frame_cache import FrameCache
+from service.viewing.memory_limit import FULL, fits_in_memory
+from service.viewing.pending import PendingMessage
+from service.viewing.pending_frames import ANSWER_TIMEOUT_S, PendingFrames
+from service.viewing.picking import pick_message, record_pick
+from service.viewing.sample_costs import SampleCosts
+from service.viewing.session import ViewSession
+from service.viewing.view_request import ViewRequest
+from service.viewing.view_workers import ViewWorkers
+from service.viewing.waker import Waker
+from worker.protocol.contract import FrameInfo, prepare_queue, render_queue
+from worker.protocol.sums import unpack_sums
+from worker.protocol.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
+
+__all__ = ["ViewScheduler"]
+
+IDLE_S = 0.2  # between two checks of sessions that wait for something
+KEY_TTL_S = 15
+LINGER_S = 1.0  # after the last session closed, for answers on their way
+REVIEW_EVERY_S = 0.5
+LOST_S = 3.0  # without a report of the message by any slot
+FAILURES_ALLOWED = 3
+
+log = logging.getLogger(__name__)
+
+
+class ViewScheduler:
+    """Serves all view sessions from `start` to `stop`. Other methods are thread-safe."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        roster: Callable[[], Roster],
+        prepare: Callable[[str, str], None],
+        let_go: Callable[[Counter[str]], None],
+    ) -> None:
+        """prepare: called with a scene and a kind of workers for which it is not compiled.
+
+        let_go: deletes blobs made for views.
+        """
+        self._redis = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
+        self._dispatcher = Dispatcher(settings.redis_url, self._redis)
+        self._roster = roster
+        self._workers = ViewWorkers(roster, prepare)
+        self._frame_cache = FrameCache(let_go)
+        self._sessions: dict[str, ViewSession] = {}
+        self._out: dict[str, PendingMessage] = {}
+        self._costs = SampleCosts()
+        self._losses: Counter[str] = Counter()  # by session, since its view began
+        self._orders: deque[Callable[[], None]] = deque()
+        self._frames = PendingFrames()
+        self._shared: set[str] = set()  # kinds of workers that have other work queued
+        self._lingers_until = 0.0
+        self._views = 0
+        self._messages = 0
+        self._reviewed = 0.0
+        self._ordered = threading.Event()
+        self._waker = Waker(self._redis)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="viewing", daemon=True)
+
+    def start(self) -> None:
+        """Starts the thread."""
+        self._waker.start()
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stops the thread and drops all views."""
+        self._stop.set()
+        self._wake()
+        if self._thread.is_alive():
+            self._thread.join(10)
+        self._waker.stop()
+        self._dispatcher.close()
+        self._redis.close()
+
+    @property
+    def is_watched(self) -> bool:
+        """Whether any session shows a view that is not done."""
+        sessions = list(self._sessions.values())
+        return any(each.request is not None and not each.is_paused and not each.is_done for each in sessions)
+
+    def show(self, session: ViewSession, request: ViewRequest) -> None:
+        """Requests a view for a session."""
+
+        def order() -> None:
+            if not session.is_closed:
+                self._sessions[session.id] = session
+                current = session.request
+                if current is not None and (request.id, request.job_request) == (current.id, current.job_request):
+                    session.request = request  # compiled for more kinds of workers by now
+                else:
+                    session.wanted = request
+
+        self._order(order)
+
+    def pick(self, session: ViewSession, x: int, y: int) -> None:
+        """Requests the surface under a pixel of the view."""
+
+        def order() -> None:
+            session.pick = (x, y)
+
+        self._order(order)
+
+    def pause(self, session: ViewSession, is_paused: bool) -> None:
+        """Pauses a session whose page is hidden, or resumes it."""
+
+        def order() -> None:
+            session.is_paused = is_paused
+            if is_paused:
+                self._withdraw(session)
+            elif session.view:  # slots drop the messages of a view whose key has expired
+                self._redis.set(view_key(session.id), session.view, ex=KEY_TTL_S)
+
+        self._order(order)
+
+    def leave(self, session: ViewSession) -> None:
+        """Closes a session."""
+        session.is_closed = True
+
+        def order() -> None:
+            self._sessions.pop(session.id, None)
+            self._withdraw(session)
+            session.forget()
+            self._lingers_until = time.monotonic() + (ANSWER_TIMEOUT_S if self._frames else LINGER_S)
+            self._losses.pop(session.id, None)
+            self._redis.delete(view_key(session.id))
+            self._frame_cache.keep({each.request.scene for each in self._sessions.values() if each.request is not None})
+
+        self._order(order)
+
+    @property
+    def _is_awake(self) -> bool:
+        return bool(self._sessions) or time.monotonic() < self._lingers_until
+
+    def _order(self, order: Callable[[], None]) -> None:
+        self._orders.append(order)
+        self._wake()
+
+    def _wake(self) -> None:
+        if not self._ordered.is_set() and self._sessions:
+            self._waker.wake()
+        self._ordered.set()
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            if not self._is_awake:
+                self._ordered.wait()
+            try:
+                self._step()
+            except (redis.RedisError, QueueError) as error:
+                for session in self._sessions.values():
+                    self._tell(session, trouble_of(error)[0])
+                self._stop.wait(IDLE_S)
+            except Exception:
+                log.exception("the view scheduler failed")
+                self._stop.wait(IDLE_S)
+        self._frame_cache.keep(set())
+
+    def _step(self) -> None:
+        self._ordered.clear()
+        while self._orders:
+            self._orders.popleft()()
+        for session in list(self._sessions.values()):
+            self._turn(session)
+        self._fill()
+        if self._is_awake:
+            self._take_in()
+        if time.monotonic() - self._reviewed >= REVIEW_EVERY_S:
+            self._reviewed = time.monotonic()
+            self._review()
+
+    def _turn(self, session: ViewSession) -> None:
+        """Switches to the requested view, and resolves what has to be rendered."""
+        if session.is_ready_for_next and session.wanted is not None:
+            self._withdraw(session)
+            self._views += 1
+            self._losses.pop(session.id, None)
+            session.turn_to(session.wanted, self._views)
+            self._redis.set(view_key(session.id), session.view, ex=KEY_TTL_S)
+        if session.request is None or session.settings is not None or session.error is not None or session.is_paused:
+            return
+        kind = self._workers.best_kind(session.request)
+        if kind is None:
+            self._tell(session, self._workers.why_unavailable(session.request))
+            return
+        frame_request, base = session.request.frame_request, session.request.compiled[kind]
+        settings, compiled = session.request.settings, base
+        if frame_request is not None:
+            info = self._frame_cache.get(frame_request.cache_key(session.request.scene, base))
+            if info is None:
+                self._send_frame(session, kind)
+                return
+            try:
+                settings = session.request.at(info)
+            except SettingsError as error:
+                self._fail(session, f"{error}.")
+                return
+            compiled = info.compiled.sha256 if info.compiled else base
+        if not fits_in_memory(settings.width * settings.height, self._sessions.values()):
+            self._tell(session, FULL)
+            return
+        slots = self._workers.slots(kind)
+        session.begin(settings, compiled, kind, self._costs.estimate(session.request, kind, self._roster()), slots)
+        self._tell(session, None, slots)
+
+    def _fill(self) -> None:
+        """Sends messages so that every slot has one in hand and one queued."""
+        for session in list(self._sessions.values()):
+            is_asked = any(out.pick is not None and out.session is session for out in self._out.values())
+            if session.pick is not None and session.passes is not None and not is_asked:
+                self._send_pick(session)
+        waiting = {each.id: each for each in self._sessions.values() if each.passes is not None and not each.is_paused}
+        while waiting:
+            session = min(waiting.values(), key=lambda each: each.served)
+            ahead = 1 if session.kind in self._shared and session.samples else 2  # leaves room for the other work
+            room = ahead * self._workers.slots(session.kind) - sum(out.kind == session.kind for out in self._out.values())
+            pieces = session.passes.next() if room > 0 and session.passes is not None else []
+            if not pieces:
+                del waiting[session.id]
+                continue
+            self._messages += 1
+            session.served = self._messages
+            tiles = session.passes.levels[pieces[0].level].tiles if session.passes is not None else []
+            parts = [Part(number, tiles[piece.tile], piece.first, piece.count) for number, piece in enumerate(pieces)]
+            out = PendingMessage(session, session.view, session.kind, dict(enumerate(pieces)))
+            settings = session.settings_of(pieces[0].level)
+            self._send(out, ViewParts(out.id, session.id, session.view, session.compiled, settings, parts))
+
+    def _send(self, out: PendingMessage, work: ViewParts | ViewFrame) -> None:
+        try:
+            self._dispatcher.send_view(work, out.kind)
+        except QueueError:
+            out.requeue()
+            raise
+        self._out[out.id] = out
+
+    def _send_frame(self, session: ViewSession, kind: str) -> None:
+        is_out = any(out.is_frame and out.session is session for out in self._out.values())
+        if session.request is None or session.request.frame_request is None or is_out:
+            return
+        out = PendingMessage(session, session.view, kind, is_frame=True)
+        base = session.request.compiled[kind]
+        work = session.request.frame_request.message(session.request.scene, base, session.id, out.id)
+        self._frames.add(out.id, session.request.frame_request.cache_key(session.request.scene, base), session.request.scene)
+        self._send(out, ViewFrame(out.id, session.id, session.view, work))
+
+    def _send_pick(self, session: ViewSession) -> None:
+        assert session.pick is not None
+        assert session.settings is not None
+        x, y = session.pick
+        session.pick = None
+        if not (0 <= x < session.settings.width and 0 <= y < session.settings.height):
+            return
+        out = PendingMessage(session, session.view, session.kind, pick=(x, y))
+        self._send(out, pick_message(session, out.id, x, y))
+
+    def _withdraw(self, session: ViewSession) -> None:
+        """Withdraws the messages of a session; results of pieces in progress are discarded."""
+        gone = [out for out in self._out.values() if out.session is session]
+        for out in gone:
+            del self._out[out.id]
+            out.requeue()
+        for kind in {out.kind for out in gone}:
+            self._frames.forget(self._dispatcher.take_back(view_queue(kind), {out.id for out in gone}))
+
+    def _take_in(self) -> None:
+        found: Any = None if self._ordered.is_set() else self._redis.blpop([VIEW_ANSWERS], timeout=IDLE_S)
+        data: Any = found[1] if found else self._redis.lpop(VIEW_ANSWERS)  # at least one, even if orders never stop
+        while data is not None:
+            if data:
+                try:
+                    self._hear(ViewAnswer.from_bytes(data))
+                except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
+                    log.warning("an answer about a view is left out: %.300s", error)
+            if self._ordered.is_set():
+                return
+            data = self._redis.lpop(VIEW_ANSWERS)
+
+    def _hear(self, answer: ViewAnswer) -> None:
+        out = self._out.get(answer.message)
+        if answer.type == "frame":
+            self._hear_frame(answer)
+        elif answer.type in ("over", "failed", "returned"):
+            self._frames.forget([answer.message])
+        if out is None or out.view != answer.view:
+            return
+        session = out.session
+        out.last_seen, out.has_started = time.monotonic(), True
+        match answer.type:
+            case "begun":
+                self._tell(session, None, self._workers.slots(out.kind))
+            case "compiling":
+                self._tell(session, "The kernel for this scene is made ready: a minute or two, once.")
+            case "part":
+                self._hear_part(out, answer)
+            case "over":
+                self._end(out)
+            case "failed":
+                self._end(out)
+                self._fail(session, str(answer.more.get("error", ""))[:2000])
+            case "returned":
+                log.info("%s", answer.more.get("error"))
+                self._lost(out, str(answer.more.get("error", ""))[:2000])
+
+    def _hear_part(self, out: PendingMessage, answer: ViewAnswer) -> None:
+        session, seconds = out.session, answer.seconds
+        if out.pick is not None:
+            record_pick(out, out.pick, answer)
+            return
+        piece = out.pieces.pop(int(answer.more["number"]), None)
+        if piece is None or session.passes is None or session.request is None:
+            return
+        tile = session.passes.levels[piece.level].tiles[piece.tile]
+        session.add(piece, unpack_sums(answer.sums, tile, planes=[0, 1, 2, SAMPLES]))
+        self._costs.update(session.request, seconds / (tile.w * tile.h * piece.count))
+        if session.message is not None:
+            self._tell(session, None, self._workers.slots(out.kind))
+        if session.is_due():
+            session.wake()
+
+    def _hear_frame(self, answer: ViewAnswer) -> None:
+        """Caches a frame even if the view has moved on, since the viewer may return to it."""
+        info = FrameInfo.from_json(answer.more["info"])
+        name, scene = self._frames.about(answer.message)
+        if any(each.request is not None and each.request.scene == scene for each in self._sessions.values()):
+            self._frame_cache.put(name, scene, info)
+        else:
+            self._frame_cache.let_go(info)
+
+    def _end(self, out: PendingMessage) -> None:
+        """Finishes a message; its unanswered pieces are sent again."""
+        self._out.pop(out.id, None)
+        out.requeue()
+
+    def _lost(self, out: PendingMessage, error: str = "") -> None:
+        self._end(out)
+        self._losses[out.session.id] += bool(error)
+        if self._losses[out.session.id] >= FAILURES_ALLOWED:
+            if out.session.request is not None and out.session.request.frame_request is not None:
+                self._frame_cache.forget()  # the scene compiled for the frame may be deleted
+            self._fail(out.session, error)
+
+    def _review(self) -> None:
+        """Renews the sessions' keys, resends lost messages, and reports why pictures are missing."""
+        now = time.monotonic()
+        in_hand = {str(doing["message"]) for doing in self._roster().current() if "view" in doing and "message" in doing}
+        self._frames.review(self._out, in_hand)
+        with self._redis.pipeline(transaction=False) as keys:
+            for session in self._sessions.values():
+                if session.view and not session.is_paused:
+                    keys.set(view_key(session.id), session.view, ex=KEY_TTL_S)
+            keys.execute()
+        waiting = {kind: bool(self._redis.llen(view_queue(kind))) for kind in {out.kind for out in self._out.values()}}
+        self._shared = {kind for kind in waiting if any(map(self._redis.llen, (prepare_queue(kind), render_queue(kind))))}
+        for out in list(self._out.values()):
+            if out.id in in_hand or (not out.has_started and waiting[out.kind] and self._workers.slots(out.kind)):
+                out.last_seen = now
+            elif now - out.last_seen > LOST_S:
+                self._lost(out)
+        for session in self._sessions.values():
+            if session.request is not None and session.settings is not None and not self._workers.slots(session.kind):
+                if self._workers.best_kind(session.request) is not None:
+                    self._withdraw(session)
+                    session.begin_again()
+                    continue
+                self._tell(session, self._workers.why_unavailable(session.request))
+            own = [out for out in self._out.values() if out.session is session]
+            if own and not session.has_picture and now - session.begun > 1.0 and not any(out.has_started for out in own):
+                self._tell(session, "Waits for a free slot.", self._workers.slots(session.kind))
+
+    def _fail(self, session: ViewSession, error: str) -> None:
+        self._withdraw(session)
+        session.passes = None
+        session.error = error
+        session.wake()
+
+    def _tell(self, session: ViewSession, message: str | None, slots: int = 0) -> None:
+        if (session.message, session.slots) != (message, slots):
+            session.message, session.slots = message, slots
+            session.wake()

@@ -1,0 +1,50 @@
+"""Wakes the scheduler, which blocks on answers in Redis, without blocking the caller on a Redis that hangs."""
+
+from __future__ import annotations
+
+import threading
+
+import redis
+
+from worker.protocol.view_parts import ANSWERS_TTL_S, VIEW_ANSWERS
+
+__all__ = ["Waker"]
+
+
+class Waker:
+    """Pushes an empty answer into the list of answers, in a thread of its own."""
+
+    def __init__(self, connection: redis.Redis) -> None:
+        self._redis = connection
+        self._requested = threading.Event()
+        self._stopped = False
+        self._thread = threading.Thread(target=self._run, name="viewing-waker", daemon=True)
+
+    def start(self) -> None:
+        """Starts the thread."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stops the thread, without waiting for a Redis that hangs."""
+        self._stopped = True
+        self._requested.set()
+        if self._thread.is_alive():
+            self._thread.join(1)
+
+    def wake(self) -> None:
+        """Wakes the scheduler soon. Returns at once."""
+        self._requested.set()
+
+    def _run(self) -> None:
+        while True:
+            self._requested.wait()
+            self._requested.clear()
+            if self._stopped:
+                return
+            try:
+                with self._redis.pipeline(transaction=False) as at_once:
+                    at_once.rpush(VIEW_ANSWERS, b"")
+                    at_once.expire(VIEW_ANSWERS, ANSWERS_TTL_S)
+                    at_once.execute()
+            except redis.RedisError:
+                continue  # the scheduler wakes up by itself

@@ -1,0 +1,73 @@
+"""Kernels that come with an image, in a folder that can only be read."""
+
+from __future__ import annotations
+
+import logging
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from renderer.shipped_kernels import FOLDER, copy_loaded, take_shipped
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of kernels `abc`, as renderer.precompile makes one."""
+    folder = tmp_path / "shipped" / "abc"
+    (folder / "kernel.x").mkdir(parents=True)
+    (folder / "kernel.x" / "a.code").write_bytes(b"code")
+    (folder / "kernel.x" / "part.code").write_bytes(b"a part, which no list names")
+    (folder / "plain.done").write_text("kernel.x/a.code\n")
+    monkeypatch.setenv(FOLDER, str(folder.parent))
+    return folder
+
+
+def test_what_the_lists_name_is_copied_once(shipped: Path, tmp_path: Path) -> None:
+    cache = tmp_path / "cache" / "abc"
+    take_shipped(cache)
+    copied = sorted(path.relative_to(cache).as_posix() for path in cache.rglob("*") if path.is_file())
+    assert copied == ["kernel.x/a.code", "plain.done"]
+    assert (cache / "kernel.x" / "a.code").read_bytes() == b"code"
+    assert {stat.S_IMODE(path.stat().st_mode) for path in cache.rglob("*")} == {0o600, 0o700}
+    assert copy_loaded(shipped, cache) == 0
+
+
+def test_nothing_is_taken_of_another_state_of_the_sources(shipped: Path, tmp_path: Path) -> None:
+    take_shipped(tmp_path / "cache" / "def")
+    assert not (tmp_path / "cache").exists()
+
+
+def test_a_file_that_others_may_have_written_is_left_out(shipped: Path, tmp_path: Path) -> None:
+    (shipped / "kernel.x" / "a.code").chmod(0o666)
+    take_shipped(tmp_path / "cache" / "abc")
+    assert not (tmp_path / "cache" / "abc" / "kernel.x" / "a.code").exists()
+
+
+def test_a_cache_that_cannot_be_written_is_a_warning(
+    shipped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def refused(_: Path) -> None:
+        raise OSError("Read-only file system")
+
+    monkeypatch.setattr("renderer.shipped_kernels.make_private", refused)
+    with caplog.at_level(logging.WARNING):
+        take_shipped(tmp_path / "cache" / "abc")
+    assert "compiled: Read-only file system" in caplog.text
+
+
+def test_compiling_needs_no_folder_that_can_be_written(tmp_path: Path) -> None:
+    """Numba's own locator writes a file to find out, and fails where it cannot."""
+    program = (
+        "import numpy as np\n"
+        "from renderer.kernel.mesh.vertices import place_points\n"
+        "placed = np.zeros((2, 3), np.float32)\n"
+        "place_points(np.ones((2, 3), np.float32), np.eye(3, 4, dtype=np.float32), 0, 2, placed)\n"
+        "assert placed.tolist() == [[1, 1, 1], [1, 1, 1]], placed\n"
+    )
+    (tmp_path / "cache").write_text("no folder")
+    environment = {**os.environ, "RAYFARM_CACHE": str(tmp_path / "cache")}
+    subprocess.run([sys.executable, "-c", program], env=environment, check=True)

@@ -1,0 +1,146 @@
+"""Kernels have a compile target of their own: a host program's Numba stays as it was, before and after a picture is rendered."""
+
+from __future__ import annotations
+
+import json
+import operator
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numba import njit
+from numba.core import config
+from numba.core.registry import cpu_target
+
+from renderer import cpu, jit
+from renderer.bvh.simd import f32x8
+from renderer.target import KernelDispatcher
+from tests.helpers import ROOT
+
+SCENE = ROOT / "scenes" / "cornell-box.yaml"
+# A host's own function: a product and a sum that could be fused, a loop that LLVM vectorises, an array whose references count.
+HOST = """
+import math
+from numba import njit
+
+@njit(cache=True)
+def total(values, factor):
+    found = values * factor
+    result = 0.0
+    for i in range(len(found)):
+        result += math.sqrt(found[i]) * factor + 1.0
+    return result
+"""
+
+# What a process compiles of it; with `render`, before and after a picture.
+PROGRAM = """
+import json, os, re, sys
+
+import numpy as np
+
+order = sys.argv[1]
+
+def render():
+    import rayfarm
+    rayfarm.render(sys.argv[2], width=8, height=8, spp=1)
+
+def compiled():
+    from numba import njit
+    import host
+    fresh = njit(host.total.py_func)  # compiled, not loaded
+    fresh(np.arange(64.0), 2.0)
+    (listing,) = fresh.inspect_asm().values()
+    return re.sub(r"0x[0-9a-f]+|v\\d+B|B\\d+v\\d+|\\d{10,}", "", listing)  # numbers of this process's functions and objects
+
+def state():
+    from numba.core import config
+    found = {"config": {name: repr(getattr(config, name)) for name in dir(config) if name.isupper()}}
+    found["environment"] = dict(os.environ)
+    return found
+
+def held():
+    kept = {}
+    for name, module in list(sys.modules.items()):
+        if name.partition(".")[0] in ("numba", "llvmlite"):
+            for key, value in list(vars(module).items()):
+                if callable(value):
+                    kept[name, key] = value
+                if isinstance(value, type) and value.__module__ == name:
+                    kept.update({(name, key, each): what for each, what in list(vars(value).items()) if callable(what)
+                                 or isinstance(what, (property, classmethod, staticmethod))})
+    return kept
+
+if order == "first":
+    render()
+answer = {"code": [compiled()]}
+if order == "between":
+    import gc
+    import llvmlite.binding as llvm
+    known, before, finders, garbage = held(), state(), list(sys.meta_path), gc.get_threshold()
+    render()
+    now = held()
+    answer["replaced"] = sorted(".".join(key) for key, value in known.items() if now.get(key) is not value)
+    answer["same"] = [state() == before, sys.meta_path == finders, gc.get_threshold() == garbage]
+    answer["code"].append(compiled())
+import host
+host.total(np.arange(64.0), 2.0)
+answer["cache"] = host.total.stats.cache_path
+print(json.dumps(answer))
+"""
+
+
+@pytest.fixture
+def answer(tmp_path: Path) -> Any:
+    """Returns a function that runs the program, and gives what it says."""
+    (tmp_path / "host.py").write_text(HOST)
+
+    def run(order: str) -> Any:
+        path = os.pathsep.join([str(tmp_path), str(ROOT)])
+        environment = {**os.environ, "PYTHONPATH": path, "PYTHONHASHSEED": "0"}
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM, order, str(SCENE)], cwd=tmp_path, env=environment, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return run
+
+
+def test_a_host_programs_numba_stays_as_it_was(answer: Any, tmp_path: Path) -> None:
+    alone, between = answer("alone"), answer("between")
+    assert between["replaced"] == []
+    assert between["same"] == [True, True, True]
+    assert between["code"] == [alone["code"][0]] * 2
+    assert Path(between["cache"]) == Path(alone["cache"]) == tmp_path / "__pycache__"
+    assert answer("first")["code"] == alone["code"]
+
+
+def test_options_of_the_process_do_not_reach_kernels() -> None:
+    context = KernelDispatcher.targetdescr.target_context
+    assert context.codegen().magic_tuple()[1:] == (cpu.NAME, cpu.FEATURES)
+    assert context.codegen() is not cpu_target.target_context.codegen()
+    assert getattr(config, "CPU_NAME") is None  # noqa: B009 - which Numba sets when it is loaded
+    assert not context.enable_boundscheck
+
+
+def test_signatures_found_once_are_remembered() -> None:
+    context = KernelDispatcher.targetdescr.typing_context
+    context.refresh()
+    first = context.resolve_function_type(operator.add, (f32x8, f32x8), {})
+    assert first is not None
+    assert context.resolve_function_type(operator.add, (f32x8, f32x8), {}) is first
+
+
+def test_kernels_call_numbas_own_overloads() -> None:
+    """These are compiled for the same target."""
+
+    @jit.builder
+    def summed(values: Any) -> Any:
+        return values.copy().sum()
+
+    assert summed(np.arange(4.0)) == 6.0
+    assert njit(lambda values: values.sum())(np.arange(4.0)) == 6.0

@@ -1,0 +1,63 @@
+"""Machines that cannot prepare a scene or a frame, whatever that is: others get it, and the scene is never to blame."""
+
+from __future__ import annotations
+
+from tests.service.conftest import Service, until
+from worker.protocol.contract import own_prepare_queue
+
+FULL = "this machine cannot use its files (No space left on device: /tmp)"
+LIMIT = "scene.obj cannot be read on this machine: its limit on address space (ulimit -v) of 1.0 GiB is too small. Raise it."
+
+
+def test_another_worker_prepares_what_one_machine_cannot(service: Service) -> None:
+    with service.worker(name="small") as small, service.worker(name="large", slots=1) as large:
+        small.unfit = LIMIT
+        scenes = [service.upload(b"v 0 0 0 # %d" % number) for number in range(4)]
+        until(lambda: all(service.scene(id)["status"] == "ready" for id in scenes), "they are prepared")
+        assert sorted(large.prepared) == sorted(scenes)
+
+
+def test_where_no_machine_can_the_error_names_each_with_its_lack(service: Service) -> None:
+    with service.worker(name="alpha") as alpha, service.worker(name="beta", kind="another-kind") as beta:
+        alpha.unfit, beta.unfit = LIMIT, FULL
+        id = service.upload()
+        until(lambda: service.scene(id)["status"] == "failed", "nobody is left")
+        error = service.scene(id)["error"]
+        assert error.startswith("No worker can prepare this scene. ")
+        assert f"alpha: {LIMIT}" in error
+        assert f"beta: {FULL}." in error
+        assert "damaged" not in error
+        assert (len(alpha.prepared), len(beta.prepared)) == (1, 1)
+        alpha.unfit = None
+        again = service.upload(b"v 0 0 1")
+        until(lambda: service.scene(again)["status"] == "ready", "another scene is prepared")
+
+
+def test_a_fault_that_passes_is_waited_for(service: Service) -> None:
+    with service.worker(name="alpha") as alpha:
+        alpha.unfit, alpha.passing = FULL, True
+        id = service.upload()
+        until(lambda: len(alpha.prepared) >= 3, "it is tried again")
+        scene = service.scene(id)
+        assert scene["status"] == "preparing"
+        alpha.unfit = None
+        until(lambda: service.scene(id)["status"] == "ready", "it is prepared")
+
+
+def test_another_worker_prepares_the_frames_that_one_machine_cannot(service: Service) -> None:
+    with service.worker(name="alpha") as alpha, service.worker(name="beta") as beta:
+        scene = service.ready_scene()
+        alpha.unfit = FULL
+        job = service.submit(scene, frames="0-5")
+        service.wait_for(job, "finished")
+        assert sorted(beta.frames) == [0, 1, 2, 3, 4, 5]
+        beta.unfit = LIMIT
+        job = service.submit(scene, frames="6-9")
+        service.wait_for(job, "failed")
+        error = service.job(job)["error"]
+        assert "No worker can prepare this shot." in error
+        assert f"alpha: {FULL}." in error and f"beta: {LIMIT}" in error
+
+
+def test_a_workers_own_queue_is_one_of_its_kinds() -> None:
+    assert own_prepare_queue("0.2.0-x", "alpha") == "rayfarm.prepare.0.2.0-x.of.alpha"

@@ -1,0 +1,47 @@
+"""What confined readers are made to do in the worker's tests."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import errno
+import os
+from pathlib import Path
+from typing import Any
+
+from renderer.confine.reader import Link
+from renderer.scene.animation import Moment
+from worker.reading import frames
+
+__all__ = ["crash_at_frame_1", "full", "link_out", "say"]
+
+
+def crash_at_frame_1(*given: Any) -> dict[str, Any]:
+    """Serves frames, and reads address 0 at frame 1."""
+    at = frames.Stage.at
+
+    def crashing(stage: frames.Stage, moment: Moment) -> dict[str, Any]:
+        return {"read": ctypes.string_at(0)} if moment.frame == 1 else at(stage, moment)
+
+    frames.Stage.at = crashing  # type: ignore[method-assign]
+    return frames.serve(*given)
+
+
+def say(answer: dict[str, Any], link: Link) -> dict[str, Any]:
+    """Answers with what it is given."""
+    return answer
+
+
+def full(link: Link) -> dict[str, Any]:
+    """Finds the disk full."""
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "compiled")
+
+
+def link_out(scene: bytes, out: bytes, link: Link) -> dict[str, Any]:
+    """Tries to have a file outside of `out` appear in it; the ways that worked."""
+    source, made = Path(os.fsdecode(scene)) / "a", []
+    for name, way in (("symbolic", os.symlink), ("hard", os.link), ("moved", os.rename)):
+        with contextlib.suppress(OSError):
+            way(source, Path(os.fsdecode(out)) / name)
+            made.append(name)
+    return {"made": made}

@@ -1,0 +1,97 @@
+"""The slot's side of confined readers: what they answer is checked, and how they end becomes a worker's error."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.renderer.confine import jobs
+from tests.worker.work.jobs import full, link_out, say
+from worker.exchange.cache import BlobCache
+from worker.exchange.errors import UnfitError, WorkError
+from worker.exchange.link import FarmAnswer, Link
+from worker.protocol.contract import BlobRef, Manifest
+from worker.work.files import place_files
+from worker.work.reader import Room
+
+SECONDS = 60.0
+
+
+def test_a_reader_has_and_reaches_nothing_of_its_slot(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RAYFARM_TOKEN", "secret")
+    with Room("test") as room:
+        found = room.run(jobs.probe, "truck.glb", SECONDS)
+    assert "secret" not in str(found["environment"])
+    assert all(each.startswith(("/dev/null", "pipe:")) for each in found["descriptors"])
+    assert found["refused"] == dict.fromkeys(found["refused"], True)
+    assert not room.folder.exists()
+
+
+@pytest.mark.parametrize(
+    ("job", "kind", "sentence"),
+    [
+        (jobs.crash, WorkError, r"truck.glb cannot be read: its importer crashed \(signal 11"),
+        (jobs.wrong, WorkError, "the buffer ends early"),
+        (jobs.hungry, UnfitError, "truck.glb needs more than the 0.5 GiB that this worker grants one scene"),
+        (full, UnfitError, "this machine cannot use its files"),
+    ],
+)
+def test_how_a_reader_ends_is_the_scenes_or_the_machines(job: Any, kind: type[Exception], sentence: str) -> None:
+    with Room("test") as room, pytest.raises(kind, match=sentence):
+        room.run(job, "truck.glb", SECONDS, memory=512 << 20)
+
+
+@pytest.mark.parametrize(
+    "name", ["../scene/a", "..", "", "/etc/passwd", "missing", "folder", "a/", ".part", None, 7, "link", "in/a"]
+)
+def test_names_that_a_reader_returns_are_checked(name: Any) -> None:
+    with Room("test") as room:
+        (room.scene / "a").write_text("of the slot")
+        (room.out / "folder").mkdir()
+        (room.out / "link").symlink_to(room.scene / "a")
+        (room.out / "in").symlink_to(room.scene)
+        answered = room.run(partial(say, {"compiled": name}), "truck.glb", SECONDS)
+        with pytest.raises(WorkError, match=r"the scene's reader (names|wrote)"):
+            room.compiled(answered["compiled"])
+
+
+def test_a_reader_makes_no_links_out_of_its_room() -> None:
+    with Room("test") as room:
+        (room.scene / "a").write_text("of the slot")
+        assert room.run(partial(link_out, os.fsencode(room.scene), os.fsencode(room.out)), "truck.glb", SECONDS) == {"made": []}
+
+
+def test_a_part_under_another_files_name_does_not_get_into_the_cache(tmp_path: Path) -> None:
+    """What a worker believes of a hash, all scenes that share the part believe."""
+    cache = BlobCache(Link("http://service.invalid", "token"), FarmAnswer("", "", ""), tmp_path / "cache")
+    sha256 = hashlib.sha256(b"another scene's part").hexdigest()
+    (tmp_path / sha256).write_bytes(b"forged")
+    with pytest.raises(WorkError, match="not what its name says"):
+        cache.adopt(tmp_path / sha256, sha256)
+    assert not [path for path in (tmp_path / "cache").rglob(f"*{sha256}*") if path.is_file()]
+
+
+@pytest.mark.parametrize("name", ["\u00e9t\u00e9/\u5f71.obj", "plain.obj"])
+def test_files_are_placed_in_utf_8_whatever_the_locale(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    (tmp_path / "blob").write_bytes(b"v 0 0 0")
+    monkeypatch.setattr(os, "fsdecode", lambda data: data.decode("latin-1"))  # as Python does in an old locale
+    worker: Any = type("Worker", (), {"cache": type("Cache", (), {"path": lambda *_: tmp_path / "blob"})()})
+    (tmp_path / "scene").mkdir()
+    place_files(worker, Manifest("scene", name, [BlobRef(name, "0" * 64, 7)]), tmp_path / "scene")
+    (placed,) = (path for path in (tmp_path / "scene").rglob("*") if path.is_file())
+    assert str(placed.relative_to(tmp_path / "scene")).encode("latin-1").decode() == name
+
+
+def test_a_room_without_a_folder_for_temporary_files_is_the_machines(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Any, **__: Any) -> str:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr("renderer.confine.place.tempfile.mkdtemp", refuse)
+    with pytest.raises(UnfitError, match="no folder for temporary files"):
+        Room("test")

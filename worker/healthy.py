@@ -1,0 +1,43 @@
+"""`python3 -IS worker/healthy.py [--ready]`: whether the worker of this container lives, by its exit code.
+
+It asks neither the service nor Redis: a worker that waits for them is healthy, and would wait for them again if it were started
+anew. One whose event loop hangs is not. --ready: whether it takes work. worker/machine/alive.py writes the file.
+"""
+
+import os
+import sys
+import time
+
+FRESH_S = 30.0
+
+
+def fault(path: str, ready: bool = False) -> str:
+    """Why it is not, as a sentence; "" where it is."""
+    try:
+        with open(path) as file:  # noqa: PTH123 - pathlib takes longer to import than the rest
+            pid, state = file.read().split()
+        age = time.time() - os.stat(path).st_mtime  # noqa: PTH116
+        os.kill(int(pid), 0)
+    except ProcessLookupError:
+        return f"the worker's process {pid} has ended"
+    except PermissionError:
+        return f"the process {pid} is another user's"
+    except (OSError, ValueError) as error:
+        return f"{path} does not say how the worker is: {error}"
+    if state == "working" and age > FRESH_S:
+        return f"the worker's event loop was last seen {age:.0f} s ago"
+    if ready and state != "working":
+        return f"the worker is {state}"
+    return ""
+
+
+def main() -> int:
+    """0 where it lives."""
+    why = fault(os.environ.get("RAYFARM_ALIVE", ""), "--ready" in sys.argv[1:])
+    if why:
+        print(why)
+    return int(bool(why))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,20 @@
+"""Denoises a frame with Open Image Denoise, whose threads and memory end with the process."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from renderer import denoise as library
+from renderer.confine.reader import Link
+from worker.reading.placed import folder_of
+
+__all__ = ["denoise"]
+
+
+def denoise(means: bytes, result: bytes, width: int, height: int, link: Link) -> dict[str, Any]:
+    """Writes the denoised colour as float32 into the file `result`. means: the file of colour, albedo and normal."""
+    color, albedo, normal = np.fromfile(folder_of(means), "<f4").reshape(3, height, width, 3)
+    library.denoise(color, albedo, normal).astype("<f4").tofile(folder_of(result))
+    return {}

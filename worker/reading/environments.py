@@ -1,0 +1,55 @@
+"""An environment image as a small picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from renderer.confine.reader import Link
+from renderer.errors import SceneError
+from renderer.image import encode
+from renderer.image.read import decode
+from worker.reading.placed import folder_of
+
+__all__ = ["show", "small_picture"]
+
+NARROWEST, WIDEST = 1.9, 2.1  # an equirectangular image is twice as wide as high
+
+
+def show(folder: bytes, name: str, width: int, result: bytes, link: Link) -> dict[str, Any]:
+    """Writes the picture of an image in `folder` into the file `result`. Raises SceneError."""
+    folder_of(result).write_bytes(encode.encode(small_picture(_pixels(folder_of(folder), name), width), "jpg"))
+    return {}
+
+
+def _pixels(folder: Path, path: str) -> np.ndarray:
+    pixels = decode((folder / path).read_bytes(), path, is_environment=True).pixels
+    height, width = pixels.shape[:2]
+    if not NARROWEST < width / height < WIDEST:
+        raise SceneError(
+            f"{path}: is {width}x{height}; an environment shows all directions, and so is twice as wide as high "
+            "(equirectangular, also called latitude-longitude)"
+        )
+    if pixels.dtype != np.float32:
+        pixels = (pixels[..., :3].astype(np.float32) / np.iinfo(pixels.dtype).max) ** 2.2
+    if not np.isfinite(pixels[..., :3]).any() or not pixels[..., :3].any():
+        raise SceneError(f"{path}: is black all over; it lights nothing")
+    return np.asarray(pixels[..., :3])
+
+
+def small_picture(pixels: np.ndarray, width: int) -> np.ndarray:
+    """Radiance (h, w, 3) as (width / 2, width, 3): averaged over blocks, exposed for what is not a lamp."""
+    height = width // 2
+    rows = np.linspace(0, len(pixels), height + 1).astype(int)
+    columns = np.linspace(0, pixels.shape[1], width + 1).astype(int)
+    clean = np.clip(np.nan_to_num(pixels, nan=0.0, posinf=1e4, neginf=0.0), 0, 1e4).astype(np.float64)
+    if min(clean.shape[:2]) < height or clean.shape[1] < width:  # smaller than the picture: each pixel stays as it is
+        small = clean[np.minimum(rows[:-1], len(clean) - 1)][:, np.minimum(columns[:-1], clean.shape[1] - 1)]
+    else:
+        summed = np.add.reduceat(np.add.reduceat(clean, rows[:-1], axis=0), columns[:-1], axis=1)
+        small = summed / (np.diff(rows)[:, None, None] * np.diff(columns)[None, :, None])
+    grey = small.mean(axis=2)
+    level = float(np.minimum(grey, np.quantile(grey, 0.95)).mean())  # a sun or a lamp must not darken the rest
+    return (small * (0.6 / max(level, 1e-6))).astype(np.float32)

@@ -1,0 +1,152 @@
+"""Frames of a shot: files are opened and pictures decoded once for all of them, and only what moves is compiled anew."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+from renderer.cameras import camera_number
+from renderer.confine.reader import Link, Send
+from renderer.errors import MachineError, RayfarmError
+from renderer.frames import frame_number
+from renderer.scene.animation import Moment, Shutter
+from renderer.scene.animation.orbit import orbit, orbit_over
+from renderer.scene.compile import AUTO_CAMERA, compile_scene, own_cameras, summarise
+from renderer.scene.compiled import CompiledScene
+from renderer.scene.description import SceneDescription
+from renderer.scene.kept import Kept
+from renderer.scene.load import Shot
+from renderer.scene.parts import Saver
+from renderer.scene.same import compiles_alike
+from renderer.settings import View, chosen
+from worker.protocol.contract import Manifest, PrepareFrames
+from worker.reading.placed import folder_of, placed_scene
+
+__all__ = ["Stage", "answering", "serve"]
+
+
+def serve(
+    folder: bytes, manifest: Manifest, work: PrepareFrames, base_folder: bytes, out: bytes, idle_s: float, link: Link
+) -> dict[str, Any]:
+    """Answers requests for frames until there has been none for `idle_s`; then empties `out`."""
+    answer = answering(folder_of(folder), manifest, work, placed_scene(base_folder, work.base), folder_of(out))
+    for request in link.requests(idle_s):
+        answer(request["frames"], link.send)
+    for path in folder_of(out).iterdir():
+        shutil.rmtree(path, ignore_errors=True)
+    return {}
+
+
+def answering(
+    folder: Path, manifest: Manifest, work: PrepareFrames, base: CompiledScene, out: Path
+) -> Callable[[list[int], Send], None]:
+    """A function that sends a message for each frame: its result, or under `failed` why there is none."""
+    begun = time.monotonic()
+    stage = Stage(Shot(folder, manifest.main, manifest.environment, manifest.variant), work, base, out)
+    opened_s = time.monotonic() - begun
+
+    def answer(frames: list[int], send: Send) -> None:
+        nonlocal opened_s
+        for frame in frames:
+            begun = time.monotonic()
+            try:
+                found = stage.at(Moment(frame_number(frame), work.fps, work.clip))
+            except MachineError:
+                raise
+            except RayfarmError as error:
+                found = {"failed": str(error)}  # an `error` would end this process
+            send({"frame": frame, "seconds": time.monotonic() - begun + opened_s, **found})
+            opened_s = 0.0
+
+    return answer
+
+
+class Stage:
+    """A scene over time. What it is at a moment does not depend on the moments asked for before."""
+
+    def __init__(self, shot: Shot, work: PrepareFrames, base: CompiledScene, out: Path) -> None:
+        self._shot = shot
+        self._work = work
+        self._base = base
+        self._kept = Kept()
+        self._saver = Saver(out)
+        self._out = out
+        # Each moment's files lie in a folder of their own: another that looks the same may be written while these are let go of.
+        self._rooms = (out / str(number) for number in itertools.count())
+        self._start = shot.at(Moment(shot.start))
+        self._last: tuple[SceneDescription, CompiledScene, Path] | None = None  # good until another moment is compiled
+        self._auto: View | None = View.from_json(_given(work.base_auto)) if work.clip is None else None
+        self._still: SceneDescription | None = None  # what does not move is read once
+
+    def at(self, moment: Moment) -> dict[str, Any]:
+        """What is to be said of a frame. Raises SceneError, and SettingsError where its view cannot be."""
+        read = self._still or self._shot.over(moment, self._work.shutter)
+        self._still = None if read.moves else read
+        described, compiled, file = self._compiled(read)
+        view, views = self._views(described, compiled)
+        if self._work.turntable is not None:
+            fps, up = described.fps, described.up
+            shutter = Shutter.of(chosen(self._work.shutter, described.defaults))
+            views = orbit_over(view, views, moment, shutter, fps, self._work.turntable, up)
+            view = orbit(view, moment.seconds(fps) / self._work.turntable, up)
+        return {
+            "file": file and file.relative_to(self._out).as_posix(),
+            "view": view.to_json(),
+            "views": [each.to_json() for each in views],
+            "defaults": dict(described.defaults),
+            "warnings": list(described.warnings),
+        }
+
+    def _compiled(self, read: SceneDescription) -> tuple[SceneDescription, CompiledScene, Path | None]:
+        """The description, what it compiles to, and the file of that; None where that is the base's."""
+        if compiles_alike(read, self._start):
+            return read, self._base, None
+        if self._last is not None and compiles_alike(read, self._last[0]):
+            return read, *self._last[1:]
+        untouched = _untouched(read)
+        self._last = None
+        kept, self._kept = self._kept, Kept()  # what was being made when a moment failed is not trusted
+        compiled = compile_scene(read, kept=kept)
+        assert kept.cuts is not None
+        room = next(self._rooms)
+        room.mkdir()
+        file = self._saver.save(compiled, kept.cuts, room)
+        self._kept = kept
+        self._last = untouched, compiled, file
+        return read, compiled, file
+
+    def _views(self, description: SceneDescription, compiled: CompiledScene) -> tuple[View, tuple[View, ...]]:
+        """The view that the request names: its own, or a camera of the scene as it stands at the moment, and of one that moves
+        while the shutter is open its keys."""
+        if self._work.view is not None:
+            return View.from_json(_given(self._work.view)), ()
+        cameras = own_cameras(description, compiled)
+        number = camera_number([*(c.name for c in cameras), AUTO_CAMERA], self._work.camera)
+        return (cameras[number].view, cameras[number].keys) if number < len(cameras) else (self._auto_view(), ())
+
+    def _auto_view(self) -> View:
+        """The camera that frames the scene stands as it does at the beginning; of another clip, at its own."""
+        if self._auto is None:
+            read = self._shot.at(Moment(self._shot.start, self._work.fps, self._work.clip))
+            if compiles_alike(read, self._start):
+                self._auto = View.from_json(_given(self._work.base_auto))
+            else:
+                self._auto = View.from_json(summarise(read, compile_scene(read))["cameras"][-1]["view"])
+        return self._auto
+
+
+def _untouched(description: SceneDescription) -> SceneDescription:
+    """A copy that compiling the description leaves as it is: that may add to its lists, and changes nothing in them."""
+    held = {f.name: getattr(description, f.name) for f in fields(description)}
+    copied: dict[str, Any] = {name: copy.copy(value) for name, value in held.items() if isinstance(value, list | dict)}
+    return replace(description, **copied)
+
+
+def _given(view: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in view.items() if value is not None}

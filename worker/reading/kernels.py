@@ -1,0 +1,12 @@
+"""Kernels that the launcher of readers loads, as the worker's own process does."""
+
+from __future__ import annotations
+
+from renderer.render import warm_up
+
+__all__ = ["load"]
+
+
+def load() -> None:
+    """Loads the plain kernel and those that every scene is compiled with, or compiles them where nobody has."""
+    warm_up()

@@ -1,0 +1,66 @@
+"""Reads and compiles a scene, saves it in parts, and renders a thumbnail."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from renderer import denoise
+from renderer.aovs import values
+from renderer.confine.reader import Link
+from renderer.film import mean
+from renderer.image import encode
+from renderer.render import edition_for, render_batch, render_frame
+from renderer.scene.animation import Moment
+from renderer.scene.compile import compile_scene, summarise
+from renderer.scene.compiled import CompiledScene
+from renderer.scene.kept import Kept
+from renderer.scene.load import Shot
+from renderer.scene.parts import Saver
+from renderer.settings import RenderSettings, Tile, View
+from worker.protocol.contract import Manifest
+from worker.reading.placed import folder_of
+
+__all__ = ["THUMBNAIL", "THUMBNAIL_WIDTH", "prepare"]
+
+THUMBNAIL = "thumbnail.png"
+THUMBNAIL_WIDTH = 256
+THUMBNAIL_SPP = 16
+THUMBNAIL_SECONDS = 0.3  # passes double, so that it takes at most about twice this; and 0.2 s to denoise it
+
+
+def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[str, Any]:
+    """The scene's summary, with the name of its compiled manifest in `out` as `compiled`. Raises RayfarmError."""
+
+    def progress(step: str, fraction: float) -> None:
+        link.send({"step": step, "fraction": fraction})
+
+    progress("reading", 0.05)
+    shot = Shot(folder_of(folder), manifest.main, manifest.environment, manifest.variant)
+    description = shot.at(Moment(shot.start))
+    kept = Kept()
+    compiled = compile_scene(description, lambda step, fraction: progress(step, 0.3 + 0.5 * fraction), kept=kept)
+    summary = summarise(description, compiled)
+    summary["lights_power"] = kept.lights_power
+    assert kept.cuts is not None
+    summary["compiled"] = Saver(folder_of(out)).save(compiled, kept.cuts).name  # shares most parts with other moments and lights
+    progress("rendering a thumbnail", 0.85)
+    render_thumbnail(compiled, summary, link, folder_of(out) / THUMBNAIL)
+    return summary
+
+
+def render_thumbnail(compiled: CompiledScene, summary: dict[str, Any], link: Link, path: Path) -> None:
+    """Writes a small tone-mapped picture from the first camera, of the samples that fit into a short time, denoised.
+
+    The slot gets the kernel ready first: a reader cannot keep what it compiles.
+    """
+    defaults = summary["defaults"]
+    width, height = defaults.get("width", 16), defaults.get("height", 9)
+    small_height = min(max(THUMBNAIL_WIDTH * height // width, 64), 2 * THUMBNAIL_WIDTH)
+    view = View.from_json(summary["cameras"][0]["view"])
+    settings = RenderSettings(THUMBNAIL_WIDTH, small_height, view, max_depth=6)
+    link.call("warm_up", edition=edition_for(settings, compiled))
+    render_batch(compiled, settings, Tile(0, 0, 0, 0), 0, 0)  # loads the kernel, outside the time for rendering
+    sums = render_frame(compiled, settings, THUMBNAIL_SPP, threads=1, time_limit=THUMBNAIL_SECONDS)
+    albedo, normal = (values(sums, settings.film_exponent, name) for name in ("albedo", "normal"))
+    path.write_bytes(encode.encode(denoise.for_a_glance(mean(sums, settings.film_exponent), albedo, normal), "png"))

@@ -1,0 +1,30 @@
+"""Compiles the environment of a scene anew, for another light from all around."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from renderer.confine.reader import Link
+from renderer.scene.compiled import CompiledScene
+from renderer.scene.description import SceneDescription
+from renderer.scene.files import SceneFiles
+from renderer.scene.lit import CHANGED, lit
+from renderer.scene.load import light_with
+from renderer.scene.parts import save_changed
+from worker.reading.placed import folder_of, placed_scene
+
+__all__ = ["relight", "save_lit"]
+
+
+def relight(folder: bytes, light: str, base_folder: bytes, base: str, power: float, out: bytes, link: Link) -> dict[str, Any]:
+    """The new manifest's name in `out`, as `compiled`. light: an image in `folder`. base: the hash of the scene as it was."""
+    data = (folder_of(base_folder) / base).read_bytes()
+    return {"compiled": save_lit(folder_of(folder), light, placed_scene(base_folder, base), data, power, folder_of(out)).name}
+
+
+def save_lit(folder: Path, light: str, base: CompiledScene, data: bytes, power: float, out: Path) -> Path:
+    """Writes the manifest and changed parts of `base`, whose manifest is `data`, under another light; returns the manifest."""
+    description = SceneDescription(name="light")
+    light_with(SceneFiles(folder, light), light, description)
+    return save_changed(data, lit(base, description, power), CHANGED, out)

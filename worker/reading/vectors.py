@@ -1,0 +1,56 @@
+"""Motion vectors of a frame, from the scene at its time and at those of its neighbours."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from renderer.cameras import camera_number
+from renderer.confine.reader import Link
+from renderer.frames import frame_number
+from renderer.scene.animation import BETWEEN, Moment
+from renderer.scene.animation.orbit import orbit, orbit_over
+from renderer.scene.compile import AUTO_CAMERA, compile_scene, own_cameras, summarise
+from renderer.scene.compiled import CompiledScene
+from renderer.scene.description import SceneDescription
+from renderer.scene.load import Shot
+from renderer.settings import RenderSettings, View
+from renderer.vectors import motion_vectors
+from worker.protocol.contract import FrameVectors, Manifest
+from worker.reading.placed import folder_of
+
+__all__ = ["vectors"]
+
+
+def vectors(folder: bytes, manifest: Manifest, work: FrameVectors, result: bytes, link: Link) -> dict[str, Any]:
+    """Writes the vectors as float32 into the file `result`. Raises RayfarmError."""
+    shot = Shot(folder_of(folder), manifest.main, manifest.environment, manifest.variant)
+    moment = Moment(frame_number(work.frame), work.fps, work.clip)
+    read = shot.between(moment)
+    fps, up = read.fps, read.up
+    compiled = compile_scene(read)
+    view, views = _views(shot, read, compiled, work)
+    if work.turntable is not None:
+        views = orbit_over(view, views, moment, BETWEEN, fps, work.turntable, up)
+        view = orbit(view, moment.seconds(fps) / work.turntable, up)
+    settings = RenderSettings(work.width, work.height, view, views=views)
+    motion_vectors(compiled, settings).astype("<f4").tofile(folder_of(result))
+    return {}
+
+
+def _views(shot: Shot, described: SceneDescription, compiled: CompiledScene, work: FrameVectors) -> tuple[View, tuple[View, ...]]:
+    """The view that the request names, and of a camera that moves those of the three moments."""
+    if work.view is not None:
+        return _view(work.view), ()
+    cameras = own_cameras(described, compiled)
+    number = camera_number([*(camera.name for camera in cameras), AUTO_CAMERA], work.camera)
+    if number < len(cameras):
+        return cameras[number].view, cameras[number].keys
+    if work.clip is None:
+        return _view(work.auto), ()
+    start = shot.at(replace(Moment(shot.start), fps=work.fps, clip=work.clip))
+    return View.from_json(summarise(start, compile_scene(start))["cameras"][-1]["view"]), ()
+
+
+def _view(view: dict[str, Any]) -> View:
+    return View.from_json({name: value for name, value in view.items() if value is not None})

@@ -1,0 +1,177 @@
+"""The slot's side of confined readers (renderer/confine/): their rooms and limits, and their failures as a worker's errors.
+
+A room is a temporary folder: `scene`, `base` and whatever else the slot places there can only be read, `out` and `temporary`
+be written. What a reader answers is untrusted: names and values are checked here, blobs by their hash where they are stored.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import stat
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+from renderer import errors as faults
+from renderer import jit
+from renderer.blender.opening import calls_of_reader
+from renderer.confine import running
+from renderer.confine.place import temporary_folder
+from renderer.confine.reader import Link
+from renderer.confine.running import Bounds
+from renderer.render import FULL, kernel_name
+from renderer.scene.parts import parts_of
+from worker.exchange.errors import UnfitError, WorkError
+from worker.process.context import WorkerContext
+from worker.work.files import link_or_copy, memory_budget
+from worker.work.scenes import open_scene
+
+__all__ = ["Room", "as_of_worker", "begin_launcher"]
+
+Send = Callable[[dict[str, Any]], None]
+Job = Callable[[Link], dict[str, Any]]
+
+_READERS = ("collada", "fbx", "gltf", "mitsuba", "obj", "pbrt", "ply", "stl", "yaml")
+_JOBS = ("prepare", "frames", "relight", "vectors", "environments", "denoise")
+_PRELOAD = (
+    *(f"renderer.scene.readers.{name}" for name in _READERS),
+    *(f"worker.reading.{name}" for name in _JOBS),
+    # Kernels of readers, which those import only for files of their format.
+    *("renderer.scene.readers.obj_lines", "renderer.scene.readers.threemf_rows", "renderer.scene.readers.gltf.deform"),
+    "worker.reading.kernels:load",
+)
+_ALL_PREPARING = "renderer.preparing:prepare"
+_PLAIN_NAME = re.compile(r"[0-9A-Za-z][0-9A-Za-z_.-]{0,99}")
+_MOST_MANIFEST = 64 << 20  # bytes
+
+
+def begin_launcher() -> None:
+    """Starts the process that forks readers, for this process and those that it forks. Raises UnfitError."""
+    with as_of_worker():
+        running.begin_launcher(_PRELOAD)
+
+
+@contextlib.contextmanager
+def as_of_worker() -> Iterator[None]:
+    """Turns the renderer's errors into the worker's: UnfitError for a machine that cannot do it, WorkError for the rest."""
+    try:
+        yield
+    except faults.MachineError as error:
+        raise UnfitError(str(error)) from error
+    except faults.RayfarmError as error:
+        raise WorkError(str(error)) from error
+
+
+class Room:
+    """The folder of one reader; a context manager that removes it. Raises UnfitError where there is no place for it."""
+
+    def __init__(self, name: str) -> None:
+        self._kept = contextlib.ExitStack()
+        with as_of_worker():
+            self.folder = self._kept.enter_context(temporary_folder(f"rayfarm-{name}-"))
+        self.scene, self.base, self.out, self._temporary = (self.folder / part for part in ("scene", "base", "out", "temporary"))
+        for folder in (self.scene, self.base, self.out, self._temporary):
+            folder.mkdir()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Removes the folder."""
+        self._kept.close()
+
+    def place_base(self, worker: WorkerContext, sha256: str) -> None:
+        """Links a compiled scene of the cache, and its parts, into `base`. Raises Trouble, RefusedError and SceneError."""
+        open_scene(worker.cache, sha256)  # fetched, and checked
+        manifest = worker.cache.path(sha256)
+        for path in (manifest, *(worker.cache.path(*part) for part in parts_of(manifest))):
+            link_or_copy(path, self.base / path.name)
+
+    def run(
+        self,
+        job: Job,
+        subject: str,
+        seconds: float,
+        on_message: Send = lambda message: None,
+        *,
+        memory: int | None = None,
+        preload: Sequence[str] = (),
+        calls: Mapping[str, Callable[..., Any]] | None = None,
+        reads: Sequence[Path] = (),
+    ) -> dict[str, Any]:
+        """The job's answer; see renderer.confine.running.Reader. Raises WorkError and UnfitError.
+
+        memory: bytes, None for the worker's budget. reads: other folders that the reader may read.
+        """
+        with (
+            as_of_worker(),
+            self.begin(job, subject, seconds, memory=memory, preload=preload, calls=calls, reads=reads) as reader,
+        ):
+            return reader.result(on_message)
+
+    def begin(
+        self,
+        job: Job,
+        subject: str,
+        seconds: float,
+        *,
+        memory: int | None = None,
+        preload: Sequence[str] = (),
+        calls: Mapping[str, Callable[..., Any]] | None = None,
+        reads: Sequence[Path] = (),
+    ) -> running.Reader:
+        """A reader at work on the job. Raises UnfitError."""
+        bounds = Bounds(
+            memory_budget() if memory is None else memory,
+            seconds,
+            subject,
+            "that this worker grants one scene",
+            "Make it smaller, or split it into several.",
+        )
+        more = [_ALL_PREPARING] if jit.is_kept(kernel_name(edition=FULL)) else []  # not to be waited for while it is compiled
+        calls = {**calls_of_reader(self.scene, self.folder), **(calls or {})}
+        with as_of_worker():
+            return running.Reader(
+                job,
+                [self.scene, self.base, *reads],
+                [self._temporary, self.out],
+                bounds,
+                [*_PRELOAD, *more, *preload],
+                calls,
+            )
+
+    def result(self, name: Any) -> Path:
+        """The file in `out` that a reader names, with `/` between folders. Raises WorkError where it is no regular file."""
+        path = self.out
+        for part in str(name).split("/"):
+            if not _PLAIN_NAME.fullmatch(part) or path.is_symlink():
+                raise WorkError(f"the scene's reader names a file as none is named: {str(name)[:100]!r}")
+            path /= part
+        if not self.has(path):
+            raise WorkError(f"the scene's reader wrote no file {str(name)[:100]!r}")
+        return path
+
+    @staticmethod
+    def has(path: Path) -> bool:
+        """Whether there is a regular file."""
+        try:
+            return stat.S_ISREG(path.lstat().st_mode)
+        except OSError:
+            return False
+
+    def compiled(self, name: Any) -> Path:
+        """The manifest of a compiled scene that a reader names, whose parts lie beside it or in the cache. Raises WorkError."""
+        path = self.result(name)
+        if path.stat().st_size > _MOST_MANIFEST:
+            raise WorkError(f"the scene's reader wrote a manifest of {path.stat().st_size} bytes")
+        with as_of_worker():
+            for part in parts_of(path):
+                beside = path.parent / part.sha256
+                if os.path.lexists(beside) and not self.has(beside):
+                    raise WorkError(f"the scene's reader wrote a part that is no file: {part.sha256}")
+        return path
