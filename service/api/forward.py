@@ -118,7 +118,7 @@ class Forward:
             raise Unavailable(f"{AWAY} ({type(error).__name__}).", 1.0) from error
 
     def _headers(self, scope: Scope, left_out: set[str]) -> list[tuple[bytes, bytes]]:
-        """The request's header fields for the owner, with the client's origin; an address on loopback holds on this machine only."""
+        """Header fields for the owner, with the client's origin; an address on loopback means nothing on other machines."""
         client = (scope.get("client") or ("", 0))[0]
         origin = signed_origin(scope, "" if is_here(client) else client, self._settings.owner_token)
         kept = [(name, value) for name, value in scope["headers"] if _text(name).lower() not in left_out]
