@@ -23,8 +23,10 @@ KEEP_ALIVE_S = 20
 ALWAYS = (
     *("--factory", "--http", "auto", "--timeout-keep-alive", str(KEEP_ALIVE_S)),
     *("--ws-per-message-deflate", "false", "--ws-max-size", str(4 << 20)),
+    "--no-proxy-headers",  # service/api/client_address.py goes by RAYFARM_TRUSTED_PROXIES
 )
 HOST, PORT = "127.0.0.1", "8000"
+log = logging.getLogger(__name__)
 PROBES = ("/healthz", "/readyz")
 
 
@@ -41,6 +43,8 @@ def serve(arguments: Sequence[str]) -> None:
     where.add_argument("--port", default=os.environ.get("RAYFARM_PORT") or PORT)
     told, others = where.parse_known_args(arguments)
     os.environ |= {"RAYFARM_HOST": told.host, "RAYFARM_PORT": told.port}
+    if "FORWARDED_ALLOW_IPS" in os.environ:
+        log.warning("FORWARDED_ALLOW_IPS is not read. Set RAYFARM_TRUSTED_PROXIES to the addresses of your proxies.")
     logging.getLogger("uvicorn.access").addFilter(_is_no_probe)
     listening = ("--host", told.host, "--port", told.port)
     uvicorn.main(args=["service.main:create_app", *ALWAYS, *listening, *others], prog_name="python -m service")

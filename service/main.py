@@ -18,6 +18,7 @@ from starlette.responses import RedirectResponse
 
 from renderer import __version__
 from service.api import problem, routes
+from service.api.client_address import ClientAddress
 from service.api.gate import Gate
 from service.api.packing import Packing
 from service.api.security import Door
@@ -97,8 +98,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.add_api_route("/", lambda: RedirectResponse("/docs/"), include_in_schema=False)
     app.add_middleware(Packing)
     app.add_middleware(Gate)
-    app.add_middleware(StandingBy)
-    app.add_middleware(Door, settings=settings)  # the outermost: who speaks to the service at all
+    app.add_middleware(StandingBy, settings=settings)
+    app.add_middleware(Door, settings=settings)  # who speaks to the service at all
+    app.add_middleware(ClientAddress, settings=settings)  # the outermost: the others go by the client's address and scheme
     return app
 
 

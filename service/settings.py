@@ -63,6 +63,7 @@ class Settings(BaseSettings):
     oidc_roles: dict[str, str] = Field(default_factory=dict)  # the claim's values, and the role that each gives
     oidc_role: Literal["", "view", "submit", "admin"] = "view"  # of whom none of them gives one; empty: they are not let in
     oidc_logout: bool = True  # who logs out here does so at the provider too, where it publishes how
+    trusted_proxies: str = ""  # addresses and networks, spaces between, whose X-Forwarded-For and X-Forwarded-Proto are believed
     allowed_hosts: list[str] = Field(default_factory=list)  # more names this service answers to, beside loopback's
     web: Path = shipped("web")
     examples: Path = shipped("scenes")
@@ -162,6 +163,20 @@ class Settings(BaseSettings):
             raise ValueError(f"{value!r} is no address of blobs; give s3://bucket/prefix, or nothing for the data folder")
         return value
 
+    @field_validator("trusted_proxies")
+    @classmethod
+    def _networks(cls, value: str) -> str:
+        for each in value.split():
+            try:
+                network = ipaddress.ip_network(each)
+            except ValueError as error:
+                raise ValueError(
+                    f"{error}; give the addresses or networks of your proxies, like 127.0.0.1 172.16.0.0/12"
+                ) from None
+            if network.prefixlen == 0:
+                raise ValueError(f"{each} is every address, and anybody could claim another; give those of your proxies")
+        return value
+
     @field_validator("webhooks")
     @classmethod
     def _addresses(cls, value: list[str]) -> list[str]:
@@ -224,7 +239,8 @@ class Settings(BaseSettings):
     def needs_login(self) -> bool:
         """Whether nobody is let in without showing who they are."""
         if self.login == "auto":
-            return any(name not in LOOPBACK for name in self.published_names or [self.host])
+            named = self.published_names or [self.host]
+            return bool(self.trusted_proxies.split()) or any(name not in LOOPBACK for name in named)
         return self.login == "always"
 
     def make_folders(self) -> None:

@@ -31,7 +31,8 @@ class Access:
                 "Set RAYFARM_TOKEN to one of your own, as of `openssl rand -hex 16`."
             )
         self.needs_login = settings.needs_login
-        self.is_told = settings.login == "never" or bool(settings.published)  # and not only concluded from where it listens
+        self.is_open = settings.login == "never"  # to everybody, whatever the request
+        self.is_published = bool(settings.published)  # from a container
         self.keys = Keys(sessions)
         self.users = Users(sessions, self.keys)
         self.projects = Projects(sessions)

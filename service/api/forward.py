@@ -1,7 +1,6 @@
 """Requests to a service that stands by are forwarded to the one that runs the farm, and its answers are streamed back.
 
-The owner judges them as if they had been sent to it: for clients on other machines the address is appended to X-Forwarded-For,
-after whatever a proxy in front has put there.
+The owner treats them as if they had been sent to it: the standby states the client's address and scheme in a signed field.
 """
 
 from __future__ import annotations
@@ -19,14 +18,15 @@ from starlette.types import Receive, Scope, Send
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 
+from service.api.client_address import PASSED_ON, signed_origin
 from service.api.hosts import is_here
 from service.api.problem import Problem
 from service.api.security import refuse
 from service.errors import Unavailable
+from service.settings import Settings
 
-__all__ = ["PASSED_ON", "Forward"]
+__all__ = ["Forward"]
 
-PASSED_ON = "x-rayfarm-passed-on"  # by a service that stands by; nobody passes that on again
 CONNECT_S = 3.0
 GOING_DOWN = 1012  # a WebSocket's close code: come again
 NO_CODE = (None, 1005, 1006)
@@ -42,7 +42,8 @@ HANDSHAKE = {"host", "sec-websocket-key", "sec-websocket-version", "sec-websocke
 class Forward:
     """The way to the service that works as the farm."""
 
-    def __init__(self) -> None:
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
         self._http: httpx.AsyncClient | None = None
 
     async def close(self) -> None:
@@ -69,7 +70,7 @@ class Forward:
             if not path.startswith("/"):
                 raise httpx.InvalidURL("no path")  # `*@elsewhere/` behind an address would make another's address of it
             request = self._client().build_request(
-                scope["method"], url + path, headers=_passed_on(scope, HOP), content=_body(receive) if has_body else None
+                scope["method"], url + path, headers=self._headers(scope, HOP), content=_body(receive) if has_body else None
             )
         except httpx.InvalidURL:
             await refuse(NO_PATH, scope, receive, send)
@@ -99,7 +100,7 @@ class Forward:
             f"{'wss' if there.scheme == 'https' else 'ws'}://{host}{path}",
             host=there.hostname,
             port=there.port,
-            additional_headers=[(_text(name), _text(value)) for name, value in _passed_on(scope, HOP | HANDSHAKE)],
+            additional_headers=[(_text(name), _text(value)) for name, value in self._headers(scope, HOP | HANDSHAKE)],
             subprotocols=scope["subprotocols"] or None,
             user_agent_header=None,
             compression=None,
@@ -115,6 +116,13 @@ class Forward:
             await refuse(Problem(told.status_code, _text(bytes(told.body or b""))[:300]), scope, receive, send)
         except (InvalidHandshake, OSError, TimeoutError) as error:
             raise Unavailable(f"{AWAY} ({type(error).__name__}).", 1.0) from error
+
+    def _headers(self, scope: Scope, left_out: set[str]) -> list[tuple[bytes, bytes]]:
+        """Header fields for the owner, with the client's origin; an address on loopback means nothing on other machines."""
+        client = (scope.get("client") or ("", 0))[0]
+        origin = signed_origin(scope, "" if is_here(client) else client, self._settings.owner_token)
+        kept = [(name, value) for name, value in scope["headers"] if _text(name).lower() not in left_out]
+        return [*kept, (PASSED_ON.encode(), origin.encode())]
 
     def _client(self) -> httpx.AsyncClient:
         if self._http is None:
@@ -132,19 +140,6 @@ def _path(scope: Scope) -> str:
     path = scope.get("raw_path") or quote(scope["path"]).encode()
     query = scope["query_string"]
     return _text(path).partition("?")[0] + (f"?{_text(query)}" if query else "")
-
-
-def _passed_on(scope: Scope, left_out: set[str]) -> list[tuple[bytes, bytes]]:
-    """The headers for the next one."""
-    headers = [(name, value) for name, value in scope["headers"] if _text(name).lower() not in left_out]
-    names = {name.lower() for name, _ in headers}
-    client = (scope.get("client") or ("", 0))[0]
-    if not is_here(client):
-        # Behind what was said of others: the owner believes the last of them that is no proxy's, and so nobody's own word.
-        headers.append((b"x-forwarded-for", client.encode()))
-    if b"x-forwarded-proto" not in names and scope["scheme"] in ("https", "wss"):
-        headers.append((b"x-forwarded-proto", b"https"))
-    return [*headers, (PASSED_ON.encode(), b"1")]
 
 
 def _text(header: bytes) -> str:

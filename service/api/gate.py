@@ -20,6 +20,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.access.access import Access
 from service.access.projects import EVERYTHING, Kind, Sight, only_looks
 from service.access.roles import OPEN, Caller, Role
+from service.api.client_address import is_from_proxy
 from service.api.hosts import LOOPBACK_NAMES, is_here, name_of
 from service.api.lookup import no_thing
 from service.api.needs import Need, need_of, thing_of
@@ -42,10 +43,6 @@ WORKERS = "Workers show the farm's token or one of their own: Authorization: Bea
 ROLE = "This needs the role {needed}; {name} has the role {has}. Ask who runs the farm."
 log = logging.getLogger(__name__)
 
-FORWARDED = (  # headers that proxies add
-    *("forwarded", "via", "x-real-ip", "x-client-ip", "true-client-ip", "cf-connecting-ip", "x-envoy-external-address"),
-    *("x-forwarded-by", "x-forwarded-for", "x-forwarded-host", "x-forwarded-port", "x-forwarded-proto", "x-forwarded-server"),
-)
 STAYS_OPEN = ("/api/events", "/api/jobs/{id}/frames.zip")
 UPLOADS = ("/api/scenes", "/api/environments", "/api/references")  # whose bodies may take hours to come
 AGAIN_S = 5.0
@@ -133,22 +130,27 @@ def _shown(headers: Headers, cookie: str) -> str:
 
 
 def _needs_login(access: Access, connection: HTTPConnection) -> bool:
-    """Whether this request does: on loopback, one of another machine, or through a proxy, or by another name than loopback's."""
-    if access.needs_login or access.is_told:
+    """Returns whether this request needs a login.
+
+    On a farm that is open to its own machine: one from another machine, through a proxy, or by a name other than loopback's.
+    In a container every client has another address, so only the proxy counts there.
+    """
+    if access.needs_login or access.is_open:
         return access.needs_login
-    headers = connection.headers
-    is_passed_on = any(name in headers for name in FORWARDED)
-    if is_passed_on:
-        _warn_of_a_proxy()
-    return is_passed_on or not is_here(address_of(connection)) or name_of(headers.get("host", "")) not in LOOPBACK_NAMES
+    if is_from_proxy(connection.scope):
+        _warn_of_proxy()
+        return True
+    is_local = is_here(address_of(connection)) and name_of(connection.headers.get("host", "")) in LOOPBACK_NAMES
+    return not (is_local or access.is_published)
 
 
 @cache
-def _warn_of_a_proxy() -> None:
-    """Log, once, that a proxy reaches a farm that asks for no login on this machine."""
+def _warn_of_proxy() -> None:
+    """Log, once, that a proxy reaches a farm that needs no login on this machine."""
     log.warning(
-        "A proxy passes requests on to this farm, which asks for no login on its own machine. Such requests need a login; "
-        "set RAYFARM_LOGIN=always, for a proxy that adds no header cannot be told from a person on this machine."
+        "A proxy passes requests on to this farm, which needs no login on its own machine. Such requests need a login. Set "
+        "RAYFARM_TRUSTED_PROXIES to the proxy's address, or RAYFARM_LOGIN=always: requests of a proxy that adds no header look "
+        "like those of a person on this machine."
     )
 
 

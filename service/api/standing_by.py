@@ -6,11 +6,13 @@ from starlette.datastructures import Headers
 from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from service.api.forward import PASSED_ON, Forward
+from service.api.client_address import PASSED_ON
+from service.api.forward import Forward
 from service.api.problem import Problem
 from service.api.security import SAFE_METHODS, refuse
 from service.errors import NotOwner, Unavailable
 from service.life import Life
+from service.settings import Settings
 
 __all__ = ["StandingBy"]
 
@@ -20,9 +22,9 @@ AGAIN = {"Retry-After": "1"}
 class StandingBy:
     """ASGI middleware between the door and the gate: behind it there is a farm."""
 
-    def __init__(self, app: ASGIApp) -> None:
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app
-        self._forward = Forward()
+        self._forward = Forward(settings)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Let through what is asked of the farm, where this service is the farm."""

@@ -99,7 +99,7 @@ class Service:
         self.port = free_port("127.0.0.1")
         self.url = f"http://127.0.0.1:{self.port}"
         self.app = application(Settings(port=self.port, **self.options))
-        config = uvicorn.Config(self.app, port=self.port, log_level="warning", timeout_graceful_shutdown=2)
+        config = uvicorn.Config(self.app, port=self.port, log_level="warning", timeout_graceful_shutdown=2, proxy_headers=False)
         self.server = uvicorn.Server(config)
         self.thread = threading.Thread(target=self.server.run, daemon=True)
         self.thread.start()

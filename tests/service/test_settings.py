@@ -74,6 +74,7 @@ def test_every_setting_may_lie_in_a_file(name: str, monkeypatch: pytest.MonkeyPa
         "oidc_logout": "false",
         "redis_url": "redis://:x@queue.example:6379/0",
         "reuse_films": "false",
+        "trusted_proxies": "127.0.0.1 10.0.0.0/8",
         "verify": "1",
         "webhooks": '["https://studio.example/rayfarm"]',
         "webhook_secret": "whsec_C2FVsBQIhrscChlQIMV+b5sSYspob7oD",

@@ -30,7 +30,7 @@ NOBODY = {"login": True, "name": None, "role": None, "kind": None, "provider": N
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Service]:
     """A service that believes that all machines reach it."""
-    service = Service(tmp_path_factory.mktemp("access") / "data", redis_server, host="0.0.0.0")
+    service = Service(tmp_path_factory.mktemp("access") / "data", redis_server, host="0.0.0.0", trusted_proxies="127.0.0.1")
     yield service
     service.stop()
 
@@ -142,7 +142,7 @@ def test_a_link_lets_its_user_in_once(service: Service, owner: httpx.Client) -> 
 
 def test_over_tls_the_cookie_is_for_tls_alone(service: Service, owner: httpx.Client) -> None:
     code = owner.post("/api/links", json={}).json()["code"]
-    with caller(service, **{"X-Forwarded-Proto": "https"}) as browser:  # as a proxy on this machine says
+    with caller(service, **{"X-Forwarded-Proto": "https"}) as browser:  # as a trusted proxy says
         cookie = browser.post("/api/login", json={"link": code}).headers["set-cookie"]
     assert cookie.startswith("__Host-rayfarm-")
     assert "Secure" in cookie
@@ -199,7 +199,7 @@ def test_passwords_are_asked_for_few_times(service: Service, owner: httpx.Client
         answer = guesser.post("/api/login", json={"name": "anna", "password": PASSWORD})
         assert answer.status_code == 429
         assert 0 < int(answer.headers["retry-after"]) <= attempts.WINDOW_S
-    with caller(service, **{"X-Forwarded-For": "192.0.2.7"}) as anna:  # from another address, as a proxy on this machine says
+    with caller(service, **{"X-Forwarded-For": "192.0.2.7"}) as anna:  # from another address, as a trusted proxy says
         assert anna.post("/api/login", json={"name": "anna", "password": PASSWORD}).status_code == 200
 
 

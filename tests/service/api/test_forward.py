@@ -14,7 +14,9 @@ import pytest
 import uvicorn
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from service.api.forward import Forward, _passed_on
+from service.api.client_address import PASSED_ON, _verified_origin
+from service.api.forward import Forward
+from service.settings import Settings
 from tests.service.conftest import until
 
 
@@ -49,7 +51,7 @@ def owner() -> Iterator[int]:
 
 @pytest.fixture(scope="module")
 def standby(owner: int) -> Iterator[int]:
-    forward, over = Forward(), asyncio.Event()
+    forward, over = Forward(Settings(owner_token="the owner's")), asyncio.Event()
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "lifespan":
@@ -98,12 +100,20 @@ def test_nothing_is_said_that_nobody_said(standby: int) -> None:
     assert json.loads(asked(standby, "/", "Accept-Encoding: br")[1])["headers"]["accept-encoding"] == "br"
 
 
-def test_whoever_asks_says_nothing_of_where_they_are() -> None:
-    """The owner counts failed logins by address; it believes what a service of its own says last."""
-    told = [(b"x-forwarded-for", b"127.0.0.1"), (b"x-forwarded-for", b"10.0.0.1")]
-    scope = {"type": "http", "scheme": "http", "headers": told, "client": ("192.168.1.7", 1234)}
-    passed = [value for name, value in _passed_on(scope, set()) if name == b"x-forwarded-for"]
-    assert passed == [b"127.0.0.1", b"10.0.0.1", b"192.168.1.7"]
-    for address in ("127.0.0.1", "127.0.0.2", "::ffff:127.0.0.1", "::1"):  # as the owner's gate sees it
-        here = {**scope, "client": (address, 1234)}
-        assert [value for name, value in _passed_on(here, set()) if name == b"x-forwarded-for"] == [b"127.0.0.1", b"10.0.0.1"]
+def test_the_owner_learns_the_clients_address_by_a_signed_field_alone() -> None:
+    claimed = [(b"x-forwarded-for", b"127.0.0.1"), (b"x-forwarded-for", b"10.0.0.1")]
+    scope = {"type": "http", "scheme": "https", "headers": claimed, "client": ("192.168.1.7", 1234)}
+    forward = Forward(Settings(owner_token="the owner's"))
+
+    def origin(scope: Scope, secret: str) -> tuple[str, str] | None:
+        *kept, (name, word) = forward._headers(scope, set())
+        assert (kept, name) == (claimed, PASSED_ON.encode())
+        return _verified_origin(word.decode(), secret)
+
+    assert origin(scope, "the owner's") == ("192.168.1.7", "https")
+    assert origin(scope, "another's") is None
+    assert origin(scope, "") is None
+    for address in ("127.0.0.1", "127.0.0.2", "::ffff:127.0.0.1", "::1"):  # means another machine to the owner
+        assert origin({**scope, "client": (address, 1234)}, "the owner's") == ("", "https")
+    for forged in ("1", "", "192.168.1.7 https", "192.168.1.7 https ", "- ftp x"):
+        assert _verified_origin(forged, "the owner's") is None

@@ -1,0 +1,124 @@
+"""Client addresses behind proxies: which header fields are believed, and from whom.
+
+X-Forwarded-For and X-Forwarded-Proto count only if the connection comes from an address of RAYFARM_TRUSTED_PROXIES; then the
+client is the rightmost address that is not itself a trusted proxy. A standby of the same farm signs what it passes on. From
+anybody else these fields are ignored: the client is the other end of the connection.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import ipaddress
+import logging
+from collections.abc import Iterable
+from typing import Any
+
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Receive, Scope, Send
+from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
+
+from service.settings import Settings
+
+__all__ = ["PASSED_ON", "ClientAddress", "is_from_proxy", "signed_origin"]
+
+log = logging.getLogger(__name__)
+
+PASSED_ON = "x-rayfarm-passed-on"  # on requests from a standby; they are not passed on again
+PEER = "rayfarm.peer"  # in the scope: the other end of the connection
+NO_ADDRESS = "-"
+SCHEMES = ("http", "https", "ws", "wss")
+FORWARDED = frozenset(
+    (
+        *(
+            "forwarded",
+            "forwarded-for",
+            "via",
+            "cdn-loop",
+            "true-client-ip",
+            "client-ip",
+            "proxy-client-ip",
+            "wl-proxy-client-ip",
+        ),
+        *("x-forwarded", "x-real-ip", "x-client-ip", "x-cluster-client-ip", "x-proxyuser-ip", "x-remote-ip", "x-remote-addr"),
+        *("x-scheme", "x-arr-ssl", "x-arr-log-id", "x-url-scheme", "front-end-https", "x-azure-clientip", "x-amzn-trace-id"),
+    )
+)
+FORWARDED_PREFIXES = ("x-forwarded-", "x-original-", "x-envoy-", "cf-", "fastly-", "tailscale-", "ngrok-", "x-appengine-")
+UNTRUSTED = (
+    "A proxy at %s sends X-Forwarded-For, but is not one of RAYFARM_TRUSTED_PROXIES: the header is ignored, and all its clients "
+    "count as one address. If the proxy is yours, set RAYFARM_TRUSTED_PROXIES=%s."
+)
+
+
+class ClientAddress:
+    """The outermost ASGI middleware: sets `client` and `scheme` of the scope."""
+
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+        self._app = app
+        self._settings = settings
+        self._believing: Any = ProxyHeadersMiddleware(self._checked, settings.trusted_proxies.split())  # type: ignore[arg-type]
+        self._has_warned = False
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Set the client's address and pass the request on."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        word = Headers(scope=scope).get(PASSED_ON, "")
+        if (origin := _verified_origin(word, self._settings.owner_token)) is not None:
+            address, scheme = origin
+            if address:
+                scope["client"] = (address, 0)
+            scope["scheme"] = scheme
+            await self._app(scope, receive, send)
+            return
+        scope[PEER] = scope.get("client")
+        await self._believing(scope, receive, send)
+
+    async def _checked(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Keep the peer's address where the proxy sent something that is not an address."""
+        peer = scope.pop(PEER)
+        if scope.get("client") != peer:
+            try:
+                address = ipaddress.ip_address(scope["client"][0])
+            except ValueError:
+                scope["client"] = peer
+            else:
+                scope["client"] = (str(getattr(address, "ipv4_mapped", None) or address), scope["client"][1])
+        elif not self._has_warned and peer is not None and any(name == b"x-forwarded-for" for name, _ in scope["headers"]):
+            self._has_warned = True  # once: anybody can send the header
+            log.warning(UNTRUSTED, peer[0], peer[0])
+        await self._app(scope, receive, send)
+
+
+def is_from_proxy(scope: Scope) -> bool:
+    """Returns whether a request shows traces of a proxy: fields that proxies add, or HTTP/1.0.
+
+    nginx speaks HTTP/1.0 to what is behind it unless told otherwise, sends that program's own address as Host and adds no field.
+    """
+    return scope.get("http_version") == "1.0" or _names_proxy(name for name, _ in scope["headers"])
+
+
+def _names_proxy(names: Iterable[bytes]) -> bool:
+    lower = (name.decode("latin-1").lower() for name in names)
+    return any(name in FORWARDED or name.startswith(FORWARDED_PREFIXES) for name in lower)
+
+
+def signed_origin(scope: Scope, address: str, secret: str) -> str:
+    """Returns the field PASSED_ON by which a standby states a client's address ("" for none) and scheme to the owner."""
+    said = f"{address or NO_ADDRESS} {scope['scheme']}"
+    return f"{said} {_signature(said, secret)}"
+
+
+def _verified_origin(word: str, secret: str) -> tuple[str, str] | None:
+    """Returns address and scheme of `signed_origin`; None where the field is missing or not signed by this farm."""
+    said, _, signature = word.rpartition(" ")
+    if not secret or not said or not hmac.compare_digest(signature.encode(), _signature(said, secret).encode()):
+        return None
+    address, _, scheme = said.partition(" ")
+    return (address.removeprefix(NO_ADDRESS), scheme) if scheme in SCHEMES else None
+
+
+def _signature(said: str, secret: str) -> str:
+    return hmac.new(secret.encode(), f"passed on: {said}".encode(), hashlib.sha256).hexdigest()
