@@ -15,6 +15,7 @@ import threading
 from urllib.parse import urlsplit
 
 import redis
+from redis.exceptions import NoPermissionError
 
 from service.access.keys import Keys
 from service.access.redis_care import RedisCare, is_busy
@@ -86,12 +87,17 @@ class RedisUsers:
         self._redis.close()
 
     def address_for(self, key: str, url: str) -> str:
-        """Redis's address as the worker with this key is told it; as it is where Redis knows of no users. Raises Unavailable."""
+        """Returns Redis's address with the user of this key; unchanged, with a warning, if Redis has no ACL or denies it.
+
+        Raises Unavailable for every other answer: a busy, full or read-only Redis must not give a worker the farm's own rights.
+        """
         name = self._prefix + key
         try:
             with self._lock:
                 self._set(name)
         except redis.ResponseError as error:
+            if not (isinstance(error, NoPermissionError) or "unknown command" in str(error).lower()):
+                raise Unavailable(f"Redis makes no user for this worker ({error}). It is tried again.") from None
             self._say(error)
             return url
         except (redis.RedisError, OSError) as error:

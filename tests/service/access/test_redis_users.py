@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from unittest.mock import MagicMock
 
 import httpx
 import pytest
@@ -14,6 +15,7 @@ from service.access.keys import Keys
 from service.access.redis_care import RedisCare
 from service.access.redis_users import RedisUsers
 from service.access.roles import OWNER, Role
+from service.errors import Unavailable
 from tests.helpers import running_redis
 from tests.service.conftest import TOKEN, Service, until
 from worker.process.scriptless import ScriptlessLock
@@ -118,6 +120,23 @@ def test_where_redis_lets_nobody_make_users_all_are_told_the_same(service: Servi
         assert "acl" in str(users.trouble)
         store.acl_deluser("limited")
         limited.close()
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        redis.BusyLoadingError("loading"),
+        redis.OutOfMemoryError("OOM"),
+        redis.ReadOnlyError("READONLY"),
+        redis.ResponseError("BUSY"),
+    ],
+)
+def test_no_other_answer_gives_a_worker_the_farm_s_own_rights(service: Service, answer: Exception) -> None:
+    store = MagicMock()
+    store.execute_command.side_effect = answer
+    users = RedisUsers(store, service.farm.access.keys, TOKEN, "another instance")
+    with pytest.raises(Unavailable):
+        users.address_for("1", "redis://:shared@host:1/0")
 
 
 def test_farms_that_share_a_redis_leave_each_others_users_alone(service: Service) -> None:
