@@ -60,7 +60,7 @@ EXIT_REFUSED = 3
 
 
 def main() -> int:
-    """Join, warm up, work. Exit code 3: no farm is there, or it refuses this worker; another try is of no use."""
+    """Joins the farm, warms up and works. Exit code 3: there is no farm, or it refuses this worker; a retry does not help."""
     options = _options()
     if options.log_format:
         os.environ[FORMAT_VARIABLE] = options.log_format  # processes that it starts follow
@@ -162,7 +162,7 @@ def _options() -> argparse.Namespace:
 
 
 def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:
-    """Those that it was given, and those that it has by itself."""
+    """The worker's tags: those from the command line and the automatic ones."""
     able = [*(["denoiser"] if denoise.is_available() else []), *([blends.TAG] if options.blender is not None else [])]
     where = [f"host:{host.lower()}", *([f"{SITE}{options.site}"] if options.site else [])]
     own = [*where, *able, f"kind:{kind.lower()}"]
@@ -170,13 +170,16 @@ def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:
 
 
 def _own_terms(options: argparse.Namespace) -> Terms:
-    """As it was started. Raises ValueError."""
+    """The terms from the command line. Raises ValueError."""
     memory = round(options.memory * 1e9)
     return Terms(options.hours, options.idle, options.nice, memory=memory).checked()
 
 
 def _check(options: argparse.Namespace) -> Blender | None:
-    """The Blender that was asked for. Raises RefusedError where a setting would only be found wrong by the first work."""
+    """Checks settings at startup that would otherwise fail with the first task. Returns the Blender in use.
+
+    Raises RefusedError.
+    """
     try:
         if options.redis:
             check_redis_url(options.redis)
@@ -200,7 +203,7 @@ def _check(options: argparse.Namespace) -> Blender | None:
 
 
 def _blender(named: str) -> Blender:
-    """Raises RefusedError."""
+    """The Blender at the given path. Raises RefusedError if it cannot be used."""
     try:
         found = program.look_at(named) if named else program.find()
     except program.BlenderError as error:

@@ -1,4 +1,4 @@
-"""The Celery application of a worker process, and what happens around its forks."""
+"""The Celery application of a worker process, and its hooks around forks."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SHUTDOWN_S = 600  # a warm shutdown waits for the tasks in hand; past this the w
 
 
 def make_app(worker: context.WorkerContext) -> Celery:
-    """The application that takes this worker's tasks."""
+    """Creates the Celery application with this worker's tasks and queues."""
     be_patient()
     app = Celery("rayfarm", set_as_current=False)
     app.conf.update(celery_config(worker.redis_url))
@@ -56,7 +56,7 @@ def make_app(worker: context.WorkerContext) -> Celery:
 
 
 def run(worker: context.WorkerContext) -> int:
-    """Take tasks until a signal says to stop; the exit code. SIGTERM: finish the tasks in hand first."""
+    """Takes tasks until a signal stops it; returns the exit code. SIGTERM: finishes the running tasks first."""
     # Celery warns root because of pickle; only JSON is accepted here.
     warnings.filterwarnings("ignore", category=SecurityWarning)
     context.set_current(worker)
@@ -91,7 +91,7 @@ def run(worker: context.WorkerContext) -> int:
 
 
 def _keep_log(**_: Any) -> None:
-    """Celery would give some of its loggers handlers of their own, which write text. What matters of theirs are warnings."""
+    """Configures logging in place of Celery, which would add text handlers: its loggers propagate, from level WARNING."""
     for name in ("celery", "kombu", "amqp", "multiprocessing"):
         logging.getLogger(name).setLevel(logging.WARNING)
     get_logger().propagate = True  # billiard's keeps its lines to itself
@@ -99,7 +99,7 @@ def _keep_log(**_: Any) -> None:
 
 
 def _child_starts(**_: Any) -> None:
-    """In every new slot: end with the parent, open own connections, and say that the slot is free."""
+    """Runs in every new slot process: ends it with the parent, opens its own connections, and reports the slot as free."""
     worker = context.current()
     die_with_parent(worker.pid)
     worker.after_fork()
@@ -107,7 +107,7 @@ def _child_starts(**_: Any) -> None:
 
 
 def _ready(**_: Any) -> None:
-    """Scenes with textures have a kernel of their own: nobody shall wait for it who comes a little later."""
+    """Runs when the worker is ready: starts compiling the kernel for scenes with textures in advance."""
     worker = context.current()
     if worker.keeping is None or worker.keeping.may_work_ahead():
         get_ready_ahead(worker.link)

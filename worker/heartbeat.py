@@ -1,8 +1,8 @@
-"""A worker's report about itself, under a key that expires.
+"""A worker's heartbeat: its report, under a key that expires.
 
 The event loop that fetches the worker's tasks also writes its report, so a worker whose loop hangs stops reporting, and the
-service notices. The same beat winds a watchdog, and notices a worker that idles although its queue is full (Celery issues 8030,
-9054, 10205): both end the process, and its supervisor starts a fresh one.
+service notices. Each beat also resets a watchdog, and detects a worker that idles although its queue is full (Celery issues 8030,
+9054, 10205): both end the process, and its supervisor restarts it.
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ log = logging.getLogger(__name__)
 
 
 class Reporter:
-    """Writes reports; never raises where Redis is away, since the worker outlives it."""
+    """Writes reports. Does not raise if Redis is unreachable, so the worker keeps running."""
 
     def __init__(self, redis_url: str) -> None:
         self.redis = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
 
     def beat(self, report: WorkerReport) -> bool:
-        """Write a report; False where Redis does not take it."""
+        """Writes a report; False if Redis does not store it."""
         try:
             with self.redis.pipeline(transaction=False) as both:
                 both.client_setname(lifeline(report.name))  # each time: the connection may be a new one
@@ -67,13 +67,13 @@ class Reporter:
             return False
 
     def leave(self, name: str) -> None:
-        """Take the report away at once, so that the service need not wait for it to expire."""
+        """Deletes the report at once, so that the service need not wait for it to expire."""
         with contextlib.suppress(redis.RedisError):
             self.redis.delete(worker_key(name), help_queue(name))
 
 
 class Heartbeat(bootsteps.StartStopStep):
-    """A step of Celery's consumer: beats from its event loop, and begins anew when it reconnects."""
+    """A step of Celery's consumer: sends heartbeats from its event loop, and restarts when it reconnects."""
 
     requires = ("celery.worker.consumer.tasks:Tasks",)
 
@@ -92,21 +92,21 @@ class Heartbeat(bootsteps.StartStopStep):
         self.told = -math.inf  # how the machine is
 
     def start(self, consumer: Any) -> None:
-        """Begin to beat."""
+        """Starts the heartbeat."""
         alive.say(State.WORKING)
         self.idle_since = time.monotonic()
         self.beat()
         self.timer = consumer.timer.call_repeatedly(HEARTBEAT_EVERY_S, self.beat)
 
     def stop(self, consumer: Any) -> None:
-        """End or reconnect."""
+        """Stops the heartbeat, before a shutdown or a reconnect."""
         alive.say(State.AWAY)
         if self.timer is not None:
             self.timer.cancel()
             self.timer = None
 
     def beat(self) -> None:
-        """Report, wind the watchdog, and look whether tasks pass this worker by."""
+        """Reports, resets the watchdog, applies the service's terms, and checks that queued tasks reach this worker."""
         alive.say(State.WORKING)
         heard = self.telling.hear()  # over a slow line: of an earlier beat
         self._tell()
@@ -149,14 +149,14 @@ class Heartbeat(bootsteps.StartStopStep):
             os.kill(os.getpid(), signal.SIGTERM)
 
     def _see_to_pieces(self, report: WorkerReport, heard: Heard) -> None:
-        """Let free slots look after what waits here, where nobody asks them to: who was to come may have been killed."""
+        """Sends help requests if pieces wait and none is queued, since the slot that was to take them may have been killed."""
         free = sum(not doing for doing in report.current)
         if self.worker.pieces is not None and report.in_hand and free and not heard.is_asked:
             with contextlib.suppress(OSError):
                 ask_for_help(self.consumer.app, self.worker, min(free, max(self.worker.pieces.waiting(), 1)))
 
     def _obey(self) -> None:
-        """Stop or begin to take tasks, as the service wants; what is in hand is finished in any case."""
+        """Pauses or resumes taking tasks as the service requests; running tasks are finished in any case."""
         keeping = self.worker.keeping
         wanted = (keeping is not None and keeping.why is not None) or self.heard.is_paused
         if wanted == self.is_paused:
@@ -182,7 +182,7 @@ class Heartbeat(bootsteps.StartStopStep):
         self._serve_needs(() if wanted or keeping is None else keeping.terms.queues)
 
     def _serve_needs(self, queues: tuple[str, ...]) -> None:
-        """Take from these queues beside its own, and from no others."""
+        """Consumes exactly these requirement queues, in addition to the worker's own queues."""
         try:
             for queue in self.served:
                 if queue not in queues:
@@ -196,7 +196,7 @@ class Heartbeat(bootsteps.StartStopStep):
         self.served = queues
 
     def _keep(self) -> None:
-        """Do as is asked: what is in hand is finished in any case."""
+        """Applies the requested terms, including the number of slots; running tasks are finished in any case."""
         if (keeping := self.worker.keeping) is None:
             return
         keeping.ask(self.heard.terms)
@@ -208,6 +208,8 @@ class Heartbeat(bootsteps.StartStopStep):
 
 
 def _taken() -> list[str]:
-    """The messages with batches that were taken from the queue and are not done: a slot of a busy machine may need seconds until
-    it says that it has one."""
+    """The ids of batch messages that were taken from the queue and are unfinished.
+
+    Needed in addition to the slots' reports, since a slot of a busy machine may take seconds to report its batch.
+    """
     return [request.id for request in list(reserved_requests) if request.name in (RENDER_BATCH, RENDER_BATCHES, RENDER_JOINTLY)]

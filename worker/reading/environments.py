@@ -1,4 +1,4 @@
-"""An environment image as a small picture."""
+"""Thumbnail of an environment image."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NARROWEST, WIDEST = 1.9, 2.1  # an equirectangular image is twice as wide as hig
 
 
 def show(folder: bytes, name: str, width: int, result: bytes, link: Link) -> dict[str, Any]:
-    """Writes the picture of an image in `folder` into the file `result`. Raises SceneError."""
+    """Writes the thumbnail of an image in `folder` into the file `result`. Raises SceneError."""
     folder_of(result).write_bytes(encode.encode(small_picture(_pixels(folder_of(folder), name), width), "jpg"))
     return {}
 
@@ -40,7 +40,7 @@ def _pixels(folder: Path, path: str) -> np.ndarray:
 
 
 def small_picture(pixels: np.ndarray, width: int) -> np.ndarray:
-    """Radiance (h, w, 3) as (width / 2, width, 3): averaged over blocks, exposed for what is not a lamp."""
+    """Radiance (h, w, 3) as (width / 2, width, 3): averaged over blocks, with the exposure chosen without the lamps."""
     height = width // 2
     rows = np.linspace(0, len(pixels), height + 1).astype(int)
     columns = np.linspace(0, pixels.shape[1], width + 1).astype(int)

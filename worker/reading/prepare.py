@@ -50,9 +50,9 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
 
 
 def render_thumbnail(compiled: CompiledScene, summary: dict[str, Any], link: Link, path: Path) -> None:
-    """Writes a small tone-mapped picture from the first camera, of the samples that fit into a short time, denoised.
+    """Renders a small tone-mapped picture from the first camera with as many samples as fit a short time, denoised.
 
-    The slot gets the kernel ready first: a reader cannot keep what it compiles.
+    The slot makes the kernel ready first, since a reader cannot store a kernel that it compiles.
     """
     defaults = summary["defaults"]
     width, height = defaults.get("width", 16), defaults.get("height", 9)

@@ -26,7 +26,7 @@ DENOISED = "denoised.f32"
 
 
 def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
-    """The blob of the result, and the film's version and samples that it is of. Raises WorkerError and OSError."""
+    """Denoises a frame. Returns its blob, and the film's version and samples. Raises WorkerError and OSError."""
     with Room("denoise") as room:
         means = room.scene / "means.f32"
         version, samples = patiently(lambda: _fetch(worker, work, means), PATIENCE_S)

@@ -1,4 +1,4 @@
-"""Explains a pixel: renders its samples again, with the settings of its job, and follows the paths of a few of them."""
+"""Explains a pixel: renders its samples again, with the settings of its job, and traces the paths of a few of them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 
 def say(worker: WorkerContext, message: str, type: str, **more: Any) -> None:
-    """An answer; lost where Redis is away: then whoever asked has been told so."""
+    """Appends an answer to the message's list in Redis. Only logs a failure if Redis is unreachable."""
     try:
         with worker.results.redis.pipeline(transaction=False) as at_once:
             at_once.rpush(explained_key(message), json.dumps({"type": type, "worker": worker.name, **more}))
@@ -42,7 +42,10 @@ def say(worker: WorkerContext, message: str, type: str, **more: Any) -> None:
 
 
 def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable[[bool], None]) -> None:
-    """Answer the question. compiling: told when the scene's kernel is got ready, and is."""
+    """Renders and answers the request.
+
+    compiling: called with True before the scene's kernel is made ready, and with False after.
+    """
     say(worker, work.message, "begun")
     try:
         scene = _scene(worker, work)
@@ -80,7 +83,7 @@ def _scene(worker: WorkerContext, work: ExplainPixel) -> CompiledScene:
 
 
 def told(scene: CompiledScene, found: PixelPaths) -> dict[str, Any]:
-    """An explanation as JSON: numbers that are none become null."""
+    """An explanation as JSON; non-finite numbers become null."""
     paths = [_path(scene, path) for path in found.paths]
     return {"samples": found.samples, "sums": list(found.sums), "finite": found.finite, "paths": paths}
 

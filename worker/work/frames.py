@@ -1,4 +1,4 @@
-"""Prepares frames of a shot by a confined reader, which stays open for more of them."""
+"""Prepares frames of a shot in a confined reader, which is kept open for further frames."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Answer = Callable[..., None]  # the type of an event, and more of it
 
 
 class _Open:
-    """A scene that a confined reader of this slot has open: its room, and what the last frame was compiled to."""
+    """A scene that a confined reader of this slot has open: its room, and the compiled files of the last frame."""
 
     def __init__(self, worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> None:
         """Raises Trouble, UnfitError or RefusedError."""
@@ -52,7 +52,10 @@ class _Open:
             raise
 
     def ask(self, frames: list[int], take: Callable[[dict[str, Any]], None]) -> None:
-        """Has frames prepared; none where the reader had left before. Raises WorkError and UnfitError; then it is over."""
+        """Has the reader prepare frames; prepares none if it has ended.
+
+        Raises WorkError and UnfitError, after which it has ended.
+        """
         begun = time.monotonic()
         with as_of_worker():
             self.reader.ask({"frames": frames}, take)
@@ -61,7 +64,7 @@ class _Open:
             self.reader.close()
 
     def keep(self, files: Path) -> None:
-        """Keeps of what was compiled for frames only the files in this folder: the next frame may be the same."""
+        """Deletes compiled files of earlier frames except this folder, which the next frame may reuse."""
         if self._latest not in (None, files):
             shutil.rmtree(self._latest, ignore_errors=True)
         self._latest = files
@@ -76,15 +79,15 @@ _open: dict[str, _Open] = {}  # by what they have open; at most one
 
 
 def forget_frames() -> None:
-    """Let go of what a child of this process has open."""
+    """Closes the reader that this process has open, if any."""
     while _open:
         _open.popitem()[1].close()
 
 
 def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrames, answer: Answer) -> None:
-    """Prepare frames in their order, and answer for each as soon as what came of it is stored at the service.
+    """Prepares frames in order, and answers for each once its compiled scene is stored at the service.
 
-    Raises Trouble or RefusedError where the service or this machine cannot be used; what was answered stays.
+    Raises Trouble or RefusedError if the service or this machine cannot be used; earlier answers remain valid.
     """
     left = list(work.frames)
     opened: _Open
@@ -130,8 +133,9 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
 
 
 def see_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> CompiledScene | None:
-    """What the scene is at the first of the frames, for this process alone: None where that is what it is compiled to at its
-    beginning. Raises WorkError, Trouble or RefusedError.
+    """The compiled scene at the first of the frames, in this process only.
+
+    None if it equals the scene as compiled at the shot's beginning. Raises WorkError, Trouble or RefusedError.
     """
     found: list[str | None] = []
 

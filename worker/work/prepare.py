@@ -1,4 +1,4 @@
-"""Prepare a scene: from untrusted files to a compiled scene, a thumbnail and a summary."""
+"""Prepares a scene: from untrusted files to a compiled scene, a thumbnail and a summary."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ WRITTEN = "written"
 
 
 def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[[str, float], None]) -> SceneInfo:
-    """Prepare an uploaded scene and store what came of it at the service.
+    """Prepares an uploaded scene and stores the results at the service.
 
-    Raises WorkError with a sentence where the files are no scene; Trouble, UnfitError or RefusedError where the service or this
+    Raises WorkError with a sentence if the files are not a scene; Trouble, UnfitError or RefusedError if the service or this
     machine cannot be used.
     """
     begun = time.monotonic()
@@ -109,15 +109,14 @@ def _info(
 
 
 def _warm_up(edition: str) -> None:
-    """Gets the kernel of a thumbnail ready, compiled or loaded, for the readers of this machine too."""
+    """Makes the thumbnail's kernel ready, compiled or loaded, for the readers of this machine too."""
     if edition in EDITIONS:
         settings = RenderSettings(THUMBNAIL_WIDTH, THUMBNAIL_WIDTH, View((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), max_depth=6)
         warm_up(settings, edition, prepares=False)  # where slots want the same kernel now, one compiles it
 
 
 def _opened(manifest: Manifest, room: Room) -> list[str]:
-    """Has Blender write a scene into the room's folder WRITTEN, with what lights it beside: the written files' names, the main
-    one first.
+    """Converts the scene with Blender into the room's folder WRITTEN; returns the written files' names, the main one first.
 
     Raises WorkError.
     """

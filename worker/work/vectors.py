@@ -1,4 +1,4 @@
-"""Motion vectors of a frame: a confined reader makes them; the result is a blob."""
+"""Motion vectors of a frame, made by a confined reader and stored as a blob."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ VECTORS = "vectors.f32"
 
 
 def frame_vectors(worker: WorkerContext, work: FrameVectors) -> dict[str, Any]:
-    """The blob of the vectors. Raises WorkerError and OSError."""
+    """Makes the motion vectors and returns their blob. Raises WorkerError and OSError."""
     manifest = patiently(lambda: worker.link.manifest(work.scene), PATIENCE_S)
     load_kernel()  # compiled here where this machine lacks it: a reader cannot keep what it compiles
     with Room("vectors") as room:
