@@ -79,7 +79,7 @@ class Scene(ShownInNotebooks):
 
 @dataclass(frozen=True)
 class Environment:
-    """Light from all around: a preset, or an image that was uploaded."""
+    """An environment: a preset, or an uploaded image."""
 
     id: str
     name: str
@@ -89,7 +89,7 @@ class Environment:
 
 @dataclass(frozen=True)
 class BadSample:
-    """A sample that was NaN or infinite, and left out. reproduce: a command that follows its path."""
+    """A sample that was NaN or infinite and was left out. reproduce: a command that traces its path again."""
 
     x: int
     y: int
@@ -114,7 +114,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Shot:
-    """Of a job with several frames: which there are, and how many are in which state."""
+    """The frames of a job with several of them: which exist, and how many are in which state."""
 
     frames: str  # as 0-99,120
     count: int
@@ -132,7 +132,7 @@ class Shot:
 
 @dataclass(frozen=True)
 class Wait:
-    """A job that another waits for."""
+    """A job that another job depends on."""
 
     id: str
     name: str | None = None  # None: it was deleted
@@ -141,7 +141,7 @@ class Wait:
 
 @dataclass(frozen=True)
 class Job(ShownInNotebooks):
-    """A job and how far it is. state: queued, running, paused, finished, failed or cancelled."""
+    """A job and its progress. state: queued, running, paused, finished, failed or cancelled."""
 
     id: str
     scene: str
@@ -183,13 +183,13 @@ class Job(ShownInNotebooks):
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing more happens by itself."""
+        """Whether the job is finished, failed or cancelled."""
         return self.state in ("finished", "failed", "cancelled")
 
 
 @dataclass(frozen=True)
 class Offer:
-    """What a worker offers."""
+    """The capabilities of a worker."""
 
     tags: list[str] = field(default_factory=list)
     memory: int = 0  # bytes that it may use
@@ -223,7 +223,7 @@ class Worker:
 
 
 def read(cls: type[T], data: Any) -> T:
-    """The answer that this JSON is. Raises ValueError, with the fields that are wrong, where it is not one."""
+    """Parses an answer from JSON. Raises ValueError that names the invalid fields."""
     from pydantic import ValidationError
 
     try:
@@ -234,7 +234,7 @@ def read(cls: type[T], data: Any) -> T:
 
 
 def read_list(cls: type[T], data: Any) -> list[T]:
-    """As `read`, of a list."""
+    """Parses a list of answers, as `read`."""
     if not isinstance(data, list):
         raise ValueError(f"it sends something else than a list of {cls.__name__.lower()}s")
     return [read(cls, item) for item in data]

@@ -1,4 +1,4 @@
-"""Blender for a worker on this machine: found, or installed into an environment of its own."""
+"""Blender for a worker on this machine: found, or installed into a virtual environment."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ NEITHER = (
 
 
 def program_for(is_wanted: bool, named: str | None, say: Callable[[str], None]) -> str | None:
-    """The program that a worker is to open .blend files with; None where nobody asks for one.
+    """The program with which a worker opens .blend files; None if none is requested.
 
-    say: told what takes its time. Raises CommandError where one is asked for and cannot be had.
+    say: called with a sentence before a slow step. Raises CommandError if a requested Blender is not available.
     """
     if not is_wanted and named is None:
         return None
@@ -57,7 +57,10 @@ def program_for(is_wanted: bool, named: str | None, say: Callable[[str], None]) 
 
 
 def _fetched(say: Callable[[str], None]) -> Path:
-    """The Python of an environment with Blender's module, which wants another numpy than ours. Raises CommandError."""
+    """Installs Blender's module into a virtual environment, since it needs another numpy version; returns its Python.
+
+    Raises CommandError.
+    """
     python = environment_python()
     folder = python.parents[1]
     maker = sys.executable if sys.version_info[:2] == PYTHON else shutil.which(f"python{PYTHON[0]}.{PYTHON[1]}")

@@ -1,4 +1,4 @@
-"""How `--help` looks: paragraphs that fill the line, arguments in capitals, and no type behind an option that takes no value."""
+"""Formatting of `--help`: filled paragraphs, arguments in capitals, and no type after flags."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _VALUES = {
 
 
 def tidy(command: Any) -> None:
-    """Make the help of this command, and of those below it, easier to read."""
+    """Reformats the help of this command and of its subcommands."""
     for each in getattr(command, "commands", {}).values():
         tidy(each)
     command.help = command.help and _filled(command.help)
@@ -46,7 +46,7 @@ def _named(parameter: Any) -> Any:
 
 
 def _nothing(ctx: Any) -> None:
-    """An argument's name says what it is."""
+    """Adds nothing to the name of an argument."""
 
 
 def _value(shown: Callable[[Any], str | None]) -> Callable[[Any], str | None]:
@@ -58,7 +58,7 @@ def _value(shown: Callable[[Any], str | None]) -> Callable[[Any], str | None]:
 
 
 def _filled(text: str) -> str:
-    """The lines of a paragraph as one line; what is indented, and the first page's table, stay as they are."""
+    """Joins the lines of each paragraph; indented text and the table of the first page stay unchanged."""
     return "\n\n".join(_paragraph(each) for each in inspect.cleandoc(text).split("\n\n"))
 
 

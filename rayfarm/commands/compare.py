@@ -1,4 +1,4 @@
-"""`rayfarm compare`: does it agree with Mitsuba, or with pbrt?"""
+"""`rayfarm compare`: compares a picture with that of Mitsuba or pbrt."""
 
 from __future__ import annotations
 

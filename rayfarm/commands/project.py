@@ -1,4 +1,4 @@
-"""`rayfarm project`: scenes and jobs that only their members see."""
+"""`rayfarm project`: scenes and jobs that are visible to their project's members only."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ def up(
 
 
 def _tls(certificate: Path | None, key: Path | None) -> Tls | None:
-    """Raises CommandError where the service could not speak HTTPS with these."""
+    """The TLS files; None if none are given. Raises CommandError if they are unusable for HTTPS."""
     from rayfarm.local.farm import Tls
 
     if certificate is None or key is None:

@@ -1,4 +1,4 @@
-"""`rayfarm watch`: a job's picture in the terminal while it grows."""
+"""`rayfarm watch`: shows a job's picture in the terminal while it is rendered."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ACTIVE = ("running", "queued", "paused")
 
 
 class _WatchCommand(TyperCommand):
-    """Takes some options with or without a value."""
+    """A command whose options may be given with or without a value."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         told: list[str] = []
@@ -148,7 +148,7 @@ def _found(farm: Client, job: str | None) -> Job:
 def _show(
     farm: Client, live: LiveJob, terminal: Any, graphics: Any, exposure: float, tonemap: str, news: threading.Event
 ) -> int | None:
-    """Until it is over, or nobody looks any more; the signal that ended it, if one did."""
+    """Shows the job until it ends or the user quits; returns the signal that ended it, if any."""
     from rayfarm.watch.lines import tell
     from rayfarm.watch.screen import Screen
     from rayfarm.watch.words import how_far, what
@@ -170,7 +170,7 @@ def _show(
 
 
 def _afterwards(farm: Client, live: LiveJob, feed: TevFeed | None, viewer: str | None, output: Path | None) -> None:
-    """The EXR to whoever wants it, where the job is finished."""
+    """Passes a finished job's EXR to tev and to the viewer, as requested."""
     from rayfarm.reading_files import read_picture
     from rayfarm.watch.viewer import open_in
 

@@ -1,4 +1,4 @@
-"""Whether this machine can render."""
+"""Checks whether this machine can render."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ OLDEST_CLOCK = 1735689600.0  # 2025: before that was no release
 
 
 def look_at_machine() -> Iterator[Finding]:
-    """Python, the compiler with the processor, the denoiser, memory, the cache and the clock."""
+    """Checks Python, the compiler and processor, the denoiser, memory, the cache and the clock."""
     yield _python()
     if importlib.util.find_spec("numba") is None:  # a service's image
         yield note("Compiler", "Numba is not installed: nothing is rendered here.", "Workers render, elsewhere.")

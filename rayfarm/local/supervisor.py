@@ -1,9 +1,8 @@
-"""Processes that belong together: started, watched, restarted (with growing pauses where they cannot live), and stopped whole.
+"""Supervises processes: starts, watches, restarts (with increasing pauses after repeated failures), and stops them.
 
-Every part is the leader of its own session, so that a Ctrl-C at the terminal reaches the supervisor alone and it decides the
-order; and so that whatever a part forks can be ended with it as one group. Should the supervisor itself be killed, the
-kernel ends the parts (worker.process.die_with_parent). Everything runs in one thread: Linux ties that promise to the
-thread that forked.
+Every part is the leader of its own session. A Ctrl-C at the terminal therefore reaches only the supervisor, which decides the
+order of stopping, and all processes that a part forks can be ended as one group. If the supervisor itself is killed, the kernel
+ends the parts (worker.process.die_with_parent). Everything runs in one thread: Linux ties that guarantee to the forking thread.
 """
 
 from __future__ import annotations
@@ -38,11 +37,10 @@ KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 @dataclass
 class Part:
-    """One process of the farm. grace_s: how long it may take to stop when asked. fatal_codes: exits not worth a restart.
+    """One process of the farm. grace_s: its time limit for a graceful stop. fatal_codes: exit codes without a restart.
 
-    What may be unable to live is started ever more rarely: what ends before it serves. serves: whether it does by now; quick,
-    asked until it is true. Where that is not told, what ends within steady_s of its start, which is longer than the part takes
-    to be ready.
+    Pauses before restarts increase while the part ends before it serves. serves: whether it serves now; a quick check, called
+    until it is true. Without it, a part fails if it ends within steady_s of its start; steady_s exceeds its startup time.
     """
 
     name: str
@@ -71,7 +69,7 @@ class Part:
         return self.process is not None and self.process.poll() is None
 
     def last_words(self, lines: int = 12) -> str:
-        """The end of its log."""
+        """The last lines of its log."""
         try:
             with self.log.open("rb") as file:
                 file.seek(max(self.log.stat().st_size - 8192, 0))
@@ -82,7 +80,7 @@ class Part:
 
 
 class Supervisor:
-    """Keeps parts running. say: gets a sentence whenever something noteworthy happens."""
+    """Keeps parts running. say: called with a sentence about every notable event."""
 
     def __init__(self, folder: Path, say: Callable[[str], None]) -> None:
         self.folder = folder
@@ -91,7 +89,7 @@ class Supervisor:
         self._looked_at_logs = 0.0
 
     def start(self, part: Part) -> None:
-        """Start a part and watch it from now on. Raises OSError if its program cannot be started."""
+        """Starts a part and watches it from now on. Raises OSError if its program cannot be started."""
         if part not in self.parts:
             self.parts.append(part)
         spare, part.spare = part.spare, None
@@ -123,7 +121,7 @@ class Supervisor:
             process.stdin.close()
 
     def _keep_spare(self, part: Part, now: float) -> None:
-        """See to it that there is a spare, where the part has been serving for a while."""
+        """Starts a spare process if there is none and the part has been serving for a while."""
         is_there = part.spare is not None and part.spare.poll() is None
         pause = SPARE_AGAIN_S if part.spare_started else SPARE_AFTER_S
         is_time = now - part.started > pause and now - part.spare_started > SPARE_AFTER_S
@@ -141,7 +139,7 @@ class Supervisor:
         return part.at_peace()
 
     def tend(self) -> Part | None:
-        """Look after all parts once; a part that has ended for good (a fatal exit code), or None."""
+        """Checks all parts once; returns a part that ended with a fatal exit code, or None."""
         now = time.monotonic()
         if now - self._looked_at_logs >= LOGS_EVERY_S:
             self._looked_at_logs = now
@@ -168,7 +166,7 @@ class Supervisor:
         return None
 
     def _start_again(self, part: Part, now: float) -> None:
-        """Start a part that has ended; if the machine has no memory, files or processes left for it, later."""
+        """Restarts a part that has ended; schedules a later attempt if the machine lacks memory, files or processes."""
         try:
             self.start(part)
         except (OSError, subprocess.SubprocessError) as error:
@@ -178,7 +176,7 @@ class Supervisor:
             self.say(f"{part.name} cannot be started ({error}); the next try is in {pause:g} s.")
 
     def stop(self, hurry: Callable[[], bool] = lambda: False) -> None:
-        """Stop all parts, the last started first. Where `hurry` turns true, at once and by force."""
+        """Stops all parts, in reverse order of starting; kills them once `hurry` returns true."""
         for part in reversed(self.parts):
             if part.spare is not None:
                 part.spare.kill()
@@ -195,7 +193,7 @@ class Supervisor:
         self.parts.clear()
 
     def _pause(self, part: Part, code: int | None, lived_s: float) -> float:
-        """How long to wait before a part that ended is started again."""
+        """Seconds to wait before an ended part is restarted."""
         if part.has_served:
             return SERVED_PAUSE_S
         if lived_s > part.steady_s:
@@ -206,7 +204,7 @@ class Supervisor:
         return min(pause, KILLED_PAUSE_S) if was_killed else pause
 
     def _end_group(self, part: Part) -> None:
-        """End whatever is left of a part and of the processes it started."""
+        """Kills the remaining processes of a part's process group."""
         if part.process is None:
             return
         with contextlib.suppress(ProcessLookupError, PermissionError):
@@ -215,10 +213,10 @@ class Supervisor:
 
 
 def _bound(log: Path) -> None:
-    """Move the end of a log that has become too long to `*.old.log`, and empty it.
+    """Moves the end of an oversized log to `*.old.log`, and truncates the log in place.
 
-    It is emptied in place: whoever has opened it for appending goes on writing at its new end, also a process that was started
-    by an earlier supervisor. Lines written between the two steps are lost, and on a full disk those of `*.old.log`.
+    Processes that have it open for appending, also those of an earlier supervisor, continue at its new end. Lines written between
+    the two steps are lost, and on a full disk those of `*.old.log`.
     """
     try:
         size = log.stat().st_size
@@ -238,7 +236,7 @@ def _bound(log: Path) -> None:
 
 
 def _log_of(part: Part) -> IO[bytes]:
-    """The log that a part appends to; the null device if there is no log to be had, as on a full disk."""
+    """The log that a part appends to; the null device if no log can be opened, as on a full disk."""
     try:
         part.log.parent.mkdir(parents=True, exist_ok=True)
         _bound(part.log)
