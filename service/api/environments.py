@@ -143,7 +143,7 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
 
 
 async def _recorded(id: str, name: str, file: BlobRef, owner: dict[str, Any], farm: Farm) -> EnvironmentOut:
-    """Have a worker look at an image that is stored, and write it down."""
+    """Has a worker make the thumbnail of an uploaded image, then stores the image's row."""
     wish = ShowEnvironment("", id, name, file.sha256, file.size, WIDTH)
     asked = await run_in_threadpool(farm.engine.show_environment, wish)
     made = await asyncio.shield(asyncio.wrap_future(asked))

@@ -1,4 +1,4 @@
-"""/api/farm: what workers need from the service. They send the farm's token, or one of their own."""
+"""/api/farm: the service's routes for workers. Workers send the farm's token, or one of their own."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What a watcher says over a WebSocket, at a pace that leaves time for everybody else.
+"""Receives WebSocket messages at a rate that leaves time for other tasks.
 
-A message that is there already is read without any wait, so that a flood of them would keep the event loop to itself.
+Receiving a message that is already buffered does not suspend, so a flood of messages could otherwise occupy the event loop.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ CHARACTERS = 8192  # that count as one message more
 
 
 async def heard(socket: WebSocket) -> AsyncIterator[str]:
-    """Each message as text; bytes as an empty one. Raises WebSocketDisconnect when the watcher leaves."""
+    """Yields each message as text; a binary message as an empty string. Raises WebSocketDisconnect when the client leaves."""
     left, at = BURST, time.monotonic()
     while True:
         message = await socket.receive()

@@ -1,4 +1,4 @@
-"""Lists of jobs: which ones, and in what order. Ten thousand are ordinary, so what is not shown is not read either."""
+"""Filtered and sorted lists of jobs. A farm may have ten thousand, so only the rows of the page are read."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ _STATES = ("running", "queued", "paused", "failed", "cancelled", "finished")  # 
 
 @dataclass(frozen=True)
 class Chosen:
-    """Which jobs, of those that the caller sees. words: each is in a name or note of the job or its scene, or begins an id."""
+    """A filter on the jobs that the caller may see.
+
+    words: each occurs in a name or note of the job or its scene, or is a prefix of an id.
+    """
 
     states: tuple[str, ...] = ()
     scene: str | None = None
@@ -40,23 +43,25 @@ class Chosen:
     project: str | None = None
 
     def count(self, session: Session) -> int:
-        """How many they are."""
+        """The number of matching jobs."""
         return session.scalar(self._of(select(func.count()).select_from(Job))) or 0
 
     def tallies(self, session: Session) -> dict[str, int]:
-        """How many of them are in each state, whichever states are chosen."""
+        """The number of matching jobs by state, ignoring the filter on states."""
         query: Any = select(Job.state, func.count()).group_by(Job.state)
         query = replace(self, states=())._of(query)
         return {row[0]: row[1] for row in session.execute(query)}
 
     def ids_in(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[str]:
-        """Their ids, in order."""
+        """The ids of matching jobs, in order."""
         query = self._of(select(Job.id)).order_by(*_ordered(order))
         return list(session.scalars(query.limit(limit).offset(offset)))
 
     def rows(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[Job]:
-        """Their rows, in order, as tuples with the names of a Job's columns: a thousand objects that note each change take a
-        quarter of the time of a list."""
+        """The rows of matching jobs, in order, as tuples with the names of a Job's columns.
+
+        Tuples, since a thousand ORM objects take a quarter of the time of a list.
+        """
         ids = self.ids_in(order, session, limit, offset)  # by an index alone; sorting rows would mean to read them all
         query = select(*_SHOWN).where(Job.id.in_(ids))
         found = {row[_ID]: _Row._make(row) for row in session.execute(query)}
@@ -80,14 +85,14 @@ class Chosen:
 
 
 def words_of(search: str) -> tuple[str, ...]:
-    """What is looked for, each word of it."""
+    """The words of a search text."""
     return tuple(search.lower().split()[:MOST_WORDS])
 
 
 def says(
     word: str, name: InstrumentedAttribute[str] | InstrumentedAttribute[str | None], id: InstrumentedAttribute[str]
 ) -> ColumnElement[bool]:
-    """Whether a word is in a name, or begins an id."""
+    """SQL condition: the word occurs in the name, or is a prefix of the id."""
     if "\0" in word:  # where a pattern ends for SQLite, and what PostgreSQL takes in none; no name has it
         return false()
     return or_(func.lower(name).contains(word, autoescape=True), id.startswith(word, autoescape=True))

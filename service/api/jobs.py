@@ -1,4 +1,4 @@
-"""/api/jobs: request pictures, and watch, change and delete those jobs."""
+"""/api/jobs: creates, watches, changes and deletes jobs."""
 
 from __future__ import annotations
 
@@ -239,7 +239,7 @@ def begin_anew(id: str, farm: FarmDependency, response: Response, visit: VisitDe
 
 
 def _as_it_is_now(job: Job) -> JobIn:
-    """A job's request with what was changed since: its goals, frames, name and priority. What it waited for is over."""
+    """A job's request with its later changes (goals, frames, name, priority), without dependencies and queue options."""
     now: dict[str, Any] = {"name": job.name, "priority": job.priority, "spp": job.spp, "noise": job.noise, "seconds": job.seconds}
     if job.shot is not None and (shot := Shot.of(job.shot)) is not None:
         now |= {"frames": shot.frames, "order": shot.order}
@@ -250,7 +250,7 @@ def _as_it_is_now(job: Job) -> JobIn:
 def _change(
     job: Job, change: JobPatch, of_shot: ShotChange | None, is_anew: bool, session: Session, farm: Farm, visit: Visit
 ) -> bool:
-    """Within a transaction; whether something is left to be carried out."""
+    """Applies a change within a transaction; returns whether changes of frames remain to be carried out."""
     is_long = False
     state, samples = job.state, samples_of(job)
     if change.priority is not None:
@@ -301,7 +301,10 @@ def delete_job(id: str, farm: FarmDependency) -> None:
 
 
 def _laid_out(id: str, farm: Farm, begun: Begun | None = None) -> JobOut:
-    """A job, once what is to be done to its frames is done. What the database or the disk cannot take now is done later."""
+    """The job, after pending changes of its frames are carried out.
+
+    Those that fail in the database or on disk are retried later.
+    """
     try:
         farm.frame_changes.carry_out(id, begun)
     except FarmError as error:
@@ -311,7 +314,7 @@ def _laid_out(id: str, farm: Farm, begun: Begun | None = None) -> JobOut:
 
 
 def _left_out(request: JobIn) -> set[str]:
-    """What says nothing where it is not asked for: a request of before these were there is the same one."""
+    """Names of fields with default values to omit from the stored request, so that requests of older releases compare equal."""
     return {name for name in ("fresh", "strict", "verify") if not getattr(request, name)} - (
         {"verify"} if request.verify == 0 else set()
     )
@@ -319,8 +322,10 @@ def _left_out(request: JobIn) -> set[str]:
 
 @contextmanager
 def _begun(job: Job, keys: list[int], is_fresh: bool, farm: Farm) -> Iterator[Begun]:
-    """A job begins with what earlier ones of the same picture have: what the rows of its frames say of that; unless that fails
-    which is done with it."""
+    """Starts a new job with the films of earlier jobs of the same picture; yields the resulting numbers of its frames.
+
+    Deletes the films again if the context raises.
+    """
     begun: Begun = {}
     if not is_fresh and farm.settings.reuse_films:
         with farm.sessions() as session:
@@ -339,7 +344,10 @@ def _keys(request: JobIn) -> list[int]:
 
 
 def _shot(request: JobIn, keys: list[int]) -> Shot:
-    """As it is asked for; where only a time ends it, all frames are to have their share of that."""
+    """The requested shot.
+
+    If only a time limit ends it, frames are rendered breadth-first, so that all get a share of the time.
+    """
     only_time = request.seconds is not None and request.spp is None and request.noise is None
     order = request.order or ("breadth-first" if only_time else IN_TURN)
     frames = frames_text(map(frame_number, keys))
@@ -347,7 +355,7 @@ def _shot(request: JobIn, keys: list[int]) -> Shot:
 
 
 def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:
-    """The scene to render: under another light, or with other materials of its file, it is made here."""
+    """The id of the scene to render: for another environment or material variant, that of a derived scene, which may be new."""
     if asked["environment"] is None and request.variant is None:
         return request.scene
     return farm.lighting.row(request.scene, asked["environment"], request.variant).id
@@ -363,7 +371,7 @@ def _no_scene(id: str) -> NotFound:
 
 
 def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
-    """Fix the job's settings where its scene is ready; refuse what can never be rendered."""
+    """Fixes the job's settings if its scene is ready; raises an error for a request that can never be rendered."""
     if scene is None or scene.of is not None:
         raise _no_scene(job.scene)
     if scene.status == "failed":

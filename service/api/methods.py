@@ -14,7 +14,7 @@ ENDLESS = "/api/events"  # whose answer would never be complete: there is nothin
 
 
 def methods_of(app: Starlette, scope: Scope) -> list[str]:
-    """The methods of a request's path; none where there is nothing."""
+    """The methods of a request's path; empty for an unknown path."""
     path = scope["path"]
     asked = {"type": "http", "path": path, "root_path": scope.get("app_root_path", scope.get("root_path", "")), "headers": []}
     # Files are mounted, and take every path that no route takes; below /api/ there are none.

@@ -1,5 +1,4 @@
-"""/api/login/openid: logging in through an OpenID provider. The browser is sent there, and comes back with a code that is valid
-once."""
+"""/api/login/openid: login through an OpenID provider. The browser is redirected there, and returns with a one-time code."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Answers in JSON, compressed for whoever understands that: lists of jobs take a slow line a tenth of the time.
+"""Compression of JSON answers for clients that accept it, which cuts lists of jobs on slow lines to a tenth of the time.
 
-So are those on loopback: what comes through a tunnel (`ssh -L`) cannot be told from what is asked on this machine.
+Answers on loopback are compressed too, since requests through a tunnel (`ssh -L`) look like local ones.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ GZIP = 31  # zlib's window, with gzip's head
 
 
 class Packing:
-    """ASGI middleware about the routes."""
+    """ASGI middleware around the routes."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, and compress its answer."""
+        """Passes a request on, and compresses its answer."""
         if scope["type"] != "http" or "gzip" not in Headers(scope=scope).get("accept-encoding", ""):
             await self._app(scope, receive, send)
             return

@@ -70,7 +70,7 @@ class ProblemResponse(JSONResponse):
 
 
 class Problem(Exception):  # noqa: N818 - it is what the caller gets, and named as the RFC names it
-    """An answer that is an error. `detail` is one sentence a person can act on; `more` is added to the body."""
+    """An error answer. `detail` is one sentence with the fault and its remedy; `more` is added to the body."""
 
     def __init__(self, status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> None:
         super().__init__(detail)
@@ -115,7 +115,7 @@ def response(status: int, detail: str, headers: Mapping[str, str] | None = None,
 
 
 def install(app: FastAPI) -> None:
-    """Make every error of the application a problem."""
+    """Installs handlers that convert every error of the application to a problem."""
 
     @app.exception_handler(Problem)
     async def _problem(request: Request, error: Problem) -> ProblemResponse:
@@ -168,7 +168,7 @@ JSON_OBJECT = "the body is not a JSON object; send one, with the header Content-
 
 
 def told(error: Mapping[str, Any]) -> str:
-    """One of a request's errors: the field and what is wrong with it."""
+    """One of a request's validation errors as text: the field and its fault."""
     field, message = _field(error["loc"]), _message(error)
     return f"{field}: {message}" if field else message
 

@@ -1,4 +1,4 @@
-"""/api/retention: what a farm would delete by its rules or by others, and deleting it."""
+"""/api/retention: lists or deletes what a farm's retention rules, or given ones, would delete."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""/api/workers: who renders, and pausing them."""
+"""/api/workers: lists, changes and pauses workers."""
 
 from __future__ import annotations
 
