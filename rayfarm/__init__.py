@@ -65,8 +65,8 @@ __all__ = [
     "show",
 ]
 
-# Loaded when they are asked for: a command that only talks to a farm has no use for numpy, one without a farm none for HTTP, and
-# neither is to be interrupted by Ctrl-C before it can answer to it.
+# Loaded on demand: a command that only talks to a farm does not need numpy, nor one without a farm HTTP, and
+# Ctrl-C during these imports cannot be handled yet.
 _LATER = {
     **dict.fromkeys(("BadSample", "Camera", "Frame", "Job", "Scene", "Shot", "Worker"), "rayfarm.answers"),
     **dict.fromkeys(("Client", "ClientError"), "rayfarm.client"),

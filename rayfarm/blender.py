@@ -16,7 +16,7 @@ from renderer.blender.program import BPY, BlenderError, environment_python, find
 
 __all__ = ["Program", "Wanted", "program_for"]
 
-PYTHON = (3, 11)  # the one that Blender's module is made for
+PYTHON = (3, 11)  # the Python version of Blender's module
 PANEL = "Blender"
 
 Wanted = Annotated[
@@ -69,7 +69,7 @@ def _fetched(say: Callable[[str], None]) -> Path:
     say(f"Fetching Blender as a Python module into {folder} (once; some 370 MB) ...")
     shutil.rmtree(folder, ignore_errors=True)
     try:
-        # Made where it stays: an environment knows its own path.
+        # Created in its final place, since a virtual environment contains its own path.
         subprocess.run([maker, "-m", "venv", str(folder)], check=True, capture_output=True, text=True)
         command = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", BPY]
         subprocess.run(command, check=True, capture_output=True, text=True)

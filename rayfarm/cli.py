@@ -19,7 +19,7 @@ from renderer.errors import RayfarmError
 
 __all__ = ["COMMANDS", "main"]
 
-# As the help lists them. A command's module has its name.
+# In the order of the help. A command's module has its name.
 COMMANDS = (
     "up",
     "worker",
@@ -42,7 +42,7 @@ COMMANDS = (
     "gc",
     "bench",
 )
-BESIDE = {"restore": "backup"}  # commands in another one's module
+BESIDE = {"restore": "backup"}  # commands defined in another command's module
 
 HELP = """A render farm that starts with one command.
 

@@ -40,14 +40,14 @@ TOKEN_VARIABLE = "RAYFARM_API_TOKEN"
 
 POLL_S = 0.3
 AWAY_S = 60.0
-RETENTION_EVERY_S = 0.5  # looks how far a deletion is
-LONG = httpx.Timeout(3600.0, connect=5.0)  # for large uploads, and for answers that are sent once they are made
-ANSWER_S = 300.0  # for a whole answer in JSON, however slowly its bytes come
+RETENTION_EVERY_S = 0.5  # polling interval of a deletion
+LONG = httpx.Timeout(3600.0, connect=5.0)  # for large uploads, and for answers that take long to make
+ANSWER_S = 300.0  # timeout of a whole JSON answer
 MAX_PICTURE = 8 << 30
-MAX_MESSAGE = 64 << 20  # of a live picture: its largest tile, and all frames of a long shot
+MAX_MESSAGE = 64 << 20  # bytes; fits the largest tile, and all frames of a long shot
 PROBLEM = "application/problem+json"
-SAMPLES_HEADER = "X-Samples"  # every picture of a farm has it
-FRAMES_HEADER = "X-Frames"  # and every film
+SAMPLES_HEADER = "X-Samples"  # sent with every picture
+FRAMES_HEADER = "X-Frames"  # sent with every movie
 
 T = TypeVar("T")
 
@@ -332,7 +332,7 @@ class Client:
         except ValueError as error:
             raise self._other(answer, error) from None
         if not found:
-            self._check()  # an empty list says nothing about who sends it
+            self._check()  # an empty list does not show that a farm sent it
         return found
 
     def _check(self) -> None:
@@ -350,7 +350,7 @@ class Client:
             found = read(cls, data)
         except ValueError as error:
             raise self._other(answer, error) from None
-        object.__setattr__(found, "_farm", self)  # who shows it in a notebook
+        object.__setattr__(found, "_farm", self)  # for display in a notebook
         return found
 
     def _data(self, answer: _Answer) -> Any:
@@ -376,7 +376,7 @@ class Client:
             raise ClientError(f"{self.url} does not answer ({error or type(error).__name__}). Try again.") from error
         except OSError as error:
             raise ClientError(f"A file of the scene cannot be read any more ({error.strerror or error}).") from error
-        except ValueError as error:  # a number that JSON cannot express
+        except ValueError as error:  # NaN or infinity, which JSON cannot express
             raise ClientError(f"This cannot be sent to a farm ({error}).") from error
         if response.is_success:
             return _Answer(response.headers, body)

@@ -19,7 +19,7 @@ from rich.progress import (
 
 __all__ = ["PROGRAM", "Ticker", "bar", "err", "out"]
 
-# What a person types to get here: farm.py says so where it was started by it.
+# The program's name as typed; set by farm.py if it started this process.
 PROGRAM = os.environ.get("RAYFARM_PROGRAM", "rayfarm")
 
 out = Console(highlight=False)

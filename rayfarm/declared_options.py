@@ -21,7 +21,7 @@ _METAVARS = {"s": "S", "°": "DEG", "px": "PIXELS", "scene units": "LENGTH", "fr
 def parameter(each: Declared) -> inspect.Parameter:
     """The option as a parameter of a command's signature; its value is None if it is not given."""
     setting, shown = each.setting, each.shown
-    inside = setting.off is None or each.lowest == setting.low  # else a range would not say it
+    inside = setting.off is None or each.lowest == setting.low  # otherwise a range would exclude the value for off
     ranged = each.kind is not tuple and setting.choices is None and inside
     option = typer.Option(
         f"--{each.option}",

@@ -11,7 +11,7 @@ from renderer.errors import RayfarmError
 __all__ = ["EXIT_FAILED", "EXIT_INTERRUPTED", "CommandError"]
 
 EXIT_FAILED = 1
-EXIT_INTERRUPTED = 130  # Ctrl-C, as shells count it
+EXIT_INTERRUPTED = 130  # Ctrl-C, as in shells
 
 
 class CommandError(RayfarmError):

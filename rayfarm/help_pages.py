@@ -8,7 +8,7 @@ from typing import Any
 
 __all__ = ["tidy"]
 
-# What stands for a value that has no name of its own, by what typer calls its type.
+# Placeholders of values without a metavar, by typer's name of the type.
 _VALUES = {
     "<int range>": "N",
     "<int>": "N",
@@ -30,7 +30,7 @@ def tidy(command: Any) -> None:
     get_params = command.get_params
 
     def params(ctx: Any) -> list[Any]:
-        return [_named(each) for each in get_params(ctx)]  # with --help, which is made anew each time
+        return [_named(each) for each in get_params(ctx)]  # including --help, which is created on each call
 
     command.get_params = params
 
@@ -64,5 +64,5 @@ def _filled(text: str) -> str:
 
 def _paragraph(text: str) -> str:
     if text.startswith(" "):
-        return f"[dim][/dim]{text}"  # typer takes away an indentation that all lines but the first share
+        return f"[dim][/dim]{text}"  # keeps typer from removing the common indentation
     return text if text.startswith(("\b", "[bold]")) else text.replace("\n", " ")

@@ -16,7 +16,7 @@ from worker.exchange.foreign import is_address
 
 __all__ = ["farm_address", "run", "shown_token"]
 
-FATAL = 3  # another start is of no use
+FATAL = 3  # exit code after which a restart does not help
 
 
 def farm_address(join: str) -> str:
@@ -59,7 +59,7 @@ def run(name: str, command: list[str], token: str, sentence: str, grace_s: float
     part = Part(name, command, log, env, grace_s=grace_s, fatal_codes=(FATAL,), steady_s=WORKER_STEADY_S)
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
-        log.touch()  # the supervisor starts a part without a log that can be written
+        log.touch()  # raises if the log is not writable, with which the supervisor would start anyway
         supervisor.start(part)
     except OSError as error:
         raise CommandError(
@@ -91,7 +91,7 @@ def _follow(log: Path, shown: int) -> int:
     try:
         with log.open("rb") as file:
             if file.seek(0, os.SEEK_END) < shown:
-                shown = 0  # the supervisor has emptied it
+                shown = 0  # the supervisor has truncated it
             file.seek(shown)
             text = file.read()
     except OSError:

@@ -39,7 +39,7 @@ def render_movie(shot: Sequence, stage: ReadStage, order: Order, about: object) 
         found = render_sequence(pictures, stage, order)
     finally:
         with contextlib.suppress(OSError):
-            folder.rmdir()  # where nothing came of it
+            folder.rmdir()  # only if it is empty
     there = [path for path in map(pictures.file, shot.frames) if path.is_file()]
     if not there:
         raise CommandError(f"{shot.output}: no frame could be rendered, so there is no film")

@@ -35,7 +35,7 @@ def write(output: Path, data: bytes) -> None:
         try:
             _replace(output.resolve(), data)
         except PermissionError:
-            output.write_bytes(data)  # a file that may be changed, in a folder that may not
+            output.write_bytes(data)  # the file is writable, but its folder is not
     except OSError as error:
         raise CommandError(f"{output} cannot be written ({error.strerror}, {len(data):,} bytes).") from error
 

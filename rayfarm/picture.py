@@ -153,7 +153,7 @@ class Picture:
         if self.has_view():
             asked["view"] = self.view(cameras).to_json()
         elif self.given.get("camera") is not None:
-            # Not by its name: a file may have several cameras of one.
+            # By number, since cameras of a file may share a name.
             asked["camera"] = options.find_camera(cameras, self.given["camera"])
         return {name: value for name, value in asked.items() if value is not None}
 
@@ -182,5 +182,5 @@ def takes_picture(command: Callable[..., None]) -> Callable[..., None]:
     taken = [*kept[:place], *added, *kept[place + 1 :]]
     setattr(run, "__signature__", inspect.Signature(taken))  # noqa: B010
     run.__annotations__ = {each.name: each.annotation for each in taken}
-    del run.__wrapped__  # else its own signature would count
+    del run.__wrapped__  # otherwise the signature of `command` would be used
     return run

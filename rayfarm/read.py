@@ -19,7 +19,7 @@ from renderer.scene.parts import Saver
 
 __all__ = ["describe", "differences", "picture", "serve", "usd_names"]
 
-IDLE_S = 86400.0  # a caller that is gone ends this process at once
+IDLE_S = 86400.0  # long: if the caller ends, so does this process
 
 
 def serve(folder: bytes, main: bytes, inside: bytes | None, out: bytes, options: dict[str, Any], link: Link) -> dict[str, Any]:

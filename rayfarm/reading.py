@@ -35,7 +35,7 @@ class _Scene:
 
     folder: Path
     main: str
-    inside: str | None  # what lights it in place of its own light
+    inside: str | None  # the environment image that replaces the scene's
 
 
 class ReadStage:

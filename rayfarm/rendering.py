@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Clock", "Show", "load_kernels", "load_scene", "part_of_frame", "shown", "whole_frame"]
 
-LEAST_SAMPLES = 16  # of each pixel, before noise may end a frame: fewer that agree by chance would end it too early
-Show = Callable[[int, int], None]  # told how many samples are done, of how many
+LEAST_SAMPLES = 16  # per pixel, before noise may end a frame: fewer may agree by chance
+Show = Callable[[int, int], None]  # called with the number of samples done, and their total
 
 
 class Clock:

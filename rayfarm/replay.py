@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["show_path"]
 
-# A vertex has more numbers than a line has room: its fields stand below each other, by what they are about.
+# The fields of a vertex do not fit one line, so they are grouped and listed below each other.
 GROUPS = {
     "MET": ("kind", "object", "material"),
     "WHERE": ("point", "normal", "direction"),

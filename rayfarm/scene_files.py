@@ -33,7 +33,7 @@ _ENCODINGS: tuple[str, ...] = (
     "cp1251",
     "cp437",
 )
-# Beyond these, a folder beside a scene is a person's home and not the scene's.
+# Limits above which the folder of a scene is taken for a user's home folder.
 MAX_NEIGHBOURS = 5000
 MAX_UNPACKED = 8 << 30
 
@@ -167,7 +167,7 @@ def belonging(scene: Path, root: Path | None = None) -> dict[str, Path]:
         files = {p.relative_to(scene).as_posix(): p for p in scene.rglob("*") if p.is_file()}
         return {name: path for name, path in files.items() if not is_junk(name)}
     taken = {scene.name if root is None else below(scene, root): scene}
-    if scene.suffix.lower() == ".obj":  # a renamed file's materials, which it may name otherwise
+    if scene.suffix.lower() == ".obj":  # the materials of a renamed .obj, whose name it may not contain
         beside = [path for path in scene.parent.iterdir() if path.suffix.lower() == ".mtl" and path.is_file()]
         same = [path for path in beside if path.stem.casefold() == scene.stem.casefold()]
         taken |= {path.name if root is None else below(path, root): path for path in (same or beside) if len(same or beside) == 1}

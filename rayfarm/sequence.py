@@ -33,7 +33,7 @@ class Sequence:
     scene: Path
     frames: list[float]
     output: Path  # with #### in its name
-    moment: Moment  # whose frame is not yet said
+    moment: Moment  # its frame is set later
     overwrite: bool = False
 
     def file(self, frame: float) -> Path:
@@ -81,7 +81,7 @@ def render_sequence(shot: Sequence, stage: ReadStage, order: Order) -> dict[str,
                 progress.finish(str(shot.file(frame)))
             except (RayfarmError, OSError, MemoryError) as error:
                 if isinstance(error, CommandError) and not statistic:
-                    raise  # what is asked for cannot be, of any frame
+                    raise  # the error applies to every frame
                 fail(frame, error)
             for neighbour, write in steadying.settle(frame):
                 try:

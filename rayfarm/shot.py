@@ -102,7 +102,7 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
             except ClientError as error:
                 if error.status is not None and error.status < 500:
                     raise
-                return  # it is asked again
+                return  # retried later
             finished = sum(frame.state == "finished" for frame in frames)
             so_far = sum(frame.progress for frame in frames if frame.state != "failed")
             progress.update(task, description=state.message or state.state, completed=so_far)

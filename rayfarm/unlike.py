@@ -16,8 +16,8 @@ from renderer.scene.material import Material
 
 __all__ = ["known_differences"]
 
-_LEAST = 0.005  # of a surface's light: what is less is not told
-_SLOPES, _DARKER = (0.0, 0.25, 0.5, 1.0), (0.0, 0.024, 0.089, 0.285)  # of bumps, and what Mitsuba's shadowing term takes away
+_LEAST = 0.005  # smallest relative difference reported
+_SLOPES, _DARKER = (0.0, 0.25, 0.5, 1.0), (0.0, 0.024, 0.089, 0.285)  # slopes of bumps, and the loss by Mitsuba's shadowing term
 
 
 def known_differences(scene: SceneDescription, other: str) -> list[str]:

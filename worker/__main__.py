@@ -10,9 +10,9 @@ from __future__ import annotations
 import gc
 import os
 
-gc.disable()  # while modules come: each collection looks through all that have come, a fifteenth of the time
+gc.disable()  # during imports, where repeated collections take a fifteenth of the time
 
-# Slots are processes: a thread pool inside each of them would only fight for the same cores.
+# Slots are processes; thread pools inside them would compete for the same cores.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
@@ -53,7 +53,7 @@ from worker.telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 from worker.work.files import memory_budget
 from worker.work.reader import begin_launcher
 
-gc.freeze()  # modules stay: to look through them once more takes a tenth of a second
+gc.freeze()  # excludes the imported modules from collections, which saves a tenth of a second each
 gc.enable()
 
 EXIT_REFUSED = 3
@@ -63,7 +63,7 @@ def main() -> int:
     """Joins the farm, warms up and works. Exit code 3: there is no farm, or it refuses this worker; a retry does not help."""
     options = _options()
     if options.log_format:
-        os.environ[FORMAT_VARIABLE] = options.log_format  # processes that it starts follow
+        os.environ[FORMAT_VARIABLE] = options.log_format  # inherited by child processes
     try:
         options.token = options.token or value_of("RAYFARM_TOKEN")
         options.redis = with_password(options.redis or value_of("RAYFARM_REDIS_URL"), value_of("RAYFARM_REDIS_PASSWORD")) or None
@@ -96,7 +96,7 @@ def _work(options: argparse.Namespace) -> int:
         )
 
     take_shipped(jit.cache_folder())
-    helpers = helpers_for()  # forked now: joining is a thread
+    helpers = helpers_for()  # forked before the joining thread starts
     joining = Joining(link, options.redis, options.name or host, host, starting, log.info)
     joining.begin()
     get_ready(link, helpers=helpers)
@@ -213,7 +213,7 @@ def _blender(named: str) -> Blender:
             "--blender: there is no Blender here. Install it so that `blender` is on the PATH, or name it: --blender PROGRAM; "
             "`rayfarm worker --blender` can fetch one"
         )
-    os.environ[program.NAMED] = found.program  # for the slots
+    os.environ[program.NAMED] = found.program  # inherited by the slots
     return found
 
 

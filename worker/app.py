@@ -30,7 +30,7 @@ from worker.work.slot import slot
 
 __all__ = ["make_app", "run"]
 
-SHUTDOWN_S = 600  # a warm shutdown waits for the tasks in hand; past this the watchdog ends it
+SHUTDOWN_S = 600  # a warm shutdown waits for running tasks; after this the watchdog ends it
 
 
 def make_app(worker: context.WorkerContext) -> Celery:
@@ -40,14 +40,14 @@ def make_app(worker: context.WorkerContext) -> Celery:
     app.conf.update(celery_config(worker.redis_url))
     app.conf.broker_transport_options = {**app.conf.broker_transport_options, "queue_order_strategy": STRATEGY}
     app.conf.update(
-        # A task outlives a lost connection: its result goes to the stream, and a second delivery is harmless.
+        # A task survives a lost connection: its result goes to the stream, and a redelivery is harmless.
         worker_cancel_long_running_tasks_on_connection_loss=False,
-        # Celery lowers the prefetch count after a reconnect and does not always raise it again: a worker that idles.
+        # Celery lowers the prefetch count after a reconnect and may not raise it again, which leaves the worker idle.
         worker_enable_prefetch_count_reduction=False,
         worker_hijack_root_logger=False,
         worker_redirect_stdouts=False,
         broker_connection_max_retries=None,
-        # A busy machine may take longer than Celery's 4 s to start a slot; killing it then only makes it busier.
+        # A busy machine may take longer than Celery's 4 s to start a slot; killing it then only adds load.
         worker_proc_alive_timeout=60.0,
     )
     tasks.register(app)
@@ -57,7 +57,7 @@ def make_app(worker: context.WorkerContext) -> Celery:
 
 def run(worker: context.WorkerContext) -> int:
     """Takes tasks until a signal stops it; returns the exit code. SIGTERM: finishes the running tasks first."""
-    # Celery warns root because of pickle; only JSON is accepted here.
+    # Celery warns root users because of pickle; only JSON is accepted here.
     warnings.filterwarnings("ignore", category=SecurityWarning)
     context.set_current(worker)
     if by_json():
@@ -94,7 +94,7 @@ def _keep_log(**_: Any) -> None:
     """Configures logging in place of Celery, which would add text handlers: its loggers propagate, from level WARNING."""
     for name in ("celery", "kombu", "amqp", "multiprocessing"):
         logging.getLogger(name).setLevel(logging.WARNING)
-    get_logger().propagate = True  # billiard's keeps its lines to itself
+    get_logger().propagate = True  # billiard's logger does not propagate by default
     setattr(sys, "__stdout__", None)  # noqa: B010 - where Celery writes that it shuts down, past all loggers
 
 

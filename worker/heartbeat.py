@@ -45,7 +45,7 @@ __all__ = ["Heartbeat", "Reporter"]
 WATCHDOG_S = 60
 IDLE_LIMIT_S = 20.0
 VITALS_EVERY_S = 5.0
-AT_ONCE_S = 0.05  # for Redis' answer: on a slow line it is heard at the next beat
+AT_ONCE_S = 0.05  # seconds to wait for Redis's reply; a later one is read at the next beat
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +60,7 @@ class Reporter:
         """Writes a report; False if Redis does not store it."""
         try:
             with self.redis.pipeline(transaction=False) as both:
-                both.client_setname(lifeline(report.name))  # each time: the connection may be a new one
+                both.client_setname(lifeline(report.name))  # repeated, since the connection may be new
                 both.set(worker_key(report.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
                 return both.execute(raise_on_error=False)[1] is True
         except redis.RedisError:
@@ -81,15 +81,15 @@ class Heartbeat(bootsteps.StartStopStep):
         super().__init__(consumer, **kwargs)
         self.worker = context.current()
         self.telling = Telling(self.worker.redis_url)
-        self.heard = Heard(is_taken=False)  # the latest answer
+        self.heard = Heard(is_taken=False)  # the latest reply
         self.consumer = consumer
         self.has_come = False
         self.is_paused = False
-        self.served: tuple[str, ...] = ()  # queues of needs
-        self.said = ""  # of what is in the way, once
+        self.served: tuple[str, ...] = ()  # requirement queues being consumed
+        self.said = ""  # the last logged error
         self.timer: Any = None
         self.idle_since = time.monotonic()
-        self.told = -math.inf  # how the machine is
+        self.told = -math.inf  # time when vitals were last sent
 
     def start(self, consumer: Any) -> None:
         """Starts the heartbeat."""
@@ -108,7 +108,7 @@ class Heartbeat(bootsteps.StartStopStep):
     def beat(self) -> None:
         """Reports, resets the watchdog, applies the service's terms, and checks that queued tasks reach this worker."""
         alive.say(State.WORKING)
-        heard = self.telling.hear()  # over a slow line: of an earlier beat
+        heard = self.telling.hear()  # on a slow line, the reply to an earlier beat
         self._tell()
         if (heard := self.telling.hear(AT_ONCE_S) or heard) is not None:
             self.heard = heard
@@ -116,7 +116,7 @@ class Heartbeat(bootsteps.StartStopStep):
         self._keep()
         self._obey()
         if before != (self.is_paused, self.served):
-            self._tell()  # at once, and not with the next beat
+            self._tell()  # at once instead of with the next beat
         if heard is not None and heard.is_taken:
             self._go_on(heard)
 
@@ -125,7 +125,7 @@ class Heartbeat(bootsteps.StartStopStep):
         report = worker.report(self.is_paused)
         report = replace(report, in_hand=[*dict.fromkeys([*report.in_hand, *_taken()])])
         more: list[tuple[Any, ...]] = []
-        if not self.has_come:  # the service shall look at it now, and not at its next look
+        if not self.has_come:  # wakes the service, which then sees the new worker at once
             self.has_come = True
             more.append(("XADD", RESULTS, "*", "event", json.dumps({"type": "wake"})))
         if now - self.told > VITALS_EVERY_S and (found := vitals.look()) is not None:
@@ -138,7 +138,7 @@ class Heartbeat(bootsteps.StartStopStep):
         self.telling.tell(report, worker.keeping.offer() if worker.keeping is not None else None, more)
 
     def _go_on(self, heard: Heard) -> None:
-        signal.alarm(WATCHDOG_S)  # not wound again: SIGALRM ends this process, and with it its children
+        signal.alarm(WATCHDOG_S)  # unless reset, SIGALRM ends this process and with it its children
         report, now = self.worker.report(self.is_paused), time.monotonic()
         self._see_to_pieces(report, heard)
         if self.is_paused or any(report.current) or not heard.waiting:
@@ -165,7 +165,7 @@ class Heartbeat(bootsteps.StartStopStep):
         try:
             for queue in self.worker.queues:
                 if queue == help_queue(self.worker.name):
-                    continue  # what is begun is ended
+                    continue  # started pieces are finished even while paused
                 if wanted:
                     self.consumer.cancel_task_queue(queue)
                 else:
@@ -174,7 +174,7 @@ class Heartbeat(bootsteps.StartStopStep):
             if str(error) != self.said:
                 self.said = str(error)
                 log.warning("tasks cannot be %s now: %s", "left" if wanted else "taken", error)
-            return  # until the next beat
+            return  # retried at the next beat
         self.is_paused = wanted
         self.said = ""
         why = keeping.why if keeping is not None else None
@@ -192,7 +192,7 @@ class Heartbeat(bootsteps.StartStopStep):
                     self.consumer.add_task_queue(queue)
         except redis.RedisError as error:
             log.warning("queues cannot be changed now: %s", error)
-            return  # until the next beat: to take from a queue twice, or to leave it twice, is harmless
+            return  # retried at the next beat; repeated calls are harmless
         self.served = queues
 
     def _keep(self) -> None:
@@ -201,7 +201,7 @@ class Heartbeat(bootsteps.StartStopStep):
             return
         keeping.ask(self.heard.terms)
         keeping.look()
-        # Tasks are acknowledged when they are done: so many that are not are as many as may be in hand.
+        # Tasks are acknowledged when they finish, so the prefetch count limits the number of running tasks.
         if missing := keeping.slots_now - self.consumer.qos.value:
             change = self.consumer.qos.increment_eventually if missing > 0 else self.consumer.qos.decrement_eventually
             change(abs(missing))

@@ -20,11 +20,11 @@ from worker.protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WorkerR
 
 __all__ = ["Joined", "Joining", "check_redis", "free_name"]
 
-# Nobody who only waits longer gets another answer to these: the address or the token must change.
+# Errors that a retry does not resolve: the address or the token must change.
 OF_NO_USE = (RefusedError, TokenError, NotAFarmError)
 FIRST_PAUSE_S = 0.2
 LAST_PAUSE_S = 3.0
-LONGER = 1.1  # each time: a service that starts with this worker answers after seconds, which shall not become twice as many
+LONGER = 1.1  # growth per retry; small, since a service started together with this worker answers within seconds
 
 log = logging.getLogger(__name__)
 
@@ -89,7 +89,7 @@ class Joining:
             self._joined = self._patiently()
         except OF_NO_USE as error:
             self._refused = error
-        except Exception as error:  # whatever it is, nobody must wait for an answer that does not come
+        except Exception as error:  # `finish` waits for an answer, so any error must end the wait
             log.exception("joining failed")
             self._refused = RefusedError(f"joining {self._link.service} failed ({type(error).__name__}: {error})")
         finally:

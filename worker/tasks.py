@@ -94,7 +94,7 @@ def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> 
             worker.results.send(failure(worker, work, sentence))
             return
         if deaths:
-            with contextlib.suppress(Trouble):  # what ends a slot may be a file that has suffered on this disk
+            with contextlib.suppress(Trouble):  # the slot's death may come from a file damaged on this disk
                 discard_damaged(worker.cache, work.compiled)
         worker.results.send(do())
         survived(task, worker, work.batch)
@@ -238,5 +238,5 @@ def _explain(task: Any, pixel: dict[str, Any]) -> None:
         say(worker, str(pixel.get("message")), "failed", error=sentence)
         return
     with InHand(worker, {"explain": work.job, "message": work.message}) as hand:
-        if not deaths_of(task, worker, work.message):  # else whoever asked has long been told
+        if not deaths_of(task, worker, work.message):  # after a death the client has already got an error
             explain_pixel(worker, work, hand.compiling)

@@ -45,11 +45,11 @@ def small_picture(pixels: np.ndarray, width: int) -> np.ndarray:
     rows = np.linspace(0, len(pixels), height + 1).astype(int)
     columns = np.linspace(0, pixels.shape[1], width + 1).astype(int)
     clean = np.clip(np.nan_to_num(pixels, nan=0.0, posinf=1e4, neginf=0.0), 0, 1e4).astype(np.float64)
-    if min(clean.shape[:2]) < height or clean.shape[1] < width:  # smaller than the picture: each pixel stays as it is
+    if min(clean.shape[:2]) < height or clean.shape[1] < width:  # smaller than the thumbnail: nearest pixels
         small = clean[np.minimum(rows[:-1], len(clean) - 1)][:, np.minimum(columns[:-1], clean.shape[1] - 1)]
     else:
         summed = np.add.reduceat(np.add.reduceat(clean, rows[:-1], axis=0), columns[:-1], axis=1)
         small = summed / (np.diff(rows)[:, None, None] * np.diff(columns)[None, :, None])
     grey = small.mean(axis=2)
-    level = float(np.minimum(grey, np.quantile(grey, 0.95)).mean())  # a sun or a lamp must not darken the rest
+    level = float(np.minimum(grey, np.quantile(grey, 0.95)).mean())  # clipped, so that a sun or a lamp does not darken the rest
     return (small * (0.6 / max(level, 1e-6))).astype(np.float32)

@@ -60,7 +60,7 @@ def answering(
             except MachineError:
                 raise
             except RayfarmError as error:
-                found = {"failed": str(error)}  # an `error` would end this process
+                found = {"failed": str(error)}  # the key `error` would end this process
             send({"frame": frame, "seconds": time.monotonic() - begun + opened_s, **found})
             opened_s = 0.0
 
@@ -77,12 +77,12 @@ class Stage:
         self._kept = Kept()
         self._saver = Saver(out)
         self._out = out
-        # Each moment's files lie in a folder of their own: another that looks the same may be written while these are let go of.
+        # Each moment has a separate folder: an equal moment may be written while these files are being deleted.
         self._rooms = (out / str(number) for number in itertools.count())
         self._start = shot.at(Moment(shot.start))
-        self._last: tuple[SceneDescription, CompiledScene, Path] | None = None  # good until another moment is compiled
+        self._last: tuple[SceneDescription, CompiledScene, Path] | None = None  # valid until another moment is compiled
         self._auto: View | None = View.from_json(_given(work.base_auto)) if work.clip is None else None
-        self._still: SceneDescription | None = None  # what does not move is read once
+        self._still: SceneDescription | None = None  # the description of a static scene, read once
 
     def at(self, moment: Moment) -> dict[str, Any]:
         """The message for a frame. Raises SceneError, and SettingsError if its view is invalid."""
@@ -111,7 +111,7 @@ class Stage:
             return read, *self._last[1:]
         untouched = _untouched(read)
         self._last = None
-        kept, self._kept = self._kept, Kept()  # what was being made when a moment failed is not trusted
+        kept, self._kept = self._kept, Kept()  # discard the cache if compiling fails
         compiled = compile_scene(read, kept=kept)
         assert kept.cuts is not None
         room = next(self._rooms)

@@ -19,8 +19,8 @@ from worker.work.reader import Room
 __all__ = ["denoise_frame"]
 
 SECONDS = 300.0
-PATIENCE_S = 10.0  # somebody waits for the picture
-MEMORY_BYTES = 2 << 30  # the library works in parts, at most this large in its own judgement
+PATIENCE_S = 10.0  # seconds; a client waits for the picture
+MEMORY_BYTES = 2 << 30  # the library works in tiles whose size it chooses for this limit
 BYTES_A_PIXEL = 400
 DENOISED = "denoised.f32"
 

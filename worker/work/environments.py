@@ -16,7 +16,7 @@ from worker.work.reader import Room
 __all__ = ["show_environment"]
 
 SECONDS = 120.0
-PATIENCE_S = 30.0  # somebody waits for it
+PATIENCE_S = 30.0  # seconds; a client waits
 THUMBNAIL = "thumbnail.jpg"
 
 

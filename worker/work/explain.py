@@ -25,7 +25,7 @@ from worker.work.render import mapped_scene
 
 __all__ = ["explain_pixel", "say", "told"]
 
-PATIENCE_S = 5.0  # with a service that is away: somebody waits
+PATIENCE_S = 5.0  # seconds to retry an unreachable service; a client waits
 
 log = logging.getLogger(__name__)
 
@@ -67,7 +67,7 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
         say(worker, work.message, "failed", error=str(error))
     except MemoryError:
         say(worker, work.message, "failed", error=f"{worker.name} has too little memory for this scene")
-    except Exception as error:  # whatever it is, it is this pixel's fault and not the worker's end
+    except Exception as error:  # any error fails this pixel only, not the worker
         log.exception("explaining a pixel of job %s failed", work.job)
         say(worker, work.message, "failed", error=f"{worker.name} could not follow it ({type(error).__name__}: {error})")
 

@@ -14,7 +14,7 @@ from worker.protocol.contract import Manifest
 
 __all__ = ["link_or_copy", "memory_budget", "place_files"]
 
-_LEAST_MEMORY = 1 << 30  # of address space, whatever is free: less reads no scene
+_LEAST_MEMORY = 1 << 30  # bytes of address space, a lower limit: less is not enough for any scene
 
 
 def place_files(worker: WorkerContext, manifest: Manifest, folder: Path) -> None:

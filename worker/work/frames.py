@@ -27,9 +27,9 @@ __all__ = ["forget_frames", "prepare_frames", "see_frame"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
 PATIENCE_S = 60.0
-IDLE_S = 10.0  # that a scene stays open for more of its frames
+IDLE_S = 10.0  # seconds for which a scene stays open for more frames
 
-Answer = Callable[..., None]  # the type of an event, and more of it
+Answer = Callable[..., None]  # the event's type, and its further fields
 
 
 class _Open:
@@ -38,7 +38,7 @@ class _Open:
     def __init__(self, worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> None:
         """Raises Trouble, UnfitError or RefusedError."""
         self._spent = 0.0
-        self._latest: Path | None = None  # the folder of what was compiled last
+        self._latest: Path | None = None  # folder of the latest compiled files
         self.room = Room("frames")
         try:
             patiently(lambda: self.room.place_base(worker, work.base), PATIENCE_S)
@@ -60,7 +60,7 @@ class _Open:
         with as_of_worker():
             self.reader.ask({"frames": frames}, take)
         self._spent += time.monotonic() - begun
-        if self._spent > SECONDS:  # its limit on processor time is one for all requests
+        if self._spent > SECONDS:  # the reader's CPU time limit covers all its requests
             self.reader.close()
 
     def keep(self, files: Path) -> None:
@@ -75,7 +75,7 @@ class _Open:
         self.room.close()
 
 
-_open: dict[str, _Open] = {}  # by what they have open; at most one
+_open: dict[str, _Open] = {}  # keyed by the request; at most one entry
 
 
 def forget_frames() -> None:
@@ -109,7 +109,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
             answer("frame-prepared", frame=frame, info=asdict(info))
         left.remove(frame)
 
-    # Whoever asks for the same of the same scene, for whichever job, finds it open.
+    # An equal request for the same scene, of any job, reuses the open reader.
     key = json.dumps([asdict(manifest), {**asdict(work), "work": "", "job": "", "frames": []}], sort_keys=True)
     try:
         while left:
@@ -124,7 +124,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
                     forget_frames()
     except WorkError as error:
         if left:
-            answer("frame-failed", frame=left[0], error=str(error))  # it was at this one; the others may be better
+            answer("frame-failed", frame=left[0], error=str(error))  # the reader failed at this frame; the others may succeed
             answer("frames-returned", error=str(error))
     except OSError as error:
         if not is_of_machine(error):
@@ -144,11 +144,11 @@ def see_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrames) ->
             raise WorkError(message["failed"])
         found.append(message.get("file"))
 
-    forget_frames()  # the files of a reader that others asked before may be gone in part
+    forget_frames()  # earlier requests may have removed files of an open reader
     opened = _Open(worker, manifest, work)
     try:
         opened.ask(work.frames[:1], take)
-        opened.reader.close()  # it could change what has been checked
+        opened.reader.close()  # ends the reader, which could modify the validated files
         return load(opened.room.compiled(found[0])) if found and found[0] else None
     finally:
         opened.close()

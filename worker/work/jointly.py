@@ -48,7 +48,7 @@ def laid_out(app: Celery, worker: WorkerContext, joint: JointBatch, message: str
     except (OSError, ValueError) as error:
         log.warning("slots cannot share a batch, one renders it alone: %s", error)
         return False
-    if len(joint.pieces) > most:  # others may have slots for them
+    if len(joint.pieces) > most:  # other machines may have slots for them
         try:
             _put_back(app, worker, joint, joint.pieces[most:])
         except _AWAY as error:
@@ -86,7 +86,7 @@ def help_out(worker: WorkerContext) -> None:
             _render(worker, taken)
         for results in worker.pieces.ripe():
             _send(worker, results)
-    except OSError as error:  # what is lost with it is handed out again
+    except OSError as error:  # lost pieces are handed out again when their lease expires
         log.warning("sums of a batch are lost: %s", error)
 
 

@@ -28,7 +28,7 @@ __all__ = ["prepare_scene"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
 MAX_NAMES = 10_000
-LEFT_S = 120.0  # of them, for what Blender wrote
+LEFT_S = 120.0  # seconds reserved for the files that Blender wrote
 WRITTEN = "written"
 
 
@@ -45,7 +45,7 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
         try:
             return _prepared(worker, manifest, progress, begun)
         except WorkError:
-            # Files that have suffered in the cache are no fault of who uploaded them.
+            # Damaged files in the cache are not errors of the scene.
             if not [file for file in manifest.files if worker.cache.discard_damaged(file.sha256)]:
                 raise
         return _prepared(worker, manifest, progress, begun)
@@ -112,7 +112,7 @@ def _warm_up(edition: str) -> None:
     """Makes the thumbnail's kernel ready, compiled or loaded, for the readers of this machine too."""
     if edition in EDITIONS:
         settings = RenderSettings(THUMBNAIL_WIDTH, THUMBNAIL_WIDTH, View((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), max_depth=6)
-        warm_up(settings, edition, prepares=False)  # where slots want the same kernel now, one compiles it
+        warm_up(settings, edition, prepares=False)  # if several slots need the kernel, only one compiles it
 
 
 def _opened(manifest: Manifest, room: Room) -> list[str]:

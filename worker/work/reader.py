@@ -87,7 +87,7 @@ class Room:
 
     def place_base(self, worker: WorkerContext, sha256: str) -> None:
         """Links a compiled scene of the cache, and its parts, into `base`. Raises Trouble, RefusedError and SceneError."""
-        open_scene(worker.cache, sha256)  # fetched, and checked
+        open_scene(worker.cache, sha256)  # fetches and validates it
         manifest = worker.cache.path(sha256)
         for path in (manifest, *(worker.cache.path(*part) for part in parts_of(manifest))):
             link_or_copy(path, self.base / path.name)
@@ -133,7 +133,7 @@ class Room:
             "that this worker grants one scene",
             "Make it smaller, or split it into several.",
         )
-        more = [_ALL_PREPARING] if jit.is_kept(kernel_name(edition=FULL)) else []  # not to be waited for while it is compiled
+        more = [_ALL_PREPARING] if jit.is_kept(kernel_name(edition=FULL)) else []  # do not wait while it is compiled
         calls = {**calls_of_reader(self.scene, self.folder), **(calls or {})}
         with as_of_worker():
             return running.Reader(

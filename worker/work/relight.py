@@ -41,7 +41,7 @@ def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
     with Room("relight") as room:
         if is_named(light):
             made = save_lit(room.scene, light, base, data, power, room.out)
-        else:  # an image that somebody uploaded
+        else:  # an uploaded image
             files = [file for file in manifest.files if file.path == light]
             place_files(worker, replace(manifest, files=files), room.scene)
             room.place_base(worker, info.compiled.sha256)

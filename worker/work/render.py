@@ -23,11 +23,11 @@ from worker.work.scenes import open_scene
 
 __all__ = ["batch_event", "failure", "mapped_scene", "not_understood", "render", "returned"]
 
-# How long a batch waits in its slot for a service that is away: less than the service waits for a batch that is in hand.
+# Seconds to retry an unreachable service, less than a batch's lease.
 PATIENCE_S = 30.0
 TRACE_LINES, TRACE_CHARACTERS = 6, 1500
 
-# Mapped scenes that a slot keeps open. They cost address space; their pages are shared with every other slot.
+# Number of mapped scenes that a slot keeps open. They cost address space; their pages are shared among slots.
 OPEN_SCENES = 8
 
 _open: OrderedDict[str, CompiledScene] = OrderedDict()
@@ -58,7 +58,7 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
         return failure(worker, batch, str(error))
     except MemoryError:
         return failure(worker, batch, f"{worker.name} has too little memory for this scene")
-    except Exception as error:  # whatever it is, it is this batch's fault and not the worker's end
+    except Exception as error:  # any error fails this batch only, not the worker
         last = "".join(traceback.format_exception(error)[-TRACE_LINES:])[-TRACE_CHARACTERS:]
         return failure(worker, batch, f"{type(error).__name__}: {error}", last)
     event = {

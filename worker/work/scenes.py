@@ -70,7 +70,7 @@ def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
         if not discard_damaged(cache, sha256):
             raise
     except FileNotFoundError:
-        pass  # another slot made room in between
+        pass  # evicted meanwhile by another slot
     except OSError as error:
         if not is_of_machine(error):
             raise

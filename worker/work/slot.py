@@ -57,7 +57,7 @@ def at_work(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[
     with InHand(worker, {**about, "tile": list(work.tile), "message": message}) as hand:
 
         def do() -> Result:
-            # A piece that another slot shared out comes without a message of the service.
+            # A piece shared by another slot comes without a trace context from the service.
             parent = tracing.here() or tracing.root_of("job", work.job)
             with overhear() as heard, tracing.span("batch", parent, **named(vars(work))):
                 result = render(worker, work, hand.compiling)

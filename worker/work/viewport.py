@@ -33,7 +33,7 @@ from worker.work.render import mapped_scene
 
 __all__ = ["Answering", "prepare_view_frame", "render_view"]
 
-PATIENCE_S = 5.0  # with a service that is away: somebody looks
+PATIENCE_S = 5.0  # seconds to retry an unreachable service; a client waits
 
 log = logging.getLogger(__name__)
 
@@ -101,7 +101,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
         answering.send("failed", error=str(error))
     except MemoryError:
         answering.send("failed", error=f"{worker.name} has too little memory for this scene.")
-    except Exception as error:  # whatever it is, it is this view's fault and not the worker's end
+    except Exception as error:  # any error fails this view only, not the worker
         log.exception("a view failed")
         answering.send("failed", error=f"{worker.name} could not render the view ({type(error).__name__}: {error}).")
     return samples / seconds if seconds else 0.0
