@@ -23,7 +23,7 @@ from renderer.work import DEFAULT_SIZE, WORK
 __all__ = ["Picture", "takes_picture"]
 
 ASKED: Mapping[str, Declared] = {name: SETTINGS[name] for name in OPTIONAL}
-LIGHT: Mapping[str, Declared] = {name: each for name, each in ENVIRONMENT.items() if name != "color"}  # which --env says
+LIGHT: Mapping[str, Declared] = {name: each for name, each in ENVIRONMENT.items() if name != "color"}  # given by --env
 ENDS: Mapping[str, Declared] = {name: WORK[name] for name in ("spp", "noise", "seconds")}
 
 

@@ -112,7 +112,7 @@ def _render_jointly(task: Any, joint: dict[str, Any]) -> None:
     if not is_redelivered(task) and laid_out(task.app, worker, work, task.request.id):
         help_out(worker)
         return
-    for number in left_of(worker, work, task.request.id):  # one may have killed the slot that had it: which, is seen in turn
+    for number in left_of(worker, work, task.request.id):  # in turn: one of them may have killed the slot
         batch = work.batch(number).to_json()
         with about(**named(batch)):
             _render(task, worker, batch)

@@ -28,9 +28,9 @@ __all__ = ["register"]
 
 SCENE = shipped("scenes") / "still-life.yaml"
 SIZE = "64x36"
-ENOUGH_S = 0.5  # what is over sooner is measured with more samples
+ENOUGH_S = 0.5  # seconds; shorter runs are repeated with more samples
 MOST_SAMPLES = 4096
-PROBE = 8  # of the picture's width and height, to foretell how long all of it takes
+PROBE = 8  # factor by which the picture is reduced to estimate the time
 
 Scene = Annotated[Path | None, typer.Option(metavar="SCENE", help="The scene to measure; by default scenes/still-life.yaml.")]
 Json = Annotated[bool, typer.Option("--json", help="For programs.")]

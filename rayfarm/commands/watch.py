@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["register"]
 
-ALONE = ("--tev", "--viewer")  # may stand without a value
+ALONE = ("--tev", "--viewer")  # options with an optional value
 ACTIVE = ("running", "queued", "paused")
 
 
@@ -111,7 +111,7 @@ def watch(
             raise CommandError("-o names the .exr that --viewer opens: rayfarm watch JOB --viewer -o out.exr")
         check_writable(output)
     if viewer is not None:
-        command_of(viewer, Path("picture.exr"))  # better now than after a night
+        command_of(viewer, Path("picture.exr"))  # raises now instead of after the job
     address = None if tev is None else address_of(tev)
 
     news = threading.Event()
@@ -158,7 +158,7 @@ def _show(
             tell(live, news)
         except KeyboardInterrupt:
             return signal.SIGINT
-        except BrokenPipeError:  # whoever read the lines has seen enough
+        except BrokenPipeError:  # the reader of the pipe has closed it
             sys.stdout = None
         return None
     with terminal:

@@ -34,7 +34,7 @@ __all__ = ["look_at_folder"]
 LITTLE_ROOM = 5 << 30
 NETWORKS = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p")
 SECRETS = ("token", "owner-token", "secrets.json", "webhook-secret", "farm.json", "redis.conf", "rayfarm.sqlite")
-NAMED = 3  # of many that are wrong
+NAMED = 3  # examples listed of many faults
 
 Progress = Callable[[int, int], None]
 
@@ -213,7 +213,7 @@ def _is_film_there(films: FilmFolder, job: Job, recorded: dict[int, int], deep: 
     try:
         check_film(films, job.id, RenderSettings.from_json(job.settings), job.tile_size, recorded)
     except SettingsError:
-        return True  # of another release
+        return True  # written by another release
     except FarmError:
         return False
     return True

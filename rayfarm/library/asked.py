@@ -72,7 +72,7 @@ def asked(given: Mapping[str, Any]) -> Asked:
     )
     wanted = given.get("aovs")
     named = [wanted] if isinstance(wanted, str) else wanted or ()
-    planes = aovs.AOVS if wanted is None else aovs.known(name for name in named if name != "color")  # which is there anyway
+    planes = aovs.AOVS if wanted is None else aovs.known(name for name in named if name != "color")  # always present
     moment = Moment(float(given.get("frame") or 0), given.get("fps"), _text(given.get("clip")))
     return Asked(picture, moment, _text(given.get("variant")), tuple(planes), bool(given.get("denoise")), given.get("threads"))
 

@@ -18,7 +18,7 @@ from renderer.errors import SceneError
 
 __all__ = ["as_files"]
 
-_NAMING = ("file", "image", "picture", "profile")  # keys whose value is a file's name
+_NAMING = ("file", "image", "picture", "profile")  # keys whose value is a file name
 
 
 @contextlib.contextmanager
@@ -42,7 +42,7 @@ def as_files(scene: Any, base: str | Path = ".") -> Iterator[Path]:
         if isinstance(scene, Mapping):
             yield _written(scene, Path(folder), Path(base).expanduser())
         elif hasattr(scene, "export") and type(scene).__module__.partition(".")[0] == "trimesh":
-            kind = "ply" if type(scene).__name__ == "PointCloud" else "glb"  # whose points are shown as balls
+            kind = "ply" if type(scene).__name__ == "PointCloud" else "glb"  # its points are shown as spheres
             path = Path(folder) / f"scene.{kind}"
             path.write_bytes(scene.export(file_type=kind))
             yield path
@@ -57,7 +57,7 @@ def _written(scene: Mapping[str, Any], folder: Path, base: Path) -> Path:
     path = folder / "scene.yaml"
     document = _Writer(folder, base).plain(scene, "scene")
     document.setdefault("name", name or "scene")
-    # JSON is YAML; Python's words for what is no number are not, and are refused where they are read.
+    # JSON is valid YAML, except for Python's NaN and Infinity, which the reader refuses.
     path.write_text(json.dumps(document))
     return path
 

@@ -16,7 +16,7 @@ __all__ = ["ATTRIBUTES", "mesh_as_glb"]
 
 _FLOAT, _UINT32 = 5126, 5125
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
-# What a vertex may have, by our names: glTF's, and how many numbers it takes.
+# Vertex attributes by our names: glTF's name, and the number of components.
 ATTRIBUTES = {
     "positions": ("POSITION", (3,)),
     "normals": ("NORMAL", (3,)),

@@ -65,7 +65,7 @@ def passes(scene: Path, wanted: Asked, at_once: bool) -> Generator[Image]:
 
         def tell(news: tuple[Sums, bool] | BaseException) -> None:
             with contextlib.suppress(queue.Empty):
-                ready.get_nowait()  # what nobody has taken is out of date
+                ready.get_nowait()  # drop the outdated picture
             ready.put(news)
 
         def after_pass(sums: Sums) -> bool:

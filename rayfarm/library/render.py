@@ -69,5 +69,5 @@ def _images(scene: Any, farm: str | Client | None, base: str | Path, settings: d
                 yield image
         finally:
             if not is_done:
-                with suppress(ClientError):  # it is over already, or nobody is there to be told
+                with suppress(ClientError):  # already ended, or the farm is unreachable
                     client.change(job.id, state="cancelled")

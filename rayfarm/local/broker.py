@@ -21,8 +21,8 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 NAMES = ("valkey-server", "redis-server")
 PATIENCE_S = 10.0
 LEAST_BUFFERS = 256 << 20  # bytes; the service reads results 64 MiB at a time
-LARGEST_VALUE = 256 << 20  # bytes of one value, so also of an entry's sums: four times those of a tile of 640 x 640
-IDLE_S = 300  # clients connect again; a blocked BRPOP does not count as idle
+LARGEST_VALUE = 256 << 20  # bytes of one value, and of a result's sums: four times those of a tile of 640 x 640
+IDLE_S = 300  # seconds; clients reconnect, and a blocked BRPOP does not count as idle
 
 
 def find_server() -> Path:

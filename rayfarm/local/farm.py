@@ -31,11 +31,11 @@ from worker.protocol.contract import WORKER_KEYS, WorkerReport
 __all__ = ["LocalFarm", "Tls", "free_port"]
 
 ANYWHERE = ("0.0.0.0", "::", "")
-PATIENCE_S = 180.0  # on a busy machine it takes a minute to load the service
-SERVICE_STEADY_S = 15.0  # it may migrate a database first
-ANNOUNCE_EVERY_S = 5.0  # while the disk is full
-REDIS_EVERY_S = 5.0  # looks whether a script blocks it
-REFUSES_TO_START = 3  # uvicorn's exit code where the application says that it cannot start, and a worker's
+PATIENCE_S = 180.0  # seconds; on a busy machine loading the service takes a minute
+SERVICE_STEADY_S = 15.0  # seconds; includes a database migration
+ANNOUNCE_EVERY_S = 5.0  # seconds between retries while the disk is full
+REDIS_EVERY_S = 5.0  # seconds between checks for a blocking script
+REFUSES_TO_START = 3  # exit code of uvicorn for a failed startup, and of a worker
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class LocalFarm:
             save_secrets(data, self.secrets)
         self.supervisor = Supervisor(ROOT, say)
         self._parts: dict[str, Part] = {}
-        self._unannounced: float | None = None  # when farm.json is written again; None: it is as it should be
+        self._unannounced: float | None = None  # time to write farm.json again; None: it is current
         self._look_at_redis = 0.0
 
     @property
@@ -92,7 +92,7 @@ class LocalFarm:
     def public_url(self) -> str:
         """The address for other machines."""
         if self.names and self.tls:
-            return f"{self._scheme}://{self.names[0]}:{self.port}"  # the certificate is for a name
+            return f"{self._scheme}://{self.names[0]}:{self.port}"  # the certificate is for a host name
         return self.url if self.host not in ANYWHERE else f"{self._scheme}://{_own_address()}:{self.port}"
 
     @property
@@ -116,7 +116,7 @@ class LocalFarm:
         self._start(Part("redis", [str(server), str(config)], self._log("redis"), grace_s=3.0))
         self.wait(self._redis_answers, "redis", stopped)
 
-        listening = "" if self.host == "::" else self.host  # asyncio binds "" to IPv4 and IPv6, but "::" to IPv6 alone
+        listening = "" if self.host == "::" else self.host  # asyncio binds "" to IPv4 and IPv6, but "::" to IPv6 only
         env = {
             "RAYFARM_DATA": str(self.data),
             "RAYFARM_REDIS_URL": self.redis_url,
@@ -134,10 +134,10 @@ class LocalFarm:
             env[TRUST_VARIABLE] = str(self.tls.certificate)
         service = Part("service", uvicorn, self._log("service"), env, steady_s=SERVICE_STEADY_S, serves=self._service_listens)
         service.has_spare = True
-        service.at_peace = self.worker_ready if self.slots else None  # it may be compiling on all cores
+        service.at_peace = self.worker_ready if self.slots else None  # it may be compiling on all cores until then
         self._start(service)
         if self.slots:
-            # The token goes by the environment: a command line is seen by everyone on the machine.
+            # The token is passed in the environment, since command lines are visible to all users.
             worker = [sys.executable, "-m", "worker", "--service", self.url, "--slots", str(self.slots)]
             worker += [f"--blender={self.blender}"] if self.blender is not None else []
             self._start(Part("worker", worker, self._log("worker"), env, steady_s=WORKER_STEADY_S))
@@ -191,7 +191,7 @@ class LocalFarm:
     def service_answers(self) -> bool:
         """Whether the service takes requests."""
         try:
-            # It is asked in plain HTTP. To read the machine's certificates for each look takes the processor from what starts.
+            # Plain HTTP, since loading the trust store for each check would take CPU time from the starting parts.
             return httpx.get(f"{self.url}/readyz", timeout=5.0, verify=False, trust_env=False).is_success
         except httpx.HTTPError:
             return False
@@ -256,7 +256,7 @@ def _is_ready(report: bytes, pid: int) -> bool:
     try:
         worker = WorkerReport.from_bytes(report)
     except (TypeError, ValueError):
-        return False  # of a worker of another release
+        return False  # report of another release
     return worker.pid == pid and worker.state == "ready"
 
 

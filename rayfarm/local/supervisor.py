@@ -21,17 +21,17 @@ from worker.machine.children import signal_name, spawn_guard
 
 __all__ = ["WORKER_STEADY_S", "Part", "Supervisor"]
 
-LOG_KEPT = 5 << 20  # bytes of a log, and as many of what was before
-LOGS_EVERY_S = 0.25  # looks at the sizes of logs
-WORKER_STEADY_S = 90.0  # it may compile its kernels first
+LOG_KEPT = 5 << 20  # bytes of a log, and of its predecessor
+LOGS_EVERY_S = 0.25  # seconds between checks of log sizes
+WORKER_STEADY_S = 90.0  # seconds; includes compiling kernels
 PAUSES_S = (0.2, 1.0, 2.0, 5.0, 10.0, 30.0)
-KILLED_PAUSE_S = 1.0  # at most, for what was killed from outside: that says nothing about whether it can live
-SERVED_PAUSE_S = 0.2  # for what had come to serve: it can live, whatever ended it
-LOOK_EVERY_S = 0.05  # whether a part that was just started serves
-PEACE_EVERY_S = 0.5  # whether the others are ready
-SPARE_AFTER_S = 3.0  # of serving, where it is the first: while a farm starts, its processor has other things to do
-SPARE_LATEST_S = 60.0  # of serving, even where other parts are not ready by then
-SPARE_AGAIN_S = 0.3  # of serving, after a restart: what killed one may kill the next
+KILLED_PAUSE_S = 1.0  # maximum after a kill from outside, which says nothing about the part's health
+SERVED_PAUSE_S = 0.2  # after a part that has served
+LOOK_EVERY_S = 0.05  # seconds between checks whether a new part serves
+PEACE_EVERY_S = 0.5  # seconds between checks whether the other parts are ready
+SPARE_AFTER_S = 3.0  # seconds of serving before the first spare, since a starting farm needs the CPU
+SPARE_LATEST_S = 60.0  # seconds of serving after which a spare starts even if other parts are not ready
+SPARE_AGAIN_S = 0.3  # seconds of serving after a restart, as the same fault may strike again
 KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
@@ -116,7 +116,7 @@ class Supervisor:
 
     def _let_begin(self, process: subprocess.Popen[bytes]) -> None:
         assert process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # it has died in this moment, which is seen at the next look
+        with contextlib.suppress(BrokenPipeError):  # it died just now, which the next check detects
             process.stdin.write(b"begin\n")
             process.stdin.close()
 
@@ -232,7 +232,7 @@ def _bound(log: Path) -> None:
                 old.unlink(missing_ok=True)
         os.truncate(log, 0)
     except OSError:
-        return  # it is not there, or the disk fails; looked at again in a moment
+        return  # missing, or the disk fails; checked again later
 
 
 def _log_of(part: Part) -> IO[bytes]:

@@ -21,5 +21,5 @@ def set_cookie(
         path="/",
         secure=request.scope["scheme"] == "https",
         httponly=True,
-        samesite=same_site,  # strict: the page's files need no cookie; a link from elsewhere opens the page, which asks by itself
+        samesite=same_site,  # strict suffices: the page's files need no cookie, and its requests are same-site
     )

@@ -37,7 +37,7 @@ __all__ = ["UNREADABLE", "job_out", "jobs_out", "scene_out", "snapshot"]
 
 log = logging.getLogger(__name__)
 
-# Of a job's row. By one call in C: a list has a thousand rows.
+# Columns of a job's row, read by one call in C, since a list has a thousand rows.
 _AS_THEY_ARE = (
     *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
     *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "note"),

@@ -36,8 +36,8 @@ __all__ = [
 ]
 
 BAD_SHOWN = 16
-Recorded = list[tuple[int, FrameNumbers]]  # the frames of a job: their keys, and how far they are
-RECORDED = FrameNumbers._fields  # of a frame's row
+Recorded = list[tuple[int, FrameNumbers]]  # frame keys and numbers of a job
+RECORDED = FrameNumbers._fields  # columns of a frame's row
 
 
 def still_numbers(job: Job, recorded: Iterable[tuple[int, FrameNumbers]], known: JobNumbers | None, is_live: bool) -> Recorded:
@@ -46,8 +46,8 @@ def still_numbers(job: Job, recorded: Iterable[tuple[int, FrameNumbers]], known:
     found = []
     for key, f in recorded:
         numbers = f._replace(state=state, error=None)
-        # The engine writes its numbers down once a second, and once more a moment after a job was cancelled: until then what
-        # the database has of a job that is over may be less than what was told of it before.
+        # The engine stores its numbers once a second, and once more shortly after a cancellation: until then the
+        # stored numbers of an ended job may be behind those sent to clients.
         if known is not None and (is_live or known.samples > f.samples):
             numbers = numbers._replace(samples=known.samples, bad_samples=known.bad_samples)
             numbers = numbers._replace(progress=known.progress, noise=known.noise)
@@ -151,5 +151,5 @@ def bad_samples_of(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleO
         settings = RenderSettings.from_json(job.settings)
         bad = engine.films.open(job.id, settings, job.tile_size).bad_samples(frame_key(frame.number))[1]
     except (FarmError, SettingsError):
-        return []  # the job is being deleted, its film is broken or of another release: the job's error says so
+        return []  # being deleted, or film broken or of another release: see the job's error
     return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b)) for b in bad[:BAD_SHOWN]]

@@ -33,8 +33,8 @@ __all__ = ["router"]
 
 router = APIRouter(prefix="/api/environments", tags=["environments"])
 
-PICTURES = Path(__file__).parent.parent / "light_pictures"  # of the presets: scenes/light_pictures.py makes them
-WIDTH = 160  # of thumbnails, twice their height
+PICTURES = Path(__file__).parent.parent / "light_pictures"  # of the presets; made by scenes/light_pictures.py
+WIDTH = 160  # pixels across a thumbnail, twice its height
 SUFFIXES = (".exr", ".hdr", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
 _Id = Annotated[str, PathParameter(max_length=100)]
 
@@ -161,7 +161,7 @@ async def _recorded(id: str, name: str, file: BlobRef, owner: dict[str, Any], fa
                         session.add(found)
                         session.flush()
                     return _out(found)
-            except IntegrityError:  # another sent the same in the same moment
+            except IntegrityError:  # concurrent upload of the same image
                 found_now = _known(id, farm)
                 if found_now is None:
                     raise

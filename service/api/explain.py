@@ -24,7 +24,7 @@ from worker.protocol.explained import ExplainPixel
 __all__ = ["router"]
 
 SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
-MOST_SAMPLES = 4096  # looked at, as renderer/pixel_paths.py does
+MOST_SAMPLES = 4096  # limit on rendered samples, as in renderer/pixel_paths.py
 
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])
 
@@ -134,7 +134,7 @@ def explain(
     found = farm.explaining.explain(work, kind)
     try:
         return _told(found, scene, film.film_exponent, (x, y, frame), sums if kind == job.kind else None, count)
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):  # whatever a worker says
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):  # a worker's answer is untrusted
         raise no_sense() from None
 
 

@@ -11,9 +11,9 @@ from service.store.models import Job
 
 __all__ = ["named", "picture_name", "title_of"]
 
-LONGEST = 100  # of a title: file systems take 255 bytes, and a letter may be four
+LONGEST = 100  # characters of a title: file systems allow 255 bytes, and a character may take four
 SUFFIX = re.compile(r"\.[A-Za-z]\w{0,7}$")
-KEPT = "._-+()"  # beside letters and digits
+KEPT = "._-+()"  # in addition to letters and digits
 
 
 def title_of(job: Job) -> str:

@@ -146,7 +146,7 @@ async def image(
     headers["Content-Disposition"] = named(picture_name(job, n, samples, kind, extension))
     if asks_head:
         if denoise:
-            del headers["ETag"]  # which is that of the picture that is denoised by then
+            del headers["ETag"]  # the ETag is that of the picture denoised by then
         return headers_alone(headers, MEDIA[extension])
     blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
     motion = await motion_of(job, n, film, farm) if aovs.MOTION in planes else None
@@ -236,7 +236,7 @@ async def digest(id: str, n: Number, farm: FarmDependency, visit: VisitDependenc
 async def _denoised(id: str, n: float, film: Film, farm: Farm) -> MadeAside:
     """Waits for the denoised frame without occupying a thread, since many clients may wait at a time."""
     made = await run_in_threadpool(farm.engine.denoise, id, frame_key(n), film)
-    # Shielded: a reader that leaves must not take the picture from those who wait for the same.
+    # Shielded: a client that disconnects must not cancel the work for other clients.
     return await asyncio.shield(asyncio.wrap_future(made))
 
 

@@ -10,7 +10,7 @@ from starlette.types import Scope
 
 __all__ = ["as_get", "headers_alone", "is_head"]
 
-HEAD = "rayfarm.head"  # in a scope: the headers alone are asked for
+HEAD = "rayfarm.head"  # key in the ASGI scope of a HEAD request
 
 
 def as_get(scope: Scope) -> Scope:

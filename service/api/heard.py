@@ -13,9 +13,9 @@ from fastapi import WebSocket, WebSocketDisconnect
 
 __all__ = ["heard"]
 
-RATE = 500.0  # messages a second that are heard of one watcher for as long as it likes
-BURST = 200.0  # and at once, after a silence
-CHARACTERS = 8192  # that count as one message more
+RATE = 500.0  # messages a second accepted from one client continuously
+BURST = 200.0  # messages accepted at once after a pause
+CHARACTERS = 8192  # per additional message in the count
 
 
 async def heard(socket: WebSocket) -> AsyncIterator[str]:

@@ -49,7 +49,7 @@ class Hosts:
         if self._takes_addresses:
             own = socket.gethostname().lower()
             self._names |= {own, f"{own.split('.')[0]}.local", settings.host.lower()}
-            # It asks the network's name server, which may take its time.
+            # Queries the name server, which may be slow.
             threading.Thread(target=self._ask_for_full_name, name="own name", daemon=True).start()
 
     def know(self, name: str) -> bool:

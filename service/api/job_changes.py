@@ -21,7 +21,7 @@ from service.store.models import FINAL, Job
 
 __all__ = ["ChangesIn", "ChangesOut", "change_many", "may_begin_anew"]
 
-AT_A_TIME = 100  # in one transaction: the engine waits for a moment only, and for a longer one all jobs stand still
+AT_A_TIME = 100  # jobs in one transaction; a longer one would stall the engine and with it all jobs
 
 
 class ChangesIn(Strict):

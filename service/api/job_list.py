@@ -17,14 +17,14 @@ from service.store.models import Job, Scene
 
 __all__ = ["MOST_JOBS", "Choice", "Chosen", "Order", "says", "words_of"]
 
-MOST_JOBS = 1000  # in one answer, or in one change of many
+MOST_JOBS = 1000  # jobs in one answer, or in one change of many
 MOST_WORDS = 8
 
 Order = Literal["newest", "oldest", "name", "priority", "state"]
-_SHOWN = [column for column in Job.__table__.columns if column.name != "history"]  # which is long, and not part of a list
+_SHOWN = [column for column in Job.__table__.columns if column.name != "history"]  # large, and not part of a list
 _Row = namedtuple("_Row", [column.name for column in _SHOWN])  # type: ignore[misc]
 _ID = _Row._fields.index("id")
-_STATES = ("running", "queued", "paused", "failed", "cancelled", "finished")  # what somebody may want to act upon comes first
+_STATES = ("running", "queued", "paused", "failed", "cancelled", "finished")  # sort order: states that may need action first
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Chosen:
 
         Tuples, since a thousand ORM objects take a quarter of the time of a list.
         """
-        ids = self.ids_in(order, session, limit, offset)  # by an index alone; sorting rows would mean to read them all
+        ids = self.ids_in(order, session, limit, offset)  # from an index; sorting rows would read them all
         query = select(*_SHOWN).where(Job.id.in_(ids))
         found = {row[_ID]: _Row._make(row) for row in session.execute(query)}
         return cast("list[Job]", [found[id] for id in ids if id in found])
@@ -93,13 +93,13 @@ def says(
     word: str, name: InstrumentedAttribute[str] | InstrumentedAttribute[str | None], id: InstrumentedAttribute[str]
 ) -> ColumnElement[bool]:
     """SQL condition: the word occurs in the name, or is a prefix of the id."""
-    if "\0" in word:  # where a pattern ends for SQLite, and what PostgreSQL takes in none; no name has it
+    if "\0" in word:  # NUL ends a pattern in SQLite, and is an error in PostgreSQL; no name has it
         return false()
     return or_(func.lower(name).contains(word, autoescape=True), id.startswith(word, autoescape=True))
 
 
 def _says(word: str) -> ColumnElement[bool]:
-    other = aliased(Job)  # few have notes, and an index has those alone
+    other = aliased(Job)  # few jobs have notes, which a partial index covers
     noted = select(other.id).where(other.note.is_not(None), says(word, other.note, other.id))
     scenes = select(Scene.id).where(says(word, Scene.name, Scene.id))
     return or_(says(word, Job.name, Job.id), Job.scene.in_(scenes), Job.id.in_(noted))

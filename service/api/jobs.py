@@ -45,10 +45,10 @@ __all__ = ["router"]
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])
 log = logging.getLogger(__name__)
 
-TRIES = 20  # of changing a shot that others change as well
+TRIES = 20  # attempts to change a shot despite concurrent changes
 _JOBS = TypeAdapter(list[JobOut])
 
-Traced = Annotated[str | None, Header(include_in_schema=False)]  # W3C Trace Context, of whoever asks
+Traced = Annotated[str | None, Header(include_in_schema=False)]  # W3C Trace Context of the client
 
 
 @router.post("", status_code=201, response_model=JobOut)
@@ -105,7 +105,7 @@ def create_job(
             session.add(job)
             session.flush()
             wait_for(job, request.after, session)
-            # which quotas count from now on, also while nothing of it is rendered
+            # Quotas count these frames from now on, even before they are rendered.
             frames = [Step.of("add", keys, target=samples_of(job))]
             if is_long := not is_short(frames):
                 begin(job.id, frames, session)
@@ -195,9 +195,9 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency, visit: VisitDepe
             if job is None:
                 raise no_job(id)
             if of_shot is not None and not of_shot.fits(job, session):
-                continue  # it was changed since
+                continue  # it was changed concurrently
             is_long = _change(job, change, of_shot, is_anew, session, farm, visit)
-            # A shot's frames are added up for it, which takes its time where they are many.
+            # Sums a shot's frames, which takes time if they are many.
             answer = None if job.shot is not None else job_out(job, session, farm.engine)
         break
     else:
@@ -220,7 +220,7 @@ def begin_anew(id: str, farm: FarmDependency, response: Response, visit: VisitDe
         if job.state in FINAL:
             raise Conflict(f"The job is {job.state}; only one that is not over begins anew.")
         request = _as_it_is_now(job)
-        set_state(session.get_one(Job, id, with_for_update=True), "cancelled", is_anew=False)  # now it counts in no quota
+        set_state(session.get_one(Job, id, with_for_update=True), "cancelled", is_anew=False)  # cancelled jobs count in no quota
     try:
         made = create_job(request, farm, response, visit)
     except Exception:
@@ -263,7 +263,7 @@ def _change(
         job.note = change.note or None
     is_more = change.spp is not None or change.more is not None or change.extend is not None or change.again is not None
     if of_shot is not None:
-        if is_more or (state in FINAL and change.state == "running"):  # before it counts itself
+        if is_more or (state in FINAL and change.state == "running"):  # before the job itself counts
             farm.quotas.check_job(visit.caller, session, of_shot.samples, is_new=state in FINAL)
         is_long = of_shot.give(job, session)
     elif job.shot is None and change.is_of_frames:
@@ -285,7 +285,7 @@ def _change(
         set_state(job, change.state, is_anew)
     if of_shot is None and (is_more or (state in FINAL and job.state not in FINAL)):
         more = max(0, samples_of(job) - samples)
-        with session.no_autoflush:  # as it was before: it does not count itself
+        with session.no_autoflush:  # unflushed, so the job itself does not count
             farm.quotas.check_job(visit.caller, session, more, is_new=state in FINAL)
     if change.state == "running":
         wait_no_longer_in_vain([job.id], session)

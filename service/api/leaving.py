@@ -12,8 +12,8 @@ from service.farm import Farm
 
 __all__ = ["base_url", "forget_login", "keep_login", "way_out"]
 
-LONGEST = 3500  # browsers keep cookies of 4 kB
-UNKNOWN = "-"  # the session is the provider's, and its ID token too long to be kept
+LONGEST = 3500  # characters; browsers limit cookies to 4 kB
+UNKNOWN = "-"  # a provider's session whose ID token is too long to store
 
 
 def keep_login(request: Request, response: Response, farm: Farm, token: str) -> None:

@@ -45,12 +45,12 @@ router = APIRouter()
 MAX_UNACKNOWLEDGED = 2  # rounds
 SPEAK_EVERY_S = 5.0
 FRAMES_TOLD = 2000  # frames in one message
-FRAMES_REST = 20  # times as long as it takes to look at them, a watcher waits for the frames of a shot
+FRAMES_REST = 20  # minimum pause between frame updates, as a multiple of their CPU time
 NOT_FOUND = 4404
 GONE = 4410
-MOST_TEXT = 1 << 16  # characters of a message, apart from its list of tiles: it is parsed on the event loop
+MOST_TEXT = 1 << 16  # characters of a message without its list of tiles; it is parsed on the event loop
 TILE_TEXT = 16  # characters for a tile's samples
-MOST_TILES = 1 << 16  # while the number of tiles is not known
+MOST_TILES = 1 << 16  # assumed while the number of tiles is unknown
 
 
 @router.websocket("/api/jobs/{id}/live")
@@ -87,14 +87,14 @@ class _Watcher:
         self._listener = listener
         self._film: Film | None = None
         self._snapshot = snapshot
-        self._wanted: tuple[int, bool] | None = None  # the frame to be watched from now on, and whether all of its tiles are
-        self._have: list[Any] | None = None  # samples of every tile, as the watcher says: what differs is to be noted
+        self._wanted: tuple[int, bool] | None = None  # the requested frame, and whether with a snapshot
+        self._have: list[Any] | None = None  # the client's samples of every tile, to be compared
         self._sequence = 0
-        self._rounds: deque[int] = deque()  # the last packet's number of every round that is not acknowledged
+        self._rounds: deque[int] = deque()  # number of the last packet of every unacknowledged round
         self._spoke = 0.0
         self._state_at = 0.0
-        self._told: dict[int, FrameNumbers] = {}  # of a shot: what was said of its frames
-        self._frames_at = 0.0  # not before
+        self._told: dict[int, FrameNumbers] = {}  # of a shot: the frame numbers that were sent
+        self._frames_at = 0.0  # earliest time of the next frame update
 
     async def receive(self) -> None:
         """Processes acknowledgements and frame selections until the client leaves. Ignores malformed messages."""
@@ -154,7 +154,7 @@ class _Watcher:
             self._turn()
             if self._film is not None and self._have is not None:
                 have, self._have = self._have, None
-                with contextlib.suppress(FarmError):  # what cannot be looked at now is noted when it changes
+                with contextlib.suppress(FarmError):  # tiles that cannot be compared now are queued when they change
                     await self._note_what_differs(self._film, have)
             now = time.monotonic()
             if self._is_state_due(now) and not await self._send_state(now):
@@ -163,7 +163,7 @@ class _Watcher:
             if self._film is not None and self._listener.tiles and len(self._rounds) < MAX_UNACKNOWLEDGED:
                 try:
                     await self._send_round(self._film)
-                except FarmError:  # the job is deleted, its film cannot be read, or the service ends: the next state says which
+                except FarmError:  # job deleted, film unreadable or service stopping; the next state tells
                     self._film = None
                     self._listener.changed["job", self._job] = None
                     self._listener.tiles.clear()
@@ -187,7 +187,7 @@ class _Watcher:
             return False
         await self._socket.send_text(text)
         if state["shot"] is not None and now < self._frames_at and state["state"] in ACTIVE:
-            self._listener.changed["job", self._job] = None  # it is looked at again
+            self._listener.changed["job", self._job] = None  # send again later
         elif state["shot"] is not None:
             job, frames, taken_s = await self._farm.shared.told(self._job, "frames", partial(_frames, self._farm, self._job))
             self._frames_at = now + FRAMES_REST * taken_s
@@ -253,7 +253,7 @@ def _film(farm: Farm, id: str) -> Film | None:
     try:
         return farm.film(job) if job is not None else None
     except FarmError:
-        return None  # the job's state says why there is nothing to see
+        return None  # the reason is in the job's state
 
 
 def _state(farm: Farm, id: str) -> tuple[dict[str, Any] | None, str]:

@@ -27,7 +27,7 @@ async def motion_of(job: Job, n: float, film: Film, farm: Farm) -> Callable[[], 
     """
     wish = await run_in_threadpool(_wish, job, n, film, farm)
     made = await run_in_threadpool(farm.engine.vectors, wish)
-    # Shielded: a reader that leaves must not take them from those who wait for the same.
+    # Shielded: a client that disconnects must not cancel the work for other clients.
     found = await asyncio.shield(asyncio.wrap_future(made))
     return partial(farm.blobs.open, found.sha256)
 

@@ -49,8 +49,8 @@ VIEW = Need(Role.VIEW)
 SUBMIT = Need(Role.SUBMIT)
 ADMIN = Need(Role.ADMIN)
 SELF = Need(Role.VIEW, known=True)
-KEEPER = Need(Role.ADMIN, known=True)  # of who else is let in
-UNKNOWN = Need(Role.VIEW, workers=True)  # is not there: whoever is let in is told so
+KEEPER = Need(Role.ADMIN, known=True)  # for managing users and tokens
+UNKNOWN = Need(Role.VIEW, workers=True)  # unknown path: authenticated callers get 404
 
 NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/healthz"): ANYONE,
@@ -152,7 +152,7 @@ NEEDS: dict[tuple[str, str], Need] = {
 }
 
 
-# Below these a path names a thing, which may be in a project that the caller does not see.
+# Collections whose items may belong to a project that the caller may not see.
 THINGS: dict[str, Kind] = {"scenes": "scene", "jobs": "job", "environments": "environment", "references": "reference"}
 
 
@@ -177,7 +177,7 @@ def need_of(method: str, path: str) -> tuple[str, Need]:
     if fitting:
         known, pattern = min(fitting, key=lambda found: NEEDS[found].weight)
         return pattern, NEEDS[known, pattern]
-    return "", UNKNOWN if path.startswith("/api") else ANYONE  # the page's files, which everybody may have
+    return "", UNKNOWN if path.startswith("/api") else ANYONE  # the page's files are public
 
 
 @cache

@@ -20,7 +20,7 @@ from service.store.staging import BlobWriter
 
 __all__ = ["UPLOAD_FORM", "check_length", "check_room", "only_file", "read_one"]
 
-LONGEST = 200  # characters of a name
+LONGEST = 200  # characters of a file name
 UPLOAD_FORM = {
     "requestBody": {
         "required": True,

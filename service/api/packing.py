@@ -13,10 +13,10 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 __all__ = ["Packing"]
 
-FEWEST, MOST = 1400, 1 << 20  # bytes: less fits into one packet; more is for programs, which are near and in a hurry
-LEVEL = 1  # a millisecond of processor for 100 kB
-IN_PLACE = 1 << 16  # so much takes less time than handing it to another thread
-GZIP = 31  # zlib's window, with gzip's head
+FEWEST, MOST = 1400, 1 << 20  # bytes: fewer fit into one packet; more are for programs on fast networks
+LEVEL = 1  # 1 ms of CPU time for 100 kB
+IN_PLACE = 1 << 16  # bytes compressed on the event loop, which is faster than another thread
+GZIP = 31  # zlib's window bits for the gzip format
 
 
 class Packing:

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 __all__ = ["MOST", "TOTAL", "Page", "PageDependency"]
 
-MOST = 1000  # in one answer
+MOST = 1000  # items in one answer
 TOTAL = "X-Total-Count"
 T = TypeVar("T")
 

@@ -147,7 +147,7 @@ def wait_for_fewer(id: str, after: Sequence[str], session: Session) -> None:
     """Reduces a job's dependencies to these. Raises Conflict."""
     waits = {wait.other: wait for wait in session.scalars(select(Wait).where(Wait.job == id))}
     unknown = [other for other in after if other not in waits]
-    if unknown:  # a job that is there may be waited for by the other
+    if unknown:  # a new dependency on an existing job could create a cycle
         raise Conflict(f"after: the job does not wait for {unknown[0][:60]!r}. One that is there can only wait for fewer.")
     for other, wait in waits.items():
         if other not in after:

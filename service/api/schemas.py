@@ -39,7 +39,7 @@ FrameState = Literal["queued", "preparing", "running", "finished", "failed"]
 JobState = Literal["queued", "running", "paused", "finished", "failed", "cancelled"]
 
 
-_WHOLE_FRAMES = ("in-turn", "every-nth", "centre-out")  # orders that finish a frame before they go on
+_WHOLE_FRAMES = ("in-turn", "every-nth", "centre-out")  # orders that finish a frame before the next
 
 
 def _plain_text(value: str, field: str) -> str:

@@ -32,15 +32,15 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
 }
-HSTS = f"max-age={365 * 86400}"  # not for localhost, where it would hold for the other programs' ports too
+HSTS = f"max-age={365 * 86400}"  # not for localhost, where it would apply to programs on other ports too
 UNKNOWN_NAME = (
     "The service does not answer to the name {name}. Open it as localhost or by its address; "
     "to let it answer to this name too, start it with --allow-host {name} (RAYFARM_ALLOWED_HOSTS='[\"{name}\"]')."
 )
 FOREIGN = "The request comes from a page of another origin. Use the service's own page, or a program."
-OWN_SITE = ("same-origin", "none")  # none: the browser's user did it, by the address bar
+OWN_SITE = ("same-origin", "none")  # none: typed into the address bar
 SAFE_METHODS = {"GET", "HEAD", "OPTIONS"}
-MAX_BODY = 1 << 20  # of all but uploads, which have limits of their own
+MAX_BODY = 1 << 20  # bytes; uploads have separate limits
 STREAMED = ("/api/scenes", "/api/environments", "/api/references", "/api/farm/blobs/", "/api/farm/kernels/")
 
 
@@ -156,7 +156,7 @@ def _bounded(scope: Scope, receive: Receive) -> Receive:
         message = await receive()
         size += len(message.get("body", b""))
         if size > MAX_BODY:
-            raise HTTPException(413, _too_large().detail)  # the one exception that FastAPI lets through while it reads a body
+            raise HTTPException(413, _too_large().detail)  # the only exception that FastAPI passes on while reading a body
         return message
 
     return wrapped

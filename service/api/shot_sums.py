@@ -24,8 +24,8 @@ from service.store.models import ACTIVE, Frame, FrameChange, Job
 __all__ = ["ShotSums", "live_numbers", "sums_of"]
 
 MOST_NAMED = 500  # jobs in one query
-REMEMBERED = 20_000  # jobs that are over
-LONG = 500  # frames, of which more are remembered as sums
+REMEMBERED = 20_000  # ended jobs in the cache
+LONG = 500  # number of frames above which sums are cached
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Sessio
         for job in some:
             known = live.get(job.id) if job.state not in ACTIVE else None
             if known is not None and known.frames and known.samples > found[job.id].samples:
-                found[job.id] = _of_engine(job, known)  # more was told than is written down yet
+                found[job.id] = _of_engine(job, known)  # the engine's numbers are newer than the stored ones
             is_at_rest = job.state not in ACTIVE and job.id not in live and job.id not in changing
             if is_at_rest and found[job.id].count > LONG:
                 _memory.put(job, found[job.id])

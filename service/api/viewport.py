@@ -53,8 +53,8 @@ STATE_EVERY_S = 0.2
 SPEAK_EVERY_S = 5.0
 WAIT_S = 0.25
 PREPARING_S = 0.1
-PATIENCE_S = 3.0  # with a light that is prepared though another is wanted by now
-AGAIN_S = 1.0  # after which a view that cannot be rendered yet is looked at again
+PATIENCE_S = 3.0  # seconds to wait for an environment that is already superseded
+AGAIN_S = 1.0  # seconds between attempts to render a view
 MOST_BYTES = 1 << 16  # of a message
 NOT_UNDERSTOOD = (
     'The message is not understood. Send a view, {"pick": [x, y]}, {"ack": seq} or {"paused": true}, as a JSON object '
@@ -107,16 +107,16 @@ class _Viewer:
         self._changed = asyncio.Event()
         self._asked = asyncio.Event()
         self._ask: ViewIn | None = None
-        self._awaited: ViewIn | None = None  # whose light is prepared
+        self._awaited: ViewIn | None = None  # the view whose environment is being prepared
         self._patient_until = 0.0
         self._errors: deque[dict[str, Any]] = deque(maxlen=16)
         self._unacknowledged: deque[int] = deque()
         self._seq = 0
         self._told: dict[str, Any] = {}
         self._told_at = 0.0
-        self._notice: str | None = None  # why the view that was asked for is not looked at yet
+        self._notice: str | None = None  # why the requested view is not rendered yet
         self._rests_s = AGAIN_S
-        self._held: str | None = None  # the scene's row
+        self._held: str | None = None  # id of the scene's row
         loop = asyncio.get_running_loop()
 
         def wake() -> None:

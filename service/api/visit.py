@@ -17,7 +17,7 @@ __all__ = ["VISIT", "InProject", "IntoProject", "Visit", "VisitDependency", "add
 InProject = Annotated[str | None, Query(max_length=64, description="those of this project alone; empty: those of none")]
 IntoProject = Annotated[str, Query(max_length=64, description="whose members alone see it; empty: everybody who is let in")]
 
-VISIT = "rayfarm.visit"  # in the scope
+VISIT = "rayfarm.visit"  # key in the ASGI scope
 
 
 @dataclass(frozen=True)

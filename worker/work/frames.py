@@ -42,7 +42,7 @@ class _Open:
         self.room = Room("frames")
         try:
             patiently(lambda: self.room.place_base(worker, work.base), PATIENCE_S)
-            self.of_scene = {part.sha256 for part in parts_of(worker.cache.path(work.base))}  # the service keeps them with it
+            self.of_scene = {part.sha256 for part in parts_of(worker.cache.path(work.base))}  # kept by the service
             place_files(worker, manifest, self.room.scene)
             folder, base, out = (os.fsencode(each) for each in (self.room.scene, self.room.base, self.room.out))
             job = partial(serve, folder, manifest, work, base, out, IDLE_S)
