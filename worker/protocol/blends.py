@@ -13,7 +13,7 @@ from worker.protocol.contract import BlobRef, prepare_queue
 
 __all__ = ["TAG", "WAITS", "blender_queue", "is_blend", "written_of"]
 
-TAG = "blender"  # which a worker's offer has where it has Blender
+TAG = "blender"  # tag in the offer of a worker with Blender
 WAITS = (
     "Waits for a worker with Blender, which alone opens .blend and .abc files: none is connected. Start one: "
     f"`rayfarm worker --blender`, or for a farm of this machine `rayfarm up --blender`. Or {WITHOUT_BLENDER}."

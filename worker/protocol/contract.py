@@ -174,10 +174,10 @@ class SceneInfo:
     seconds: float
     variants: list[str] = field(default_factory=list)
     fps: float = 24.0  # the file's own frames a second
-    clips: list[dict[str, Any]] = field(default_factory=list)  # of its animations: name, start and end in seconds
+    clips: list[dict[str, Any]] = field(default_factory=list)  # animations: name, start and end in seconds
     names: dict[str, list[str]] = field(default_factory=dict)  # of `objects` and `materials`, in the order of their numbers
     lights_power: float | None = None  # what its own lights send out: renderer.scene.lit needs it
-    blend: dict[str, Any] | None = None  # what Blender wrote of it: the name of the `main` file, and `files`, a BlobRef each
+    blend: dict[str, Any] | None = None  # files that Blender wrote: the name of `main`, and `files`, a BlobRef each
 
     @classmethod
     def from_json(cls, data: Any) -> SceneInfo:
@@ -211,7 +211,7 @@ class PrepareFrames:
     camera: str | int | None = None  # by name or number
     view: dict[str, Any] | None = None  # one of the request's own, instead
     turntable: float | None = None  # seconds in which it goes around
-    shutter: dict[str, Any] = field(default_factory=dict)  # what is asked for of its settings; of the others the file's count
+    shutter: dict[str, Any] = field(default_factory=dict)  # requested shutter settings; the file's apply for missing ones
 
     @classmethod
     def from_json(cls, data: Any) -> PrepareFrames:
@@ -349,7 +349,7 @@ class WorkerReport:
     blurs: bool = False  # whether it prepares them with an open shutter
     vectors: bool = False  # whether it makes motion vectors
     several: bool = False  # whether it takes several batches in one message
-    views: bool = False  # whether it renders views that somebody looks at (worker.view_parts)
+    views: bool = False  # whether it renders interactive views (worker.view_parts)
     explains: bool = False  # whether it explains pixels (worker.explained)
     adds: bool = False  # whether its slots share a tile, and add up its sums (worker.joint)
     in_hand: list[str] = field(default_factory=list)  # messages of which something waits on the machine, beside `current`

@@ -37,7 +37,7 @@ class ExplainPixel:
 
     message: str  # unique for every question
     job: str
-    compiled: str  # SHA-256 of the compiled scene's blob; where `moment` is given, of the scene at its beginning
+    compiled: str  # SHA-256 of the compiled scene's blob; with `moment`, of the scene at its beginning
     settings: RenderSettings
     x: int
     y: int

@@ -42,7 +42,7 @@ SUMS_PATH = "/sums"
 SIGNATURE_HEADER = "X-Rayfarm-Signature"
 ANNOUNCED_HEADER = "X-Rayfarm-Announced"
 SECRET_S = 600.0
-LARGEST = 1 << 60  # of its counts
+LARGEST = 1 << 60  # upper limit on its counts
 
 
 def site_key(name: str) -> str:
@@ -78,8 +78,8 @@ class SiteReport:
     address: str  # that its workers reach
     port: int
     started: float  # unix time
-    in_hand: list[str] = field(default_factory=list)  # batches whose sums it has and has not sent
-    results: int = 0  # that it has taken
+    in_hand: list[str] = field(default_factory=list)  # batches whose sums it holds unsent
+    results: int = 0  # number of results received
     sent: int = 0  # that became of them
     bytes_in: int = 0
     bytes_out: int = 0
