@@ -1,37 +1,37 @@
-"""The command line, the one-command local farm, and Rayfarm in a Python program.
+"""The command line, the one-command local farm, and the Python library.
 
 commands/            one file per command of the program `rayfarm`, which cli.py puts together
 library/             render() of files, dicts and arrays, here or on a farm; the notebook's widget
 local/               a whole farm on this machine: Redis, service and worker as supervised processes
 watch/               a job watched in the terminal
-doctor/              what is wrong with an installation
+doctor/              checks of an installation
 Talking to a farm
-    client.py            the Python client; answers.py is what it returns, as dataclasses
+    client.py            the Python client; answers.py has its return types, as dataclasses
     login.py             which farm a command talks to, and its token
-    joining.py           what `rayfarm worker` and `rayfarm site` need to join one
+    joining.py           shared code of `rayfarm worker` and `rayfarm site`, which join a farm
     shot.py              frames that a farm renders
 Rendering without a farm
-    reading.py           a scene read and compiled in a confined process; read.py is what that process does
+    reading.py           a scene read and compiled in a confined process; read.py is the code of that process
     reading_files.py     single files read in such a process, and its limits
-    preloaded.py         what that process has loaded before it is needed
-    stage.py             a scene over time, compiled again only where more than a camera moved
+    preloaded.py         modules and kernels that that process loads in advance
+    stage.py             a scene over time, compiled again only if more than a camera moved
     rendering.py         a scene read, compiled and rendered
     frame.py             one frame to its files
-    sequence.py          frames one after the other; movie.py makes a movie of them, steady.py denoises them
-    replay.py            one path of one pixel, followed again
+    sequence.py          frames in sequence; movie.py makes a movie of them, steady.py denoises them
+    replay.py            one path of one pixel, traced again
 Options and files
     options.py           the options that commands share
     declared_options.py  options made from the declared settings
     picture.py           the options that describe a picture
     log_format.py        the option of commands that start processes
     named_files.py       the files that a program uploads, by their names in the scene
-    scene_files.py       which files belong to a scene that a person names
-    output_files.py      pictures on their way to disk
+    scene_files.py       which files belong to a scene on the command line
+    output_files.py      writing pictures to disk
 The machine
     console.py           standard output and error
     machine.py           cores, signals, the screen
     blender.py           Blender for a worker on this machine
-    errors.py            faults and exit codes
+    errors.py            errors and exit codes
 """
 
 from typing import TYPE_CHECKING, Any
@@ -65,8 +65,8 @@ __all__ = [
     "show",
 ]
 
-# Loaded when they are asked for: a command that only talks to a farm has no use for numpy, one without a farm none for HTTP, and
-# neither is to be interrupted by Ctrl-C before it can answer to it.
+# Loaded on demand: a command that only talks to a farm does not need numpy, nor one without a farm HTTP, and
+# Ctrl-C during these imports cannot be handled yet.
 _LATER = {
     **dict.fromkeys(("BadSample", "Camera", "Frame", "Job", "Scene", "Shot", "Worker"), "rayfarm.answers"),
     **dict.fromkeys(("Client", "ClientError"), "rayfarm.client"),

@@ -8,7 +8,7 @@ __all__ = ["main"]
 
 
 def main() -> None:
-    """Load the commands, and run the one that is asked for."""
+    """Loads the commands, and runs the one on the command line."""
     try:
         from rayfarm import preloaded
 

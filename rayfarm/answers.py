@@ -57,11 +57,11 @@ class Scene(ShownInNotebooks):
     id: str
     status: str
     name: str
-    main: str  # which of its files is the scene
-    created: float  # unix time
+    main: str  # the scene file
+    created: float  # Unix time
     bytes: int
     error: str | None = None
-    step: str | None = None  # what preparing does at the moment
+    step: str | None = None  # current step of preparing
     progress: float | None = None  # of preparing, 0 to 1
     files: list[dict[str, Any]] = field(default_factory=list)
     cameras: list[Camera] = field(default_factory=list)
@@ -71,25 +71,25 @@ class Scene(ShownInNotebooks):
     fps: float | None = None  # the file's own, else 24
     clips: list[dict[str, Any]] = field(default_factory=list)  # name, start and end in seconds
     variants: list[str] = field(default_factory=list)  # of a glTF file's materials
-    variant: str | None = None  # the one that is shown
+    variant: str | None = None  # the variant in use
     warnings: list[str] = field(default_factory=list)
-    defaults: dict[str, Any] = field(default_factory=dict)  # settings that the scene file asks for
+    defaults: dict[str, Any] = field(default_factory=dict)  # settings in the scene file
     thumbnail: str | None = None
 
 
 @dataclass(frozen=True)
 class Environment:
-    """Light from all around: a preset, or an image that was uploaded."""
+    """An environment: a preset, or an uploaded image."""
 
     id: str
     name: str
     kind: str  # preset or image
-    environment: dict[str, Any]  # what a job's request asks for it by
+    environment: dict[str, Any]  # its `environment` in a job's request
 
 
 @dataclass(frozen=True)
 class BadSample:
-    """A sample that was NaN or infinite, and left out. reproduce: a command that follows its path."""
+    """A sample that was NaN or infinite and was left out. reproduce: a command that traces its path again."""
 
     x: int
     y: int
@@ -105,54 +105,54 @@ class Frame:
     samples: int
     progress: float
     state: str = ""
-    spp: float = 0.0  # of a pixel, on the average
+    spp: float = 0.0  # mean samples per pixel
     noise: float | None = None
     error: str | None = None
     bad_samples: int = 0
-    bad: list[BadSample] = field(default_factory=list)  # the first of them
+    bad: list[BadSample] = field(default_factory=list)  # the first bad samples
 
 
 @dataclass(frozen=True)
 class Shot:
-    """Of a job with several frames: which there are, and how many are in which state."""
+    """The frames of a job with several of them: which exist, and how many are in which state."""
 
-    frames: str  # as 0-99,120
+    frames: str  # such as 0-99,120
     count: int
     order: str
     states: dict[str, int] = field(default_factory=dict)
-    failed: str = ""  # as `frames`
+    failed: str = ""  # in the format of `frames`
     fps: float | None = None
     clip: str | None = None
     turntable: float | None = None
     every: int = 8
-    first: float | None = None  # the frame that goes before all others
-    noise: float | None = None  # the greatest of its frames
-    forecast: float | None = None  # and at its end
+    first: float | None = None  # the frame that is rendered first
+    noise: float | None = None  # maximum over its frames
+    forecast: float | None = None  # expected noise at its end
 
 
 @dataclass(frozen=True)
 class Wait:
-    """A job that another waits for."""
+    """A job that another job depends on."""
 
     id: str
-    name: str | None = None  # None: it was deleted
+    name: str | None = None  # None if the job was deleted
     state: str | None = None
 
 
 @dataclass(frozen=True)
 class Job(ShownInNotebooks):
-    """A job and how far it is. state: queued, running, paused, finished, failed or cancelled."""
+    """A job and its progress. state: queued, running, paused, finished, failed or cancelled."""
 
     id: str
     scene: str
     state: str
     progress: float  # 0 to 1
     samples: int  # of all pixels together
-    created: float  # unix time
+    created: float  # Unix time
     name: str = ""
-    message: str | None = None  # why it does not go on at the moment
+    message: str | None = None  # why it does not progress
     error: str | None = None
-    reproduce: str | None = None  # a command that shows the error again
+    reproduce: str | None = None  # a command that reproduces the error
     priority: int = 0
     started: float | None = None
     finished: float | None = None
@@ -166,41 +166,41 @@ class Job(ShownInNotebooks):
     noise: float | None = None
     seconds: float | None = None
     tile_size: int | None = None
-    kind: str | None = None  # of the workers that it began with
+    kind: str | None = None  # kind of the workers that render it
     settings: dict[str, Any] | None = None  # fixed when the scene is ready
-    frames: list[Frame] = field(default_factory=list)  # of a shot only the first: Client.frames
+    frames: list[Frame] = field(default_factory=list)  # of a shot only the first; see Client.frames
     shot: Shot | None = None
-    after: list[str] = field(default_factory=list)  # ids of the jobs that it was to come after
-    user: str | None = None  # who asked for it
-    max_slots: int | None = None  # that render it at a time, at most
-    needs: list[str] = field(default_factory=list)  # of the workers that render it
-    deadline: float | None = None  # unix time by which it is wanted
-    expected: float | None = None  # when it is to be ready by the forecast, where it has a deadline
-    late: float | None = None  # since when it is expected to miss that
-    warning: str | None = None  # what somebody may want to do something about
-    waits_for: list[Wait] = field(default_factory=list)  # those of them that are not finished
-    taken: dict[str, Any] | None = None  # with what it began: `job` and its `spp`
+    after: list[str] = field(default_factory=list)  # ids of its dependencies
+    user: str | None = None  # the user who submitted it
+    max_slots: int | None = None  # maximum number of slots at a time
+    needs: list[str] = field(default_factory=list)  # requirements on workers
+    deadline: float | None = None  # Unix time
+    expected: float | None = None  # expected finish, if it has a deadline
+    late: float | None = None  # Unix time since which it is expected to miss the deadline
+    warning: str | None = None  # a problem that the user may want to fix
+    waits_for: list[Wait] = field(default_factory=list)  # its unfinished dependencies
+    taken: dict[str, Any] | None = None  # the reused film: `job` and its `spp`
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing more happens by itself."""
+        """Whether the job is finished, failed or cancelled."""
         return self.state in ("finished", "failed", "cancelled")
 
 
 @dataclass(frozen=True)
 class Offer:
-    """What a worker offers."""
+    """The capabilities of a worker."""
 
     tags: list[str] = field(default_factory=list)
-    memory: int = 0  # bytes that it may use
-    slots_most: int = 0  # it was started with so many
+    memory: int = 0  # usable bytes
+    slots_most: int = 0  # its number of processes
     hours: str = ""  # empty: always
     idle_minutes: float = 0.0
-    idle_by: list[str] = field(default_factory=list)  # how it knows that somebody works at its machine
+    idle_by: list[str] = field(default_factory=list)  # sources of user activity at its machine
     nice: int = 0
     memory_limit: int = 0  # bytes; 0: none
-    rests: str | None = None  # why it takes nothing at the moment, by its own hours or limits
-    trouble: str | None = None  # what was asked of it and it cannot do
+    rests: str | None = None  # why it is idle by its own hours or limits
+    trouble: str | None = None  # which terms it cannot apply
 
 
 @dataclass(frozen=True)
@@ -217,13 +217,13 @@ class Worker:
     message: str | None = None  # why it is paused
     started: float = 0.0
     samples_per_s: float = 0.0  # of one slot
-    current: list[dict[str, Any]] = field(default_factory=list)  # what each slot does
+    current: list[dict[str, Any]] = field(default_factory=list)  # current work of each slot
     denoises: bool = False
-    offer: Offer | None = None  # None: it is of an older release, and can only be paused
+    offer: Offer | None = None  # None for an older release, which can only be paused
 
 
 def read(cls: type[T], data: Any) -> T:
-    """The answer that this JSON is. Raises ValueError, with the fields that are wrong, where it is not one."""
+    """Parses an answer from JSON. Raises ValueError that names the invalid fields."""
     from pydantic import ValidationError
 
     try:
@@ -234,7 +234,7 @@ def read(cls: type[T], data: Any) -> T:
 
 
 def read_list(cls: type[T], data: Any) -> list[T]:
-    """As `read`, of a list."""
+    """Parses a list of answers, as `read`."""
     if not isinstance(data, list):
         raise ValueError(f"it sends something else than a list of {cls.__name__.lower()}s")
     return [read(cls, item) for item in data]
@@ -242,7 +242,7 @@ def read_list(cls: type[T], data: Any) -> list[T]:
 
 @functools.cache
 def _adapter(cls: Any) -> Any:
-    from pydantic import TypeAdapter  # a fifth of a second, which --help need not wait for
+    from pydantic import TypeAdapter  # takes 0.2 s to import, which --help avoids
 
     return TypeAdapter(cls)
 

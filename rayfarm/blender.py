@@ -1,4 +1,4 @@
-"""Blender for a worker on this machine: found, or installed into an environment of its own."""
+"""Blender for a worker on this machine: found, or installed into a virtual environment."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from renderer.blender.program import BPY, BlenderError, environment_python, find
 
 __all__ = ["Program", "Wanted", "program_for"]
 
-PYTHON = (3, 11)  # the one that Blender's module is made for
+PYTHON = (3, 11)  # the Python version of Blender's module
 PANEL = "Blender"
 
 Wanted = Annotated[
@@ -43,9 +43,9 @@ NEITHER = (
 
 
 def program_for(is_wanted: bool, named: str | None, say: Callable[[str], None]) -> str | None:
-    """The program that a worker is to open .blend files with; None where nobody asks for one.
+    """The program with which a worker opens .blend files; None if none is requested.
 
-    say: told what takes its time. Raises CommandError where one is asked for and cannot be had.
+    say: called with a sentence before a slow step. Raises CommandError if a requested Blender is not available.
     """
     if not is_wanted and named is None:
         return None
@@ -57,7 +57,10 @@ def program_for(is_wanted: bool, named: str | None, say: Callable[[str], None]) 
 
 
 def _fetched(say: Callable[[str], None]) -> Path:
-    """The Python of an environment with Blender's module, which wants another numpy than ours. Raises CommandError."""
+    """Installs Blender's module into a virtual environment, since it needs another numpy version; returns its Python.
+
+    Raises CommandError.
+    """
     python = environment_python()
     folder = python.parents[1]
     maker = sys.executable if sys.version_info[:2] == PYTHON else shutil.which(f"python{PYTHON[0]}.{PYTHON[1]}")
@@ -66,7 +69,7 @@ def _fetched(say: Callable[[str], None]) -> Path:
     say(f"Fetching Blender as a Python module into {folder} (once; some 370 MB) ...")
     shutil.rmtree(folder, ignore_errors=True)
     try:
-        # Made where it stays: an environment knows its own path.
+        # Created in its final place, since a virtual environment contains its own path.
         subprocess.run([maker, "-m", "venv", str(folder)], check=True, capture_output=True, text=True)
         command = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", BPY]
         subprocess.run(command, check=True, capture_output=True, text=True)

@@ -1,4 +1,4 @@
-"""The program `rayfarm`: its commands, and how it ends."""
+"""The program `rayfarm`: its commands, and its exit codes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from renderer.errors import RayfarmError
 
 __all__ = ["COMMANDS", "main"]
 
-# As the help lists them. A command's module has its name.
+# In the order of the help. A command's module has its name.
 COMMANDS = (
     "up",
     "worker",
@@ -42,7 +42,7 @@ COMMANDS = (
     "gc",
     "bench",
 )
-BESIDE = {"restore": "backup"}  # commands in another one's module
+BESIDE = {"restore": "backup"}  # commands defined in another command's module
 
 HELP = """A render farm that starts with one command.
 
@@ -57,7 +57,7 @@ HELP = """A render farm that starts with one command.
 
 
 def _program(commands: Iterable[str]) -> typer.Typer:
-    """The program with these of its commands."""
+    """The program with these commands."""
     app = typer.Typer(
         name="rayfarm",
         no_args_is_help=True,
@@ -73,7 +73,7 @@ def _program(commands: Iterable[str]) -> typer.Typer:
 
 
 def _refuse_what_is_no_number(command: Any) -> None:
-    """NaN is in every range, and infinity in one without an end: no option means anything by them."""
+    """Makes numeric options refuse NaN, which passes every range check, and infinity, which passes a range without an end."""
     commands = getattr(command, "commands", {}).values()
     for each in commands:
         _refuse_what_is_no_number(each)
@@ -107,7 +107,7 @@ def _all(
 
 
 def _asked_for() -> Iterable[str]:
-    """The one command that is typed: to import them all takes longer than most of them do. All, where it is none of them."""
+    """The commands to import: only the one that was typed, since importing all is slow; all if none of them was typed."""
     words = [word for word in sys.argv[1:] if word != "--debug"]
     name = words[0].replace("-", "_") if words else ""
     name = BESIDE.get(name, name)
@@ -115,7 +115,7 @@ def _asked_for() -> Iterable[str]:
 
 
 def main() -> None:
-    """Run a command. Faults that a person can mend are one sentence on standard error and exit code 1."""
+    """Runs a command. An error that the user can fix is one sentence on standard error and exit code 1."""
     try:
         command = typer.main.get_command(_program(_asked_for()))
         _refuse_what_is_no_number(command)

@@ -6,7 +6,7 @@
         farm.wait(job.id, watch=lambda job: print(f"{job.progress:.0%}"))
         Path("milk-truck.exr").write_bytes(farm.image(job.id, "exr"))
 
-Answers are the dataclasses of rayfarm.answers. A fault is a ClientError whose message is the service's own sentence.
+Answers are the dataclasses of rayfarm.answers. Errors are ClientErrors with the service's message.
 """
 
 from __future__ import annotations
@@ -40,20 +40,20 @@ TOKEN_VARIABLE = "RAYFARM_API_TOKEN"
 
 POLL_S = 0.3
 AWAY_S = 60.0
-RETENTION_EVERY_S = 0.5  # looks how far a deletion is
-LONG = httpx.Timeout(3600.0, connect=5.0)  # for large uploads, and for answers that are sent once they are made
-ANSWER_S = 300.0  # for a whole answer in JSON, however slowly its bytes come
+RETENTION_EVERY_S = 0.5  # polling interval of a deletion
+LONG = httpx.Timeout(3600.0, connect=5.0)  # for large uploads, and for answers that take long to make
+ANSWER_S = 300.0  # timeout of a whole JSON answer
 MAX_PICTURE = 8 << 30
-MAX_MESSAGE = 64 << 20  # of a live picture: its largest tile, and all frames of a long shot
+MAX_MESSAGE = 64 << 20  # bytes; fits the largest tile, and all frames of a long shot
 PROBLEM = "application/problem+json"
-SAMPLES_HEADER = "X-Samples"  # every picture of a farm has it
-FRAMES_HEADER = "X-Frames"  # and every film
+SAMPLES_HEADER = "X-Samples"  # sent with every picture
+FRAMES_HEADER = "X-Frames"  # sent with every movie
 
 T = TypeVar("T")
 
 
 class ClientError(RayfarmError):
-    """The service cannot be reached, or refuses. `status`: its HTTP status, None where it was not reached or is no farm."""
+    """Raised if the service cannot be reached, or refuses. `status`: its HTTP status, None if no farm answered."""
 
     def __init__(self, message: str, status: int | None = None) -> None:
         super().__init__(message)
@@ -61,12 +61,12 @@ class ClientError(RayfarmError):
 
 
 class NotAFarm(ClientError):  # noqa: N818 - it is what was found
-    """Something else answers at that address."""
+    """Raised if another server answers at that address."""
 
 
 @dataclass(frozen=True)
 class _Answer:
-    """A response whose body is read."""
+    """A response whose body has been read."""
 
     headers: httpx.Headers
     body: bytes
@@ -76,9 +76,9 @@ class Client:
     """A farm's service at `url`. Every method raises ClientError."""
 
     def __init__(self, url: str, timeout_s: float = 60.0, token: str | None = None, certificate: str | None = None) -> None:
-        """token: what a farm that asks for a login is shown; $RAYFARM_API_TOKEN unless told.
+        """token: sent to a farm that requires a login; default $RAYFARM_API_TOKEN.
 
-        certificate: the one that the farm has, where the machine does not trust it by itself; $RAYFARM_TLS_CERT unless told.
+        certificate: the farm's own, if the machine does not trust it already; default $RAYFARM_TLS_CERT.
         """
         self.url = url.rstrip("/") if "://" in url else f"http://{url.rstrip('/')}"
         if token is None:
@@ -111,11 +111,11 @@ class Client:
         self.close()
 
     def close(self) -> None:
-        """Close the connections."""
+        """Closes the connections."""
         self._http.close()
 
     def call(self, method: str, path: str, **json_body: Any) -> Any:
-        """Any route of the API, with a JSON body where there is one: its answer's JSON, None where it has none.
+        """Calls any route of the API, with an optional JSON body. Returns the answer's JSON, None if it has none.
 
         farm.call("POST", "/api/users", name="anna", role="submit")
         """
@@ -130,10 +130,10 @@ class Client:
         name: str | None = None,
         project: str = "",
     ) -> Scene:
-        """Upload a scene: a file, a list of files side by side, or files by their path inside it.
+        """Uploads a scene: a file, a list of files of one folder, or files by their path inside the scene.
 
-        main: which file is the scene, where that is not plain. environment: the path of an environment image among them.
-        project: whose members alone see it.
+        main: the scene file, if it is ambiguous. environment: the path of an environment image among the files.
+        project: makes the scene visible to the project's members only.
 
             farm.upload({"spot.obj": here / "spot.obj", "textures/spot.png": here / "spot.png"}, main="spot.obj")
         """
@@ -149,7 +149,7 @@ class Client:
             )
 
     def upload_environment(self, image: str | Path, project: str = "") -> Environment:
-        """Upload an equirectangular image that lights scenes.
+        """Uploads an equirectangular environment image.
 
         farm.submit(scene.id, environment={"image": farm.upload_environment(here / "studio.exr").id})
         """
@@ -167,14 +167,14 @@ class Client:
         return self._read(Environment, sent)
 
     def scene(self, scene: str) -> Scene:
-        """A scene as it is now.
+        """Returns a scene's current state.
 
         farm.scene(id).status  # preparing, ready or failed
         """
         return self._read(Scene, self._send("GET", f"/api/scenes/{_id(scene)}"))
 
     def wait_for_scene(self, scene: str, timeout_s: float = 900.0, watch: Callable[[Scene], None] | None = None) -> Scene:
-        """The scene once it is ready. Raises ClientError with its error where it fails."""
+        """Waits until the scene is ready, and returns it. Raises ClientError with its error if it fails."""
         for found in self._poll(lambda: self.scene(scene), timeout_s):
             if watch:
                 watch(found)
@@ -185,7 +185,7 @@ class Client:
         raise ClientError(f"The scene {scene} is still being prepared after {timeout_s:.0f} s; look at {self.url}.")
 
     def submit(self, scene: str, idempotency_key: str | None = None, **request: Any) -> Job:
-        """Ask for a picture: width, height, spp, camera or view, max_depth, seed, ... as POST /api/jobs takes them.
+        """Submits a job: width, height, spp, camera or view, max_depth, seed, ... as in POST /api/jobs.
 
         farm.submit(scene.id, width=960, height=540, noise=0.02, camera=scene.cameras[0].name)
         """
@@ -193,7 +193,7 @@ class Client:
         return self._read(Job, self._send("POST", "/api/jobs", json={"scene": scene, **request}, headers=headers))
 
     def job(self, job: str) -> Job:
-        """A job as it is now.
+        """Returns a job's current state.
 
         farm.job(id).progress  # 0 to 1
         """
@@ -204,14 +204,14 @@ class Client:
         return self._list(Job, "/api/jobs")
 
     def change(self, job: str, **fields: Any) -> Job:
-        """Change a job: state (running, paused, cancelled), priority, spp, after; of a shot extend, again, first, order, frames.
+        """Changes a job: state (running, paused, cancelled), priority, spp, after; of a shot extend, again, first, order, frames.
 
         farm.change(job.id, state="paused")
         """
         return self._read(Job, self._send("PATCH", f"/api/jobs/{_id(job)}", json=fields))
 
     def wait(self, job: str, timeout_s: float | None = None, watch: Callable[[Job], None] | None = None) -> Job:
-        """The job once it is finished, failed or cancelled; a service that restarts meanwhile is waited for."""
+        """Waits until the job is finished, failed or cancelled, and returns it; keeps waiting while the service restarts."""
         for found in self._poll(lambda: self.job(job), timeout_s):
             if watch:
                 watch(found)
@@ -220,14 +220,14 @@ class Client:
         raise ClientError(f"The job {job} is not finished after {timeout_s:.0f} s; it goes on at {self.url}.")
 
     def frames(self, job: str) -> list[Frame]:
-        """All frames of a job.
+        """Returns all frames of a job.
 
         [frame.number for frame in farm.frames(job.id) if frame.state == "failed"]
         """
         return self._list(Frame, f"/api/jobs/{_id(job)}/frames")
 
     def movie(self, job: str, format: str = "mp4", **query: Any) -> bytes:
-        """The frames that have samples as a film: mp4, webm or webp. query: frames, fps, width, exposure, tonemap.
+        """Returns the frames that have samples as a movie: mp4, webm or webp. query: frames, fps, width, exposure, tonemap.
 
         Path("shot.mp4").write_bytes(farm.movie(job.id))
         """
@@ -237,7 +237,7 @@ class Client:
         return answer.body
 
     def image(self, job: str, format: str = "png", frame: float = 0, **query: Any) -> bytes:
-        """A frame as it is now, as the bytes of a png, exr or jpg. query: aov, exposure, tonemap, denoise, ...
+        """Returns a frame's current picture as the bytes of a png, exr or jpg. query: aov, exposure, tonemap, denoise, ...
 
         Path("out.png").write_bytes(farm.image(job.id, exposure=1.0, denoise=True))
         """
@@ -262,10 +262,11 @@ class Client:
     def let_go(
         self, dry_run: bool = True, progress: Callable[[int, int | None], None] = lambda done, planned: None, **rules: Any
     ) -> dict[str, Any]:
-        """What the farm lets go by rules: films_days, films_bytes, compiled_days, uploads_days; by its own where none is given.
+        """Deletes data by retention rules: films_days, films_bytes, compiled_days, uploads_days; the farm's own rules if none is
+        given.
 
-        farm.let_go(films_days=30)["bytes"]  # only told; dry_run=False does it, and waits until it is done
-        progress: called with the items that are done and, once it is known, how many there are.
+        farm.let_go(films_days=30)["bytes"]  # dry run; dry_run=False deletes, and waits until it is done
+        progress: called with the number of items done and, once it is known, their total.
         """
         data = self._retention("POST", json={"dry_run": dry_run, **rules})
         while data.get("state") == "running":
@@ -284,7 +285,7 @@ class Client:
         return data
 
     def socket(self, path: str) -> ClientConnection:
-        """A WebSocket of the API, as /api/jobs/{id}/live.
+        """Opens a WebSocket of the API, such as /api/jobs/{id}/live.
 
         with farm.socket(f"/api/jobs/{job.id}/live") as live: print(live.recv())
         """
@@ -310,7 +311,7 @@ class Client:
             raise ClientError(f"{self.url} does not answer ({error or type(error).__name__}). Try again.") from error
 
     def _poll(self, ask: Callable[[], T], timeout_s: float | None) -> Iterator[T]:
-        """Answers, a moment apart, until the time is over. A service that is away is asked again for a minute."""
+        """Yields answers at short intervals until the timeout. Retries for a minute while the service is unreachable."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         away_since: float | None = None
         while deadline is None or time.monotonic() < deadline:
@@ -331,11 +332,11 @@ class Client:
         except ValueError as error:
             raise self._other(answer, error) from None
         if not found:
-            self._check()  # an empty list says nothing about who sends it
+            self._check()  # an empty list does not show that a farm sent it
         return found
 
     def _check(self) -> None:
-        """Raises ClientError where no farm answers."""
+        """Raises ClientError if no farm answers."""
         answer = self._send("GET", "/api/info")
         data = self._data(answer)
         if not isinstance(data, dict) or data.get("name") != "rayfarm":
@@ -349,7 +350,7 @@ class Client:
             found = read(cls, data)
         except ValueError as error:
             raise self._other(answer, error) from None
-        object.__setattr__(found, "_farm", self)  # who shows it in a notebook
+        object.__setattr__(found, "_farm", self)  # for display in a notebook
         return found
 
     def _data(self, answer: _Answer) -> Any:
@@ -363,7 +364,7 @@ class Client:
         return NotAFarm(not_a_farm(self.url, came))
 
     def _send(self, method: str, path: str, limit: int = MAX_ANSWER, **kwargs: Any) -> _Answer:
-        """The answer, where it is a success and has at most `limit` bytes: what answers may be anything."""
+        """Sends a request and returns a successful answer of at most `limit` bytes, since the server is untrusted."""
         if not is_address(self.url):
             raise ClientError(f"{self.url} is no address of a farm; give one as http://host:8000")
         try:
@@ -375,7 +376,7 @@ class Client:
             raise ClientError(f"{self.url} does not answer ({error or type(error).__name__}). Try again.") from error
         except OSError as error:
             raise ClientError(f"A file of the scene cannot be read any more ({error.strerror or error}).") from error
-        except ValueError as error:  # a number that JSON cannot express
+        except ValueError as error:  # NaN or infinity, which JSON cannot express
             raise ClientError(f"This cannot be sent to a farm ({error}).") from error
         if response.is_success:
             return _Answer(response.headers, body)
@@ -396,7 +397,7 @@ class Client:
         return bytes(body)
 
     def _refusal(self, response: httpx.Response, body: bytes) -> ClientError:
-        """With the service's sentence (application/problem+json); where there is none, with what can be said of the status."""
+        """The error for a refusal: the service's message (application/problem+json), else a description of the status."""
         status = response.status_code
         said = f"{self.url} answers {status} {response.reason_phrase}".rstrip()
         if response.headers.get("Content-Type", "").startswith(PROBLEM):
@@ -410,7 +411,7 @@ class Client:
 
 
 def _id(text: str) -> str:
-    """As a part of a path: whatever it is, it names nothing else. An empty one names nothing, and is not the list of all."""
+    """Quotes an id as one path segment. An empty id becomes "-", so that the path is not that of the list."""
     return quote(text, safe="") or "-"
 
 

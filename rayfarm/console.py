@@ -1,4 +1,4 @@
-"""What a person reads: results on standard output, everything else on standard error."""
+"""Terminal output: results on standard output, everything else on standard error."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rich.progress import (
 
 __all__ = ["PROGRAM", "Ticker", "bar", "err", "out"]
 
-# What a person types to get here: farm.py says so where it was started by it.
+# The program's name as typed; set by farm.py if it started this process.
 PROGRAM = os.environ.get("RAYFARM_PROGRAM", "rayfarm")
 
 out = Console(highlight=False)
@@ -27,7 +27,7 @@ err = Console(stderr=True, highlight=False)
 
 
 def bar(unit: str = "") -> Progress:
-    """A progress bar on standard error; nothing is drawn where that is no terminal."""
+    """A progress bar on standard error; disabled if that is not a terminal."""
     columns = [TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn()]
     if unit:
         columns += [MofNCompleteColumn(), TextColumn(unit)]
@@ -35,14 +35,14 @@ def bar(unit: str = "") -> Progress:
 
 
 class Ticker:
-    """Sentences for where no bar can be drawn: progress as plain lines, one every few seconds."""
+    """Progress as plain lines, one every few seconds, for output that is not a terminal."""
 
     def __init__(self, every_s: float = 5.0) -> None:
         self.every_s = every_s
         self.last = time.monotonic()
 
     def tick(self, sentence: str) -> None:
-        """Say how far it is, where it is time and no bar shows it."""
+        """Prints the sentence if the interval has passed and standard error is not a terminal."""
         now = time.monotonic()
         if not err.is_terminal and now - self.last >= self.every_s:
             self.last = now

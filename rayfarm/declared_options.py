@@ -19,9 +19,9 @@ _METAVARS = {"s": "S", "°": "DEG", "px": "PIXELS", "scene units": "LENGTH", "fr
 
 
 def parameter(each: Declared) -> inspect.Parameter:
-    """The option, for a command's signature. None where it is not given."""
+    """The option as a parameter of a command's signature; its value is None if it is not given."""
     setting, shown = each.setting, each.shown
-    inside = setting.off is None or each.lowest == setting.low  # else a range would not say it
+    inside = setting.off is None or each.lowest == setting.low  # otherwise a range would exclude the value for off
     ranged = each.kind is not tuple and setting.choices is None and inside
     option = typer.Option(
         f"--{each.option}",
@@ -42,7 +42,7 @@ def parameter(each: Declared) -> inspect.Parameter:
 
 
 def typed(settings: Mapping[str, Declared], given: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings' values by the renderer's names, out of those of the options; None where nothing is asked for."""
+    """The settings' values by the renderer's names, from the option values; None if not given."""
     found = {name: given.get(each.option.replace("-", "_")) for name, each in settings.items()}
     for name, value in found.items():
         if settings[name].kind is tuple and isinstance(value, str):
@@ -63,7 +63,10 @@ def _bound(value: float | None) -> float | None:
 
 
 def _default(each: Declared) -> str | bool:
-    """What it is where it is not given: of a camera as it has it, of what a scene file may ask for as that says."""
+    """The default that the help text shows; False for none.
+
+    Settings of a camera show none; for a setting that a scene file may define, the text names the scene first.
+    """
     if each.default in (MISSING, None, "", each.setting.off) or each.kind is tuple or each.shown.section == "View":
         return False
     default = f"{each.default:g}" if isinstance(each.default, float) else str(each.default)

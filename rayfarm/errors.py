@@ -1,7 +1,7 @@
-"""What the command line says when it cannot do what was asked.
+"""Errors and exit codes of the command line.
 
 RayfarmError (renderer.errors)
-└── CommandError   one sentence and, where it helps, what to do; ends the program with EXIT_FAILED
+└── CommandError   one sentence, with a hint if possible; ends the program with EXIT_FAILED
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from renderer.errors import RayfarmError
 __all__ = ["EXIT_FAILED", "EXIT_INTERRUPTED", "CommandError"]
 
 EXIT_FAILED = 1
-EXIT_INTERRUPTED = 130  # Ctrl-C, as shells count it
+EXIT_INTERRUPTED = 130  # Ctrl-C, as in shells
 
 
 class CommandError(RayfarmError):
-    """A command cannot do what was asked; the message says why and what to do."""
+    """Raised if a command fails; the message gives the reason and what to do."""

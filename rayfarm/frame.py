@@ -40,7 +40,7 @@ __all__ = ["Order", "camera_words", "moment_words", "motion_of", "render_to", "s
 
 @dataclass(frozen=True)
 class Order:
-    """What is rendered of each frame, and how it is written."""
+    """What is rendered for each frame, and how it is written."""
 
     picture: Picture
     planes: list[str]  # further layers
@@ -54,7 +54,10 @@ class Order:
     strict: bool = False  # whether a scene's warnings are errors
 
     def settings(self, summary: dict[str, Any], moment: Moment, shutter: Shutter | None = None) -> RenderSettings:
-        """What to render at a moment of a scene. shutter: another one than is asked for. Raises CommandError or SettingsError."""
+        """The render settings at a moment of a scene. shutter: overrides the requested one.
+
+        Raises CommandError or SettingsError.
+        """
         settings = self.picture.settings(summary["cameras"], summary["defaults"])
         if self.turntable is None:
             return settings
@@ -64,12 +67,12 @@ class Order:
         return replace(settings, view=orbit(settings.view, turns, summary["up"]), views=views)
 
     def files(self, output: Path) -> list[Path]:
-        """All pictures of a frame."""
+        """The files of a frame: its picture and, if requested, the denoised one."""
         return [output, options.denoised_name(output)] if self.denoise else [output]
 
 
 def motion_of(stage: ReadStage, order: Order, moment: Moment, clock: Clock, needed: bool = False) -> F32 | None:
-    """A frame's motion vectors, where they are asked for or needed. The scene of the stage is another one afterwards."""
+    """A frame's motion vectors, if requested or `needed`; else None. Invalidates the stage's current scene."""
     if not needed and aovs.MOTION not in order.planes:
         return None
     from renderer.vectors import motion_vectors
@@ -92,10 +95,10 @@ def render_to(
     hold: Hold | None = None,
     writes: bool = True,
 ) -> RenderStats:
-    """Renders a frame and writes its pictures, each whole or not at all. defaults: what the scene asks for.
+    """Renders a frame and writes its pictures, each atomically. defaults: the settings of the scene file.
 
-    motion: from `motion_of`. hold: takes the denoised frame, with what writes a picture in its place, instead of its being
-    written. writes: whether the raw picture is written.
+    motion: from `motion_of`. hold: receives the denoised frame and a function that writes a picture to its file, in place of
+    writing the denoised frame. writes: whether the raw picture is written.
     """
     from renderer.film import mean
     from renderer.image import encode
@@ -140,7 +143,7 @@ def _denoised(sums: Sums, film_exponent: int, threads: int | None) -> Clean:
 
 
 def say_bad_samples(scene: Path, settings: RenderSettings, done: RenderStats, more: str = "") -> None:
-    """Names the samples that were left out, and the command that follows the first; more: what it needs beside."""
+    """Reports the samples that were left out, and the command that traces the first; more: further options of that command."""
     if not done.bad_count:
         return
     from worker.protocol.reproduce import sample_command
@@ -151,7 +154,7 @@ def say_bad_samples(scene: Path, settings: RenderSettings, done: RenderStats, mo
 
 
 def moment_words(moment: Moment) -> str:
-    """The options that say a moment, each with a space before it; none for a still of what has no clips to choose from."""
+    """The command-line options for a moment, each preceded by a space; none for frame 0 with the default clip and frame rate."""
     words = [f"--frame={frame_text(moment.frame)}"] if moment.frame else []
     words += [f"--fps={moment.fps!r}"] if moment.fps is not None else []
     words += [f"--clip={shlex.quote(moment.clip)}"] if moment.clip is not None else []
@@ -159,7 +162,7 @@ def moment_words(moment: Moment) -> str:
 
 
 def camera_words(order: Order, settings: RenderSettings) -> str:
-    """The options that say which camera moves while the shutter is open, as `moment_words`; none of one that stands still."""
+    """The command-line options for a camera that moves while the shutter is open, as `moment_words`; none for a static camera."""
     if not settings.views:
         return ""
     words = [f"--{name}={shlex.quote(str(value))}" for name, value in order.picture.way().items()]
@@ -168,7 +171,7 @@ def camera_words(order: Order, settings: RenderSettings) -> str:
 
 
 def statistics(clock: Clock, done: RenderStats) -> dict[str, Any]:
-    """What --stats writes of a frame."""
+    """The statistics of a frame for --stats."""
     scale = 1 if sys.platform == "darwin" else 1024  # ru_maxrss: bytes there, KiB on Linux
     return {
         **clock.seconds,

@@ -1,4 +1,4 @@
-"""How `--help` looks: paragraphs that fill the line, arguments in capitals, and no type behind an option that takes no value."""
+"""Formatting of `--help`: filled paragraphs, arguments in capitals, and no type after flags."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 __all__ = ["tidy"]
 
-# What stands for a value that has no name of its own, by what typer calls its type.
+# Placeholders of values without a metavar, by typer's name of the type.
 _VALUES = {
     "<int range>": "N",
     "<int>": "N",
@@ -23,14 +23,14 @@ _VALUES = {
 
 
 def tidy(command: Any) -> None:
-    """Make the help of this command, and of those below it, easier to read."""
+    """Reformats the help of this command and of its subcommands."""
     for each in getattr(command, "commands", {}).values():
         tidy(each)
     command.help = command.help and _filled(command.help)
     get_params = command.get_params
 
     def params(ctx: Any) -> list[Any]:
-        return [_named(each) for each in get_params(ctx)]  # with --help, which is made anew each time
+        return [_named(each) for each in get_params(ctx)]  # including --help, which is created on each call
 
     command.get_params = params
 
@@ -46,7 +46,7 @@ def _named(parameter: Any) -> Any:
 
 
 def _nothing(ctx: Any) -> None:
-    """An argument's name says what it is."""
+    """Adds nothing to the name of an argument."""
 
 
 def _value(shown: Callable[[Any], str | None]) -> Callable[[Any], str | None]:
@@ -58,11 +58,11 @@ def _value(shown: Callable[[Any], str | None]) -> Callable[[Any], str | None]:
 
 
 def _filled(text: str) -> str:
-    """The lines of a paragraph as one line; what is indented, and the first page's table, stay as they are."""
+    """Joins the lines of each paragraph; indented text and the table of the first page stay unchanged."""
     return "\n\n".join(_paragraph(each) for each in inspect.cleandoc(text).split("\n\n"))
 
 
 def _paragraph(text: str) -> str:
     if text.startswith(" "):
-        return f"[dim][/dim]{text}"  # typer takes away an indentation that all lines but the first share
+        return f"[dim][/dim]{text}"  # keeps typer from removing the common indentation
     return text if text.startswith(("\b", "[bold]")) else text.replace("\n", " ")

@@ -1,5 +1,4 @@
-"""What commands need that join a farm with a process of their own: the farm's address, the token, and a supervisor for that
-process until Ctrl-C."""
+"""Shared code of commands that join a farm: the farm's address, the token, and a supervisor for a process until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -17,11 +16,11 @@ from worker.exchange.foreign import is_address
 
 __all__ = ["farm_address", "run", "shown_token"]
 
-FATAL = 3  # another start is of no use
+FATAL = 3  # exit code after which a restart does not help
 
 
 def farm_address(join: str) -> str:
-    """The farm's address as a whole one. Raises CommandError."""
+    """The farm's complete address. Raises CommandError."""
     if "://" not in join:
         join = f"http://{join}"
     if not is_address(join):
@@ -30,7 +29,7 @@ def farm_address(join: str) -> str:
 
 
 def shown_token(who: str, token: str, token_file: Path | None) -> str:
-    """What is shown to the farm. Raises CommandError where there is none."""
+    """The token to send to the farm. Raises CommandError if there is none."""
     if token:
         err.print("rayfarm: everybody on this machine can read --token. Better: RAYFARM_TOKEN, or --token-file.")
     elif token_file is not None:
@@ -48,7 +47,7 @@ def shown_token(who: str, token: str, token_file: Path | None) -> str:
 
 
 def run(name: str, command: list[str], token: str, sentence: str, grace_s: float = 10.0) -> None:
-    """Keep a process running until Ctrl-C, and show its log. sentence: said when it begins. Raises CommandError."""
+    """Keeps a process running until Ctrl-C, and shows its log. sentence: printed at the start. Raises CommandError."""
     from rayfarm.local.state import ROOT
     from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
     from renderer.places import cache_home
@@ -60,7 +59,7 @@ def run(name: str, command: list[str], token: str, sentence: str, grace_s: float
     part = Part(name, command, log, env, grace_s=grace_s, fatal_codes=(FATAL,), steady_s=WORKER_STEADY_S)
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
-        log.touch()  # the supervisor starts a part without a log that can be written
+        log.touch()  # raises if the log is not writable, with which the supervisor would start anyway
         supervisor.start(part)
     except OSError as error:
         raise CommandError(
@@ -81,18 +80,18 @@ def run(name: str, command: list[str], token: str, sentence: str, grace_s: float
 
 
 def _sentence(line: str) -> str:
-    """What a process's last line says."""
+    """The message of a process's last log line."""
     with contextlib.suppress(ValueError, TypeError, KeyError):
         return str(json.loads(line)["message"])
     return line
 
 
 def _follow(log: Path, shown: int) -> int:
-    """Show what the log has beyond `shown` bytes; how much is shown then."""
+    """Prints the log beyond the first `shown` bytes; returns the number of bytes printed in total."""
     try:
         with log.open("rb") as file:
             if file.seek(0, os.SEEK_END) < shown:
-                shown = 0  # the supervisor has emptied it
+                shown = 0  # the supervisor has truncated it
             file.seek(shown)
             text = file.read()
     except OSError:

@@ -23,7 +23,7 @@ LogFormat = Annotated[
 
 
 def use_log_format(name: str | None) -> None:
-    """Have the processes that are started write their logs so. Raises CommandError."""
+    """Sets the log format of the started processes. Raises CommandError."""
     if name is not None:
         if name not in FORMATS:
             raise CommandError(f"--log-format is {name!r}; there are {', '.join(FORMATS)}")

@@ -14,7 +14,7 @@ __all__ = ["farm_client", "link_of", "owner_token", "public_url", "server_url"]
 
 
 def server_url(server: str | None) -> str:
-    """The farm to talk to: --server, $RAYFARM_SERVER, the one that runs on the data folder, or this machine's port 8000."""
+    """The address of the farm: --server, $RAYFARM_SERVER, the farm running on the data folder, or this machine's port 8000."""
     from rayfarm.local.state import running_farm
     from service.places import default_data_folder
 
@@ -25,10 +25,10 @@ def server_url(server: str | None) -> str:
 
 
 def farm_client(server: str | None) -> Client:
-    """The farm that a command talks to.
+    """A client of the farm that a command talks to.
 
-    It is shown what $RAYFARM_API_TOKEN says; and the farm that runs on this machine's data folder, where nothing is set, its own
-    owner's token: who can read that folder owns it.
+    Its token is $RAYFARM_API_TOKEN; if that is unset, the owner's token for a farm that runs on this machine's data folder, since
+    read access to that folder implies ownership.
     """
     from rayfarm.local.state import running_farm
     from service.places import default_data_folder
@@ -41,8 +41,7 @@ def farm_client(server: str | None) -> Client:
 
 
 def owner_token(data: Path) -> str:
-    """What lets the owner of a data folder in: what $RAYFARM_OWNER_TOKEN says, else what is kept there; empty where it cannot
-    be read."""
+    """The token of a data folder's owner: $RAYFARM_OWNER_TOKEN, else the stored one; empty if it cannot be read."""
     from service.settings import OWNER_TOKEN
 
     if told := value_of("RAYFARM_OWNER_TOKEN"):
@@ -53,7 +52,7 @@ def owner_token(data: Path) -> str:
 
 
 def public_url(url: str) -> str:
-    """How other machines reach the farm at an address, where that is the one that runs here, or in this container."""
+    """The address for other machines, if `url` is that of the farm running here or in this container."""
     from rayfarm.local.state import running_farm
     from service.places import default_data_folder
     from service.settings import Settings
@@ -67,5 +66,5 @@ def public_url(url: str) -> str:
 
 
 def link_of(url: str, code: str) -> str:
-    """The link. Its code stands behind the #, which no browser sends and no server's log has."""
+    """A login link. Its code follows the #, which browsers do not send and servers do not log."""
     return f"{url}/#/login?code={code}"

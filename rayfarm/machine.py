@@ -1,4 +1,4 @@
-"""What the commands that keep processes running need to know of this machine."""
+"""Machine-dependent parts of the commands that keep processes running."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["StopSignals", "cores", "has_screen"]
 
 
 def has_screen() -> bool:
-    """Whether a browser could be shown; without this, Linux would open one that draws into the terminal."""
+    """Whether a graphical browser can be shown; otherwise Linux would open a text browser in the terminal."""
     return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 class StopSignals:
-    """Ctrl-C, SIGTERM and SIGHUP, counted: the first asks to stop, the second to stop at once."""
+    """Counts Ctrl-C, SIGTERM and SIGHUP: the first requests a stop, the second an immediate stop."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -29,9 +29,9 @@ class StopSignals:
         self.count += 1
 
     def stop(self) -> bool:
-        """Whether to stop."""
+        """Whether a stop was requested."""
         return self.count >= 1
 
     def hurry(self) -> bool:
-        """Whether to stop at once."""
+        """Whether an immediate stop was requested."""
         return self.count >= 2

@@ -1,4 +1,4 @@
-"""`rayfarm render --frames -o out.mp4`: renders frames to pictures in a folder beside it, and makes the film of them."""
+"""`rayfarm render --frames -o out.mp4`: renders frames to pictures in a folder beside it, and encodes the movie from them."""
 
 from __future__ import annotations
 
@@ -26,8 +26,10 @@ __all__ = ["render_movie"]
 
 
 def render_movie(shot: Sequence, stage: ReadStage, order: Order, about: object) -> dict[str, Any]:
-    """As `render_sequence`, with a film for `shot.output`. The frames stay in a folder beside it until it is whole: the same
-    command takes up where it stopped. about: all that the pictures depend on; another command has another folder.
+    """Like `render_sequence`, with a movie at `shot.output`.
+
+    The frames stay in a folder beside it until all succeeded, so the same command resumes an interrupted run. about: everything
+    that the pictures depend on; it selects the folder, so another command uses another one.
     """
     name = hashlib.sha256(repr((shot.scene.resolve(), replace(shot.moment, frame=0.0), about)).encode()).hexdigest()[:12]
     folder = shot.output.with_name(f".{shot.output.name}.{name}")
@@ -37,7 +39,7 @@ def render_movie(shot: Sequence, stage: ReadStage, order: Order, about: object) 
         found = render_sequence(pictures, stage, order)
     finally:
         with contextlib.suppress(OSError):
-            folder.rmdir()  # where nothing came of it
+            folder.rmdir()  # only if it is empty
     there = [path for path in map(pictures.file, shot.frames) if path.is_file()]
     if not there:
         raise CommandError(f"{shot.output}: no frame could be rendered, so there is no film")
@@ -57,7 +59,7 @@ def _read(paths: list[Path]) -> Iterator[npt.NDArray[np.uint8]]:
 
 
 def _fps(shot: Sequence, stage: ReadStage, found: dict[str, Any]) -> float:
-    """The request's, else the file's own."""
+    """The frame rate: the requested one, else the file's own, else 24."""
     if shot.moment.fps is not None:
         return shot.moment.fps
     for frame in found["frames"]:

@@ -1,4 +1,4 @@
-"""Options that several commands share, and how those that are more than a number are parsed."""
+"""Options that several commands share, and parsers of their values."""
 
 from __future__ import annotations
 
@@ -131,12 +131,12 @@ Server = Annotated[
 
 
 def denoised_name(output: Path) -> Path:
-    """Where the denoised picture goes: beside the raw one."""
+    """The path of the denoised picture, beside the raw one."""
     return output.with_name(f"{output.stem}-denoised{output.suffix}")
 
 
 def parse_vec3(text: str, option: str) -> Vec3:
-    """Three finite numbers from `X,Y,Z`."""
+    """Parses three finite numbers from `X,Y,Z`."""
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
@@ -147,7 +147,7 @@ def parse_vec3(text: str, option: str) -> Vec3:
 
 
 def parse_size(text: str) -> tuple[int, int]:
-    """Width and height from `WxH`."""
+    """Parses width and height from `WxH`."""
     try:
         width, height = (int(part) for part in text.lower().split("x"))
     except ValueError:
@@ -156,7 +156,7 @@ def parse_size(text: str) -> tuple[int, int]:
 
 
 def parse_tile(text: str) -> Tile:
-    """A rectangle from `X,Y,W,H`."""
+    """Parses a rectangle from `X,Y,W,H`."""
     try:
         x, y, w, h = (int(part) for part in text.split(","))
     except ValueError:
@@ -165,7 +165,7 @@ def parse_tile(text: str) -> Tile:
 
 
 def parse_pixel(text: str) -> tuple[int, int]:
-    """A pixel from `X,Y`, counted from the upper left."""
+    """Parses a pixel from `X,Y`, with the origin at the upper left."""
     try:
         x, y = (int(part) for part in text.split(","))
     except ValueError:
@@ -176,8 +176,10 @@ def parse_pixel(text: str) -> tuple[int, int]:
 
 
 class Env(NamedTuple):
-    """Light from all around: an image file, a linear colour, a sky's sun (elevation and azimuth), or a preset's name
-    (renderer/presets.py); at most one of them."""
+    """An environment: an image file, a linear colour, a sky's sun (elevation and azimuth), or a preset's name; at most one.
+
+    Presets: renderer/presets.py.
+    """
 
     image: Path | None = None
     color: Vec3 | None = None
@@ -186,7 +188,7 @@ class Env(NamedTuple):
 
 
 def environment_of(text: str | None) -> Env:
-    """What --env means; all None where it is not given."""
+    """Parses --env; all fields are None if it is not given."""
     if text is None:
         return Env()
     if text.startswith(SKY):
@@ -220,14 +222,14 @@ def _sky(text: str) -> tuple[float, float]:
 
 
 def told(warnings: list[str], env: Env) -> list[str]:
-    """A scene's warnings without those that are idle for this picture: a colour or a sky of its own puts out the studio."""
+    """A scene's warnings that apply to this picture: those about the default studio light are omitted if --env is given."""
     from renderer.scene.studio import STUDIO_NOTES
 
     return [w for w in warnings if env == Env() or w not in STUDIO_NOTES]
 
 
 def find_camera(cameras: list[dict[str, Any]], camera: str | None) -> int:
-    """The number of the camera that --camera names; the first where it is not given."""
+    """The number of the camera that --camera names; 0 if it is not given."""
     try:
         return camera_number([each["name"] for each in cameras], camera)
     except SettingsError as error:

@@ -1,4 +1,4 @@
-"""Pictures on their way to a disk: whether one can be written is known before it is rendered, and it is whole or not there."""
+"""Writing of pictures: checked before rendering, and atomic."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["check_writable", "write"]
 
 
 def check_writable(output: Path) -> None:
-    """Raise CommandError where a file of this name cannot be written."""
+    """Raises CommandError if a file of this name cannot be written."""
     try:
         if not output.parent.is_dir():
             raise CommandError(f"There is no folder {output.parent} to write {output.name} to. Make it first.")
@@ -30,12 +30,12 @@ def check_writable(output: Path) -> None:
 
 
 def write(output: Path, data: bytes) -> None:
-    """Write a file, whole or not at all. Raises CommandError."""
+    """Writes a file atomically. Raises CommandError."""
     try:
         try:
             _replace(output.resolve(), data)
         except PermissionError:
-            output.write_bytes(data)  # a file that may be changed, in a folder that may not
+            output.write_bytes(data)  # the file is writable, but its folder is not
     except OSError as error:
         raise CommandError(f"{output} cannot be written ({error.strerror}, {len(data):,} bytes).") from error
 

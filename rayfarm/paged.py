@@ -1,4 +1,4 @@
-"""Lists of a farm, of which its API tells a page at a time."""
+"""Complete lists from a farm whose API returns them in pages."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PAGE = 1000
 
 
 def all_of(farm: Client, path: str) -> list[dict[str, Any]]:
-    """A list as a whole. Raises ClientError."""
+    """Fetches all pages of a list. Raises ClientError."""
     found: list[dict[str, Any]] = []
     while True:
         some = farm.call("GET", f"{path}{'&' if '?' in path else '?'}limit={PAGE}&offset={len(found)}")

@@ -23,12 +23,12 @@ from renderer.work import DEFAULT_SIZE, WORK
 __all__ = ["Picture", "takes_picture"]
 
 ASKED: Mapping[str, Declared] = {name: SETTINGS[name] for name in OPTIONAL}
-LIGHT: Mapping[str, Declared] = {name: each for name, each in ENVIRONMENT.items() if name != "color"}  # which --env says
+LIGHT: Mapping[str, Declared] = {name: each for name, each in ENVIRONMENT.items() if name != "color"}  # given by --env
 ENDS: Mapping[str, Declared] = {name: WORK[name] for name in ("spp", "noise", "seconds")}
 
 
 def _own(name: str, help: str, panel: str, metavar: str) -> inspect.Parameter:
-    """An option that is more than a setting's value."""
+    """An option whose value is not a plain setting."""
     option = typer.Option(f"--{name}", help=help, rich_help_panel=panel, metavar=metavar)
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[str | None, option])
 
@@ -54,7 +54,7 @@ def _parameters() -> list[inspect.Parameter]:
 
 @dataclass
 class Picture:
-    """What a person asks for, as it was typed: options by their names; those that are not given are None, or not there."""
+    """The requested picture, as typed: option values by name; those not given are None or missing."""
 
     given: Mapping[str, Any] = field(default_factory=dict)
 
@@ -65,12 +65,12 @@ class Picture:
 
     @property
     def noise(self) -> float | None:
-        """Relative noise at which it is good enough."""
+        """Relative noise at which rendering ends."""
         return self.given.get("noise")
 
     @property
     def time_limit(self) -> float | None:
-        """Seconds after which it ends."""
+        """Seconds after which rendering ends."""
         return self.given.get("time_limit")
 
     @property
@@ -79,34 +79,34 @@ class Picture:
         return self.given.get("camera")
 
     def environment(self) -> options.Env:
-        """Light from all around."""
+        """The environment from --env."""
         return options.environment_of(self.given.get("env"))
 
     def asked(self) -> dict[str, Any]:
-        """The optional settings by the renderer's names; None where nothing is asked for."""
+        """The optional settings by the renderer's names; None if not given."""
         return typed(ASKED, self.given)
 
     def check(self) -> None:
-        """Raises CommandError for what no scene makes sense of: before one is uploaded for it."""
+        """Raises CommandError for values that are invalid for every scene; called before an upload."""
         self._size()
         self.environment()
         for options_of in (ASKED, ENDS, LIGHT, VIEW):
             typed(options_of, self.given)
 
     def has_view(self) -> bool:
-        """Whether a view of one's own is asked for, and not just one of the scene's cameras."""
+        """Whether options change the view, beyond choosing one of the scene's cameras."""
         return any(value is not None for value in self._view().values())
 
     def is_partly_a_view(self) -> bool:
-        """Whether something of a camera is changed, and not where it stands and looks."""
+        """Whether options change the view without defining both its position and its target."""
         return self.has_view() and (self.given.get("eye") is None or self.given.get("target") is None)
 
     def view(self, cameras: list[dict[str, Any]]) -> View:
-        """The chosen camera's view (the first unless told), with what the options change in it."""
+        """The chosen camera's view (default: the first), with the options applied."""
         return self._seen(cameras[options.find_camera(cameras, self.given.get("camera"))]["view"])
 
     def views(self, cameras: list[dict[str, Any]]) -> tuple[View, ...]:
-        """Those that it has while the shutter is open, changed likewise; none of a camera that stands still."""
+        """The camera's views while the shutter is open, with the options applied; empty for a static camera."""
         views = tuple(map(self._seen, cameras[options.find_camera(cameras, self.given.get("camera"))].get("views", ())))
         return views if any(view != views[0] for view in views) else ()
 
@@ -118,7 +118,7 @@ class Picture:
             raise CommandError(f"This view cannot be rendered: {error}.") from error
 
     def settings(self, cameras: list[dict[str, Any]], defaults: dict[str, Any]) -> RenderSettings:
-        """What to render here. Raises CommandError or SettingsError."""
+        """The render settings. Raises CommandError or SettingsError."""
         own = (defaults.get("width", DEFAULT_SIZE[0]), defaults.get("height", DEFAULT_SIZE[1]))
         width, height = self._size() or own
         light = {each.name: value for name, each in LIGHT.items() if (value := self._light()[name]) is not None}
@@ -133,16 +133,16 @@ class Picture:
         )
 
     def way(self) -> dict[str, Any]:
-        """What was asked for of the camera, by the options' names."""
+        """The given camera options, by the options' names."""
         named = {each.option: self.given.get(each.option.replace("-", "_")) for each in VIEW.values()}
         return {name: value for name, value in {"camera": self.given.get("camera"), **named}.items() if value is not None}
 
     def shutter(self) -> dict[str, Any]:
-        """What is asked for of the shutter's settings."""
+        """The given shutter settings."""
         return {name: value for name, value in self.asked().items() if name in SHUTTER and value is not None}
 
     def request(self, cameras: list[dict[str, Any]]) -> dict[str, Any]:
-        """What POST /api/jobs takes."""
+        """The request body for POST /api/jobs."""
         width, height = self._size() or (None, None)
         environment = {"color": self.environment().color, **self._light()}
         if (sky := self.environment().sky) is not None:
@@ -153,7 +153,7 @@ class Picture:
         if self.has_view():
             asked["view"] = self.view(cameras).to_json()
         elif self.given.get("camera") is not None:
-            # Not by its name: a file may have several cameras of one.
+            # By number, since cameras of a file may share a name.
             asked["camera"] = options.find_camera(cameras, self.given["camera"])
         return {name: value for name, value in asked.items() if value is not None}
 
@@ -168,7 +168,7 @@ class Picture:
 
 
 def takes_picture(command: Callable[..., None]) -> Callable[..., None]:
-    """For a command whose parameter `picture` is a Picture: its options take that parameter's place."""
+    """Decorator that replaces a command's parameter `picture` (a Picture) by the picture's options."""
     added = _parameters()
 
     @functools.wraps(command)
@@ -182,5 +182,5 @@ def takes_picture(command: Callable[..., None]) -> Callable[..., None]:
     taken = [*kept[:place], *added, *kept[place + 1 :]]
     setattr(run, "__signature__", inspect.Signature(taken))  # noqa: B010
     run.__annotations__ = {each.name: each.annotation for each in taken}
-    del run.__wrapped__  # else its own signature would count
+    del run.__wrapped__  # otherwise the signature of `command` would be used
     return run

@@ -1,4 +1,4 @@
-"""Modules and kernels that the launcher of readers loads, and its early start beside the command's own imports."""
+"""Modules and kernels that the launcher of readers loads, and its early start in parallel with the command's own imports."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _READING = ("info", "render")
 
 
 def begin(words: Sequence[str]) -> None:
-    """Starts the launcher of readers where the command that was typed reads a scene. What fails is reported by the command."""
+    """Starts the launcher of readers if the typed command reads a scene. A failure is reported later by the command."""
     if words[:1] and words[0] in _READING and not {"-h", "--help"} & set(words):
         from renderer.confine.running import begin_launcher
         from renderer.errors import MachineError

@@ -19,13 +19,13 @@ from renderer.scene.parts import Saver
 
 __all__ = ["describe", "differences", "picture", "serve", "usd_names"]
 
-IDLE_S = 86400.0  # a caller that is gone ends this process at once
+IDLE_S = 86400.0  # long: if the caller ends, so does this process
 
 
 def serve(folder: bytes, main: bytes, inside: bytes | None, out: bytes, options: dict[str, Any], link: Link) -> dict[str, Any]:
-    """Answers requests for moments of a scene: writes what it is compiled to into `out` as a manifest and its parts.
+    """Serves requests for moments of a scene: writes each compiled scene into `out` as a manifest and its parts.
 
-    A moment that cannot be shown is reported as `failed`; others may still be asked for.
+    A moment with an error is reported as `failed`; further requests remain possible.
     """
     variant = options.pop("variant")
     shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main), None if inside is None else os.fsdecode(inside), variant)
@@ -60,21 +60,21 @@ def describe(folder: bytes, main: bytes, link: Link) -> dict[str, Any]:
 
 
 def differences(folder: bytes, main: bytes, other: str, link: Link) -> dict[str, Any]:
-    """Why another renderer's picture of a scene differs, as `sentences`. other: its name."""
+    """Why another renderer's picture of a scene differs, as `sentences`. other: the renderer's name."""
     from rayfarm.unlike import known_differences
 
     return {"sentences": known_differences(read(Path(os.fsdecode(folder)), os.fsdecode(main)), other)}
 
 
 def picture(image: bytes, name: str, pixels: bytes, link: Link) -> dict[str, Any]:
-    """Writes the pixels of an image file into the file `pixels`; their `shape` and `dtype`."""
+    """Writes the pixels of an image file into the file `pixels`; returns their `shape` and `dtype`."""
     found = np.ascontiguousarray(read_image(Path(os.fsdecode(image)).read_bytes(), name))
     found.tofile(os.fsdecode(pixels))
     return {"shape": list(found.shape), "dtype": found.dtype.str}
 
 
 def usd_names(layer: bytes, link: Link) -> dict[str, Any]:
-    """The files that a USD layer refers to, as `names`; none without USD, or where the layer is damaged."""
+    """The files that a USD layer refers to, as `names`; empty without USD, or if the layer is damaged."""
     try:
         from pxr import Tf, UsdUtils
     except ImportError:

@@ -31,11 +31,11 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class _Scene:
-    """A scene's files, as `opened` gives them."""
+    """A scene's files, from `opened`."""
 
     folder: Path
     main: str
-    inside: str | None  # what lights it in place of its own light
+    inside: str | None  # the environment image that replaces the scene's
 
 
 class ReadStage:
@@ -112,10 +112,10 @@ def open_stage(
     shutter: Mapping[str, Any] = MappingProxyType({}),
     root: Path | None = None,
 ) -> Iterator[ReadStage]:
-    """A scene's files, open for as long as frames of it are asked for; brute: without a BVH. threads: None for all cores.
+    """Opens a scene for rendering frames of it; brute: without a BVH. threads: None for all cores.
 
-    shutter: what is asked for of its settings. camera: the one that pictures are taken by, as --camera names it. root: a folder
-    above the scene, whose files it may refer to.
+    shutter: the given shutter settings. camera: the camera in use, as in --camera. root: a folder above the scene, whose files it
+    may refer to.
     """
     with (
         opened(scene, environment.image, root) as (folder, main, inside),
@@ -156,12 +156,12 @@ def known_differences(scene: Path, other: str) -> list[str]:
 
 
 def _encoded(scene: _Scene) -> tuple[bytes, bytes, bytes | None]:
-    """Names as bytes: the reader's encoding may be another than this process's."""
+    """The paths as bytes, since the reader may use another encoding than this process."""
     return os.fsencode(scene.folder), os.fsencode(scene.main), None if scene.inside is None else os.fsencode(scene.inside)
 
 
 def _loaded(room: Path, manifest: str) -> CompiledScene:
-    """The scene that the reader wrote, copied: the reader, which lives on, cannot change what has been checked."""
+    """Loads the scene that the reader wrote, as a copy, so that the running reader cannot change it after validation."""
     from renderer.arrays.scene import flat, nested, seal
     from renderer.scene.compiled import load
 

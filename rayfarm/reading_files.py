@@ -24,7 +24,7 @@ _FILES = ("rayfarm.read",)
 
 
 def read_picture(data: bytes, name: str) -> npt.NDArray[Any]:
-    """The pixels of an image file, as renderer.image.read.read gives them. Raises RayfarmError."""
+    """The pixels of an image file, as from renderer.image.read.read. Raises RayfarmError."""
     import numpy as np
 
     from rayfarm.read import picture
@@ -43,7 +43,7 @@ def read_picture(data: bytes, name: str) -> npt.NDArray[Any]:
 
 
 def usd_names(layer: Path) -> list[str]:
-    """The files that a USD layer refers to; none where it cannot be read: whoever reads the scene reports that."""
+    """The files that a USD layer refers to; empty if it cannot be read, which reading the scene reports."""
     from rayfarm.read import usd_names as work
 
     with temporary_folder("rayfarm-read-") as room:

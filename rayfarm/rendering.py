@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Clock", "Show", "load_kernels", "load_scene", "part_of_frame", "shown", "whole_frame"]
 
-Show = Callable[[int, int], None]  # told how many samples are done, of how many
+Show = Callable[[int, int], None]  # called with the number of samples done, and their total
 
 
 class Clock:
-    """Seconds of each step, from one mark to the next: wall time, and processor time of all threads."""
+    """Seconds of each step, from one mark to the next: wall time, and CPU time of all threads."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -35,7 +35,7 @@ class Clock:
         self._last = time.perf_counter(), time.process_time()
 
     def mark(self, step: str) -> None:
-        """A step ends here."""
+        """Ends a step and records its times."""
         now = time.perf_counter(), time.process_time()
         self.seconds[step], self.cpu_seconds[step] = now[0] - self._last[0], now[1] - self._last[1]
         self._last = now
@@ -54,10 +54,10 @@ def load_scene(
     before: Callable[[ReadStage], None] = lambda stage: None,
     root: Path | None = None,
 ) -> tuple[CompiledScene, dict[str, Any]]:
-    """The compiled scene and its summary; brute: without a BVH. variant: of its materials. threads: None for all cores.
+    """Reads and compiles a scene; returns it with its summary. brute: without a BVH. variant: of its materials.
 
-    moment: of what moves in it. camera: the one it is seen by. shutter: what is asked for of its settings. before: done first,
-    while the scene's files are open. root: a folder above the scene, whose files it may refer to.
+    threads: None for all cores. moment: the time within an animation. camera: as in --camera. shutter: the given shutter
+    settings. before: called first, while the scene's files are open. root: a folder above the scene, whose files it may refer to.
     """
     with bar() as progress, open_stage(scene, environment, variant, camera, brute, threads, shutter, root) as stage:
         task = progress.add_task("reading", total=None)
@@ -74,7 +74,10 @@ def load_scene(
 
 
 def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock) -> None:
-    """Makes the kernel for these settings and this scene ready. After the scene is read: a wrong file is told before the wait."""
+    """Makes the kernel for these settings and this scene ready.
+
+    Called after the scene is read, so that errors in its files are reported before the wait.
+    """
     from renderer.render import edition_for, warm_up
 
     with bar() as progress:
@@ -85,7 +88,7 @@ def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock
 
 @contextlib.contextmanager
 def shown() -> Iterator[Show]:
-    """Shows how far one frame is: a progress bar, or plain lines."""
+    """Shows the progress of one frame: a progress bar, or plain lines."""
     ticker = Ticker()
     with bar() as progress:
         task = progress.add_task("rendering", total=None)
@@ -107,7 +110,10 @@ def whole_frame(
     done: RenderStats,
     show: Show,
 ) -> Sums:
-    """The whole frame's sums. noise: the frame ends when it is reached, with `least_samples` a pixel or more."""
+    """Renders the whole frame and returns its sums.
+
+    noise: target relative noise, with at least `least_samples` samples per pixel.
+    """
     from renderer.film import SAMPLES, least_samples
     from renderer.film import noise as noise_of
     from renderer.render import render_frame
@@ -123,7 +129,7 @@ def whole_frame(
 def part_of_frame(
     compiled: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, done: RenderStats
 ) -> Sums:
-    """A frame's sums with one batch in it: what a worker of a farm renders."""
+    """Renders one batch into an otherwise empty frame, as a worker of a farm does; returns the frame's sums."""
     import numpy as np
 
     from renderer.film import CHANNELS

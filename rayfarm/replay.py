@@ -1,4 +1,4 @@
-"""One path of one pixel, followed again: its vertices, for a person who is looking for what went wrong, or for a program."""
+"""One path of one pixel, traced again: its vertices, for debugging or for a program."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["show_path"]
 
-# A vertex has more numbers than a line has room: its fields stand below each other, by what they are about.
+# The fields of a vertex do not fit one line, so they are grouped and listed below each other.
 GROUPS = {
     "MET": ("kind", "object", "material"),
     "WHERE": ("point", "normal", "direction"),
@@ -27,7 +27,7 @@ GROUPS = {
 def show_path(
     compiled: CompiledScene, settings: RenderSettings, summary: dict[str, Any], x: int, y: int, sample: int, as_json: bool
 ) -> None:
-    """Print the vertices of a sample's path and its value: what the film gets of it."""
+    """Prints the vertices of a sample's path and its value, as added to the film."""
     from renderer.render import replay
 
     path = replay(compiled, settings, x, y, sample)
@@ -43,7 +43,7 @@ def show_path(
 
 
 def _named(vertex: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:
-    """Names instead of the numbers of objects and materials, where the scene has them."""
+    """Replaces the numbers of objects and materials by their names, if the scene has them."""
     for field, names in (("object", summary["objects"]), ("material", summary["materials"])):
         number = vertex.get(field)
         if isinstance(number, int):
@@ -52,7 +52,7 @@ def _named(vertex: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:
 
 
 def _table(vertices: list[dict[str, Any]]) -> list[str]:
-    """Lines with a column for each group, never cut off: half a number is worse than a line that wraps."""
+    """Table lines with a column for each group. Lines may wrap; numbers are not truncated."""
     rows = [["#", *GROUPS]]
     for number, vertex in enumerate(vertices):
         cells = [_cell(vertex, names) for names in GROUPS.values()]
@@ -77,7 +77,7 @@ def _text(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """JSON has no NaN and no infinity: they become text."""
+    """Replaces NaN and infinity by text, since JSON has neither."""
     if isinstance(value, dict):
         return {key: _plain(part) for key, part in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,4 +1,4 @@
-"""Which files belong to a scene that a person names on the command line."""
+"""The files that belong to a scene named on the command line."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ _ENCODINGS: tuple[str, ...] = (
     "cp1251",
     "cp437",
 )
-# Beyond these, a folder beside a scene is a person's home and not the scene's.
+# Limits above which the folder of a scene is taken for a user's home folder.
 MAX_NEIGHBOURS = 5000
 MAX_UNPACKED = 8 << 30
 
 
 def is_numbered(scene: Path) -> bool:
-    """Whether it stands for a file for each frame, as smoke.####.obj does."""
+    """Whether the path is a pattern with one file per frame, such as smoke.####.obj."""
     return "#" in scene.name and not scene.exists() and scene.parent.is_dir() and scene.suffix.lower() in SCENE_SUFFIXES
 
 
 def check(scene: Path) -> None:
-    """Raise CommandError where the path cannot be a scene."""
+    """Raises CommandError if the path cannot be a scene."""
     if is_numbered(scene):
         if not numbers_of(scene.name, [path.name for path in scene.parent.iterdir()]):
             raise CommandError(f"There is no file {scene}, nor one with a number in place of #: {frame_name(scene.name, 1)}.")
@@ -63,10 +63,10 @@ def check(scene: Path) -> None:
 
 @contextlib.contextmanager
 def opened(scene: Path, environment: Path | None = None, root: Path | None = None) -> Iterator[tuple[Path, str, str | None]]:
-    """For reading a scene here: its folder, its main file and the environment image, both by their path inside the folder.
+    """Opens a scene for reading: yields its folder, its main file and the environment image, both relative to the folder.
 
-    root: a folder above the scene, whose files it may refer to. A .zip is unpacked for the while. Readers open nothing outside
-    the folder, so an environment image from elsewhere is brought together with the scene's files in a folder of their own.
+    root: a folder above the scene, whose files it may refer to. A .zip is unpacked temporarily. Readers open nothing outside the
+    folder, so an environment image from elsewhere is placed together with the scene's files in a temporary folder.
     """
     check(scene)
     with contextlib.ExitStack() as stack:
@@ -107,7 +107,10 @@ def _link(path: Path, target: Path) -> None:
 
 
 def _unpack(archive: Path, folder: Path) -> list[str]:
-    """Unpacks a zip that is a person's own: the names of its files. Names that climb out lose their dots."""
+    """Unpacks a user's own zip file; returns the names of its files.
+
+    Dots are removed from names that point outside the folder.
+    """
     try:
         with zipfile.ZipFile(archive) as packed:
             entries = [entry for entry in packed.infolist() if not entry.is_dir() and entry.filename[-1:] != "\\"]
@@ -134,12 +137,12 @@ def _unpack(archive: Path, folder: Path) -> list[str]:
 
 
 def _inside(name: str) -> str:
-    """An entry's name below the folder that it is unpacked to; empty for none."""
+    """An entry's name below the folder that it is unpacked to; empty if there is none."""
     return "/".join(part for part in name.split("\0")[0].split("/") if part not in ("", ".", "..") and not part.endswith(":"))
 
 
 def below(scene: Path, root: Path) -> str:
-    """The name of a scene below a root. Raises CommandError where it is not below it, or no single file."""
+    """The path of a scene relative to a root. Raises CommandError if it is not below the root, or not a single file."""
     if scene.is_dir() or scene.suffix.lower() in ARCHIVE_SUFFIXES:
         raise CommandError(f"--root goes with a scene file; {scene.name} holds its own files.")
     try:
@@ -149,10 +152,11 @@ def below(scene: Path, root: Path) -> str:
 
 
 def belonging(scene: Path, root: Path | None = None) -> dict[str, Path]:
-    """The files to upload by their path inside the scene: the scene, and every neighbour that a file taken along names.
+    """The files to upload by their path inside the scene: the scene, and recursively every neighbouring file whose name they
+    contain.
 
-    root: the folder that holds the neighbours; the scene's own where it is None. Names are looked for as bytes, so no format
-    need be understood; a file too many does no harm.
+    root: the folder with the neighbours; None for the scene's own. Names are searched for as bytes, so no format is parsed; a
+    superfluous file is harmless.
     """
     check(scene)
     if is_numbered(scene):
@@ -163,7 +167,7 @@ def belonging(scene: Path, root: Path | None = None) -> dict[str, Path]:
         files = {p.relative_to(scene).as_posix(): p for p in scene.rglob("*") if p.is_file()}
         return {name: path for name, path in files.items() if not is_junk(name)}
     taken = {scene.name if root is None else below(scene, root): scene}
-    if scene.suffix.lower() == ".obj":  # a renamed file's materials, which it may name otherwise
+    if scene.suffix.lower() == ".obj":  # the materials of a renamed .obj, whose name it may not contain
         beside = [path for path in scene.parent.iterdir() if path.suffix.lower() == ".mtl" and path.is_file()]
         same = [path for path in beside if path.stem.casefold() == scene.stem.casefold()]
         taken |= {path.name if root is None else below(path, root): path for path in (same or beside) if len(same or beside) == 1}
@@ -182,7 +186,7 @@ def belonging(scene: Path, root: Path | None = None) -> dict[str, Path]:
 
 
 def _text(path: Path) -> bytes:
-    """What a file says; of binary USD, which is packed, the names that USD finds in it."""
+    """The bytes of a file to search for names; for binary USD, which is compressed, the names that USD finds in it."""
     data = path.read_bytes()
     if not data.startswith(b"PXR-USDC"):
         return data
@@ -207,7 +211,7 @@ def _names(text: bytes, name: str) -> bool:
 
 
 def _spellings(name: str) -> list[str]:
-    """How a file may be named: as it is, as a URI, as one of a frame each, and as one of many tiles."""
+    """The spellings under which a file may be referred to: as it is, as a URI, and as a pattern of frames or of texture tiles."""
     digits = list(re.finditer(r"\d+", name))
     if not digits:
         return [name, quote(name)]

@@ -1,4 +1,4 @@
-"""Frames one after the other, each into its own file: existing files are kept, failures are named."""
+"""Renders frames in sequence, each into a separate file: existing files are kept, failures are reported."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ class Sequence:
     scene: Path
     frames: list[float]
     output: Path  # with #### in its name
-    moment: Moment  # whose frame is not yet said
+    moment: Moment  # its frame is set later
     overwrite: bool = False
 
     def file(self, frame: float) -> Path:
-        """Where a frame goes."""
+        """The file of a frame."""
         return self.output.with_name(frame_name(self.output.name, frame))
 
 
 def check_outputs(shot: Sequence) -> None:
-    """Raise CommandError where the frames' files cannot be told apart, or not be written."""
+    """Raises CommandError if the frames' file names are not distinct, or the files cannot be written."""
     if len(shot.frames) > 1 and "#" not in shot.output.name and not is_movie(shot.output):
         example = f"{shot.output.stem}.####{shot.output.suffix}"
         raise CommandError(
@@ -53,9 +53,9 @@ def check_outputs(shot: Sequence) -> None:
 
 
 def render_sequence(shot: Sequence, stage: ReadStage, order: Order) -> dict[str, Any]:
-    """Renders what is not there yet. Gives what --stats writes; under `failed`, each frame that failed and why.
+    """Renders the missing frames. Returns the statistics for --stats; under `failed`, each failed frame with its error.
 
-    A file is there when it is whole: it is written beside its name and then moved there.
+    Files are written atomically (under a temporary name, then renamed), so an existing file is complete.
     """
     missing = [f for f in shot.frames if shot.overwrite or not all(_is_there(p) for p in order.files(shot.file(f)))]
     kept = len(shot.frames) - len(missing)
@@ -81,7 +81,7 @@ def render_sequence(shot: Sequence, stage: ReadStage, order: Order) -> dict[str,
                 progress.finish(str(shot.file(frame)))
             except (RayfarmError, OSError, MemoryError) as error:
                 if isinstance(error, CommandError) and not statistic:
-                    raise  # what is asked for cannot be, of any frame
+                    raise  # the error applies to every frame
                 fail(frame, error)
             for neighbour, write in steadying.settle(frame):
                 try:
@@ -99,7 +99,7 @@ def _is_there(path: Path) -> bool:
 
 
 class _Progress:
-    """How far a sequence is and how long it will take: a bar, or a line for each frame."""
+    """Progress of a sequence and its remaining time: a bar, or a line for each frame."""
 
     def __init__(self, count: int) -> None:
         self._bar, self._count, self._done = bar("frames"), count, 0
@@ -116,7 +116,7 @@ class _Progress:
             err.print(f"Stopped after {self._done} of {self._count} frames. The same command goes on from here.", markup=False)
 
     def begin(self, frame: float) -> Show:
-        """A frame begins; the answer is told how far it is."""
+        """Begins a frame; returns a callback for its progress."""
         self._bar.update(self._task, description=f"frame {frame_text(frame)}")
 
         def show(part: int, whole: int) -> None:
@@ -125,7 +125,7 @@ class _Progress:
         return show
 
     def finish(self, file: str) -> None:
-        """It is written."""
+        """Records that a frame was written."""
         self._step()
         if not err.is_terminal:
             left = (time.monotonic() - self._began) / self._done * (self._count - self._done)
@@ -134,7 +134,7 @@ class _Progress:
             )
 
     def fail(self, frame: float, why: str) -> None:
-        """It is not."""
+        """Records that a frame failed."""
         self._step()
         err.print(f"frame {frame_text(frame)} failed{why}", markup=False, soft_wrap=True)
 

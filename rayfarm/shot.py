@@ -1,4 +1,4 @@
-"""A shot rendered by a farm: which of its frames are wanted, and how they become files."""
+"""A shot rendered by a farm: which frames are requested, and how they are written to files."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ __all__ = ["FarmShot", "fetch_shot"]
 
 @dataclass(frozen=True)
 class FarmShot:
-    """Which frames of a scene are asked for, and where they go.
+    """The requested frames of a scene, and their files.
 
-    frames: those to render; `all_frames`: those that are asked for, of which some may be there already.
+    frames: those to render; `all_frames`: those requested, some of which may exist already.
     """
 
     all_frames: list[float]
@@ -43,9 +43,10 @@ class FarmShot:
         denoise: bool,
         overwrite: bool,
     ) -> FarmShot | None:
-        """What the options say; None for a still of the beginning. asked: fps, clip, turntable and so on; None where not given.
+        """The shot from command-line options; None for a still of the beginning. asked: fps, clip, turntable etc.; None if not
+        given.
 
-        Raises CommandError where its files cannot be told apart or written.
+        Raises CommandError if the files' names are not distinct or they cannot be written.
         """
         request = {name: value for name, value in asked.items() if value is not None}
         if frames is None and frame is None and not request:
@@ -68,19 +69,19 @@ class FarmShot:
         return cls(numbers, [n for n in numbers if not all(map(_is_there, shot.files(n)))], request, output, aov, denoise)
 
     def file(self, frame: float) -> Path:
-        """Where a frame goes."""
+        """The file of a frame."""
         assert self.output is not None
         return self.output.with_name(frame_name(self.output.name, frame))
 
     def files(self, frame: float) -> list[Path]:
-        """All its pictures."""
+        """The files of a frame: its picture and, if requested, the denoised one."""
         return [self.file(frame), options.denoised_name(self.file(frame))] if self.denoise else [self.file(frame)]
 
 
 def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
-    """Wait for a shot; each frame is written as soon as it is finished, a film at the end. Returns the job when it is over.
+    """Waits for a shot and writes each frame when it is finished; a movie is written at the end. Returns the finished job.
 
-    Raises CommandError where frames failed, when the others are written; and ClientError.
+    Raises CommandError if frames failed, after the others are written; and ClientError.
     """
     ticker, fetched = Ticker(), set[float]()
     writes_frames = shot.output is not None and not is_movie(shot.output)
@@ -101,7 +102,7 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
             except ClientError as error:
                 if error.status is not None and error.status < 500:
                     raise
-                return  # it is asked again
+                return  # retried later
             finished = sum(frame.state == "finished" for frame in frames)
             so_far = sum(frame.progress for frame in frames if frame.state != "failed")
             progress.update(task, description=state.message or state.state, completed=so_far)

@@ -1,4 +1,4 @@
-"""A scene that is open in this process: what it is at each frame, compiled again only if more than a camera moved."""
+"""A scene that is open in this process, over time; compiled again only if more than a camera moved."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Say = Callable[[str], None]
 
 
 class _Built(NamedTuple):
-    """A scene at a moment: its description before and after it was compiled, what came of it, and what is said of that."""
+    """A scene at a moment: its description before and after compiling, the compiled scene, and its summary."""
 
     read: SceneDescription
     described: SceneDescription
@@ -31,9 +31,9 @@ class _Built(NamedTuple):
 
 
 class Stage:
-    """A scene over time, compiled. What it is at a moment does not depend on the moments asked for before.
+    """A scene over time, compiled. Its state at a moment does not depend on previously requested moments.
 
-    camera: the one that pictures are taken by, as --camera names it. shutter: what is asked for of its settings.
+    camera: the camera in use, as in --camera. shutter: the given shutter settings.
     """
 
     def __init__(
@@ -51,20 +51,20 @@ class Stage:
         self._auto: dict[str, Any] | None = None
 
     def at(self, moment: Moment, say: Say = lambda step: None) -> tuple[CompiledScene, dict[str, Any]]:
-        """The compiled scene at a moment, and its summary. say: told what begins now. Raises SceneError.
+        """The compiled scene at a moment, and its summary. say: called with each step as it begins. Raises SceneError.
 
-        The scene is good until the next one is asked for: what changes in it is changed in place. The camera that frames a scene
-        without one frames it as it is at its beginning, and then stands still.
+        The result is valid until the next call, which modifies it in place. The automatic camera, for a scene without one, frames
+        the scene at its beginning and does not move.
         """
         return self._at(moment, say, lambda each: self._shot.over(each, self._shutter))
 
     def between(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
-        """As `at`, of the time from the frame before to the frame after: what motion vectors are made of."""
+        """Like `at`, over the time from the previous to the next frame, for motion vectors."""
         return self._at(moment, lambda step: None, self._shot.between)
 
     @property
     def cuts(self) -> Cuts:
-        """The offsets of the parts of the scene that was compiled last."""
+        """The offsets of the parts of the most recently compiled scene."""
         assert self._kept is not None and self._kept.cuts is not None
         return self._kept.cuts
 
@@ -112,7 +112,7 @@ class Stage:
         return _Built(read, described, compiled, summarise(described, compiled))
 
     def _is_auto(self, description: SceneDescription) -> bool:
-        """Whether pictures are taken by the camera that frames the scene."""
+        """Whether the camera in use is the automatic one."""
         from rayfarm.options import find_camera
         from renderer.scene.compile import camera_names
 
@@ -121,7 +121,7 @@ class Stage:
 
 
 def _copied(description: SceneDescription) -> SceneDescription:
-    """A copy to be compiled, which adds to its lists and changes nothing in them."""
+    """A copy of the description to compile, since compiling appends to its lists (it changes none of their items)."""
     held = {f.name: getattr(description, f.name) for f in fields(description)}
     copied: dict[str, Any] = {name: copy(value) for name, value in held.items() if isinstance(value, list | dict)}
     return replace(description, **copied)

@@ -1,4 +1,4 @@
-"""The denoised frames of a sequence: each is written once its neighbours are rendered, which are used to make it steady."""
+"""Temporally stable denoising of a sequence: each frame is written once its neighbours are rendered, which it uses."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ Write = Callable[["npt.NDArray[np.float32]"], None]
 
 
 class Steadying:
-    """Holds as many frames as it must. Which neighbours a frame has follows from the frames that are asked for, and from which of
-    them fail; not from which were there already.
+    """Holds the frames that are still needed as neighbours.
+
+    A frame's neighbours depend on the requested frames and on failures, but not on which files existed before.
     """
 
     def __init__(self, frames: Iterable[float], missing: Iterable[float]) -> None:
-        """frames: all that are asked for. missing: those whose files are to be written."""
+        """frames: all requested frames. missing: those whose files are to be written."""
         self._all = frozenset(frames)
         self.missing = frozenset(missing)
         self.plan = sorted({*self.missing, *(each for frame in self.missing for each in self._near(frame))})
@@ -31,7 +32,7 @@ class Steadying:
         self._waiting: dict[float, Write] = {}
 
     def _near(self, frame: float) -> list[float]:
-        """A frame's neighbours: those that lie in one run with it."""
+        """A frame's neighbours: up to REACH consecutive requested frames on each side."""
         from renderer.steady import REACH
 
         found: list[float] = []
@@ -43,17 +44,17 @@ class Steadying:
         return found
 
     def has_neighbours(self, frame: float) -> bool:
-        """Whether others count for it."""
+        """Whether a frame has neighbours."""
         return bool(self._near(frame))
 
     def take(self, frame: float, still: Still, write: Write) -> None:
-        """A frame is rendered. write: writes its denoised picture, where it is missing."""
+        """Adds a rendered frame. write: writes its denoised picture, if its file is missing."""
         self._held[frame] = still
         if frame in self.missing:
             self._waiting[frame] = write
 
     def settle(self, frame: float) -> list[tuple[float, Callable[[], None]]]:
-        """A frame is rendered or has failed: the frames whose denoised pictures can be written now, and what writes each."""
+        """Marks a frame as rendered or failed; returns the frames whose pictures can now be denoised, each with its writer."""
         self._open.discard(frame)
         ready = [each for each in sorted(self._waiting) if not self._open.intersection(self._near(each))]
         return [(each, self._writing(each)) for each in ready]

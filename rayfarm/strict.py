@@ -1,4 +1,4 @@
-"""`--strict`: what a reader guessed, dropped or replaced ends a command."""
+"""`--strict`: makes warnings of a reader (guessed, dropped or replaced content) errors of a command."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["refuse"]
 
 
 def refuse(scene: str, warnings: Sequence[str], strict: bool) -> None:
-    """Raises CommandError with all of a scene's warnings where they are errors; does nothing without warnings."""
+    """Raises CommandError with all of a scene's warnings if they are errors; does nothing without warnings."""
     if not strict or not warnings:
         return
     count = "1 warning" if len(warnings) == 1 else f"{len(warnings)} warnings"

@@ -1,6 +1,6 @@
-"""Why Rayfarm's picture of a scene of Mitsuba's or pbrt's may be another than theirs: what is known, by what is in the scene.
+"""Known differences between Rayfarm's picture and that of Mitsuba or pbrt, by the contents of the scene.
 
-Where the figures are from: docs/correctness.md.
+Source of the numbers: docs/correctness.md.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from renderer.scene.material import Material
 
 __all__ = ["known_differences"]
 
-_LEAST = 0.005  # of a surface's light: what is less is not told
-_SLOPES, _DARKER = (0.0, 0.25, 0.5, 1.0), (0.0, 0.024, 0.089, 0.285)  # of bumps, and what Mitsuba's shadowing term takes away
+_LEAST = 0.005  # smallest relative difference reported
+_SLOPES, _DARKER = (0.0, 0.25, 0.5, 1.0), (0.0, 0.024, 0.089, 0.285)  # slopes of bumps, and the loss by Mitsuba's shadowing term
 
 
 def known_differences(scene: SceneDescription, other: str) -> list[str]:
-    """Sentences, none where nothing is known. other: the name of the other renderer."""
+    """The known differences as sentences. other: the name of the other renderer."""
     found = []
     if metals := _lost(scene, _is_metal):
         found.append(
@@ -39,7 +39,7 @@ def known_differences(scene: SceneDescription, other: str) -> list[str]:
 
 
 def _lost(scene: SceneDescription, is_meant: Callable[[Material], bool]) -> dict[str, float]:
-    """By the names of materials, what a single bounce between facets loses of white, relative to what it keeps."""
+    """Energy lost by single scattering between microfacets, relative to the energy kept, by material name."""
     return {
         material.name: lost
         for material in _used(scene)
@@ -63,13 +63,13 @@ def _is_glass(material: Material) -> bool:
 
 
 def _mean_albedo(roughness: float) -> float:
-    """Of a white metal, over the hemisphere: what the renderer makes up for."""
+    """Single-scattering albedo of a white metal, averaged over the hemisphere, which the renderer compensates."""
     means = np.load(table_path("ggx_albedo"))[SIZE].sum(axis=-1)
     return float(np.interp(roughness, np.linspace(0.0, 1.0, SIZE), means))
 
 
 def _bumps(scene: SceneDescription) -> dict[str, float]:
-    """By the names of materials with normal maps, how much darker Mitsuba's shadowing has a matt one of such slopes."""
+    """How much Mitsuba's shadowing term darkens a matt material with such slopes, by the names of normal-mapped materials."""
     found = {}
     for material in _used(scene):
         if material.normal_texture is None:

@@ -10,9 +10,9 @@ from __future__ import annotations
 import gc
 import os
 
-gc.disable()  # while modules come: each collection looks through all that have come, a fifteenth of the time
+gc.disable()  # during imports, where repeated collections take a fifteenth of the time
 
-# Slots are processes: a thread pool inside each of them would only fight for the same cores.
+# Slots are processes; thread pools inside them would compete for the same cores.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
@@ -53,17 +53,17 @@ from worker.telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 from worker.work.files import memory_budget
 from worker.work.reader import begin_launcher
 
-gc.freeze()  # modules stay: to look through them once more takes a tenth of a second
+gc.freeze()  # excludes the imported modules from collections, which saves a tenth of a second each
 gc.enable()
 
 EXIT_REFUSED = 3
 
 
 def main() -> int:
-    """Join, warm up, work. Exit code 3: no farm is there, or it refuses this worker; another try is of no use."""
+    """Joins the farm, warms up and works. Exit code 3: there is no farm, or it refuses this worker; a retry does not help."""
     options = _options()
     if options.log_format:
-        os.environ[FORMAT_VARIABLE] = options.log_format  # processes that it starts follow
+        os.environ[FORMAT_VARIABLE] = options.log_format  # inherited by child processes
     try:
         options.token = options.token or value_of("RAYFARM_TOKEN")
         options.redis = with_password(options.redis or value_of("RAYFARM_REDIS_URL"), value_of("RAYFARM_REDIS_PASSWORD")) or None
@@ -96,7 +96,7 @@ def _work(options: argparse.Namespace) -> int:
         )
 
     take_shipped(jit.cache_folder())
-    helpers = helpers_for()  # forked now: joining is a thread
+    helpers = helpers_for()  # forked before the joining thread starts
     joining = Joining(link, options.redis, options.name or host, host, starting, log.info)
     joining.begin()
     get_ready(link, helpers=helpers)
@@ -162,7 +162,7 @@ def _options() -> argparse.Namespace:
 
 
 def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:
-    """Those that it was given, and those that it has by itself."""
+    """The worker's tags: those from the command line and the automatic ones."""
     able = [*(["denoiser"] if denoise.is_available() else []), *([blends.TAG] if options.blender is not None else [])]
     where = [f"host:{host.lower()}", *([f"{SITE}{options.site}"] if options.site else [])]
     own = [*where, *able, f"kind:{kind.lower()}"]
@@ -170,13 +170,16 @@ def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:
 
 
 def _own_terms(options: argparse.Namespace) -> Terms:
-    """As it was started. Raises ValueError."""
+    """The terms from the command line. Raises ValueError."""
     memory = round(options.memory * 1e9)
     return Terms(options.hours, options.idle, options.nice, memory=memory).checked()
 
 
 def _check(options: argparse.Namespace) -> Blender | None:
-    """The Blender that was asked for. Raises RefusedError where a setting would only be found wrong by the first work."""
+    """Checks settings at startup that would otherwise fail with the first task. Returns the Blender in use.
+
+    Raises RefusedError.
+    """
     try:
         if options.redis:
             check_redis_url(options.redis)
@@ -200,7 +203,7 @@ def _check(options: argparse.Namespace) -> Blender | None:
 
 
 def _blender(named: str) -> Blender:
-    """Raises RefusedError."""
+    """The Blender at the given path. Raises RefusedError if it cannot be used."""
     try:
         found = program.look_at(named) if named else program.find()
     except program.BlenderError as error:
@@ -210,7 +213,7 @@ def _blender(named: str) -> Blender:
             "--blender: there is no Blender here. Install it so that `blender` is on the PATH, or name it: --blender PROGRAM; "
             "`rayfarm worker --blender` can fetch one"
         )
-    os.environ[program.NAMED] = found.program  # for the slots
+    os.environ[program.NAMED] = found.program  # inherited by the slots
     return found
 
 

@@ -1,4 +1,4 @@
-"""The Celery application of a worker process, and what happens around its forks."""
+"""The Celery application of a worker process, and its hooks around forks."""
 
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ from worker.work.slot import slot
 
 __all__ = ["make_app", "run"]
 
-SHUTDOWN_S = 600  # a warm shutdown waits for the tasks in hand; past this the watchdog ends it
+SHUTDOWN_S = 600  # a warm shutdown waits for running tasks; after this the watchdog ends it
 
 
 def make_app(worker: context.WorkerContext) -> Celery:
-    """The application that takes this worker's tasks."""
+    """Creates the Celery application with this worker's tasks and queues."""
     be_patient()
     app = Celery("rayfarm", set_as_current=False)
     app.conf.update(celery_config(worker.redis_url))
     app.conf.broker_transport_options = {**app.conf.broker_transport_options, "queue_order_strategy": STRATEGY}
     app.conf.update(
-        # A task outlives a lost connection: its result goes to the stream, and a second delivery is harmless.
+        # A task survives a lost connection: its result goes to the stream, and a redelivery is harmless.
         worker_cancel_long_running_tasks_on_connection_loss=False,
-        # Celery lowers the prefetch count after a reconnect and does not always raise it again: a worker that idles.
+        # Celery lowers the prefetch count after a reconnect and may not raise it again, which leaves the worker idle.
         worker_enable_prefetch_count_reduction=False,
         worker_hijack_root_logger=False,
         worker_redirect_stdouts=False,
         broker_connection_max_retries=None,
-        # A busy machine may take longer than Celery's 4 s to start a slot; killing it then only makes it busier.
+        # A busy machine may take longer than Celery's 4 s to start a slot; killing it then only adds load.
         worker_proc_alive_timeout=60.0,
     )
     tasks.register(app)
@@ -56,8 +56,8 @@ def make_app(worker: context.WorkerContext) -> Celery:
 
 
 def run(worker: context.WorkerContext) -> int:
-    """Take tasks until a signal says to stop; the exit code. SIGTERM: finish the tasks in hand first."""
-    # Celery warns root because of pickle; only JSON is accepted here.
+    """Takes tasks until a signal stops it; returns the exit code. SIGTERM: finishes the running tasks first."""
+    # Celery warns root users because of pickle; only JSON is accepted here.
     warnings.filterwarnings("ignore", category=SecurityWarning)
     context.set_current(worker)
     if by_json():
@@ -91,15 +91,15 @@ def run(worker: context.WorkerContext) -> int:
 
 
 def _keep_log(**_: Any) -> None:
-    """Celery would give some of its loggers handlers of their own, which write text. What matters of theirs are warnings."""
+    """Configures logging in place of Celery, which would add text handlers: its loggers propagate, from level WARNING."""
     for name in ("celery", "kombu", "amqp", "multiprocessing"):
         logging.getLogger(name).setLevel(logging.WARNING)
-    get_logger().propagate = True  # billiard's keeps its lines to itself
+    get_logger().propagate = True  # billiard's logger does not propagate by default
     setattr(sys, "__stdout__", None)  # noqa: B010 - where Celery writes that it shuts down, past all loggers
 
 
 def _child_starts(**_: Any) -> None:
-    """In every new slot: end with the parent, open own connections, and say that the slot is free."""
+    """Runs in every new slot process: ends it with the parent, opens its own connections, and reports the slot as free."""
     worker = context.current()
     die_with_parent(worker.pid)
     worker.after_fork()
@@ -107,7 +107,7 @@ def _child_starts(**_: Any) -> None:
 
 
 def _ready(**_: Any) -> None:
-    """Scenes with textures have a kernel of their own: nobody shall wait for it who comes a little later."""
+    """Runs when the worker is ready: starts compiling the kernel for scenes with textures in advance."""
     worker = context.current()
     if worker.keeping is None or worker.keeping.may_work_ahead():
         get_ready_ahead(worker.link)

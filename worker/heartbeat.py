@@ -1,8 +1,8 @@
-"""A worker's report about itself, under a key that expires.
+"""A worker's heartbeat: its report, under a key that expires.
 
 The event loop that fetches the worker's tasks also writes its report, so a worker whose loop hangs stops reporting, and the
-service notices. The same beat winds a watchdog, and notices a worker that idles although its queue is full (Celery issues 8030,
-9054, 10205): both end the process, and its supervisor starts a fresh one.
+service notices. Each beat also resets a watchdog, and detects a worker that idles although its queue is full (Celery issues 8030,
+9054, 10205): both end the process, and its supervisor restarts it.
 """
 
 from __future__ import annotations
@@ -45,35 +45,35 @@ __all__ = ["Heartbeat", "Reporter"]
 WATCHDOG_S = 60
 IDLE_LIMIT_S = 20.0
 VITALS_EVERY_S = 5.0
-AT_ONCE_S = 0.05  # for Redis' answer: on a slow line it is heard at the next beat
+AT_ONCE_S = 0.05  # seconds to wait for Redis's reply; a later one is read at the next beat
 
 log = logging.getLogger(__name__)
 
 
 class Reporter:
-    """Writes reports; never raises where Redis is away, since the worker outlives it."""
+    """Writes reports. Does not raise if Redis is unreachable, so the worker keeps running."""
 
     def __init__(self, redis_url: str) -> None:
         self.redis = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
 
     def beat(self, report: WorkerReport) -> bool:
-        """Write a report; False where Redis does not take it."""
+        """Writes a report; False if Redis does not store it."""
         try:
             with self.redis.pipeline(transaction=False) as both:
-                both.client_setname(lifeline(report.name))  # each time: the connection may be a new one
+                both.client_setname(lifeline(report.name))  # repeated, since the connection may be new
                 both.set(worker_key(report.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
                 return both.execute(raise_on_error=False)[1] is True
         except redis.RedisError:
             return False
 
     def leave(self, name: str) -> None:
-        """Take the report away at once, so that the service need not wait for it to expire."""
+        """Deletes the report at once, so that the service need not wait for it to expire."""
         with contextlib.suppress(redis.RedisError):
             self.redis.delete(worker_key(name), help_queue(name))
 
 
 class Heartbeat(bootsteps.StartStopStep):
-    """A step of Celery's consumer: beats from its event loop, and begins anew when it reconnects."""
+    """A step of Celery's consumer: sends heartbeats from its event loop, and restarts when it reconnects."""
 
     requires = ("celery.worker.consumer.tasks:Tasks",)
 
@@ -81,34 +81,34 @@ class Heartbeat(bootsteps.StartStopStep):
         super().__init__(consumer, **kwargs)
         self.worker = context.current()
         self.telling = Telling(self.worker.redis_url)
-        self.heard = Heard(is_taken=False)  # the latest answer
+        self.heard = Heard(is_taken=False)  # the latest reply
         self.consumer = consumer
         self.has_come = False
         self.is_paused = False
-        self.served: tuple[str, ...] = ()  # queues of needs
-        self.said = ""  # of what is in the way, once
+        self.served: tuple[str, ...] = ()  # requirement queues being consumed
+        self.said = ""  # the last logged error
         self.timer: Any = None
         self.idle_since = time.monotonic()
-        self.told = -math.inf  # how the machine is
+        self.told = -math.inf  # time when vitals were last sent
 
     def start(self, consumer: Any) -> None:
-        """Begin to beat."""
+        """Starts the heartbeat."""
         alive.say(State.WORKING)
         self.idle_since = time.monotonic()
         self.beat()
         self.timer = consumer.timer.call_repeatedly(HEARTBEAT_EVERY_S, self.beat)
 
     def stop(self, consumer: Any) -> None:
-        """End or reconnect."""
+        """Stops the heartbeat, before a shutdown or a reconnect."""
         alive.say(State.AWAY)
         if self.timer is not None:
             self.timer.cancel()
             self.timer = None
 
     def beat(self) -> None:
-        """Report, wind the watchdog, and look whether tasks pass this worker by."""
+        """Reports, resets the watchdog, applies the service's terms, and checks that queued tasks reach this worker."""
         alive.say(State.WORKING)
-        heard = self.telling.hear()  # over a slow line: of an earlier beat
+        heard = self.telling.hear()  # on a slow line, the reply to an earlier beat
         self._tell()
         if (heard := self.telling.hear(AT_ONCE_S) or heard) is not None:
             self.heard = heard
@@ -116,7 +116,7 @@ class Heartbeat(bootsteps.StartStopStep):
         self._keep()
         self._obey()
         if before != (self.is_paused, self.served):
-            self._tell()  # at once, and not with the next beat
+            self._tell()  # at once instead of with the next beat
         if heard is not None and heard.is_taken:
             self._go_on(heard)
 
@@ -125,7 +125,7 @@ class Heartbeat(bootsteps.StartStopStep):
         report = worker.report(self.is_paused)
         report = replace(report, in_hand=[*dict.fromkeys([*report.in_hand, *_taken()])])
         more: list[tuple[Any, ...]] = []
-        if not self.has_come:  # the service shall look at it now, and not at its next look
+        if not self.has_come:  # wakes the service, which then sees the new worker at once
             self.has_come = True
             more.append(("XADD", RESULTS, "*", "event", json.dumps({"type": "wake"})))
         if now - self.told > VITALS_EVERY_S and (found := vitals.look()) is not None:
@@ -138,7 +138,7 @@ class Heartbeat(bootsteps.StartStopStep):
         self.telling.tell(report, worker.keeping.offer() if worker.keeping is not None else None, more)
 
     def _go_on(self, heard: Heard) -> None:
-        signal.alarm(WATCHDOG_S)  # not wound again: SIGALRM ends this process, and with it its children
+        signal.alarm(WATCHDOG_S)  # unless reset, SIGALRM ends this process and with it its children
         report, now = self.worker.report(self.is_paused), time.monotonic()
         self._see_to_pieces(report, heard)
         if self.is_paused or any(report.current) or not heard.waiting:
@@ -149,14 +149,14 @@ class Heartbeat(bootsteps.StartStopStep):
             os.kill(os.getpid(), signal.SIGTERM)
 
     def _see_to_pieces(self, report: WorkerReport, heard: Heard) -> None:
-        """Let free slots look after what waits here, where nobody asks them to: who was to come may have been killed."""
+        """Sends help requests if pieces wait and none is queued, since the slot that was to take them may have been killed."""
         free = sum(not doing for doing in report.current)
         if self.worker.pieces is not None and report.in_hand and free and not heard.is_asked:
             with contextlib.suppress(OSError):
                 ask_for_help(self.consumer.app, self.worker, min(free, max(self.worker.pieces.waiting(), 1)))
 
     def _obey(self) -> None:
-        """Stop or begin to take tasks, as the service wants; what is in hand is finished in any case."""
+        """Pauses or resumes taking tasks as the service requests; running tasks are finished in any case."""
         keeping = self.worker.keeping
         wanted = (keeping is not None and keeping.why is not None) or self.heard.is_paused
         if wanted == self.is_paused:
@@ -165,7 +165,7 @@ class Heartbeat(bootsteps.StartStopStep):
         try:
             for queue in self.worker.queues:
                 if queue == help_queue(self.worker.name):
-                    continue  # what is begun is ended
+                    continue  # started pieces are finished even while paused
                 if wanted:
                     self.consumer.cancel_task_queue(queue)
                 else:
@@ -174,7 +174,7 @@ class Heartbeat(bootsteps.StartStopStep):
             if str(error) != self.said:
                 self.said = str(error)
                 log.warning("tasks cannot be %s now: %s", "left" if wanted else "taken", error)
-            return  # until the next beat
+            return  # retried at the next beat
         self.is_paused = wanted
         self.said = ""
         why = keeping.why if keeping is not None else None
@@ -182,7 +182,7 @@ class Heartbeat(bootsteps.StartStopStep):
         self._serve_needs(() if wanted or keeping is None else keeping.terms.queues)
 
     def _serve_needs(self, queues: tuple[str, ...]) -> None:
-        """Take from these queues beside its own, and from no others."""
+        """Consumes exactly these requirement queues, in addition to the worker's own queues."""
         try:
             for queue in self.served:
                 if queue not in queues:
@@ -192,22 +192,24 @@ class Heartbeat(bootsteps.StartStopStep):
                     self.consumer.add_task_queue(queue)
         except redis.RedisError as error:
             log.warning("queues cannot be changed now: %s", error)
-            return  # until the next beat: to take from a queue twice, or to leave it twice, is harmless
+            return  # retried at the next beat; repeated calls are harmless
         self.served = queues
 
     def _keep(self) -> None:
-        """Do as is asked: what is in hand is finished in any case."""
+        """Applies the requested terms, including the number of slots; running tasks are finished in any case."""
         if (keeping := self.worker.keeping) is None:
             return
         keeping.ask(self.heard.terms)
         keeping.look()
-        # Tasks are acknowledged when they are done: so many that are not are as many as may be in hand.
+        # Tasks are acknowledged when they finish, so the prefetch count limits the number of running tasks.
         if missing := keeping.slots_now - self.consumer.qos.value:
             change = self.consumer.qos.increment_eventually if missing > 0 else self.consumer.qos.decrement_eventually
             change(abs(missing))
 
 
 def _taken() -> list[str]:
-    """The messages with batches that were taken from the queue and are not done: a slot of a busy machine may need seconds until
-    it says that it has one."""
+    """The ids of batch messages that were taken from the queue and are unfinished.
+
+    Needed in addition to the slots' reports, since a slot of a busy machine may take seconds to report its batch.
+    """
     return [request.id for request in list(reserved_requests) if request.name in (RENDER_BATCH, RENDER_BATCHES, RENDER_JOINTLY)]

@@ -20,18 +20,18 @@ from worker.protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WorkerR
 
 __all__ = ["Joined", "Joining", "check_redis", "free_name"]
 
-# Nobody who only waits longer gets another answer to these: the address or the token must change.
+# Errors that a retry does not resolve: the address or the token must change.
 OF_NO_USE = (RefusedError, TokenError, NotAFarmError)
 FIRST_PAUSE_S = 0.2
 LAST_PAUSE_S = 3.0
-LONGER = 1.1  # each time: a service that starts with this worker answers after seconds, which shall not become twice as many
+LONGER = 1.1  # growth per retry; small, since a service started together with this worker answers within seconds
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Joined:
-    """What a worker knows once it has joined."""
+    """The result of joining a farm."""
 
     farm: FarmAnswer
     redis_url: str
@@ -39,9 +39,9 @@ class Joined:
 
 
 class Joining:
-    """Asks the service until it answers, then reports `starting` until the worker takes over.
+    """Joins the service, retrying until it answers, then reports `starting` until the worker's own heartbeat takes over.
 
-    redis_url: where it is known already; else the service tells. report: the worker of itself, by the name it got.
+    redis_url: None to use the service's. report: makes the worker's report for a given name.
     """
 
     def __init__(
@@ -66,13 +66,16 @@ class Joining:
         self._thread = threading.Thread(target=self._run, name="joining", daemon=True)
 
     def begin(self) -> None:
-        """Start. Raises WorkerError where another try is of no use: no farm is there, or it says no."""
+        """Starts joining. Raises WorkerError if a retry does not help: there is no farm, or it refuses."""
         with contextlib.suppress(LinkError):
             self._link.join()
         self._thread.start()
 
     def finish(self, stop: Callable[[], bool]) -> Joined | None:
-        """Wait for the service's answer and end the thread; None where `stop` came first. Raises WorkerError as `begin`."""
+        """Waits for the service's answer and ends the thread; None if `stop` returned true first.
+
+        Raises WorkerError as `begin`.
+        """
         while not stop() and not self._answered.wait(0.1):
             pass
         self._stop.set()
@@ -86,7 +89,7 @@ class Joining:
             self._joined = self._patiently()
         except OF_NO_USE as error:
             self._refused = error
-        except Exception as error:  # whatever it is, nobody must wait for an answer that does not come
+        except Exception as error:  # `finish` waits for an answer, so any error must end the wait
             log.exception("joining failed")
             self._refused = RefusedError(f"joining {self._link.service} failed ({type(error).__name__}: {error})")
         finally:
@@ -95,7 +98,7 @@ class Joining:
             self._beat(self._joined)
 
     def _patiently(self) -> Joined | None:
-        """Join as soon as service and Redis are there; None where it is stopped. Says once per reason why it waits."""
+        """Joins as soon as service and Redis are reachable; None if stopped. Reports each distinct reason for waiting once."""
         said = ""
         pause = FIRST_PAUSE_S
         while not self._stop.is_set():
@@ -125,7 +128,7 @@ class Joining:
 
 
 def check_redis(url: str) -> None:
-    """Raises LinkError, with a hint, where no Redis is there that a worker can write to."""
+    """Raises LinkError, with a hint, if a worker cannot write to the Redis at `url`."""
     where = urlsplit(url)._replace(netloc=urlsplit(url).netloc.rpartition("@")[2]).geturl()
     try:
         with _connection(url) as store:
@@ -147,7 +150,7 @@ def check_redis(url: str) -> None:
 
 
 def free_name(wanted: str, redis_url: str, host: str) -> str:
-    """`wanted`, or with -2, -3 ... behind it where a living worker has that name."""
+    """`wanted`, or with the suffix -2, -3 ... if a living worker has that name."""
     with contextlib.suppress(redis.RedisError), _connection(redis_url) as store:
         for name in (wanted, *(f"{wanted}-{n}" for n in range(2, 1000))):
             if not _is_taken(store, name, host):
@@ -160,7 +163,7 @@ def _connection(url: str) -> redis.Redis:
 
 
 def _is_taken(store: redis.Redis, name: str, host: str) -> bool:
-    """Whether something lives under this name: also what this release cannot read. It expires when nobody renews it."""
+    """Whether a living worker has this name. A report that this release cannot parse counts as living until it expires."""
     try:
         data = store.get(worker_key(name))
         return isinstance(data, bytes) and not _is_dead(WorkerReport.from_bytes(data), host)
@@ -169,7 +172,7 @@ def _is_taken(store: redis.Redis, name: str, host: str) -> bool:
 
 
 def _is_dead(report: WorkerReport, host: str) -> bool:
-    """Whether a report was left by a process of this host that has ended."""
+    """Whether a report comes from a process of this host that has ended."""
     if report.host != host or report.pid <= 0:
         return False
     try:

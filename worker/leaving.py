@@ -1,5 +1,8 @@
-"""A worker that was told to end keeps reporting what its slots have in hand. The event loop that otherwise reports it has ended
-by then; if the report expired, that work would be handed out again, though it is nearly done."""
+"""Keeps reporting a worker's running tasks while it shuts down.
+
+The event loop that otherwise reports them has ended by then; if the report expired, that work would be handed out again, though
+it is nearly done.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ __all__ = ["Leaving"]
 
 
 class Leaving:
-    """Of the parent process."""
+    """Reports from the parent process during shutdown."""
 
     def __init__(self, worker: WorkerContext) -> None:
         self._worker = worker
@@ -22,13 +25,13 @@ class Leaving:
         self._thread: threading.Thread | None = None
 
     def begin(self, **_: Any) -> None:
-        """It takes no more tasks, and finishes those in hand."""
+        """Starts reporting: the worker takes no more tasks, and finishes those that are running."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="leaving", daemon=True)
             self._thread.start()
 
     def end(self) -> None:
-        """Nothing is in hand any more: say that it is gone."""
+        """Stops reporting and deletes the report, when no task is running."""
         self._is_gone.set()
         if self._thread is not None:
             self._thread.join()

@@ -50,7 +50,7 @@ log = logging.getLogger(__name__)
 
 
 def register(app: Celery) -> None:
-    """Give the application its tasks."""
+    """Registers the tasks with the application."""
     tasks: dict[str, tuple[Callable[[Any, Any], None], str]] = {
         PREPARE: (_prepare, "prepare"),
         PREPARE_FRAMES: (_prepare_frames, "prepare frames"),
@@ -70,12 +70,12 @@ def register(app: Celery) -> None:
 
 
 def _render_batch(task: Any, batch: dict[str, Any]) -> None:
-    """Render a batch (RenderBatch.to_json) and send its sums."""
+    """Renders a batch (RenderBatch.to_json) and sends its sums."""
     _render(task, context.current(), batch)
 
 
 def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
-    """Render batches in turn, and send the sums of each as soon as they are there."""
+    """Renders batches in turn, and sends the sums of each as soon as it is rendered."""
     for batch in batches:
         with about(**named(batch)):
             _render(task, context.current(), batch)
@@ -94,14 +94,14 @@ def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> 
             worker.results.send(failure(worker, work, sentence))
             return
         if deaths:
-            with contextlib.suppress(Trouble):  # what ends a slot may be a file that has suffered on this disk
+            with contextlib.suppress(Trouble):  # the slot's death may come from a file damaged on this disk
                 discard_damaged(worker.cache, work.compiled)
         worker.results.send(do())
         survived(task, worker, work.batch)
 
 
 def _render_jointly(task: Any, joint: dict[str, Any]) -> None:
-    """Render a piece of a joint batch (JointBatch.to_json), and let other slots of this worker render the others."""
+    """Renders a piece of a joint batch (JointBatch.to_json), and offers the other pieces to the slots of this worker."""
     worker = context.current()
     try:
         work = JointBatch.from_json(joint)
@@ -112,19 +112,19 @@ def _render_jointly(task: Any, joint: dict[str, Any]) -> None:
     if not is_redelivered(task) and laid_out(task.app, worker, work, task.request.id):
         help_out(worker)
         return
-    for number in left_of(worker, work, task.request.id):  # one may have killed the slot that had it: which, is seen in turn
+    for number in left_of(worker, work, task.request.id):  # in turn: one of them may have killed the slot
         batch = work.batch(number).to_json()
         with about(**named(batch)):
             _render(task, worker, batch)
 
 
 def _help(task: Any, asked: dict[str, Any]) -> None:
-    """Render a piece that waits on this machine, and send what is ripe."""
+    """Renders a piece that waits on this machine, and sends the sums that are due."""
     help_out(context.current())
 
 
 def _prepare(task: Any, scene: str) -> None:
-    """Prepare an uploaded scene, and say how it goes."""
+    """Prepares an uploaded scene, and reports its progress."""
     worker = context.current()
     about = {"scene": scene, "kind": worker.kind, "worker": worker.name}
     steps = Steps()
@@ -162,7 +162,7 @@ def _prepare(task: Any, scene: str) -> None:
 
 
 def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
-    """Prepare frames of a shot (PrepareFrames as a dict), and answer for each."""
+    """Prepares frames of a shot (PrepareFrames as a dict), and answers for each."""
     worker = context.current()
     about = {name: frames.get(name) for name in ("work", "job")} | {"kind": worker.kind, "worker": worker.name}
 
@@ -197,7 +197,7 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
 
 
 def _render_view(task: Any, parts: dict[str, Any]) -> None:
-    """Render parts of a view (ViewParts.to_json)."""
+    """Renders parts of a view (ViewParts.to_json)."""
     worker = context.current()
     try:
         work = ViewParts.from_json(parts)
@@ -213,7 +213,7 @@ def _render_view(task: Any, parts: dict[str, Any]) -> None:
 
 
 def _view_frame(task: Any, frame: dict[str, Any]) -> None:
-    """Prepare frames that a view shows (ViewFrame.to_json)."""
+    """Prepares frames that a view shows (ViewFrame.to_json)."""
     worker = context.current()
     try:
         work = ViewFrame.from_json(frame)
@@ -229,7 +229,7 @@ def _view_frame(task: Any, frame: dict[str, Any]) -> None:
 
 
 def _explain(task: Any, pixel: dict[str, Any]) -> None:
-    """Explain a pixel (ExplainPixel.to_json)."""
+    """Explains a pixel (ExplainPixel.to_json)."""
     worker = context.current()
     try:
         work = ExplainPixel.from_json(pixel)
@@ -238,5 +238,5 @@ def _explain(task: Any, pixel: dict[str, Any]) -> None:
         say(worker, str(pixel.get("message")), "failed", error=sentence)
         return
     with InHand(worker, {"explain": work.job, "message": work.message}) as hand:
-        if not deaths_of(task, worker, work.message):  # else whoever asked has long been told
+        if not deaths_of(task, worker, work.message):  # after a death the client has already got an error
             explain_pixel(worker, work, hand.compiling)

@@ -1,1 +1,1 @@
-"""One file per command; each has `register(app)`. Heavy modules are imported when a command runs, so that --help is quick."""
+"""The commands, one file each, with a function `register(app)`. Heavy modules are imported when a command runs."""

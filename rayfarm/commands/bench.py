@@ -28,9 +28,9 @@ __all__ = ["register"]
 
 SCENE = shipped("scenes") / "still-life.yaml"
 SIZE = "64x36"
-ENOUGH_S = 0.5  # what is over sooner is measured with more samples
+ENOUGH_S = 0.5  # seconds; shorter runs are repeated with more samples
 MOST_SAMPLES = 4096
-PROBE = 8  # of the picture's width and height, to foretell how long all of it takes
+PROBE = 8  # factor by which the picture is reduced to estimate the time
 
 Scene = Annotated[Path | None, typer.Option(metavar="SCENE", help="The scene to measure; by default scenes/still-life.yaml.")]
 Json = Annotated[bool, typer.Option("--json", help="For programs.")]
@@ -45,7 +45,7 @@ def register(app: typer.Typer) -> None:
 
 @dataclass
 class Row:
-    """One way to render the same picture."""
+    """One configuration that renders the same picture."""
 
     bvh: bool
     threads: int
@@ -114,7 +114,7 @@ def _timed(compiled: CompiledScene, settings: RenderSettings, spp: int, threads:
 
 
 def _expected_s(compiled: CompiledScene, settings: RenderSettings, spp: int) -> float:
-    """Seconds for the whole with one thread, by a small copy of it."""
+    """Estimated seconds for the whole picture with one thread, from a timed smaller one."""
     small = replace(settings, width=max(settings.width // PROBE, 1), height=max(settings.height // PROBE, 1))
     return _timed(compiled, small, 1, 1)[0] * settings.width * settings.height * spp / (small.width * small.height)
 

@@ -1,4 +1,4 @@
-"""`rayfarm compare`: does it agree with Mitsuba, or with pbrt?"""
+"""`rayfarm compare`: compares a picture with that of Mitsuba or pbrt."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rayfarm.output_files import check_writable, write
 __all__ = ["register"]
 
 BLOCK = 8
-TOP = 0.5  # the relative difference that the brightest colour shows
+TOP = 0.5  # relative difference shown in full colour
 MISSING = 'Mitsuba is not installed in this Python: pip install "mitsuba>=3.5"'
 MISSING_PBRT = (
     "There is no program pbrt on the PATH to compare with. Build pbrt-v4 (github.com/mmp/pbrt-v4) and put it there, or render "
@@ -107,7 +107,7 @@ def _mitsuba() -> Any:
         import mitsuba
     except ImportError:
         raise CommandError(MISSING) from None
-    mitsuba.set_variant("scalar_rgb")  # needs no LLVM
+    mitsuba.set_variant("scalar_rgb")  # the variant that works without LLVM
     return mitsuba
 
 
@@ -158,7 +158,7 @@ def _blocks(ours: Any, theirs: Any) -> Any:
         np.stack([part.mean((0, 1)) for row in np.array_split(each, height) for part in np.array_split(row, width, axis=1)])
         for each in (ours, theirs)
     ]
-    floor = 0.02 * max(float(theirs.mean()), 1e-12)  # what is nearly black has no relative difference worth a word
+    floor = 0.02 * max(float(theirs.mean()), 1e-12)  # limits the relative difference of nearly black blocks
     return np.abs(means[0] - means[1]).mean(-1) / (means[1].mean(-1) + floor)
 
 

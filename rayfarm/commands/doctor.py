@@ -1,4 +1,4 @@
-"""`rayfarm doctor`: what is wrong with this installation."""
+"""`rayfarm doctor`: checks this installation."""
 
 from __future__ import annotations
 

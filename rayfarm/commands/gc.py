@@ -1,4 +1,4 @@
-"""`rayfarm gc`: what a farm could delete, and deleting it."""
+"""`rayfarm gc`: lists or deletes data that a farm need not keep."""
 
 from __future__ import annotations
 

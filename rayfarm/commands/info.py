@@ -1,4 +1,4 @@
-"""`rayfarm info`: what is in a scene."""
+"""`rayfarm info`: shows the contents of a scene."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def _show(summary: dict[str, Any]) -> None:
 
 
 def _counted(count: int, plural: str) -> str:
-    """`1 mesh`, `2 meshes`: of nouns that a scene counts."""
+    """A count with its noun: `1 mesh`, `2 meshes`."""
     singular = {"meshes": "mesh", "vertices": "vertex"}.get(plural, plural.removesuffix("s"))
     return f"{count:,} {(singular if count == 1 else plural).replace('_', ' ')}"
 

@@ -1,4 +1,4 @@
-"""`rayfarm project`: scenes and jobs that only their members see."""
+"""`rayfarm project`: scenes and jobs that are visible to their project's members only."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def show(server: options.Server = None) -> None:
     table = Table("PROJECT", "MEMBERS", "SCENES", "JOBS", box=None, pad_edge=False)
     for row in rows:
         counts = (str(row["counts"].get(kind, 0)) for kind in ("scene", "job"))
-        roles = row.get("roles", {})  # a farm of before does not know them
+        roles = row.get("roles", {})  # missing in answers of older releases
         members = (f"{name} (looks)" if roles.get(name) == "view" else name for name in row["members"])
         table.add_row(row["name"], ", ".join(members) or "none", *counts)
     out.print(table if rows else "No projects. `rayfarm project add NAME` makes one.")

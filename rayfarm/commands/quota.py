@@ -1,4 +1,4 @@
-"""`rayfarm quota`: how much you, and others, may have and do."""
+"""`rayfarm quota`: limits of users and tokens, and their use."""
 
 from __future__ import annotations
 

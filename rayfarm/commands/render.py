@@ -171,7 +171,7 @@ def render(
 
 
 def _check(output: Path, shot: Sequence | None, order: Order, stats: Path | None) -> None:
-    """Raise where what is asked for cannot be written: before anything is rendered."""
+    """Raises CommandError, before rendering, if the requested output cannot be written."""
     from renderer.image import encode
     from renderer.image import tonemap as tonemaps
 

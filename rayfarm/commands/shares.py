@@ -1,4 +1,4 @@
-"""`rayfarm shares`: what share of a farm's slots each user's jobs get."""
+"""`rayfarm shares`: how a farm's slots are shared between users."""
 
 from __future__ import annotations
 

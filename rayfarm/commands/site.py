@@ -1,4 +1,4 @@
-"""`rayfarm site`: adds up, on one machine of a site, what all of them have rendered, before it travels to the farm."""
+"""`rayfarm site`: runs a site's reducer, which adds the sums of its machines before they are sent to the farm."""
 
 from __future__ import annotations
 

@@ -156,7 +156,7 @@ def submit(
 
 
 def _check_name(output: Path | None, is_shot: bool) -> None:
-    """Raises CommandError where a farm does not give such files."""
+    """Raises CommandError if a farm does not provide files of this format."""
     if output is None or _format(output) in FORMATS:
         return
     given = (*FORMATS, *MOVIES) if is_shot else FORMATS
@@ -165,7 +165,7 @@ def _check_name(output: Path | None, is_shot: bool) -> None:
 
 
 def _check_output(output: Path | None, shot: FarmShot | None, aov: str | None, denoise: bool) -> None:
-    """Raises CommandError where the picture could not be written."""
+    """Raises CommandError if the picture cannot be written."""
     if output is None:
         if aov or denoise:
             raise CommandError("--aov and --denoise say what to write; name the picture with -o")
@@ -190,7 +190,7 @@ def _tell_taken(job: Job) -> None:
 
 
 def _deadline(text: str | None) -> str | None:
-    """With this machine's zone: the farm's may be another."""
+    """The deadline with this machine's time zone, since the farm's may differ."""
     try:
         return None if text is None else datetime.fromtimestamp(deadline_of(text)).astimezone().isoformat()
     except ValueError as error:

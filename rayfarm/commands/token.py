@@ -1,4 +1,4 @@
-"""`rayfarm token`: tokens by which programs and workers are let in."""
+"""`rayfarm token`: access tokens for programs and workers."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def up(
     from service.places import default_data_folder
 
     use_log_format(log_format)
-    os.umask(0o077)  # what a farm keeps is its user's alone
+    os.umask(0o077)  # files of a farm are private to its user
     tls = _tls(tls_cert, tls_key)
     signals = StopSignals()
     folder = data.expanduser().resolve() if data else default_data_folder()
@@ -90,7 +90,7 @@ def up(
     begun = time.monotonic()
 
     def say(sentence: str) -> None:
-        with contextlib.suppress(OSError):  # a terminal that was closed must not keep the farm from being stopped
+        with contextlib.suppress(OSError):  # output to a closed terminal must not prevent the stop
             err.print(sentence, markup=False, soft_wrap=True)
 
     with locked(folder):
@@ -116,7 +116,7 @@ def up(
 
 
 def _tls(certificate: Path | None, key: Path | None) -> Tls | None:
-    """Raises CommandError where the service could not speak HTTPS with these."""
+    """The TLS files; None if none are given. Raises CommandError if they are unusable for HTTPS."""
     from rayfarm.local.farm import Tls
 
     if certificate is None or key is None:

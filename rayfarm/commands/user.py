@@ -1,4 +1,4 @@
-"""`rayfarm user`: who may use a farm that asks for a login."""
+"""`rayfarm user`: users of a farm that requires a login."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def link(
 
 
 def _password() -> str:
-    """From the terminal, unseen and twice; else a line of standard input."""
+    """Reads a password: from a terminal hidden and twice, else one line of standard input."""
     if not sys.stdin.isatty():
         return sys.stdin.readline().rstrip("\n")
     chosen: str = typer.prompt("Password", hide_input=True, confirmation_prompt=True)

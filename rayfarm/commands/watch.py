@@ -1,4 +1,4 @@
-"""`rayfarm watch`: a job's picture in the terminal while it grows."""
+"""`rayfarm watch`: shows a job's picture in the terminal while it is rendered."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 __all__ = ["register"]
 
-ALONE = ("--tev", "--viewer")  # may stand without a value
+ALONE = ("--tev", "--viewer")  # options with an optional value
 ACTIVE = ("running", "queued", "paused")
 
 
 class _WatchCommand(TyperCommand):
-    """Takes some options with or without a value."""
+    """A command whose options may be given with or without a value."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         told: list[str] = []
@@ -111,7 +111,7 @@ def watch(
             raise CommandError("-o names the .exr that --viewer opens: rayfarm watch JOB --viewer -o out.exr")
         check_writable(output)
     if viewer is not None:
-        command_of(viewer, Path("picture.exr"))  # better now than after a night
+        command_of(viewer, Path("picture.exr"))  # raises now instead of after the job
     address = None if tev is None else address_of(tev)
 
     news = threading.Event()
@@ -148,7 +148,7 @@ def _found(farm: Client, job: str | None) -> Job:
 def _show(
     farm: Client, live: LiveJob, terminal: Any, graphics: Any, exposure: float, tonemap: str, news: threading.Event
 ) -> int | None:
-    """Until it is over, or nobody looks any more; the signal that ended it, if one did."""
+    """Shows the job until it ends or the user quits; returns the signal that ended it, if any."""
     from rayfarm.watch.lines import tell
     from rayfarm.watch.screen import Screen
     from rayfarm.watch.words import how_far, what
@@ -158,7 +158,7 @@ def _show(
             tell(live, news)
         except KeyboardInterrupt:
             return signal.SIGINT
-        except BrokenPipeError:  # whoever read the lines has seen enough
+        except BrokenPipeError:  # the reader of the pipe has closed it
             sys.stdout = None
         return None
     with terminal:
@@ -170,7 +170,7 @@ def _show(
 
 
 def _afterwards(farm: Client, live: LiveJob, feed: TevFeed | None, viewer: str | None, output: Path | None) -> None:
-    """The EXR to whoever wants it, where the job is finished."""
+    """Passes a finished job's EXR to tev and to the viewer, as requested."""
     from rayfarm.reading_files import read_picture
     from rayfarm.watch.viewer import open_in
 

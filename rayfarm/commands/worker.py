@@ -1,4 +1,4 @@
-"""`rayfarm worker`: this machine's cores for a farm that runs elsewhere."""
+"""`rayfarm worker`: renders for a farm on another machine with this machine's cores."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rayfarm workers`: who renders, and the terms asked of them while they run."""
+"""`rayfarm workers`: lists workers, and changes their terms at run time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a look found."""
+"""The result of a check."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ Level = Literal["fine", "note", "fault"]
 
 @dataclass(frozen=True)
 class Finding:
-    """level: fine; note: it works, and could be better; fault: it does not work, or something was lost.
+    """The result of a check. level: fine; note: works, but could be better; fault: does not work, or data was lost.
 
-    about: what was looked at. says: a sentence. do: what to do next, where there is something.
+    about: the subject of the check. says: a sentence. do: what to do next, if anything.
     """
 
     level: Level
@@ -24,15 +24,15 @@ class Finding:
 
 
 def fine(about: str, says: str) -> Finding:
-    """All is well."""
+    """A finding of level "fine"."""
     return Finding("fine", about, says)
 
 
 def note(about: str, says: str, do: str = "") -> Finding:
-    """It works, and could be better."""
+    """A finding of level "note": it works, but could be better."""
     return Finding("note", about, says, do)
 
 
 def fault(about: str, says: str, do: str) -> Finding:
-    """It does not work, or something was lost."""
+    """A finding of level "fault": it does not work, or data was lost."""
     return Finding("fault", about, says, do)

@@ -1,4 +1,4 @@
-"""Whether a data folder is as a farm needs it, and whether what it holds is what was stored."""
+"""Checks a data folder: its permissions and space, and the integrity of what is stored in it."""
 
 from __future__ import annotations
 
@@ -34,13 +34,16 @@ __all__ = ["look_at_folder"]
 LITTLE_ROOM = 5 << 30
 NETWORKS = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p")
 SECRETS = ("token", "owner-token", "secrets.json", "webhook-secret", "farm.json", "redis.conf", "rayfarm.sqlite")
-NAMED = 3  # of many that are wrong
+NAMED = 3  # examples listed of many faults
 
 Progress = Callable[[int, int], None]
 
 
 def look_at_folder(settings: Settings, deep: bool, progress: Progress) -> Iterator[Finding]:
-    """Rights, room, the database, and what it refers to. deep: every blob and film is read; progress: how many, of how many."""
+    """Checks permissions, space, the database, and the files it refers to.
+
+    deep: reads every blob and film. progress: called with the number of checked items and their total.
+    """
     data = settings.data
     if not data.exists():
         yield note("Data folder", f"{data} is not there yet.", f"{PROGRAM} up makes it.")
@@ -65,7 +68,7 @@ def look_at_folder(settings: Settings, deep: bool, progress: Progress) -> Iterat
 
 
 def _put_aside(data: Path) -> Iterator[Finding]:
-    """The messages of workers that the service could not handle."""
+    """Checks for worker messages that the service could not process."""
     try:
         told = [json.loads(line) for line in (data / FILE).read_text(encoding="utf-8").splitlines()]
     except (OSError, ValueError):
@@ -210,7 +213,7 @@ def _is_film_there(films: FilmFolder, job: Job, recorded: dict[int, int], deep: 
     try:
         check_film(films, job.id, RenderSettings.from_json(job.settings), job.tile_size, recorded)
     except SettingsError:
-        return True  # of another release
+        return True  # written by another release
     except FarmError:
         return False
     return True
@@ -233,7 +236,7 @@ def _user(path: Path) -> str:
 
 
 def _file_system(folder: Path) -> str:
-    """The kind of file system that a folder is on; "" where this system does not tell."""
+    """The type of file system of a folder; "" if this system does not report it."""
     try:
         lines = [line.split() for line in Path("/proc/mounts").read_text().splitlines()]
     except OSError:

@@ -1,4 +1,4 @@
-"""Whether this machine can render."""
+"""Checks whether this machine can render."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ __all__ = ["look_at_machine"]
 PYTHONS = ((3, 11), (3, 12))
 NEEDED_CACHE = 2 << 30
 LITTLE_MEMORY = 4 << 30
-OLDEST_CLOCK = 1735689600.0  # 2025: before that was no release
+OLDEST_CLOCK = 1735689600.0  # 2025: older than any release
 
 
 def look_at_machine() -> Iterator[Finding]:
-    """Python, the compiler with the processor, the denoiser, memory, the cache and the clock."""
+    """Checks Python, the compiler and processor, the denoiser, memory, the cache and the clock."""
     yield _python()
-    if importlib.util.find_spec("numba") is None:  # a service's image
+    if importlib.util.find_spec("numba") is None:  # a service's container image
         yield note("Compiler", "Numba is not installed: nothing is rendered here.", "Workers render, elsewhere.")
         yield _memory()
     else:
@@ -49,13 +49,13 @@ def _python() -> Finding:
 
 def _compiler() -> Finding:
     try:
-        jit = importlib.import_module("renderer.jit")  # pins the target, and refuses a processor that lacks something
+        jit = importlib.import_module("renderer.jit")  # pins the target, and raises on an unsupported processor
         numba = importlib.import_module("numba")
     except ImportError as error:
         return fault(
             "Compiler", f"The compiler cannot be loaded ({error}).", "Install Rayfarm anew, in an environment of its own."
         )
-    except Exception as error:  # what the processor lacks, in a sentence
+    except Exception as error:  # the message names what the processor lacks
         return fault("Processor", f"{error}".rstrip(".") + ".", "Render on another machine; this one can run `up --workers 0`.")
     used = f"{jit.TARGET} with AVX-512" if jit.HAS_AVX512 else jit.TARGET
     return fine("Compiler", f"Numba {numba.__version__}; kernels for {used}, which this processor runs.")

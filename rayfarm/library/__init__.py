@@ -1,11 +1,11 @@
 """Rayfarm as a Python library: scenes of arrays, dicts and files in; arrays by AOV name out.
 
-given.py     a scene as a program has it -> files in a folder, which is all that the renderer and a farm read
+given.py     converts a program's scene to files in a folder, the only input of the renderer and of a farm
 glb.py       a mesh of arrays as a .glb file
 image.py     a picture in memory
-asked.py     what is asked for by keywords, checked as the command line's options are
-here.py      rendering in this process, from pass to pass
+asked.py     keyword arguments, checked like the command line's options
+here.py      rendering in this process, pass by pass
 on_farm.py   the same on a farm
-render.py    render() and progressive(): either of them
+render.py    render() and progressive(), in this process or on a farm
 shown.py     a widget of a notebook; shown.js is its half in the browser
 """

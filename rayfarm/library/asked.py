@@ -27,7 +27,7 @@ _TABLES: tuple[Mapping[str, Declared], ...] = (ENDS, VIEW, ASKED, LIGHT)
 
 
 class _Wanted(Picture):
-    """A Picture whose size and light are values and not text."""
+    """A Picture whose size and environment are values instead of text."""
 
     def _size(self) -> tuple[int, int] | None:
         size: tuple[int, int] | None = self.given.get("size")
@@ -40,7 +40,7 @@ class _Wanted(Picture):
 
 @dataclass(frozen=True)
 class Asked:
-    """What is rendered, of which moment, and what is wanted of it."""
+    """A parsed request: the scene's moment, the picture, and the requested outputs."""
 
     picture: Picture
     moment: Moment = field(default_factory=Moment)
@@ -51,7 +51,7 @@ class Asked:
 
 
 def asked(given: Mapping[str, Any]) -> Asked:
-    """Of the keywords of `render`. Raises TypeError for one that is not known, SettingsError where a value is none it takes."""
+    """Parses the keywords of `render`. Raises TypeError for an unknown one, SettingsError for an invalid value."""
     names = {each.name: each for table in _TABLES for each in table.values()}
     for name in given:
         if name not in names and name not in _OWN:
@@ -72,7 +72,7 @@ def asked(given: Mapping[str, Any]) -> Asked:
     )
     wanted = given.get("aovs")
     named = [wanted] if isinstance(wanted, str) else wanted or ()
-    planes = aovs.AOVS if wanted is None else aovs.known(name for name in named if name != "color")  # which is there anyway
+    planes = aovs.AOVS if wanted is None else aovs.known(name for name in named if name != "color")  # always present
     moment = Moment(float(given.get("frame") or 0), given.get("fps"), _text(given.get("clip")))
     return Asked(picture, moment, _text(given.get("variant")), tuple(planes), bool(given.get("denoise")), given.get("threads"))
 
@@ -82,7 +82,7 @@ def _text(value: Any) -> str | None:
 
 
 def _plain(value: Any) -> Any:
-    """A number or three of them, without numpy's types."""
+    """A number or three numbers, converted from numpy's types."""
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else tuple(value) if isinstance(value, list) else value
 
 

@@ -1,4 +1,4 @@
-"""A scene as a program has it (a file, a dict, a trimesh) as files in a folder: all that the renderer and a farm read."""
+"""Converts a program's scene (a file, a dict, a trimesh) to files in a folder, the only input of the renderer and of a farm."""
 
 from __future__ import annotations
 
@@ -18,18 +18,17 @@ from renderer.errors import SceneError
 
 __all__ = ["as_files"]
 
-_NAMING = ("file", "image", "picture", "profile")  # keys whose value is a file's name
+_NAMING = ("file", "image", "picture", "profile")  # keys whose value is a file name
 
 
 @contextlib.contextmanager
 def as_files(scene: Any, base: str | Path = ".") -> Iterator[Path]:
-    """The scene's file, with all that it names beside it; it is there for as long as the context is open.
+    """Yields the scene's file, with all files that it refers to beside it; valid while the context is open.
 
-    scene: the path of a scene, a folder or an archive; what docs/scene-format.md describes as a dict, where a mesh may have
-    arrays (positions, triangles, normals, uvs, uvs1, colors) in place of `file` and a texture or the environment `pixels` in
-    place of `image`; or a trimesh.Trimesh, Scene
-    or PointCloud. base: where the files lie that a dict names.
-    Raises SceneError where it is none of them, or an array is not what it should be.
+    scene: the path of a scene, a folder or an archive; a dict as in docs/scene-format.md, in which a mesh may have arrays
+    (positions, triangles, normals, uvs, uvs1, colors) in place of `file` and a texture or the environment `pixels` in place of
+    `image`; or a trimesh.Trimesh, Scene or PointCloud. base: the folder of files that a dict names.
+    Raises SceneError for any other type, or an invalid array.
     """
     if isinstance(scene, str | Path):
         yield Path(scene).expanduser()
@@ -43,7 +42,7 @@ def as_files(scene: Any, base: str | Path = ".") -> Iterator[Path]:
         if isinstance(scene, Mapping):
             yield _written(scene, Path(folder), Path(base).expanduser())
         elif hasattr(scene, "export") and type(scene).__module__.partition(".")[0] == "trimesh":
-            kind = "ply" if type(scene).__name__ == "PointCloud" else "glb"  # whose points are shown as balls
+            kind = "ply" if type(scene).__name__ == "PointCloud" else "glb"  # its points are shown as spheres
             path = Path(folder) / f"scene.{kind}"
             path.write_bytes(scene.export(file_type=kind))
             yield path
@@ -58,13 +57,13 @@ def _written(scene: Mapping[str, Any], folder: Path, base: Path) -> Path:
     path = folder / "scene.yaml"
     document = _Writer(folder, base).plain(scene, "scene")
     document.setdefault("name", name or "scene")
-    # JSON is YAML; Python's words for what is no number are not, and are refused where they are read.
+    # JSON is valid YAML, except for Python's NaN and Infinity, which the reader refuses.
     path.write_text(json.dumps(document))
     return path
 
 
 class _Writer:
-    """Turns arrays into files of the folder, and all else into what JSON can say."""
+    """Writes arrays as files of the folder, and converts everything else to JSON values."""
 
     def __init__(self, folder: Path, base: Path) -> None:
         self._folder, self._base = folder, base
@@ -72,7 +71,7 @@ class _Writer:
         self._count = 0
 
     def plain(self, value: Any, where: str) -> Any:
-        """The value as JSON can say it; `where` is said in errors."""
+        """Converts a value to JSON; `where` is its location for error messages."""
         if isinstance(value, Mapping):
             found = {str(key): each for key, each in value.items()}
             if found.get("type") == "mesh" and "file" not in found:
@@ -125,7 +124,7 @@ class _Writer:
         return {**holder, "image": self._folder / file}
 
     def _link(self, named: str | Path, where: str) -> str:
-        """The name inside the folder of a file that a dict names, which is brought there with all that it names itself."""
+        """Links a file that a dict names into the folder, with all files that it refers to; returns its name there."""
         path = (self._base / Path(named).expanduser()).resolve()
         if path.parent == self._folder.resolve():
             return path.name

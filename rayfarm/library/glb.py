@@ -1,5 +1,4 @@
-"""A mesh of arrays as the bytes of a .glb file (glTF 2.0, one primitive): how arrays are passed to the renderer, here and on a
-farm."""
+"""Encodes a mesh of arrays as a .glb file (glTF 2.0, one primitive), which passes arrays to the renderer, here and on a farm."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ __all__ = ["ATTRIBUTES", "mesh_as_glb"]
 
 _FLOAT, _UINT32 = 5126, 5125
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
-# What a vertex may have, by our names: glTF's, and how many numbers it takes.
+# Vertex attributes by our names: glTF's name, and the number of components.
 ATTRIBUTES = {
     "positions": ("POSITION", (3,)),
     "normals": ("NORMAL", (3,)),
@@ -28,8 +27,10 @@ ATTRIBUTES = {
 
 
 def mesh_as_glb(name: str, arrays: Mapping[str, Any]) -> bytes:
-    """positions (V, 3), triangles (T, 3) whole numbers below V, and where they are given normals (V, 3), uvs and uvs1 (V, 2),
-    colors (V, 3 or 4) linear. `name` is said in errors. Raises SceneError where an array is not of that shape.
+    """Encodes a mesh: positions (V, 3), triangles (T, 3) as integers below V, and optional attributes.
+
+    Attributes: normals (V, 3), uvs and uvs1 (V, 2), colors (V, 3 or 4) linear. `name` is used in errors. Raises SceneError if an
+    array has another shape.
     """
     triangles = np.asarray(arrays.get("triangles"))
     count = len(np.atleast_1d(np.asarray(arrays.get("positions"))))

@@ -27,11 +27,11 @@ __all__ = ["SceneWarning", "passes"]
 
 
 class SceneWarning(UserWarning):
-    """Something of a scene that is not rendered as its file says."""
+    """Warning about content of a scene that is not rendered as its file specifies."""
 
 
 def passes(scene: Path, wanted: Asked, at_once: bool) -> Generator[Image]:
-    """The picture after each pass, the last one final; at_once: the last alone. A pass that nobody takes is left out.
+    """Yields the picture after each pass, the last one final; at_once: only the last. Passes that are not consumed are skipped.
 
     Closing the iterator ends the rendering. Raises SceneError, SettingsError or CommandError.
     """
@@ -65,7 +65,7 @@ def passes(scene: Path, wanted: Asked, at_once: bool) -> Generator[Image]:
 
         def tell(news: tuple[Sums, bool] | BaseException) -> None:
             with contextlib.suppress(queue.Empty):
-                ready.get_nowait()  # what nobody has taken is out of date
+                ready.get_nowait()  # drop the outdated picture
             ready.put(news)
 
         def after_pass(sums: Sums) -> bool:

@@ -18,11 +18,13 @@ F32 = npt.NDArray[np.float32]
 
 
 class Image(Mapping[str, F32]):
-    """A picture's arrays by name: "color", scene-linear Rec.709 radiance as (h, w, 3) float32, and the AOVs that were asked for,
-    (h, w) or (h, w, 3), as renderer.aovs.values has them; "denoised" where that was asked for.
+    """A picture's arrays by name.
 
-    spp: how many samples a pixel has, on the average; of: how many it gets, None where only a noise level or a time ends it;
-    noise: its relative noise, None where that is not known yet.
+    "color" is scene-linear Rec.709 radiance, (h, w, 3) float32; the requested AOVs are (h, w) or (h, w, 3), as in
+    renderer.aovs.values; "denoised" is present if requested.
+
+    spp: mean samples per pixel; of: the target, None if only a noise level or a time ends rendering; noise: relative noise, None
+    while unknown.
     """
 
     def __init__(
@@ -53,17 +55,18 @@ class Image(Mapping[str, F32]):
 
     @property
     def width(self) -> int:
-        """Pixels across."""
+        """Width in pixels."""
         return int(self["color"].shape[1])
 
     @property
     def height(self) -> int:
-        """Pixels down."""
+        """Height in pixels."""
         return int(self["color"].shape[0])
 
     def shown(self, name: str = "color", exposure: float = 0.0, tonemap_curve: str = "neutral") -> npt.NDArray[np.uint8]:
-        """What a screen shows of it, (h, w, 3) uint8 sRGB: colours through exposure (stops) and tone curve, others as the page
-        shows them. Raises KeyError, or SettingsError for an unknown curve.
+        """The display image, (h, w, 3) uint8 sRGB. Raises KeyError, or SettingsError for an unknown curve.
+
+        Colours are exposed (in stops) and tone-mapped; other AOVs are mapped as on the web page.
         """
         plane = self[name]
         if name in ("color", "denoised"):
@@ -71,10 +74,9 @@ class Image(Mapping[str, F32]):
         return aovs.visible(name, plane)
 
     def save(self, path: str | Path, exposure: float = 0.0, tonemap_curve: str = "neutral") -> None:
-        """Write it as .png or .jpg (as `shown`), .exr (with all that it has, as layers) or .hdr.
+        """Writes the picture as .png or .jpg (as `shown`), .exr (all arrays, as layers) or .hdr.
 
-        "denoised" is written in place of the colour where there is one; an .exr has both. Raises SettingsError for another
-        suffix.
+        "denoised" is written in place of the colour if present; an .exr has both. Raises SettingsError for another suffix.
         """
         names = [name for name in self if name not in ("color", "denoised")]
         channels = aovs.layers({name: self[name] for name in names})

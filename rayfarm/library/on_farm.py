@@ -1,4 +1,4 @@
-"""Rendering on a farm: the picture as it grows there."""
+"""Rendering on a farm, with intermediate pictures."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ _COLOR = ("R", "G", "B")
 
 
 def submitted(farm: Client, scene: Path, wanted: Asked) -> Job:
-    """The scene uploaded and its picture asked for. Raises ClientError, or SettingsError for what a farm does not take."""
+    """Uploads the scene and submits a job. Raises ClientError, or SettingsError for settings that a farm does not accept."""
     return requested(farm, farm.wait_for_scene(farm.upload(belonging(scene), name=scene.stem).id), wanted)
 
 
 def requested(farm: Client, ready: Scene, wanted: Asked) -> Job:
-    """A picture asked for of a scene that the farm has ready. Raises as `submitted` does."""
+    """Submits a job for a scene that is ready on the farm. Raises as `submitted`."""
     if wanted.threads is not None:
         raise SettingsError("threads are this machine's; a farm's workers have slots of their own")
     light = wanted.picture.environment()
@@ -58,9 +58,9 @@ def requested(farm: Client, ready: Scene, wanted: Asked) -> Job:
 
 
 def images(farm: Client, job: str, wanted: Asked, at_once: bool = False) -> Generator[Image]:
-    """A job's picture whenever it has grown, the last one final; at_once: the last alone. Raises ClientError.
+    """Yields a job's picture each time it has new samples, the last one final; at_once: only the last. Raises ClientError.
 
-    Closing the iterator before the last one leaves the job as it is.
+    Closing the iterator early leaves the job unchanged.
     """
     from rayfarm.client import ClientError
 

@@ -18,26 +18,26 @@ __all__ = ["progressive", "render"]
 
 
 def render(scene: Any, *, farm: str | Client | None = None, base: str | Path = ".", **settings: Any) -> Image:
-    """A picture of a scene: arrays by AOV name.
+    """Renders a picture of a scene: arrays by AOV name.
 
         image = rayfarm.render("truck.glb", width=640, height=360, spp=64)
         image["color"]            # (360, 640, 3) float32, scene-linear
         image.save("truck.exr")
 
-    scene: a path; a dict as docs/scene-format.md describes it, in which a mesh may have arrays and a texture pixels; a
-    trimesh.Trimesh or trimesh.Scene. base: the folder of the files that a dict names.
+    scene: a path; a dict as in docs/scene-format.md, in which a mesh may have arrays and a texture pixels; a trimesh.Trimesh or
+    trimesh.Scene. base: the folder of the files that a dict names.
     farm: a farm's address or a Client; None renders in this process, with all cores.
     settings: width, height, spp, noise, seconds; camera, eye, target, fov, aperture ...; environment; frame, fps, clip; variant;
-    aovs (all of the film unless told; "motion" only where asked for); denoise; threads; and each of `settings` of the scene
-    format by its name.
-    Raises SceneError, SettingsError, ClientError (all RayfarmError), or TypeError for a keyword that is not known.
+    aovs (default: all of the film; "motion" only on request); denoise; threads; and each of `settings` of the scene format by its
+    name.
+    Raises SceneError, SettingsError, ClientError (all RayfarmError), or TypeError for an unknown keyword.
     """
     with closing(_images(scene, farm, base, settings, at_once=True)) as images:
         return list(images)[-1]
 
 
 def progressive(scene: Any, *, farm: str | Client | None = None, base: str | Path = ".", **settings: Any) -> Generator[Image]:
-    """As `render`, the picture as it grows: an iterator of Images, the last of which is final.
+    """Like `render`, but returns an iterator of Images with growing sample counts, the last of which is final.
 
         for image in rayfarm.progressive(scene, spp=1024, farm="http://studio:8000"):
             print(image.spp, image.noise)
@@ -69,5 +69,5 @@ def _images(scene: Any, farm: str | Client | None, base: str | Path, settings: d
                 yield image
         finally:
             if not is_done:
-                with suppress(ClientError):  # it is over already, or nobody is there to be told
+                with suppress(ClientError):  # already ended, or the farm is unreachable
                     client.change(job.id, state="cancelled")

@@ -1,7 +1,7 @@
-"""A picture in a notebook: a widget that grows as samples come, with exposure, tone curve and zoom.
+"""A notebook widget with a picture that updates as samples arrive, with exposure, tone curve and zoom.
 
-Needs anywidget (pip install "rayfarm[notebook]"). The browser's half is shown.js: the widget sends it radiance, so that exposure
-is turned without asking Python.
+Needs anywidget (pip install "rayfarm[notebook]"). The browser's half is shown.js: the widget sends it radiance, so exposure
+changes need no round trip to Python.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ _MISSING = 'A picture that grows in a notebook needs anywidget: pip install "ray
 
 
 def show(what: Any, *, farm: Any = None, exposure: float = 0.0, **settings: Any) -> Any:
-    """A widget with the picture, which grows where it is not done; leave it as a cell's last value to see it.
+    """Returns a widget with the picture, which updates until it is final; make it a cell's last value to display it.
 
         rayfarm.show("truck.glb", spp=256)                    # rendered here
         rayfarm.show(scene, farm="http://studio:8000")        # on a farm
-        rayfarm.show(job, farm="http://studio:8000")          # a job that a farm has already
+        rayfarm.show(job, farm="http://studio:8000")          # an existing job of a farm
 
-    what: an Image, an iterator of Images as `progressive` gives, a Job or Scene of a farm, or whatever `render` takes.
-    exposure: in stops, to begin with. settings: as `render` takes them. The widget's `wait()` returns the final Image, its
-    `stop()` ends it. Raises SettingsError where anywidget is missing.
+    what: an Image, an iterator of Images such as `progressive` returns, a Job or Scene of a farm, or any scene that `render`
+    accepts. exposure: initial exposure in stops. settings: as for `render`. The widget's `wait()` returns the final Image, its
+    `stop()` ends rendering. Raises SettingsError if anywidget is missing.
     """
     widget = _widget_class()(exposure=exposure)
     if isinstance(what, Image):
@@ -66,7 +66,7 @@ def _of_farm(what: Job | Scene, farm: Any, settings: dict[str, Any]) -> Generato
 
 
 def has_widgets() -> bool:
-    """Whether `show` can show anything here."""
+    """Whether `show` works here, which needs anywidget."""
     return importlib.util.find_spec("anywidget") is not None
 
 
@@ -91,7 +91,7 @@ def _widget_class() -> Any:
         image: Image | None = None
 
         def take(self, image: Image) -> None:
-            """Show a picture."""
+            """Displays a picture."""
             self.image = image
             color = image["denoised"] if "denoised" in image else image["color"]
             noise = "" if image.noise is None else f", noise {image.noise:.2g}"
@@ -104,7 +104,7 @@ def _widget_class() -> Any:
                 self.is_over = image.is_final
 
         def follow(self, begin: Callable[[], Generator[Image]]) -> None:
-            """Show pictures as they come, from a thread of their own."""
+            """Displays pictures as they arrive, from a separate thread."""
             self._left = threading.Event()
             self._error: BaseException | None = None
             self.status = "Preparing"
@@ -128,7 +128,7 @@ def _widget_class() -> Any:
                 self.is_over = True
 
         def wait(self) -> Image:
-            """The picture once it is final. Raises what ended it otherwise."""
+            """Waits for the final picture and returns it. Raises the error that ended rendering, if any."""
             if hasattr(self, "_thread"):
                 self._thread.join()
                 if self._error is not None:
@@ -137,7 +137,7 @@ def _widget_class() -> Any:
             return self.image
 
         def stop(self) -> None:
-            """End it where it is; the picture stays."""
+            """Ends rendering; the current picture stays."""
             if hasattr(self, "_thread"):
                 self._left.set()
 

@@ -1,7 +1,7 @@
 """A whole farm on one machine.
 
-farm.py        what `rayfarm up` starts, in which order, and when it is ready
-supervisor.py  processes: started, watched, restarted, stopped, none left behind
-broker.py      a real Redis of our own
+farm.py        the parts that `rayfarm up` starts, their order, and when they are ready
+supervisor.py  processes: started, watched, restarted, and stopped with all their children
+broker.py      the farm's own Redis
 state.py       the data folder: its lock, its secrets, the address of the farm that runs on it
 """

@@ -21,8 +21,8 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 NAMES = ("valkey-server", "redis-server")
 PATIENCE_S = 10.0
 LEAST_BUFFERS = 256 << 20  # bytes; the service reads results 64 MiB at a time
-LARGEST_VALUE = 256 << 20  # bytes of one value, so also of an entry's sums: four times those of a tile of 640 x 640
-IDLE_S = 300  # clients connect again; a blocked BRPOP does not count as idle
+LARGEST_VALUE = 256 << 20  # bytes of one value, and of a result's sums: four times those of a tile of 640 x 640
+IDLE_S = 300  # seconds; clients reconnect, and a blocked BRPOP does not count as idle
 
 
 def find_server() -> Path:
@@ -65,17 +65,17 @@ def release(program: Path) -> RedisRelease:
 
 
 def memory_limit() -> int:
-    """Bytes that Redis may take: a quarter of this machine's memory, at most 2 GiB. The queue and the results are small."""
+    """Memory limit of Redis in bytes: a quarter of this machine's memory, at most 2 GiB. The queue and the results are small."""
     total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     return min(total // 4, 2 << 30)
 
 
 def write_config(path: Path, host: str, port: int, password: str) -> None:
-    """Write the server's configuration, readable by its owner only: command lines are visible to all users.
+    """Writes the server's configuration, readable by its owner only; command lines are visible to all users.
 
-    Nothing is kept on disk: all that Redis holds can be rebuilt from the database and the films. With `noeviction` a full
-    Redis refuses writes and the sender waits; no task is dropped. Clients are bounded: what they have not read, what they
-    have not finished sending, and how long they are idle. Before a client has given the password, Redis bounds it further.
+    Nothing is persisted: all contents of Redis can be rebuilt from the database and the films. With `noeviction` a full Redis
+    refuses writes and the sender waits, so no task is dropped. Limits apply to clients' unread output, unfinished input and idle
+    time, and stricter ones to clients before authentication.
     """
     most = memory_limit()
     buffers = max(most // 4, LEAST_BUFFERS)
@@ -104,7 +104,7 @@ def write_config(path: Path, host: str, port: int, password: str) -> None:
 
 
 def _bound(host: str) -> str:
-    """The addresses to listen on: always 127.0.0.1, which this machine's service and worker use, and no more than needed.
+    """The addresses to listen on: always 127.0.0.1, which this machine's service and worker use, and the requested one.
 
     A leading "-" makes an address optional: a machine may have no IPv6.
     """
@@ -116,5 +116,5 @@ def _bound(host: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A text as the configuration file quotes it."""
+    """A text quoted for the configuration file."""
     return '"' + text.replace("\\", r"\\").replace('"', r"\"").replace("\n", r"\n") + '"'

@@ -1,4 +1,4 @@
-"""What `rayfarm up` starts: Redis first, then the service and the worker side by side."""
+"""The farm that `rayfarm up` starts: Redis first, then the service and the worker in parallel."""
 
 from __future__ import annotations
 
@@ -31,26 +31,26 @@ from worker.protocol.contract import WORKER_KEYS, WorkerReport
 __all__ = ["LocalFarm", "Tls", "free_port"]
 
 ANYWHERE = ("0.0.0.0", "::", "")
-PATIENCE_S = 180.0  # on a busy machine it takes a minute to load the service
-SERVICE_STEADY_S = 15.0  # it may migrate a database first
-ANNOUNCE_EVERY_S = 5.0  # while the disk is full
-REDIS_EVERY_S = 5.0  # looks whether a script blocks it
-REFUSES_TO_START = 3  # uvicorn's exit code where the application says that it cannot start, and a worker's
+PATIENCE_S = 180.0  # seconds; on a busy machine loading the service takes a minute
+SERVICE_STEADY_S = 15.0  # seconds; includes a database migration
+ANNOUNCE_EVERY_S = 5.0  # seconds between retries while the disk is full
+REDIS_EVERY_S = 5.0  # seconds between checks for a blocking script
+REFUSES_TO_START = 3  # exit code of uvicorn for a failed startup, and of a worker
 
 
 @dataclass(frozen=True)
 class Tls:
-    """Files in PEM: the certificate with those that sign it, and its key."""
+    """PEM files: the certificate with its chain, and its key."""
 
     certificate: Path
     key: Path
 
 
 class LocalFarm:
-    """A farm of this machine on one data folder; hold `state.locked(data)` around it.
+    """A farm of this machine on one data folder; the caller holds `state.locked(data)`.
 
-    port 0 takes a free one. slots 0 starts no worker. say: gets sentences about what happens. names: more that the service
-    answers to. tls: the service speaks HTTPS. blender: what its worker opens .blend files with.
+    port 0: any free one. slots 0: no worker. say: called with sentences about events. names: further host names of the service.
+    tls: HTTPS for the service. blender: the program with which its worker opens .blend files.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class LocalFarm:
             save_secrets(data, self.secrets)
         self.supervisor = Supervisor(ROOT, say)
         self._parts: dict[str, Part] = {}
-        self._unannounced: float | None = None  # when farm.json is written again; None: it is as it should be
+        self._unannounced: float | None = None  # time to write farm.json again; None: it is current
         self._look_at_redis = 0.0
 
     @property
@@ -92,7 +92,7 @@ class LocalFarm:
     def public_url(self) -> str:
         """The address for other machines."""
         if self.names and self.tls:
-            return f"{self._scheme}://{self.names[0]}:{self.port}"  # the certificate is for a name
+            return f"{self._scheme}://{self.names[0]}:{self.port}"  # the certificate is for a host name
         return self.url if self.host not in ANYWHERE else f"{self._scheme}://{_own_address()}:{self.port}"
 
     @property
@@ -109,14 +109,14 @@ class LocalFarm:
         return f"redis://:{self.secrets.redis_password}@127.0.0.1:{self.secrets.redis_port}/0"
 
     def start(self, stopped: Callable[[], bool]) -> None:
-        """Start all parts; returns when Redis answers. Raises CommandError where one cannot be started."""
+        """Starts all parts; returns when Redis answers. Raises CommandError if one cannot be started."""
         server = broker.find_server()
         config = self.data / "redis.conf"
         broker.write_config(config, self.host, self.secrets.redis_port, self.secrets.redis_password)
         self._start(Part("redis", [str(server), str(config)], self._log("redis"), grace_s=3.0))
         self.wait(self._redis_answers, "redis", stopped)
 
-        listening = "" if self.host == "::" else self.host  # asyncio binds "" to IPv4 and IPv6, but "::" to IPv6 alone
+        listening = "" if self.host == "::" else self.host  # asyncio binds "" to IPv4 and IPv6, but "::" to IPv6 only
         env = {
             "RAYFARM_DATA": str(self.data),
             "RAYFARM_REDIS_URL": self.redis_url,
@@ -134,17 +134,17 @@ class LocalFarm:
             env[TRUST_VARIABLE] = str(self.tls.certificate)
         service = Part("service", uvicorn, self._log("service"), env, steady_s=SERVICE_STEADY_S, serves=self._service_listens)
         service.has_spare = True
-        service.at_peace = self.worker_ready if self.slots else None  # it may be compiling on all cores
+        service.at_peace = self.worker_ready if self.slots else None  # it may be compiling on all cores until then
         self._start(service)
         if self.slots:
-            # The token goes by the environment: a command line is seen by everyone on the machine.
+            # The token is passed in the environment, since command lines are visible to all users.
             worker = [sys.executable, "-m", "worker", "--service", self.url, "--slots", str(self.slots)]
             worker += [f"--blender={self.blender}"] if self.blender is not None else []
             self._start(Part("worker", worker, self._log("worker"), env, steady_s=WORKER_STEADY_S))
         self._announce()
 
     def tend(self) -> None:
-        """Look after the parts once, and write down which processes they are."""
+        """Checks the parts once, and records their process ids."""
         before = self._pids()
         self.supervisor.tend()
         if self._pids() != before or (self._unannounced is not None and time.monotonic() > self._unannounced):
@@ -152,7 +152,7 @@ class LocalFarm:
         self._end_blocking_script()
 
     def _end_blocking_script(self) -> None:
-        """Restart Redis if a script blocks it and cannot be ended; the service ends those that can be."""
+        """Restarts Redis if a script blocks it and cannot be ended; the service ends those that can be."""
         if time.monotonic() < self._look_at_redis:
             return
         self._look_at_redis = time.monotonic() + REDIS_EVERY_S
@@ -171,11 +171,11 @@ class LocalFarm:
                     process.kill()
 
     def stop(self, hurry: Callable[[], bool]) -> None:
-        """Stop all parts."""
+        """Stops all parts."""
         self.supervisor.stop(hurry)
 
     def wait(self, ready: Callable[[], bool], name: str, stopped: Callable[[], bool], patience_s: float = PATIENCE_S) -> bool:
-        """Tend the parts until `ready`; False where `stopped` came first. Raises CommandError where part `name` keeps ending."""
+        """Tends the parts until `ready`; False if `stopped` came first. Raises CommandError if part `name` keeps ending."""
         deadline = time.monotonic() + patience_s
         part = self._parts[name]
         while not stopped():
@@ -191,13 +191,13 @@ class LocalFarm:
     def service_answers(self) -> bool:
         """Whether the service takes requests."""
         try:
-            # It is asked in plain HTTP. To read the machine's certificates for each look takes the processor from what starts.
+            # Plain HTTP, since loading the trust store for each check would take CPU time from the starting parts.
             return httpx.get(f"{self.url}/readyz", timeout=5.0, verify=False, trust_env=False).is_success
         except httpx.HTTPError:
             return False
 
     def login_link(self, url: str) -> str | None:
-        """A link that lets the owner in, once; None where the service asks for no login. Raises ClientError."""
+        """A one-time login link for the owner; None if the service requires no login. Raises ClientError."""
         with Client(self.url, token=owner_token(self.data), certificate=self._certificate) as client:
             if not client.call("GET", "/api/session")["login"]:
                 return None
@@ -214,7 +214,7 @@ class LocalFarm:
         return False
 
     def _service_listens(self) -> bool:
-        """It listens once all of it has begun, and not before."""
+        """Whether the service listens on its port, which it does once its startup is complete."""
         try:
             socket.create_connection((urlsplit(self.url).hostname or "", self.port), timeout=0.2).close()
         except OSError:
@@ -239,7 +239,7 @@ class LocalFarm:
         return {name: part.process.pid for name, part in self._parts.items() if part.process is not None}
 
     def _announce(self) -> None:
-        """Write farm.json; if that fails, as on a full disk, the farm goes on and tries again."""
+        """Writes farm.json; after a failure, as on a full disk, the farm keeps running and tries again later."""
         pids = self._pids()
         about = FarmAddress(self.url, self.secrets.token, self.redis_url, os.getpid(), pids, self.public_url, self._certificate)
         try:
@@ -256,7 +256,7 @@ def _is_ready(report: bytes, pid: int) -> bool:
     try:
         worker = WorkerReport.from_bytes(report)
     except (TypeError, ValueError):
-        return False  # of a worker of another release
+        return False  # report of another release
     return worker.pid == pid and worker.state == "ready"
 
 
@@ -281,14 +281,14 @@ def _is_free(host: str, port: int) -> bool:
 
 
 def free_port(host: str) -> int:
-    """A port of an address that nothing listens on."""
+    """A free port of an address."""
     with socket.socket(_family(host)) as probe:
         probe.bind((host, 0))
         return int(probe.getsockname()[1])
 
 
 def _own_address() -> str:
-    """The address by which this machine reaches others; nothing is sent."""
+    """The address by which this machine reaches others; determined without sending anything."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # TEST-NET-1: a connected datagram socket only chooses a route

@@ -1,9 +1,9 @@
-"""A farm's data folder: one farm at a time, its secrets, and where it can be reached.
+"""A farm's data folder: its lock, its secrets, and the address of the running farm.
 
 farm.lock     held by the running farm (flock: released by the kernel however the farm ends)
-secrets.json  the token that workers show, Redis's password and port; kept, so that a worker's command stays true
-farm.json     the running farm's address, for `rayfarm submit` and the second `rayfarm up`; removed at the end
-logs/         one file a part
+secrets.json  the workers' token, Redis's password and port; kept, so that workers' commands stay valid
+farm.json     the running farm's address, for `rayfarm submit` and a second `rayfarm up`; removed at the end
+logs/         one file per part
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @dataclass
 class Secrets:
-    """What only the farm and its workers know."""
+    """Secrets shared by the farm and its workers."""
 
     token: str
     redis_password: str
@@ -36,8 +36,10 @@ class Secrets:
 
 @dataclass(frozen=True)
 class FarmAddress:
-    """Where a running farm is. `pids`: its parts by name, for whoever wants to look at them. public_url: for other
-    machines. certificate: what it shows over HTTPS."""
+    """The address of a running farm.
+
+    `pids`: process ids of its parts by name. public_url: for other machines. certificate: that of its HTTPS server.
+    """
 
     url: str
     token: str
@@ -49,7 +51,7 @@ class FarmAddress:
 
 
 def secrets_of(data: Path) -> Secrets:
-    """The folder's secrets, made on first use and readable by their owner only."""
+    """The folder's secrets, created on first use and readable by their owner only."""
     path = data / "secrets.json"
     try:
         return Secrets(**json.loads(path.read_text()))
@@ -60,12 +62,12 @@ def secrets_of(data: Path) -> Secrets:
 
 
 def save_secrets(data: Path, known: Secrets) -> None:
-    """Write the secrets, whole or not at all."""
+    """Writes the secrets atomically."""
     write_whole(data / "secrets.json", json.dumps(asdict(known), indent=1).encode())
 
 
 def announce(data: Path, farm: FarmAddress) -> None:
-    """Say where the farm is."""
+    """Writes the address of the running farm."""
     write_whole(data / "farm.json", json.dumps(asdict(farm), indent=1).encode())
 
 
@@ -81,7 +83,7 @@ def running_farm(data: Path) -> FarmAddress | None:
 
 @contextlib.contextmanager
 def locked(data: Path) -> Iterator[None]:
-    """Hold the data folder. Raises CommandError where another farm holds it, or where it cannot be made."""
+    """Holds the lock of the data folder. Raises CommandError if another farm holds it, or the folder cannot be created."""
     try:
         data.mkdir(parents=True, exist_ok=True)
         lock = (data / "farm.lock").open("a")

@@ -1,9 +1,8 @@
-"""Processes that belong together: started, watched, restarted (with growing pauses where they cannot live), and stopped whole.
+"""Supervises processes: starts, watches, restarts (with increasing pauses after repeated failures), and stops them.
 
-Every part is the leader of its own session, so that a Ctrl-C at the terminal reaches the supervisor alone and it decides the
-order; and so that whatever a part forks can be ended with it as one group. Should the supervisor itself be killed, the
-kernel ends the parts (worker.process.die_with_parent). Everything runs in one thread: Linux ties that promise to the
-thread that forked.
+Every part is the leader of its own session. A Ctrl-C at the terminal therefore reaches only the supervisor, which decides the
+order of stopping, and all processes that a part forks can be ended as one group. If the supervisor itself is killed, the kernel
+ends the parts (worker.process.die_with_parent). Everything runs in one thread: Linux ties that guarantee to the forking thread.
 """
 
 from __future__ import annotations
@@ -22,27 +21,26 @@ from worker.machine.children import signal_name, spawn_guard
 
 __all__ = ["WORKER_STEADY_S", "Part", "Supervisor"]
 
-LOG_KEPT = 5 << 20  # bytes of a log, and as many of what was before
-LOGS_EVERY_S = 0.25  # looks at the sizes of logs
-WORKER_STEADY_S = 90.0  # it may compile its kernels first
+LOG_KEPT = 5 << 20  # bytes of a log, and of its predecessor
+LOGS_EVERY_S = 0.25  # seconds between checks of log sizes
+WORKER_STEADY_S = 90.0  # seconds; includes compiling kernels
 PAUSES_S = (0.2, 1.0, 2.0, 5.0, 10.0, 30.0)
-KILLED_PAUSE_S = 1.0  # at most, for what was killed from outside: that says nothing about whether it can live
-SERVED_PAUSE_S = 0.2  # for what had come to serve: it can live, whatever ended it
-LOOK_EVERY_S = 0.05  # whether a part that was just started serves
-PEACE_EVERY_S = 0.5  # whether the others are ready
-SPARE_AFTER_S = 3.0  # of serving, where it is the first: while a farm starts, its processor has other things to do
-SPARE_LATEST_S = 60.0  # of serving, even where other parts are not ready by then
-SPARE_AGAIN_S = 0.3  # of serving, after a restart: what killed one may kill the next
+KILLED_PAUSE_S = 1.0  # maximum after a kill from outside, which says nothing about the part's health
+SERVED_PAUSE_S = 0.2  # after a part that has served
+LOOK_EVERY_S = 0.05  # seconds between checks whether a new part serves
+PEACE_EVERY_S = 0.5  # seconds between checks whether the other parts are ready
+SPARE_AFTER_S = 3.0  # seconds of serving before the first spare, since a starting farm needs the CPU
+SPARE_LATEST_S = 60.0  # seconds of serving after which a spare starts even if other parts are not ready
+SPARE_AGAIN_S = 0.3  # seconds of serving after a restart, as the same fault may strike again
 KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
 @dataclass
 class Part:
-    """One process of the farm. grace_s: how long it may take to stop when asked. fatal_codes: exits not worth a restart.
+    """One process of the farm. grace_s: its time limit for a graceful stop. fatal_codes: exit codes without a restart.
 
-    What may be unable to live is started ever more rarely: what ends before it serves. serves: whether it does by now; quick,
-    asked until it is true. Where that is not told, what ends within steady_s of its start, which is longer than the part takes
-    to be ready.
+    Pauses before restarts increase while the part ends before it serves. serves: whether it serves now; a quick check, called
+    until it is true. Without it, a part fails if it ends within steady_s of its start; steady_s exceeds its startup time.
     """
 
     name: str
@@ -71,7 +69,7 @@ class Part:
         return self.process is not None and self.process.poll() is None
 
     def last_words(self, lines: int = 12) -> str:
-        """The end of its log."""
+        """The last lines of its log."""
         try:
             with self.log.open("rb") as file:
                 file.seek(max(self.log.stat().st_size - 8192, 0))
@@ -82,7 +80,7 @@ class Part:
 
 
 class Supervisor:
-    """Keeps parts running. say: gets a sentence whenever something noteworthy happens."""
+    """Keeps parts running. say: called with a sentence about every notable event."""
 
     def __init__(self, folder: Path, say: Callable[[str], None]) -> None:
         self.folder = folder
@@ -91,7 +89,7 @@ class Supervisor:
         self._looked_at_logs = 0.0
 
     def start(self, part: Part) -> None:
-        """Start a part and watch it from now on. Raises OSError if its program cannot be started."""
+        """Starts a part and watches it from now on. Raises OSError if its program cannot be started."""
         if part not in self.parts:
             self.parts.append(part)
         spare, part.spare = part.spare, None
@@ -118,12 +116,12 @@ class Supervisor:
 
     def _let_begin(self, process: subprocess.Popen[bytes]) -> None:
         assert process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # it has died in this moment, which is seen at the next look
+        with contextlib.suppress(BrokenPipeError):  # it died just now, which the next check detects
             process.stdin.write(b"begin\n")
             process.stdin.close()
 
     def _keep_spare(self, part: Part, now: float) -> None:
-        """See to it that there is a spare, where the part has been serving for a while."""
+        """Starts a spare process if there is none and the part has been serving for a while."""
         is_there = part.spare is not None and part.spare.poll() is None
         pause = SPARE_AGAIN_S if part.spare_started else SPARE_AFTER_S
         is_time = now - part.started > pause and now - part.spare_started > SPARE_AFTER_S
@@ -141,7 +139,7 @@ class Supervisor:
         return part.at_peace()
 
     def tend(self) -> Part | None:
-        """Look after all parts once; a part that has ended for good (a fatal exit code), or None."""
+        """Checks all parts once; returns a part that ended with a fatal exit code, or None."""
         now = time.monotonic()
         if now - self._looked_at_logs >= LOGS_EVERY_S:
             self._looked_at_logs = now
@@ -168,7 +166,7 @@ class Supervisor:
         return None
 
     def _start_again(self, part: Part, now: float) -> None:
-        """Start a part that has ended; if the machine has no memory, files or processes left for it, later."""
+        """Restarts a part that has ended; schedules a later attempt if the machine lacks memory, files or processes."""
         try:
             self.start(part)
         except (OSError, subprocess.SubprocessError) as error:
@@ -178,7 +176,7 @@ class Supervisor:
             self.say(f"{part.name} cannot be started ({error}); the next try is in {pause:g} s.")
 
     def stop(self, hurry: Callable[[], bool] = lambda: False) -> None:
-        """Stop all parts, the last started first. Where `hurry` turns true, at once and by force."""
+        """Stops all parts, in reverse order of starting; kills them once `hurry` returns true."""
         for part in reversed(self.parts):
             if part.spare is not None:
                 part.spare.kill()
@@ -195,7 +193,7 @@ class Supervisor:
         self.parts.clear()
 
     def _pause(self, part: Part, code: int | None, lived_s: float) -> float:
-        """How long to wait before a part that ended is started again."""
+        """Seconds to wait before an ended part is restarted."""
         if part.has_served:
             return SERVED_PAUSE_S
         if lived_s > part.steady_s:
@@ -206,7 +204,7 @@ class Supervisor:
         return min(pause, KILLED_PAUSE_S) if was_killed else pause
 
     def _end_group(self, part: Part) -> None:
-        """End whatever is left of a part and of the processes it started."""
+        """Kills the remaining processes of a part's process group."""
         if part.process is None:
             return
         with contextlib.suppress(ProcessLookupError, PermissionError):
@@ -215,10 +213,10 @@ class Supervisor:
 
 
 def _bound(log: Path) -> None:
-    """Move the end of a log that has become too long to `*.old.log`, and empty it.
+    """Moves the end of an oversized log to `*.old.log`, and truncates the log in place.
 
-    It is emptied in place: whoever has opened it for appending goes on writing at its new end, also a process that was started
-    by an earlier supervisor. Lines written between the two steps are lost, and on a full disk those of `*.old.log`.
+    Processes that have it open for appending, also those of an earlier supervisor, continue at its new end. Lines written between
+    the two steps are lost, and on a full disk those of `*.old.log`.
     """
     try:
         size = log.stat().st_size
@@ -234,11 +232,11 @@ def _bound(log: Path) -> None:
                 old.unlink(missing_ok=True)
         os.truncate(log, 0)
     except OSError:
-        return  # it is not there, or the disk fails; looked at again in a moment
+        return  # missing, or the disk fails; checked again later
 
 
 def _log_of(part: Part) -> IO[bytes]:
-    """The log that a part appends to; the null device if there is no log to be had, as on a full disk."""
+    """The log that a part appends to; the null device if no log can be opened, as on a full disk."""
     try:
         part.log.parent.mkdir(parents=True, exist_ok=True)
         _bound(part.log)

@@ -1,4 +1,4 @@
-"""What callers are told about a worker's slots if they may not see what these work on: that they are busy, and nothing else."""
+"""Redaction of a worker's slots for callers who may not see their work: such a slot is shown as busy only."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NAMES: dict[str, Kind] = {"job": "job", "scene": "scene", "denoise": "job", "vec
 
 
 def seen_slots(slots: list[dict[str, Any]], sight: Sight, projects: Projects) -> list[dict[str, Any]]:
-    """What each slot has in hand, as far as it is seen. May ask the database."""
+    """The current work of each slot, redacted to what the caller may see. May query the database."""
     if sight.everything:
         return slots
 

@@ -1,4 +1,4 @@
-"""Cookies that scripts cannot read."""
+"""Cookies that scripts cannot read (HttpOnly)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["set_cookie"]
 def set_cookie(
     request: Request, response: Response, name: str, value: str, lasts_s: float, same_site: Literal["strict", "lax"] = "strict"
 ) -> None:
-    """Set one, or with 0 seconds take it away."""
+    """Sets a cookie for `lasts_s` seconds; 0 deletes it."""
     response.set_cookie(
         name,
         value,
@@ -21,5 +21,5 @@ def set_cookie(
         path="/",
         secure=request.scope["scheme"] == "https",
         httponly=True,
-        samesite=same_site,  # strict: the page's files need no cookie; a link from elsewhere opens the page, which asks by itself
+        samesite=same_site,  # strict suffices: the page's files need no cookie, and its requests are same-site
     )

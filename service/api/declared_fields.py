@@ -18,9 +18,9 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def with_fields(settings: Mapping[str, Declared], of_scene: bool = False) -> Callable[[type[Model]], type[Model]]:
-    """For a model: these settings are fields of it, in place of what it says of them for the type checker.
+    """Decorator that adds these settings to a model as fields, replacing those declared in the class for the type checker.
 
-    of_scene: what a request leaves out is the scene file's, and only then the setting's own default.
+    of_scene: a value missing from a request is taken from the scene file, and then from the setting's default.
     """
 
     def add(model: type[Model]) -> type[Model]:

@@ -1,4 +1,4 @@
-"""Rows of the database, with what the engine knows in addition, as the API returns them."""
+"""Converts database rows, with the engine's current state, to the API's models."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ __all__ = ["UNREADABLE", "job_out", "jobs_out", "scene_out", "snapshot"]
 
 log = logging.getLogger(__name__)
 
-# Of a job's row. By one call in C: a list has a thousand rows.
+# Columns of a job's row, read by one call in C, since a list has a thousand rows.
 _AS_THEY_ARE = (
     *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
     *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "note"),
@@ -52,7 +52,7 @@ UNREADABLE = (
 
 
 def scene_out(scene: Scene, engine: Engine) -> SceneOut:
-    """A scene. One whose row says what this release does not understand is given as far as it is known."""
+    """A scene for the API. A row that this release cannot interpret is described as far as possible, as failed."""
     try:
         return _scene_out(scene, engine)
     except Exception as error:
@@ -68,16 +68,18 @@ def scene_out(scene: Scene, engine: Engine) -> SceneOut:
 
 
 def job_out(job: Job, session: Session, engine: Engine, view: Snapshot | None = None) -> JobOut:
-    """A job, with the engine's latest numbers where it is being rendered. One whose row says what this release does not
-    understand is given as far as it is known."""
+    """A job for the API, with the engine's latest numbers if it is being rendered.
+
+    A row that this release cannot interpret is described as far as possible, as failed.
+    """
     return jobs_out([job], session, engine, view)[0]
 
 
 def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapshot | None = None) -> list[JobOut]:
-    """Many jobs, by one look at their frames.
+    """Jobs for the API, with one query for the frames of all of them.
 
-    view: of the engine, from before the rows were read. A job that ends leaves the engine once its numbers are written down:
-    whoever looks at the engine last finds them in neither.
+    view: a snapshot of the engine, taken before the rows were read. A job leaves the engine once its numbers are stored, so a
+    later snapshot might miss numbers that the rows do not have yet.
     """
     view = view or engine.snapshot
     shots = {job.id for job in jobs if job.shot is not None}
@@ -88,7 +90,7 @@ def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapsh
 
 
 def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
-    """The frames of stills as they were last written down, by job."""
+    """The stored numbers of the frames of still jobs, by job."""
     found: dict[str, Recorded] = {}
     columns = [getattr(Frame, name) for name in ("job", "number", *RECORDED)]
     for at in range(0, len(jobs), MOST_NAMED):
@@ -194,13 +196,13 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
 
 
 def _light_of(job: Job) -> dict[str, Any] | None:
-    """What is asked for of the light from around; None where all of it is the scene's own."""
+    """The requested environment; None if it is the scene's own."""
     found = {name: value for name, value in (job.request.get("environment") or {}).items() if value is not None}
     return {**found, "name": job.light} if "image" in found else found or None
 
 
 class _Sums(NamedTuple):
-    """Over all frames of a job."""
+    """Sums over all frames of a job."""
 
     samples: int
     bad_samples: int
@@ -222,7 +224,7 @@ def _shot_out(job: Job, shot: Shot, now: ShotSums, known: JobNumbers | None) -> 
 
 
 def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, Any] | None:
-    """A job, scene or worker as JSON-ready data; None where it is gone."""
+    """A job, scene or worker as JSON-ready data; None if it no longer exists."""
     view = engine.snapshot
     if what == "job":
         job = session.get(Job, id)
@@ -235,7 +237,7 @@ def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, 
 
 
 def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
-    """Why a job does not go on, where a person may want to know."""
+    """Why a job does not progress, as a sentence for the user; None if it does."""
     if job.state == "paused" or job.state not in ACTIVE:
         return None
     if why := waits_sentence(waits):
@@ -267,19 +269,19 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
 
 
 def _is_stranded(job: Job, roster: Roster) -> bool:
-    """Whether a job has begun, and no worker of the kind that began it is there."""
+    """Whether a job has started on a kind of worker of which none is connected."""
     return job.kind is not None and not roster.slots(job.kind)
 
 
 def _unmet(job: Job, roster: Roster) -> str | None:
-    """Why no worker that could render a job has what it needs."""
+    """Why no worker that could render a job meets its requirements; None if one does."""
     needs = Needs.of(job.needs)
     able = [report.name for report in roster.ready() if job.kind in (None, report.kind)]
     return needs.lacking(map(roster.offers.get, able)) if needs else None
 
 
 def _holes(job: Job, shot: ShotOut | None) -> str | None:
-    """Which frames a job was finished without."""
+    """A sentence about the frames that a finished job lacks; None if there are none."""
     if shot is None or not shot.failed or job.state != "finished":
         return None
     which = f"frame {shot.failed}" if shot.states.get("failed") == 1 else f"the frames {shot.failed[:200]}"
@@ -287,13 +289,13 @@ def _holes(job: Job, shot: ShotOut | None) -> str | None:
 
 
 def _why_preparing(scene: str, view: Snapshot) -> str:
-    """What preparing a scene does or waits for."""
+    """The current step of preparing a scene, or what it waits for."""
     progress = view.preparing.get(scene)
     return view.waits.get(scene) or (progress.step if progress else _in_the_way(view.roster) or "Waits for a free worker.")
 
 
 def _in_the_way(roster: Roster) -> str | None:
-    """Why nothing at all goes on; None where a worker takes work."""
+    """Why the whole farm does not progress; None if a worker takes work."""
     if roster.ready():
         return None
     if not roster.reports:

@@ -1,4 +1,4 @@
-"""Frames of jobs as the API returns them: rows of the database, with what the engine knows in addition."""
+"""Converts frame rows, with the engine's current state, to the API's models."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ __all__ = [
 ]
 
 BAD_SHOWN = 16
-Recorded = list[tuple[int, FrameNumbers]]  # the frames of a job: their keys, and how far they are
-RECORDED = FrameNumbers._fields  # of a frame's row
+Recorded = list[tuple[int, FrameNumbers]]  # frame keys and numbers of a job
+RECORDED = FrameNumbers._fields  # columns of a frame's row
 
 
 def still_numbers(job: Job, recorded: Iterable[tuple[int, FrameNumbers]], known: JobNumbers | None, is_live: bool) -> Recorded:
-    """Of a still: they are as its job is. is_live: it is being rendered."""
+    """The numbers of a still's frame, whose state follows from its job. is_live: it is being rendered."""
     state = job.state if job.state in ("running", "finished", "failed") else "queued"
     found = []
     for key, f in recorded:
         numbers = f._replace(state=state, error=None)
-        # The engine writes its numbers down once a second, and once more a moment after a job was cancelled: until then what
-        # the database has of a job that is over may be less than what was told of it before.
+        # The engine stores its numbers once a second, and once more shortly after a cancellation: until then the
+        # stored numbers of an ended job may be behind those sent to clients.
         if known is not None and (is_live or known.samples > f.samples):
             numbers = numbers._replace(samples=known.samples, bad_samples=known.bad_samples)
             numbers = numbers._replace(progress=known.progress, noise=known.noise)
@@ -58,9 +58,11 @@ def still_numbers(job: Job, recorded: Iterable[tuple[int, FrameNumbers]], known:
 def frame_numbers(
     job: Job, session: Session, engine: Engine, keys: Iterable[int] | None = None, page: tuple[int, int | None] = (0, None)
 ) -> Recorded:
-    """How far the frames of a job are, or those of these keys, with the engine's latest numbers: keys and numbers, in order.
+    """The numbers of a job's frames, or of those with these keys, with the engine's latest values: pairs of key and numbers, in
+    order.
 
-    page: from which one on, and at most how many."""
+    page: offset and maximum number (None: no limit).
+    """
     known = engine.snapshot.jobs.get(job.id)
     if live_numbers(job, known) is not None and known is not None:
         chosen = (
@@ -80,7 +82,7 @@ def frame_numbers(
 def frames_json(
     job: Job, session: Session, engine: Engine, state: str | None = None, page: tuple[int, int | None] = (0, None)
 ) -> bytes:
-    """The same, as JSON. state: those in it alone."""
+    """The frames of a job as JSON. state: only frames in this state."""
     is_paged = state is None
     found = frame_numbers(job, session, engine, page=page if is_paged else (0, None))
     if state is not None:
@@ -90,7 +92,7 @@ def frames_json(
 
 
 def plain_frames(job: Job, found: Recorded) -> list[dict[str, Any]]:
-    """What FrameOuts say, made so: of a hundred thousand, to check each would take seconds."""
+    """The fields of FrameOut as plain dicts, without validation, which would take seconds for a hundred thousand frames."""
     size = job.settings or {}
     pixels = size.get("width", 1) * size.get("height", 1)
     return [
@@ -110,7 +112,7 @@ def plain_frames(job: Job, found: Recorded) -> list[dict[str, Any]]:
 
 
 def latest(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers) -> FrameNumbers:
-    """How far a frame of a shot is. For a moment after a job was cancelled the database has less than was told before."""
+    """The latest numbers of a shot's frame. Shortly after a cancellation the engine's are newer than the database's."""
     live = known.frames.get(key) if known is not None else None
     if live is None or (job.state not in ACTIVE and live.samples <= recorded.samples):
         return recorded
@@ -118,7 +120,7 @@ def latest(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers)
 
 
 def frame_out(job: Job, session: Session, engine: Engine, key: int) -> FrameOut | None:
-    """One of them, with the first of its bad samples; None where the job has no such frame."""
+    """A job's frame for the API, with its first bad samples; None if the job has no such frame."""
     found = next((one_frame(job, *each) for each in frame_numbers(job, session, engine, [key]) if each[0] == key), None)
     if found is not None:
         found.bad = bad_samples_of(job, found, engine)
@@ -126,7 +128,7 @@ def frame_out(job: Job, session: Session, engine: Engine, key: int) -> FrameOut 
 
 
 def one_frame(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
-    """As the API has it."""
+    """A frame for the API, from its numbers."""
     size = job.settings or {}
     return FrameOut(
         number=frame_number(key),
@@ -142,12 +144,12 @@ def one_frame(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
 
 
 def bad_samples_of(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut]:
-    """The first of the samples of a frame that were left out."""
+    """The first of a frame's samples that were left out as not finite."""
     if not frame.bad_samples or job.settings is None or job.tile_size is None:
         return []
     try:
         settings = RenderSettings.from_json(job.settings)
         bad = engine.films.open(job.id, settings, job.tile_size).bad_samples(frame_key(frame.number))[1]
     except (FarmError, SettingsError):
-        return []  # the job is being deleted, its film is broken or of another release: the job's error says so
+        return []  # being deleted, or film broken or of another release: see the job's error
     return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b)) for b in bad[:BAD_SHOWN]]

@@ -33,8 +33,8 @@ __all__ = ["router"]
 
 router = APIRouter(prefix="/api/environments", tags=["environments"])
 
-PICTURES = Path(__file__).parent.parent / "light_pictures"  # of the presets: scenes/light_pictures.py makes them
-WIDTH = 160  # of thumbnails, twice their height
+PICTURES = Path(__file__).parent.parent / "light_pictures"  # of the presets; made by scenes/light_pictures.py
+WIDTH = 160  # pixels across a thumbnail, twice its height
 SUFFIXES = (".exr", ".hdr", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
 _Id = Annotated[str, PathParameter(max_length=100)]
 
@@ -143,7 +143,7 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
 
 
 async def _recorded(id: str, name: str, file: BlobRef, owner: dict[str, Any], farm: Farm) -> EnvironmentOut:
-    """Have a worker look at an image that is stored, and write it down."""
+    """Has a worker make the thumbnail of an uploaded image, then stores the image's row."""
     wish = ShowEnvironment("", id, name, file.sha256, file.size, WIDTH)
     asked = await run_in_threadpool(farm.engine.show_environment, wish)
     made = await asyncio.shield(asyncio.wrap_future(asked))
@@ -161,7 +161,7 @@ async def _recorded(id: str, name: str, file: BlobRef, owner: dict[str, Any], fa
                         session.add(found)
                         session.flush()
                     return _out(found)
-            except IntegrityError:  # another sent the same in the same moment
+            except IntegrityError:  # concurrent upload of the same image
                 found_now = _known(id, farm)
                 if found_now is None:
                     raise

@@ -23,7 +23,7 @@ __all__ = ["router"]
 router = APIRouter(tags=["events"])
 
 EVERY_S = 0.5
-AT_A_TIME = 500  # what more has changed waits for the next round
+AT_A_TIME = 500  # changes per round; further ones wait for the next
 KEEP_ALIVE_S = 10.0
 
 
@@ -63,7 +63,7 @@ async def _stream(farm: Farm, visit: Visit) -> AsyncIterator[str]:
 
 def _texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> list[str]:
     view, projects = farm.engine.snapshot, farm.access.projects
-    sight = visit.sight if visit.sight.everything else projects.sight(visit.caller)  # as it is by now
+    sight = visit.sight if visit.sight.everything else projects.sight(visit.caller)  # re-evaluated: it may have changed
     with farm.sessions() as session:
         seen = [(what, id) for what, id in changed if what != "scene" or not is_lit(id, session)]
         rows = session.scalars(select(Job).where(Job.id.in_([id for what, id in changed if what == "job"])))

@@ -1,4 +1,4 @@
-"""/api/jobs/{id}/explain: how a pixel came by its colour, found by a worker that follows its paths again."""
+"""/api/jobs/{id}/explain: explains a pixel's colour; a worker traces its paths again."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from worker.protocol.explained import ExplainPixel
 __all__ = ["router"]
 
 SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
-MOST_SAMPLES = 4096  # looked at, as renderer/pixel_paths.py does
+MOST_SAMPLES = 4096  # limit on rendered samples, as in renderer/pixel_paths.py
 
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])
 
@@ -134,14 +134,14 @@ def explain(
     found = farm.explaining.explain(work, kind)
     try:
         return _told(found, scene, film.film_exponent, (x, y, frame), sums if kind == job.kind else None, count)
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):  # whatever a worker says
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):  # a worker's answer is untrusted
         raise no_sense() from None
 
 
 def _told(
     found: dict[str, Any], scene: Scene, film_exponent: int, at: tuple[int, int, float], sums: list[int] | None, count: int
 ) -> ExplainedOut:
-    """sums: the film's, of all samples of the pixel, where these are of the worker's kind; there are `count` of them."""
+    """Builds the answer. sums: the film's sums of the pixel's `count` samples, if rendered by the worker's kind; else None."""
     names = (scene.info or {}).get("names") or {}
     for path in found["paths"]:
         for vertex in path["vertices"]:
@@ -165,7 +165,10 @@ def _rows(job: Job, key: int, farm: Farm) -> tuple[Scene, Frame | None]:
 
 
 def _kind(job: Job, scene: Scene, farm: Farm) -> str:
-    """Of the workers to be asked: the job's own, which follow paths to the bit; else others that the scene is compiled for."""
+    """The kind of worker to use: the job's own, which reproduces paths exactly; else another for which the scene is compiled.
+
+    Raises Unavailable if there is none yet.
+    """
     kinds = farm.explaining.kinds()
     if job.kind in kinds and job.kind in scene.compiled:
         return job.kind
@@ -177,7 +180,10 @@ def _kind(job: Job, scene: Scene, farm: Farm) -> str:
 
 
 def _in_film(film: Film, key: int, x: int, y: int) -> tuple[list[int] | None, int]:
-    """The film's sums of a pixel's colour and its samples, where these are all of 0 ... count - 1; and count."""
+    """The film's sums of a pixel's colour and samples, and the number of contiguous samples from 0.
+
+    The sums are None unless the film has exactly those samples.
+    """
     at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
     before, sums, after = film.coverage(key, at), film.tile_sums(key, at), film.coverage(key, at)
     count = after.prefix

@@ -1,4 +1,4 @@
-"""/api/farm: what workers need from the service. They send the farm's token, or one of their own."""
+"""/api/farm: the service's routes for workers. Workers send the farm's token, or one of their own."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def keep_blob(sha256: str, farm: FarmDependency) -> Response:
         raise no_blob()
     farm.garbage.promise(sha256)
     if not farm.blobs.exists(sha256):
-        farm.garbage.keep_promise(sha256)  # as soon as it is sent, it is promised anew
+        farm.garbage.keep_promise(sha256)  # sending a blob renews its retention
         raise no_blob()
     return Response(status_code=204)
 

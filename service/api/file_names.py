@@ -11,20 +11,20 @@ from service.store.models import Job
 
 __all__ = ["named", "picture_name", "title_of"]
 
-LONGEST = 100  # of a title: file systems take 255 bytes, and a letter may be four
+LONGEST = 100  # characters of a title: file systems allow 255 bytes, and a character may take four
 SUFFIX = re.compile(r"\.[A-Za-z]\w{0,7}$")
-KEPT = "._-+()"  # beside letters and digits
+KEPT = "._-+()"  # in addition to letters and digits
 
 
 def title_of(job: Job) -> str:
-    """The job's name as a part of a file's: letters of every script, digits and a few marks, without the scene file's ending."""
+    """The job's name as part of a file name: letters of any script, digits and a few marks, without the scene file's suffix."""
     plain = unicodedata.normalize("NFC", SUFFIX.sub("", job.name))
     clean = "".join(c if c in KEPT or unicodedata.category(c)[0] in "LNM" else "-" for c in plain)
     return re.sub("-{2,}", "-", clean).strip("-.")[:LONGEST] or job.id
 
 
 def picture_name(job: Job, frame: float, samples: int, kind: str, extension: str) -> str:
-    """samples: of the picture, all pixels together. kind: a plane's name or the like, empty for the colour."""
+    """The file name of a picture. samples: of all pixels together. kind: a plane's name or similar, empty for the colour."""
     settings = job.settings or {}
     spp = samples // max(int(settings.get("width", 1)) * int(settings.get("height", 1)), 1)
     parts = [title_of(job), frame_name("####", frame) if job.shot is not None else "", f"{spp}spp", kind]
@@ -32,7 +32,7 @@ def picture_name(job: Job, frame: float, samples: int, kind: str, extension: str
 
 
 def named(name: str, disposition: str = "inline") -> str:
-    """The header Content-Disposition: in ASCII for all, and as RFC 6266 has it where there is more to say."""
+    """The header Content-Disposition: an ASCII name, and the name by RFC 6266 if it is not ASCII."""
     ascii_name = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().replace('"', "")
     plain = f'{disposition}; filename="{ascii_name}"'
     return plain if ascii_name == name else f"{plain}; filename*=UTF-8''{quote(name)}"

@@ -1,4 +1,4 @@
-"""HEAD of what is made on demand: the headers that are known beforehand, and nothing is made."""
+"""HEAD requests for content that is made on demand: the headers known in advance, without making the content."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from starlette.types import Scope
 
 __all__ = ["as_get", "headers_alone", "is_head"]
 
-HEAD = "rayfarm.head"  # in a scope: the headers alone are asked for
+HEAD = "rayfarm.head"  # key in the ASGI scope of a HEAD request
 
 
 def as_get(scope: Scope) -> Scope:
-    """Let a GET of the API be asked for its headers alone (RFC 9110, 9.1); the server drops the body of the answer."""
+    """Rewrites a HEAD request as GET (RFC 9110, 9.1); the server drops the body of the answer."""
     return {**scope, "method": "GET", HEAD: True}
 
 
 def is_head(request: Request) -> bool:
-    """Whether the headers alone are asked for."""
+    """Whether the request was a HEAD request."""
     return HEAD in request.scope
 
 
 def headers_alone(headers: Mapping[str, str], media_type: str) -> StreamingResponse:
-    """The answer to that: without the length, which nobody knows before the content is made."""
+    """The answer to a HEAD request, without a length, which is unknown before the content is made."""
     return StreamingResponse(iter(()), media_type=media_type, headers=headers)

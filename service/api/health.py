@@ -16,7 +16,7 @@ __all__ = ["router"]
 
 router = APIRouter(tags=["health"])
 
-PATIENCE_S = 2.0  # with the database
+PATIENCE_S = 2.0  # seconds, timeout of the database check
 
 
 @router.get("/healthz")

@@ -1,6 +1,6 @@
-"""What a watcher says over a WebSocket, at a pace that leaves time for everybody else.
+"""Receives WebSocket messages at a rate that leaves time for other tasks.
 
-A message that is there already is read without any wait, so that a flood of them would keep the event loop to itself.
+Receiving a message that is already buffered does not suspend, so a flood of messages could otherwise occupy the event loop.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from fastapi import WebSocket, WebSocketDisconnect
 
 __all__ = ["heard"]
 
-RATE = 500.0  # messages a second that are heard of one watcher for as long as it likes
-BURST = 200.0  # and at once, after a silence
-CHARACTERS = 8192  # that count as one message more
+RATE = 500.0  # messages a second accepted from one client continuously
+BURST = 200.0  # messages accepted at once after a pause
+CHARACTERS = 8192  # per additional message in the count
 
 
 async def heard(socket: WebSocket) -> AsyncIterator[str]:
-    """Each message as text; bytes as an empty one. Raises WebSocketDisconnect when the watcher leaves."""
+    """Yields each message as text; a binary message as an empty string. Raises WebSocketDisconnect when the client leaves."""
     left, at = BURST, time.monotonic()
     while True:
         message = await socket.receive()

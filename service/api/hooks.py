@@ -1,4 +1,4 @@
-"""/api/hooks: who is told when a job ends, and whether it has arrived."""
+"""/api/hooks: notifications at the end of a job, and their delivery."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""The names that a service answers to.
+"""The host names that a service answers to.
 
-A page elsewhere may point its own name at this machine and then read the service's answers as its own (DNS rebinding). Such an
+A foreign page may point its own name at this machine and then read the service's answers as same-origin (DNS rebinding). Such an
 attack needs a name; so a service that other machines can reach answers to any literal address, to this machine's own names and
-to those it was given, and to no other name. On loopback it answers to loopback's names only.
+to configured names, and to no other. On loopback it answers to loopback's names only.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ HOST = re.compile(r"(?:\[(?P<address>[0-9A-Fa-f:.]{2,45})\]|(?P<name>[A-Za-z0-9.
 
 
 def name_of(host: str) -> str | None:
-    """A Host header without its port, in lower case; None where it is none (RFC 9110, 7.2)."""
+    """A Host header without its port, in lower case; None if it is malformed (RFC 9110, 7.2)."""
     found = HOST.fullmatch(host)
     if found is None:
         return None
@@ -31,7 +31,7 @@ def name_of(host: str) -> str | None:
 
 
 def is_here(address: str) -> bool:
-    """Whether a client's address is this machine's, as far as an address says anything: a socket that is a file has none."""
+    """Whether a client's address is this machine's. A Unix socket has no address and counts as local."""
     try:
         parsed = ipaddress.ip_address(address)
     except ValueError:
@@ -40,7 +40,7 @@ def is_here(address: str) -> bool:
 
 
 class Hosts:
-    """Which names are this service's."""
+    """The host names of this service."""
 
     def __init__(self, settings: Settings) -> None:
         self._takes_addresses = not settings.is_loopback
@@ -49,7 +49,7 @@ class Hosts:
         if self._takes_addresses:
             own = socket.gethostname().lower()
             self._names |= {own, f"{own.split('.')[0]}.local", settings.host.lower()}
-            # It asks the network's name server, which may take its time.
+            # Queries the name server, which may be slow.
             threading.Thread(target=self._ask_for_full_name, name="own name", daemon=True).start()
 
     def know(self, name: str) -> bool:

@@ -21,7 +21,7 @@ from service.store.models import FINAL, Job
 
 __all__ = ["ChangesIn", "ChangesOut", "change_many", "may_begin_anew"]
 
-AT_A_TIME = 100  # in one transaction: the engine waits for a moment only, and for a longer one all jobs stand still
+AT_A_TIME = 100  # jobs in one transaction; a longer one would stall the engine and with it all jobs
 
 
 class ChangesIn(Strict):
@@ -62,7 +62,7 @@ class ChangesOut(BaseModel):
 
 
 def change_many(changes: ChangesIn, farm: Farm, visit: Visit) -> ChangesOut:
-    """Do it to those to which it can be done. Those that the caller does not see are not there."""
+    """Applies changes to all jobs that allow them. Jobs that the caller may not see count as missing."""
     ids = list(dict.fromkeys(changes.jobs))
     answer = ChangesOut(changed=[], refused=[])
     with farm.sessions() as session:
@@ -118,7 +118,7 @@ def _change(ids: list[str], changes: ChangesIn, farm: Farm, visit: Visit, answer
 
 
 def may_begin_anew(id: str, farm: Farm) -> bool:
-    """Whether a job that is set to running begins with an empty film; one that is over reads its film for that."""
+    """Whether a job that is set to running starts with an empty film. Reads the film of a job that has ended."""
     return id not in farm.engine.snapshot.jobs and begins_anew(find_job(id, farm), farm.films)
 
 

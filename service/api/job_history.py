@@ -1,4 +1,4 @@
-"""/api/jobs/{id}: how a job came to its picture, and what happened to it."""
+"""/api/jobs/{id}: the history of a job: its progress over time, and its events."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lists of jobs: which ones, and in what order. Ten thousand are ordinary, so what is not shown is not read either."""
+"""Filtered and sorted lists of jobs. A farm may have ten thousand, so only the rows of the page are read."""
 
 from __future__ import annotations
 
@@ -17,19 +17,22 @@ from service.store.models import Job, Scene
 
 __all__ = ["MOST_JOBS", "Choice", "Chosen", "Order", "says", "words_of"]
 
-MOST_JOBS = 1000  # in one answer, or in one change of many
+MOST_JOBS = 1000  # jobs in one answer, or in one change of many
 MOST_WORDS = 8
 
 Order = Literal["newest", "oldest", "name", "priority", "state"]
-_SHOWN = [column for column in Job.__table__.columns if column.name != "history"]  # which is long, and not part of a list
+_SHOWN = [column for column in Job.__table__.columns if column.name != "history"]  # large, and not part of a list
 _Row = namedtuple("_Row", [column.name for column in _SHOWN])  # type: ignore[misc]
 _ID = _Row._fields.index("id")
-_STATES = ("running", "queued", "paused", "failed", "cancelled", "finished")  # what somebody may want to act upon comes first
+_STATES = ("running", "queued", "paused", "failed", "cancelled", "finished")  # sort order: states that may need action first
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """Which jobs, of those that the caller sees. words: each is in a name or note of the job or its scene, or begins an id."""
+    """A filter on the jobs that the caller may see.
+
+    words: each occurs in a name or note of the job or its scene, or is a prefix of an id.
+    """
 
     states: tuple[str, ...] = ()
     scene: str | None = None
@@ -40,24 +43,26 @@ class Chosen:
     project: str | None = None
 
     def count(self, session: Session) -> int:
-        """How many they are."""
+        """The number of matching jobs."""
         return session.scalar(self._of(select(func.count()).select_from(Job))) or 0
 
     def tallies(self, session: Session) -> dict[str, int]:
-        """How many of them are in each state, whichever states are chosen."""
+        """The number of matching jobs by state, ignoring the filter on states."""
         query: Any = select(Job.state, func.count()).group_by(Job.state)
         query = replace(self, states=())._of(query)
         return {row[0]: row[1] for row in session.execute(query)}
 
     def ids_in(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[str]:
-        """Their ids, in order."""
+        """The ids of matching jobs, in order."""
         query = self._of(select(Job.id)).order_by(*_ordered(order))
         return list(session.scalars(query.limit(limit).offset(offset)))
 
     def rows(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[Job]:
-        """Their rows, in order, as tuples with the names of a Job's columns: a thousand objects that note each change take a
-        quarter of the time of a list."""
-        ids = self.ids_in(order, session, limit, offset)  # by an index alone; sorting rows would mean to read them all
+        """The rows of matching jobs, in order, as tuples with the names of a Job's columns.
+
+        Tuples, since a thousand ORM objects take a quarter of the time of a list.
+        """
+        ids = self.ids_in(order, session, limit, offset)  # from an index; sorting rows would read them all
         query = select(*_SHOWN).where(Job.id.in_(ids))
         found = {row[_ID]: _Row._make(row) for row in session.execute(query)}
         return cast("list[Job]", [found[id] for id in ids if id in found])
@@ -80,21 +85,21 @@ class Chosen:
 
 
 def words_of(search: str) -> tuple[str, ...]:
-    """What is looked for, each word of it."""
+    """The words of a search text."""
     return tuple(search.lower().split()[:MOST_WORDS])
 
 
 def says(
     word: str, name: InstrumentedAttribute[str] | InstrumentedAttribute[str | None], id: InstrumentedAttribute[str]
 ) -> ColumnElement[bool]:
-    """Whether a word is in a name, or begins an id."""
-    if "\0" in word:  # where a pattern ends for SQLite, and what PostgreSQL takes in none; no name has it
+    """SQL condition: the word occurs in the name, or is a prefix of the id."""
+    if "\0" in word:  # NUL ends a pattern in SQLite, and is an error in PostgreSQL; no name has it
         return false()
     return or_(func.lower(name).contains(word, autoescape=True), id.startswith(word, autoescape=True))
 
 
 def _says(word: str) -> ColumnElement[bool]:
-    other = aliased(Job)  # few have notes, and an index has those alone
+    other = aliased(Job)  # few jobs have notes, which a partial index covers
     noted = select(other.id).where(other.note.is_not(None), says(word, other.note, other.id))
     scenes = select(Scene.id).where(says(word, Scene.name, Scene.id))
     return or_(says(word, Job.name, Job.id), Job.scene.in_(scenes), Job.id.in_(noted))

@@ -1,4 +1,4 @@
-"""/api/jobs: request pictures, and watch, change and delete those jobs."""
+"""/api/jobs: creates, watches, changes and deletes jobs."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ __all__ = ["router"]
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])
 log = logging.getLogger(__name__)
 
-TRIES = 20  # of changing a shot that others change as well
+TRIES = 20  # attempts to change a shot despite concurrent changes
 _JOBS = TypeAdapter(list[JobOut])
 
-Traced = Annotated[str | None, Header(include_in_schema=False)]  # W3C Trace Context, of whoever asks
+Traced = Annotated[str | None, Header(include_in_schema=False)]  # W3C Trace Context of the client
 
 
 @router.post("", status_code=201, response_model=JobOut)
@@ -105,7 +105,7 @@ def create_job(
             session.add(job)
             session.flush()
             wait_for(job, request.after, session)
-            # which quotas count from now on, also while nothing of it is rendered
+            # Quotas count these frames from now on, even before they are rendered.
             frames = [Step.of("add", keys, target=samples_of(job))]
             if is_long := not is_short(frames):
                 begin(job.id, frames, session)
@@ -195,9 +195,9 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency, visit: VisitDepe
             if job is None:
                 raise no_job(id)
             if of_shot is not None and not of_shot.fits(job, session):
-                continue  # it was changed since
+                continue  # it was changed concurrently
             is_long = _change(job, change, of_shot, is_anew, session, farm, visit)
-            # A shot's frames are added up for it, which takes its time where they are many.
+            # Sums a shot's frames, which takes time if they are many.
             answer = None if job.shot is not None else job_out(job, session, farm.engine)
         break
     else:
@@ -220,7 +220,7 @@ def begin_anew(id: str, farm: FarmDependency, response: Response, visit: VisitDe
         if job.state in FINAL:
             raise Conflict(f"The job is {job.state}; only one that is not over begins anew.")
         request = _as_it_is_now(job)
-        set_state(session.get_one(Job, id, with_for_update=True), "cancelled", is_anew=False)  # now it counts in no quota
+        set_state(session.get_one(Job, id, with_for_update=True), "cancelled", is_anew=False)  # cancelled jobs count in no quota
     try:
         made = create_job(request, farm, response, visit)
     except Exception:
@@ -239,7 +239,7 @@ def begin_anew(id: str, farm: FarmDependency, response: Response, visit: VisitDe
 
 
 def _as_it_is_now(job: Job) -> JobIn:
-    """A job's request with what was changed since: its goals, frames, name and priority. What it waited for is over."""
+    """A job's request with its later changes (goals, frames, name, priority), without dependencies and queue options."""
     now: dict[str, Any] = {"name": job.name, "priority": job.priority, "spp": job.spp, "noise": job.noise, "seconds": job.seconds}
     if job.shot is not None and (shot := Shot.of(job.shot)) is not None:
         now |= {"frames": shot.frames, "order": shot.order}
@@ -250,7 +250,7 @@ def _as_it_is_now(job: Job) -> JobIn:
 def _change(
     job: Job, change: JobPatch, of_shot: ShotChange | None, is_anew: bool, session: Session, farm: Farm, visit: Visit
 ) -> bool:
-    """Within a transaction; whether something is left to be carried out."""
+    """Applies a change within a transaction; returns whether changes of frames remain to be carried out."""
     is_long = False
     state, samples = job.state, samples_of(job)
     if change.priority is not None:
@@ -263,7 +263,7 @@ def _change(
         job.note = change.note or None
     is_more = change.spp is not None or change.more is not None or change.extend is not None or change.again is not None
     if of_shot is not None:
-        if is_more or (state in FINAL and change.state == "running"):  # before it counts itself
+        if is_more or (state in FINAL and change.state == "running"):  # before the job itself counts
             farm.quotas.check_job(visit.caller, session, of_shot.samples, is_new=state in FINAL)
         is_long = of_shot.give(job, session)
     elif job.shot is None and change.is_of_frames:
@@ -285,7 +285,7 @@ def _change(
         set_state(job, change.state, is_anew)
     if of_shot is None and (is_more or (state in FINAL and job.state not in FINAL)):
         more = max(0, samples_of(job) - samples)
-        with session.no_autoflush:  # as it was before: it does not count itself
+        with session.no_autoflush:  # unflushed, so the job itself does not count
             farm.quotas.check_job(visit.caller, session, more, is_new=state in FINAL)
     if change.state == "running":
         wait_no_longer_in_vain([job.id], session)
@@ -301,7 +301,10 @@ def delete_job(id: str, farm: FarmDependency) -> None:
 
 
 def _laid_out(id: str, farm: Farm, begun: Begun | None = None) -> JobOut:
-    """A job, once what is to be done to its frames is done. What the database or the disk cannot take now is done later."""
+    """The job, after pending changes of its frames are carried out.
+
+    Those that fail in the database or on disk are retried later.
+    """
     try:
         farm.frame_changes.carry_out(id, begun)
     except FarmError as error:
@@ -311,7 +314,7 @@ def _laid_out(id: str, farm: Farm, begun: Begun | None = None) -> JobOut:
 
 
 def _left_out(request: JobIn) -> set[str]:
-    """What says nothing where it is not asked for: a request of before these were there is the same one."""
+    """Names of fields with default values to omit from the stored request, so that requests of older releases compare equal."""
     return {name for name in ("fresh", "strict", "verify") if not getattr(request, name)} - (
         {"verify"} if request.verify == 0 else set()
     )
@@ -319,8 +322,10 @@ def _left_out(request: JobIn) -> set[str]:
 
 @contextmanager
 def _begun(job: Job, keys: list[int], is_fresh: bool, farm: Farm) -> Iterator[Begun]:
-    """A job begins with what earlier ones of the same picture have: what the rows of its frames say of that; unless that fails
-    which is done with it."""
+    """Starts a new job with the films of earlier jobs of the same picture; yields the resulting numbers of its frames.
+
+    Deletes the films again if the context raises.
+    """
     begun: Begun = {}
     if not is_fresh and farm.settings.reuse_films:
         with farm.sessions() as session:
@@ -339,7 +344,10 @@ def _keys(request: JobIn) -> list[int]:
 
 
 def _shot(request: JobIn, keys: list[int]) -> Shot:
-    """As it is asked for; where only a time ends it, all frames are to have their share of that."""
+    """The requested shot.
+
+    If only a time limit ends it, frames are rendered breadth-first, so that all get a share of the time.
+    """
     only_time = request.seconds is not None and request.spp is None and request.noise is None
     order = request.order or ("breadth-first" if only_time else IN_TURN)
     frames = frames_text(map(frame_number, keys))
@@ -347,7 +355,7 @@ def _shot(request: JobIn, keys: list[int]) -> Shot:
 
 
 def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:
-    """The scene to render: under another light, or with other materials of its file, it is made here."""
+    """The id of the scene to render: for another environment or material variant, that of a derived scene, which may be new."""
     if asked["environment"] is None and request.variant is None:
         return request.scene
     return farm.lighting.row(request.scene, asked["environment"], request.variant).id
@@ -363,7 +371,7 @@ def _no_scene(id: str) -> NotFound:
 
 
 def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
-    """Fix the job's settings where its scene is ready; refuse what can never be rendered."""
+    """Fixes the job's settings if its scene is ready; raises an error for a request that can never be rendered."""
     if scene is None or scene.of is not None:
         raise _no_scene(job.scene)
     if scene.status == "failed":

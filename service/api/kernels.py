@@ -1,7 +1,7 @@
 """/api/farm/kernels: machine code that one worker compiled, for the others of its kind.
 
-Whoever loads it runs what is in it. So it is accepted only from workers that send the farm's own token; a worker with its own
-token may download it, signed with that token.
+Loading a kernel executes its code. Uploads are therefore accepted only with the farm's own token; a worker with its own token may
+download kernels, signed with that token.
 """
 
 from __future__ import annotations

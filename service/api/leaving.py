@@ -1,5 +1,4 @@
-"""Logging out of the OpenID provider together with the farm: the browser keeps its login's ID token, by which the provider
-recognises it."""
+"""Logout at the OpenID provider together with the farm: the browser keeps the ID token of its login for the provider."""
 
 from __future__ import annotations
 
@@ -13,23 +12,23 @@ from service.farm import Farm
 
 __all__ = ["base_url", "forget_login", "keep_login", "way_out"]
 
-LONGEST = 3500  # browsers keep cookies of 4 kB
-UNKNOWN = "-"  # the session is the provider's, and its ID token too long to be kept
+LONGEST = 3500  # characters; browsers limit cookies to 4 kB
+UNKNOWN = "-"  # a provider's session whose ID token is too long to store
 
 
 def keep_login(request: Request, response: Response, farm: Farm, token: str) -> None:
-    """A provider has let the browser in. token: the ID token."""
+    """Stores the ID token after a login through a provider. token: the ID token."""
     set_cookie(request, response, _cookie(farm, request), token if len(token) <= LONGEST else UNKNOWN, SESSION_S)
 
 
 def forget_login(request: Request, response: Response, farm: Farm) -> None:
-    """The browser's session is over, or is another's."""
+    """Deletes the stored ID token, when the browser's session ends or another one replaces it."""
     if (name := _cookie(farm, request)) in request.cookies:
         set_cookie(request, response, name, "", 0)
 
 
 def way_out(request: Request, farm: Farm) -> str | None:
-    """Where a browser that is logged out here goes on to, so that it is at the provider too; None: nowhere."""
+    """The address that logs the browser out at the provider; None if there is none."""
     shown = cookie_parser(request.headers.get("cookie", "")).get(_cookie(farm, request), "")
     if not shown or farm.access.oidc is None:
         return None
@@ -37,7 +36,7 @@ def way_out(request: Request, farm: Farm) -> str | None:
 
 
 def base_url(request: Request, farm: Farm) -> str:
-    """The address of the page, without the last slash."""
+    """The address of the page, without the trailing slash."""
     return farm.settings.public_url.rstrip("/") or str(request.base_url).rstrip("/")
 
 

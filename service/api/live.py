@@ -1,13 +1,13 @@
-"""WS /api/jobs/{id}/live: a job's state as JSON, how its frames are, and the tiles of one of them as they change.
+"""WS /api/jobs/{id}/live: a job's state as JSON, its frames' states, and the tiles of one frame as they change.
 
-The watcher gets a state, a snapshot of all tiles of its frame that have samples, and then what changes; it may go on to another
-frame by {"frame": n}, of which it gets a snapshot in turn. One that reads the film by itself (GET .../frames/{n}/film) asks for
-no snapshot, and says when it has read it, by {"have": [samples a pixel of every tile]}: what differs from that is sent.
+The client gets a state, a snapshot of all tiles of its frame that have samples, and then changes; it may switch to another frame
+by {"frame": n}, of which it gets a snapshot. A client that fetches the film itself (GET .../frames/{n}/film) requests no
+snapshot, and reports afterwards what it has, by {"have": [samples a pixel of every tile]}: the tiles that differ are sent.
 
-Of a shot it is told of all frames first, and then of those that
-change. Tiles come in rounds; every packet has a number, and the watcher answers with {"ack": number}, which acknowledges all up
-to it. At most two rounds are unacknowledged. Meanwhile changed tiles are only noted, and read from the film when their turn
-comes: so a slow watcher gets fewer pictures, never older ones.
+For a shot, all frames are sent first, and then those that change. Tiles are sent in rounds; every packet has a number, and the
+client answers with {"ack": number}, which acknowledges all up to it. At most two rounds are unacknowledged. Meanwhile changed
+tiles are only recorded, and read from the film when their round comes, so a slow client gets fewer pictures, but never older
+ones.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ router = APIRouter()
 MAX_UNACKNOWLEDGED = 2  # rounds
 SPEAK_EVERY_S = 5.0
 FRAMES_TOLD = 2000  # frames in one message
-FRAMES_REST = 20  # times as long as it takes to look at them, a watcher waits for the frames of a shot
+FRAMES_REST = 20  # minimum pause between frame updates, as a multiple of their CPU time
 NOT_FOUND = 4404
 GONE = 4410
-MOST_TEXT = 1 << 16  # characters of a message, apart from its list of tiles: it is parsed on the event loop
+MOST_TEXT = 1 << 16  # characters of a message without its list of tiles; it is parsed on the event loop
 TILE_TEXT = 16  # characters for a tile's samples
-MOST_TILES = 1 << 16  # while the number of tiles is not known
+MOST_TILES = 1 << 16  # assumed while the number of tiles is unknown
 
 
 @router.websocket("/api/jobs/{id}/live")
@@ -87,17 +87,17 @@ class _Watcher:
         self._listener = listener
         self._film: Film | None = None
         self._snapshot = snapshot
-        self._wanted: tuple[int, bool] | None = None  # the frame to be watched from now on, and whether all of its tiles are
-        self._have: list[Any] | None = None  # samples of every tile, as the watcher says: what differs is to be noted
+        self._wanted: tuple[int, bool] | None = None  # the requested frame, and whether with a snapshot
+        self._have: list[Any] | None = None  # the client's samples of every tile, to be compared
         self._sequence = 0
-        self._rounds: deque[int] = deque()  # the last packet's number of every round that is not acknowledged
+        self._rounds: deque[int] = deque()  # number of the last packet of every unacknowledged round
         self._spoke = 0.0
         self._state_at = 0.0
-        self._told: dict[int, FrameNumbers] = {}  # of a shot: what was said of its frames
-        self._frames_at = 0.0  # not before
+        self._told: dict[int, FrameNumbers] = {}  # of a shot: the frame numbers that were sent
+        self._frames_at = 0.0  # earliest time of the next frame update
 
     async def receive(self) -> None:
-        """Take in acknowledgements, and which frame is watched, until the watcher leaves. Anything else is left out."""
+        """Processes acknowledgements and frame selections until the client leaves. Ignores malformed messages."""
         async for text in heard(self._socket):
             tiles = MOST_TILES if self._film is None else len(self._film.tiles)
             if len(text) > MOST_TEXT + TILE_TEXT * tiles:
@@ -122,7 +122,7 @@ class _Watcher:
                 self._listener.wake()
 
     def _turn(self) -> None:
-        """Watch the frame that was asked for last: whoever runs through them passes most by."""
+        """Switches to the most recently requested frame; earlier requests are skipped."""
         if self._wanted is None:
             return
         (self._listener.frame, self._snapshot), self._wanted = self._wanted, None
@@ -131,12 +131,12 @@ class _Watcher:
             self._begin(self._film)
 
     def _begin(self, film: Film) -> None:
-        """Note all tiles, where the watcher wants them."""
+        """Queues all tiles, unless the client wants no snapshot."""
         if self._snapshot:
             self._listener.tiles.update(dict.fromkeys(range(len(film.tiles))))
 
     async def _note_what_differs(self, film: Film, have: list[Any]) -> None:
-        """Note the tiles that have other samples than the watcher has of them; all, where it does not say so of each."""
+        """Queues the tiles whose sample counts differ from the client's; all, if its list has another length."""
         frame = self._listener.frame
         counts = await run_in_threadpool(lambda: [film.coverage(frame, tile).total for tile in range(len(film.tiles))])
         if frame == self._listener.frame:
@@ -144,7 +144,7 @@ class _Watcher:
             self._listener.tiles.update((tile, None) for tile, (a, b) in enumerate(zip(differ, counts, strict=True)) if a != b)
 
     async def send(self) -> None:
-        """Speak until the service ends or the job is gone."""
+        """Sends states and tiles until the service ends or the job is deleted."""
         self._listener.changed["job", self._job] = None
         while not self._farm.broadcast.closing:
             if self._film is None:
@@ -154,7 +154,7 @@ class _Watcher:
             self._turn()
             if self._film is not None and self._have is not None:
                 have, self._have = self._have, None
-                with contextlib.suppress(FarmError):  # what cannot be looked at now is noted when it changes
+                with contextlib.suppress(FarmError):  # tiles that cannot be compared now are queued when they change
                     await self._note_what_differs(self._film, have)
             now = time.monotonic()
             if self._is_state_due(now) and not await self._send_state(now):
@@ -163,7 +163,7 @@ class _Watcher:
             if self._film is not None and self._listener.tiles and len(self._rounds) < MAX_UNACKNOWLEDGED:
                 try:
                     await self._send_round(self._film)
-                except FarmError:  # the job is deleted, its film cannot be read, or the service ends: the next state says which
+                except FarmError:  # job deleted, film unreadable or service stopping; the next state tells
                     self._film = None
                     self._listener.changed["job", self._job] = None
                     self._listener.tiles.clear()
@@ -187,7 +187,7 @@ class _Watcher:
             return False
         await self._socket.send_text(text)
         if state["shot"] is not None and now < self._frames_at and state["state"] in ACTIVE:
-            self._listener.changed["job", self._job] = None  # it is looked at again
+            self._listener.changed["job", self._job] = None  # send again later
         elif state["shot"] is not None:
             job, frames, taken_s = await self._farm.shared.told(self._job, "frames", partial(_frames, self._farm, self._job))
             self._frames_at = now + FRAMES_REST * taken_s
@@ -216,7 +216,7 @@ class _Watcher:
 
 
 def _frame(number: float) -> int:
-    """Its key. Raises ValueError."""
+    """The key of a frame number. Raises ValueError."""
     if not 0 <= number <= MAX_FRAME or not (2 * number).is_integer():
         raise ValueError(f"there is no frame {number}")
     return frame_key(number)
@@ -228,7 +228,7 @@ def _first_frame(farm: Farm, id: str) -> int | None:
 
 
 def _frames(farm: Farm, id: str) -> tuple[Job | None, dict[int, FrameNumbers], float]:
-    """The frames of a shot, and seconds of the processor that it took to look at them."""
+    """A job, its frames' numbers, and the CPU seconds of reading them."""
     begun = time.thread_time()
     with farm.sessions() as session:
         job = session.get(Job, id)
@@ -237,7 +237,7 @@ def _frames(farm: Farm, id: str) -> tuple[Job | None, dict[int, FrameNumbers], f
 
 
 def _frames_told(job: Job | None, before: Mapping[int, FrameNumbers], now: Mapping[int, FrameNumbers]) -> list[str]:
-    """Messages about the frames that have changed, some frames in each."""
+    """Messages about the changed frames, up to FRAMES_TOLD frames each."""
     changed = [(key, numbers) for key, numbers in now.items() if before.get(key) != numbers]
     some = (changed[at : at + FRAMES_TOLD] for at in range(0, len(changed), FRAMES_TOLD))
     return [json.dumps({"type": "frames", "frames": plain_frames(job, part)}) for part in some] if job is not None else []
@@ -253,11 +253,11 @@ def _film(farm: Farm, id: str) -> Film | None:
     try:
         return farm.film(job) if job is not None else None
     except FarmError:
-        return None  # the job's state says why there is nothing to see
+        return None  # the reason is in the job's state
 
 
 def _state(farm: Farm, id: str) -> tuple[dict[str, Any] | None, str]:
-    """A job, and the message that says it."""
+    """A job's state, and its message."""
     with farm.sessions() as session:
         state = snapshot("job", id, session, farm.engine)
     return state, json.dumps({"type": "state", "job": state})

@@ -1,9 +1,9 @@
-"""/api/login, /api/logout, /api/session: a browser's way in and out, with a name and password or with a link that works once.
+"""/api/login, /api/logout, /api/session: a browser's login by name and password or by a one-time link, and its logout.
 
-A session is a secret in a cookie that scripts cannot read and that no other site's page can make a browser send. Each login
-creates a new one, and invalidates the one the browser sent before.
+A session is a secret in a cookie that scripts cannot read and that is not sent with cross-site requests. Each login creates a new
+session, and invalidates the one that the browser sent before.
 
-Passwords are looked at in threads of their own: however many guess, other requests have theirs.
+Passwords are verified in a separate thread pool, so that many guesses do not block other requests.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def _change_password(asked: PasswordIn, visit: Visit, farm: Farm) -> None:
 
 
 def _by_password(name: str, password: str, farm: Farm, address: str) -> tuple[str, Role]:
-    """Whose name and password these are. Raises Problem."""
+    """Verifies a name and password; returns the user's name and role. Raises Problem."""
     access = farm.access
     wait = access.attempts.begin(address, name)
     if wait is not None:
@@ -154,7 +154,7 @@ def _by_password(name: str, password: str, farm: Farm, address: str) -> tuple[st
 
 
 def _end(request: Request, farm: Farm) -> bool:
-    """Withdraw the session that is shown by a cookie; whether there was one."""
+    """Ends the session of the request's cookie; returns whether there was one."""
     access = farm.access
     shown = cookie_parser(request.headers.get("cookie", "")).get(cookie_name(access, request.scope), "")
     caller = access.keys.find(shown) if shown else None

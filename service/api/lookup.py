@@ -1,4 +1,4 @@
-"""Rows by the ids in paths."""
+"""Lookup of rows by the ids in paths."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ def find_scene(id: str, farm: Farm) -> Scene:
 
 
 def is_lit(id: str, session: Session) -> bool:
-    """Whether a scene is no upload: it was made of one for some request's light."""
+    """Whether a scene is not an upload, but derived from one for a request's environment."""
     scene = session.get(Scene, id)
     return scene is not None and scene.of is not None
 
 
 def find_film(id: str, n: float, farm: Farm) -> Film:
-    """The film of a job that has frame n. Raises NotFound; Conflict where there is none yet; FilmLost and FilmWaits."""
+    """The film of a job that has frame n. Raises NotFound; Conflict if there is no film yet; FilmLost and FilmWaits."""
     job = find_job(id, farm)
     if not farm.records.has_frame(id, frame_key(n)):
         raise no_frame(n)
@@ -69,7 +69,7 @@ def find_film(id: str, n: float, farm: Farm) -> Film:
 
 
 def find_picture(id: str, n: float, farm: Farm) -> Film:
-    """The film of a frame that has samples. Raises Conflict where it has none, and as `find_film`."""
+    """The film of a frame that has samples. Raises Conflict if it has none, and as `find_film`."""
     film = find_film(id, n, farm)
     if not film.samples(frame_key(n)):
         raise without_samples(find_job(id, farm))
@@ -77,7 +77,7 @@ def find_picture(id: str, n: float, farm: Farm) -> Film:
 
 
 def without_samples(job: Job) -> Conflict:
-    """Why there is no picture to answer with."""
+    """The error for a frame without samples."""
     if job.state == "finished":
         return Conflict("The film of this job is gone. Set the job to running: its picture is then rendered again.")
     if job.state in FINAL:
@@ -87,30 +87,30 @@ def without_samples(job: Job) -> Conflict:
 
 
 def no_job(id: str) -> NotFound:
-    """There is no such job."""
+    """The error for a missing job."""
     return NotFound(f"There is no job {id[:60]!r}. GET /api/jobs lists those that are there.")
 
 
 def no_frame(frame: float) -> NotFound:
-    """The job has no such frame."""
+    """The error for a missing frame."""
     return NotFound(f"The job has no frame {frame_text(frame)}. Its own are listed at /api/jobs/{{id}}/frames.")
 
 
 def no_scene(id: str) -> NotFound:
-    """There is no such scene."""
+    """The error for a missing scene."""
     return NotFound(f"There is no scene {id[:60]!r}. GET /api/scenes lists those that are there.")
 
 
 def no_environment(id: str) -> NotFound:
-    """There is no such light."""
+    """The error for a missing environment."""
     return NotFound(f"There is no environment {id[:60]!r}. GET /api/environments lists those that are there.")
 
 
 def no_reference(id: str) -> NotFound:
-    """There is no such picture."""
+    """The error for a missing reference picture."""
     return NotFound(f"There is no reference picture {id[:60]!r}. GET /api/references lists those that are there.")
 
 
 def no_thing(kind: Kind, id: str) -> NotFound:
-    """There is none, or the caller does not see it: the same words."""
+    """The error for a resource that is missing or not visible to the caller, with the same message for both."""
     return {"job": no_job, "scene": no_scene, "environment": no_environment, "reference": no_reference}[kind](id)

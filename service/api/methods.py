@@ -10,14 +10,14 @@ __all__ = ["methods_of"]
 
 CHANGING = ("POST", "PUT", "PATCH", "DELETE")
 API = "/api/"
-ENDLESS = "/api/events"  # whose answer would never be complete: there is nothing to tell of it beforehand
+ENDLESS = "/api/events"  # endless stream, so HEAD is not supported
 
 
 def methods_of(app: Starlette, scope: Scope) -> list[str]:
-    """The methods of a request's path; none where there is nothing."""
+    """The methods of a request's path; empty for an unknown path."""
     path = scope["path"]
     asked = {"type": "http", "path": path, "root_path": scope.get("app_root_path", scope.get("root_path", "")), "headers": []}
-    # Files are mounted, and take every path that no route takes; below /api/ there are none.
+    # The mounted files match every path without a route; they exist only outside /api/.
     routes = [route for route in app.routes if not (isinstance(route, Mount) and path.startswith(API))]
 
     def can(method: str) -> bool:

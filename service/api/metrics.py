@@ -1,4 +1,4 @@
-"""The metrics that Prometheus reads, gathered when it asks."""
+"""Prometheus metrics, collected on each scrape."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class _Collector:
 
 
 def _slots_wanted(view: Snapshot, jobs: dict[str, int], scenes: dict[str, int]) -> int:
-    """What waits for a worker before it can be measured wants one slot, or a farm without workers would never get any."""
+    """The number of slots in demand. Unmeasured work counts as one slot each, so that a farm scaled to no workers gets some."""
     measured = sum(job.slots_wanted for job in view.jobs.values())
     return max(measured, jobs.get("queued", 0) + jobs.get("running", 0) + scenes.get("preparing", 0))
 

@@ -21,13 +21,13 @@ __all__ = ["motion_of"]
 
 
 async def motion_of(job: Job, n: float, film: Film, farm: Farm) -> Callable[[], BinaryIO]:
-    """What opens a frame's motion vectors, when a worker has made them: waits without a thread of its own.
+    """Returns a function that opens a frame's motion vectors; waits for a worker to make them without occupying a thread.
 
-    Raises Unavailable where none can, and what went wrong where one could not.
+    Raises Unavailable if no worker can make them, and the worker's error if it failed.
     """
     wish = await run_in_threadpool(_wish, job, n, film, farm)
     made = await run_in_threadpool(farm.engine.vectors, wish)
-    # Shielded: a reader that leaves must not take them from those who wait for the same.
+    # Shielded: a client that disconnects must not cancel the work for other clients.
     found = await asyncio.shield(asyncio.wrap_future(made))
     return partial(farm.blobs.open, found.sha256)
 

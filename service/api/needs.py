@@ -1,6 +1,6 @@
-"""What every route requires of its caller: one table, which a test compares with all existing routes.
+"""Access requirements of every route, in one table, which a test compares with the existing routes.
 
-Nothing below /api/ is answered to a caller who is not let in, whether it is in the table or not.
+Paths below /api/ that are not in the table also require an authenticated caller.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ __all__ = ["NEEDS", "Need", "need_of", "thing_of"]
 
 @dataclass(frozen=True)
 class Need:
-    """role: of a person or a program; None: none is enough. workers: whether a worker's token is. known: whether who calls must
-    have shown who it is, also where the service is open to this machine.
+    """The access requirement of a route.
+
+    role: minimum role of a user or program; None: no role suffices. workers: whether a worker's token suffices. known: whether
+    the caller must have authenticated, even if the service is open to this machine.
     """
 
     role: Role | None
@@ -28,7 +30,7 @@ class Need:
     known: bool = False
 
     def is_met(self, caller: Caller | None) -> bool:
-        """Whether this caller may."""
+        """Whether this caller meets the requirement."""
         if self.role is Role.NOBODY:
             return True
         if caller is None or (self.known and not caller.is_known):
@@ -37,7 +39,7 @@ class Need:
 
     @property
     def weight(self) -> tuple[bool, int, bool]:
-        """The more, the fewer callers meet it."""
+        """Sort key by strictness; a larger one is stricter."""
         return self.role is None, self.role or 0, self.known
 
 
@@ -47,8 +49,8 @@ VIEW = Need(Role.VIEW)
 SUBMIT = Need(Role.SUBMIT)
 ADMIN = Need(Role.ADMIN)
 SELF = Need(Role.VIEW, known=True)
-KEEPER = Need(Role.ADMIN, known=True)  # of who else is let in
-UNKNOWN = Need(Role.VIEW, workers=True)  # is not there: whoever is let in is told so
+KEEPER = Need(Role.ADMIN, known=True)  # for managing users and tokens
+UNKNOWN = Need(Role.VIEW, workers=True)  # unknown path: authenticated callers get 404
 
 NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/healthz"): ANYONE,
@@ -150,12 +152,12 @@ NEEDS: dict[tuple[str, str], Need] = {
 }
 
 
-# Below these a path names a thing, which may be in a project that the caller does not see.
+# Collections whose items may belong to a project that the caller may not see.
 THINGS: dict[str, Kind] = {"scenes": "scene", "jobs": "job", "environments": "environment", "references": "reference"}
 
 
 def thing_of(pattern: str, path: str) -> tuple[Kind, str] | None:
-    """What a path names by its id, where that is a thing that projects have. pattern: as `need_of` found it."""
+    """The kind and id of the project resource that a path names; None if there is none. pattern: from `need_of`."""
     _, _, collection, name, *_ = [*pattern.split("/"), "", "", ""]
     if collection not in THINGS or name != "{id}":
         return None
@@ -163,9 +165,9 @@ def thing_of(pattern: str, path: str) -> tuple[Kind, str] | None:
 
 
 def need_of(method: str, path: str) -> tuple[str, Need]:
-    """The pattern of a path that is asked for, and what it needs: of all patterns that it fits the one that needs most.
+    """The pattern of a path and its requirement: that of the strictest matching pattern.
 
-    method: WS for a WebSocket. HEAD is as GET; a method that the path does not know needs what any other of it does.
+    method: WS for a WebSocket. HEAD counts as GET; an unsupported method has the least strict requirement of the path.
     """
     method = "GET" if method == "HEAD" else method
     fitting = [(known, pattern) for known, pattern, compiled in _compiled() if compiled.match(path)]
@@ -175,7 +177,7 @@ def need_of(method: str, path: str) -> tuple[str, Need]:
     if fitting:
         known, pattern = min(fitting, key=lambda found: NEEDS[found].weight)
         return pattern, NEEDS[known, pattern]
-    return "", UNKNOWN if path.startswith("/api") else ANYONE  # the page's files, which everybody may have
+    return "", UNKNOWN if path.startswith("/api") else ANYONE  # the page's files are public
 
 
 @cache

@@ -20,7 +20,7 @@ from service.store.staging import BlobWriter
 
 __all__ = ["UPLOAD_FORM", "check_length", "check_room", "only_file", "read_one"]
 
-LONGEST = 200  # characters of a name
+LONGEST = 200  # characters of a file name
 UPLOAD_FORM = {
     "requestBody": {
         "required": True,
@@ -38,7 +38,7 @@ UPLOAD_FORM = {
 
 
 def check_length(request: Request, farm: Farm, what: str, way_out: str = "Make it smaller") -> None:
-    """Refuse, before anything of it is read, a body that says that it is longer than is taken. Raises Problem."""
+    """Rejects a body whose Content-Length exceeds the limit, before reading it. Raises Problem."""
     limit = farm.settings.max_upload_bytes
     if is_beyond(request.headers.get("content-length", ""), limit):
         sentence = f"The {what} is larger than the {limit} bytes that are taken. {way_out}, or ask who runs the farm."
@@ -46,14 +46,14 @@ def check_length(request: Request, farm: Farm, what: str, way_out: str = "Make i
 
 
 async def check_room(request: Request, farm: Farm, visit: Visit) -> None:
-    """Refuse, before anything of it is read, what would be more than its sender may keep. Raises NoRoom."""
+    """Rejects an upload that would exceed the sender's quota, before reading it. Raises NoRoom."""
     length = request.headers.get("content-length", "")
     size = int(length) if length.isascii() and length.isdigit() and len(length) < 19 else 0
     await run_in_threadpool(farm.quotas.check_bytes, visit.caller, size)
 
 
 async def read_one(request: Request, farm: Farm, what: str) -> Form:
-    """The form of an upload of one file, whose bytes are on the disk; to be discarded in the end. Raises FarmError."""
+    """Parses an upload of one file, whose bytes are written to disk; the caller discards the form. Raises FarmError."""
     check_length(request, farm, what)
     limit = farm.settings.max_upload_bytes
     check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
@@ -63,7 +63,7 @@ async def read_one(request: Request, farm: Farm, what: str) -> Form:
 
 
 def only_file(form: Form, suffixes: tuple[str, ...], address: str, what: str) -> tuple[str, BlobWriter]:
-    """The plain name and the bytes of the file in a form. what: a clause on what was wanted. Raises Invalid."""
+    """The base name and the bytes of the only file in a form. what: a clause on what was expected. Raises Invalid."""
     if len(form.files) != 1 or form.files[0][1].size == 0:
         raise Invalid(f"The upload is empty. Send one image as `file`: curl URL{address} -F file=@picture.exr.")
     name, writer = form.files[0]

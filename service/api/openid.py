@@ -1,5 +1,4 @@
-"""/api/login/openid: logging in through an OpenID provider. The browser is sent there, and comes back with a code that is valid
-once."""
+"""/api/login/openid: login through an OpenID provider. The browser is redirected there, and returns with a one-time code."""
 
 from __future__ import annotations
 
@@ -37,7 +36,7 @@ def begin(request: Request, farm: FarmDependency) -> RedirectResponse:
     except Refused as refusal:
         return _refused(request, refusal)
     answer = RedirectResponse(begun.url, 302, {"Cache-Control": "no-store"})
-    # It must come along when the provider's page leads back here, which a strict one does not.
+    # Not SameSite=Strict: the cookie must be sent when the provider redirects back.
     set_cookie(request, answer, _cookie(farm, request), begun.browser, WAIT_S, same_site="lax")
     return answer
 
@@ -61,7 +60,7 @@ def finish(
         answer = _refused(request, refusal)
     else:
         user = found.user
-        access.keys.forget()  # its role may be another now
+        access.keys.forget()  # the role may have changed
         browser = request.headers.get("user-agent", "")[:255]
         secret, _ = access.keys.make("session", user.name, Role.ADMIN, name=browser, lasts_s=SESSION_S)
         access.audit.add(user.name, "login", kind="openid", address=visit.address, status=200)

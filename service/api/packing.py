@@ -1,6 +1,6 @@
-"""Answers in JSON, compressed for whoever understands that: lists of jobs take a slow line a tenth of the time.
+"""Compression of JSON answers for clients that accept it, which cuts lists of jobs on slow lines to a tenth of the time.
 
-So are those on loopback: what comes through a tunnel (`ssh -L`) cannot be told from what is asked on this machine.
+Answers on loopback are compressed too, since requests through a tunnel (`ssh -L`) look like local ones.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 __all__ = ["Packing"]
 
-FEWEST, MOST = 1400, 1 << 20  # bytes: less fits into one packet; more is for programs, which are near and in a hurry
-LEVEL = 1  # a millisecond of processor for 100 kB
-IN_PLACE = 1 << 16  # so much takes less time than handing it to another thread
-GZIP = 31  # zlib's window, with gzip's head
+FEWEST, MOST = 1400, 1 << 20  # bytes: fewer fit into one packet; more are for programs on fast networks
+LEVEL = 1  # 1 ms of CPU time for 100 kB
+IN_PLACE = 1 << 16  # bytes compressed on the event loop, which is faster than another thread
+GZIP = 31  # zlib's window bits for the gzip format
 
 
 class Packing:
-    """ASGI middleware about the routes."""
+    """ASGI middleware around the routes."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, and compress its answer."""
+        """Passes a request on, and compresses its answer."""
         if scope["type"] != "http" or "gzip" not in Headers(scope=scope).get("accept-encoding", ""):
             await self._app(scope, receive, send)
             return

@@ -1,4 +1,4 @@
-"""Lists in pages: a farm of some years has ten thousand of whatever it lists, and nobody wants all of them at once."""
+"""Pagination of lists, which may have ten thousand items."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from sqlalchemy.orm import Session
 
 __all__ = ["MOST", "TOTAL", "Page", "PageDependency"]
 
-MOST = 1000  # in one answer
+MOST = 1000  # items in one answer
 TOTAL = "X-Total-Count"
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Page:
-    """Which part of a list is asked for. The header X-Total-Count of its answer has the number of all."""
+    """The requested part of a list. The answer's header X-Total-Count has the total number."""
 
     limit: int
     offset: int
     response: Response
 
     def of(self, things: Sequence[T]) -> Sequence[T]:
-        """The part of a list that is at hand."""
+        """The requested part of a list in memory."""
         self.response.headers[TOTAL] = str(len(things))
         return things[self.offset : self.offset + self.limit]
 
     def rows(self, query: Select[Any], session: Session, first: Sequence[T] = ()) -> tuple[Sequence[T], list[Any]]:
-        """The part of what a query finds, which is in order; before all of that comes what is in no table: `first`."""
+        """The requested part of an ordered query's rows, preceded by items that are in no table: `first`."""
         count = session.scalar(select(func.count()).select_from(query.order_by(None).subquery())) or 0
         here = self.of(first)
         self.response.headers[TOTAL] = str(len(first) + count)

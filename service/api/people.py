@@ -1,4 +1,4 @@
-"""/api/users, /api/links, /api/audit: who else is let in, and what was done. For administrators."""
+"""/api/users, /api/links, /api/audit: users, login links and the audit log. For administrators."""
 
 from __future__ import annotations
 

@@ -53,8 +53,8 @@ STATUS: dict[type[FarmError], int] = {
     FilmLost: 409,
 }
 RETRY_AFTER_S = 2
-MOST_ERRORS = 50  # of a body; what is beyond them is a program's nonsense, and would be echoed to it
-MOST_TEXT = 300  # of what is echoed
+MOST_ERRORS = 50  # errors of a body in an answer, which would otherwise echo all of it
+MOST_TEXT = 300  # characters echoed per error
 FASTAPI_BAD_BODY = "There was an error parsing the body"
 SENTENCES = {
     404: "There is nothing at {path}. The API is described at /docs.",
@@ -70,7 +70,7 @@ class ProblemResponse(JSONResponse):
 
 
 class Problem(Exception):  # noqa: N818 - it is what the caller gets, and named as the RFC names it
-    """An answer that is an error. `detail` is one sentence a person can act on; `more` is added to the body."""
+    """An error answer. `detail` is one sentence with the fault and its remedy; `more` is added to the body."""
 
     def __init__(self, status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> None:
         super().__init__(detail)
@@ -115,7 +115,7 @@ def response(status: int, detail: str, headers: Mapping[str, str] | None = None,
 
 
 def install(app: FastAPI) -> None:
-    """Make every error of the application a problem."""
+    """Installs handlers that convert every error of the application to a problem."""
 
     @app.exception_handler(Problem)
     async def _problem(request: Request, error: Problem) -> ProblemResponse:
@@ -155,20 +155,20 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(ClientDisconnect)
     async def _gone(request: Request, error: ClientDisconnect) -> Response:
-        return Response(status_code=400)  # read by nobody: an upload that breaks off is no fault of the service
+        return Response(status_code=400)  # never read: the client aborted the upload, which is no error of the service
 
     @app.exception_handler(Exception)
     async def _fault(request: Request, error: Exception) -> ProblemResponse:
         log.exception("fault in %s %s", request.method, request.url.path, exc_info=error)
         sentence = "The service has a fault and wrote it into its log. Try again; if it stays, report it."
-        return response(500, sentence, {"Connection": "close"})  # uvicorn closes it: who is not told has the next request cut off
+        return response(500, sentence, {"Connection": "close"})  # uvicorn closes the connection, so the client must know
 
 
 JSON_OBJECT = "the body is not a JSON object; send one, with the header Content-Type: application/json"
 
 
 def told(error: Mapping[str, Any]) -> str:
-    """One of a request's errors: the field and what is wrong with it."""
+    """One of a request's validation errors as text: the field and its fault."""
     field, message = _field(error["loc"]), _message(error)
     return f"{field}: {message}" if field else message
 

@@ -1,4 +1,4 @@
-"""/api/projects: what only their members see. Administrators create them and choose the members."""
+"""/api/projects: groups of resources visible to their members only. Administrators create them and choose the members."""
 
 from __future__ import annotations
 

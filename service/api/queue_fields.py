@@ -1,4 +1,4 @@
-"""A job's place among the others: what it depends on, and what became of that."""
+"""Queue fields of a job: its dependencies, deadline and requirements, and their state."""
 
 from __future__ import annotations
 
@@ -113,13 +113,13 @@ class QueueOut(BaseModel):
 
 
 def needs_of(texts: Sequence[str]) -> dict[str, Any] | None:
-    """For the job's row."""
+    """The requirements as stored in the job's row; None if there are none."""
     needs = Needs.parse(texts)
     return None if needs is None else needs.to_json()
 
 
 def warning_of(job: Job, expected: float | None, now: float) -> str | None:
-    """That an unfinished job is late, and by how much."""
+    """A warning that an unfinished job is late, and by how much; None if it is not."""
     if job.deadline is None or job.late is None or job.state not in ACTIVE:
         return None
     if now > job.deadline:
@@ -129,9 +129,9 @@ def warning_of(job: Job, expected: float | None, now: float) -> str | None:
 
 
 def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
-    """Let a new job wait for these; those that are finished it need not wait for. Raises NotFound and Conflict.
+    """Makes a new job depend on these, except finished ones. Raises NotFound and Conflict.
 
-    Whoever sees a job may see what it waits for: that is of its own project, or of none.
+    A dependency belongs to the same project or to none, so that those who see the job may see it too.
     """
     for id in dict.fromkeys(after):
         other = session.get(Job, id)
@@ -144,10 +144,10 @@ def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
 
 
 def wait_for_fewer(id: str, after: Sequence[str], session: Session) -> None:
-    """Let a job wait for these alone of those that it waits for. Raises Conflict."""
+    """Reduces a job's dependencies to these. Raises Conflict."""
     waits = {wait.other: wait for wait in session.scalars(select(Wait).where(Wait.job == id))}
     unknown = [other for other in after if other not in waits]
-    if unknown:  # a job that is there may be waited for by the other
+    if unknown:  # a new dependency on an existing job could create a cycle
         raise Conflict(f"after: the job does not wait for {unknown[0][:60]!r}. One that is there can only wait for fewer.")
     for other, wait in waits.items():
         if other not in after:
@@ -155,7 +155,7 @@ def wait_for_fewer(id: str, after: Sequence[str], session: Session) -> None:
 
 
 def waits_of(jobs: Iterable[Job], session: Session) -> dict[str, list[WaitOut]]:
-    """What jobs wait for, by their ids."""
+    """The dependencies of jobs, by job id."""
     ids = [job.id for job in jobs if job.state in ACTIVE and job.request.get("after")]
     found: dict[str, list[WaitOut]] = {}
     for at in range(0, len(ids), MOST_NAMED):
@@ -167,7 +167,7 @@ def waits_of(jobs: Iterable[Job], session: Session) -> dict[str, list[WaitOut]]:
 
 
 def waits_sentence(waits: Sequence[WaitOut]) -> str | None:
-    """What a job waits for, in words; None where that is nothing."""
+    """A sentence about a job's unfinished dependencies; None if there are none."""
     if not waits:
         return None
     named = ", ".join(f'"{wait.name}"' if wait.name else wait.id for wait in waits[:SHOWN])

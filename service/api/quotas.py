@@ -1,4 +1,4 @@
-"""/api/quota, /api/quotas: how much you may have and do, and for administrators how much others may."""
+"""/api/quota, /api/quotas: the caller's limits and their use, and for administrators those of others."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ __all__ = ["router"]
 
 router = APIRouter(prefix="/api/references", tags=["references"])
 
-KEPT = {"Cache-Control": "max-age=86400, immutable"}  # the id is the content's
+KEPT = {"Cache-Control": "max-age=86400, immutable"}  # the id is a hash of the content
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
 FILM = {"content": {"application/octet-stream": {}}, "description": "The picture."}
 Id = Annotated[str, PathParameter(max_length=100)]

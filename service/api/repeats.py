@@ -1,6 +1,6 @@
-"""Requests sent twice with the same Idempotency-Key: the second gets the answer with what the first one created.
+"""Idempotency keys: a repeated request with the same Idempotency-Key returns what the first one created.
 
-Keys belong to users: the same key from two users means two requests.
+Keys are per user: the same key from two users means two requests.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ Key = Annotated[
 
 
 def kept_key(key: str | None, user: str | None) -> str | None:
-    """As a job's row has it. user: None where nobody is asked who they are."""
+    """The key as stored in a job's row. user: None without authentication."""
     return hashlib.sha256(f"{user or ''}\0{key}".encode()).hexdigest() if key else None
 
 
 def earlier(key: str | None, user: str | None, farm: Farm) -> Job | None:
-    """The user's job that was made by this key; jobs of before keys were their users' have the key itself."""
+    """The user's job created with this key. Jobs of releases without per-user keys store the plain key."""
     if not key:
         return None
     with farm.sessions() as session:
@@ -44,7 +44,7 @@ def earlier(key: str | None, user: str | None, farm: Farm) -> Job | None:
 
 
 def repeat(found: Job, asked: dict[str, object], farm: Farm, response: Response, sight: Sight) -> JobOut:
-    """The answer that the first one got, as it is now. Raises Conflict where the key was of another request."""
+    """The current answer for the job of the first request. Raises Conflict if the key was used for another request."""
     if found.request != asked or not sight.sees(found.project):
         raise Conflict("This Idempotency-Key was used for another request. Take a new key for a new job.")
     response.headers["Idempotent-Replayed"] = "true"

@@ -1,4 +1,4 @@
-"""/api/retention: what a farm would delete by its rules or by others, and deleting it."""
+"""/api/retention: lists or deletes what a farm's retention rules, or given ones, would delete."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def retention_run(farm: FarmDependency) -> RetentionOut:
 
 
 def _out(run: Run, state: Literal["planned"] | None = None) -> RetentionOut:
-    now, items = state or run.state, list(run.gone)  # in this order: what is said to be finished is all there
+    now, items = state or run.state, list(run.gone)  # in this order, so that a finished state has all items
     shown = [ItemOut(**asdict(item)) for item in items]
     return RetentionOut(
         state=now, items=shown, bytes=sum(item.bytes for item in items), planned=run.planned, done=run.done, error=run.error

@@ -97,7 +97,7 @@ async def upload(
     )
     response.headers["Location"] = f"/api/scenes/{scene.id}"
     first = tracing.root_of("scene", scene.id)
-    is_new = scene.created >= begun  # else its trace has begun before
+    is_new = scene.created >= begun  # otherwise its trace started earlier
     asked = [tracing.where(request.headers.get(tracing.HEADER))]
     tracing.record(
         *("upload", begun, time.time(), None if is_new else first),

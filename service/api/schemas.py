@@ -1,4 +1,4 @@
-"""What the API accepts and returns, as the OpenAPI page shows it."""
+"""Request and response models of the API, as documented by OpenAPI."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ FrameState = Literal["queued", "preparing", "running", "finished", "failed"]
 JobState = Literal["queued", "running", "paused", "finished", "failed", "cancelled"]
 
 
-_WHOLE_FRAMES = ("in-turn", "every-nth", "centre-out")  # orders that finish a frame before they go on
+_WHOLE_FRAMES = ("in-turn", "every-nth", "centre-out")  # orders that finish a frame before the next
 
 
 def _plain_text(value: str, field: str) -> str:
@@ -50,7 +50,7 @@ def _plain_text(value: str, field: str) -> str:
 
 
 def _frames_text(value: str | int | float) -> str:
-    """Frames as a person wrote them, where they can be read. Raises ValueError."""
+    """Validates and returns the text of a frame range. Raises ValueError."""
     text = str(value).strip()
     try:
         if len(text) > 10_000:
@@ -179,12 +179,12 @@ class JobIn(QueueIn):
         return self
 
     def numbers(self) -> list[float]:
-        """The frames that are asked for."""
+        """The requested frame numbers."""
         return parse_frames(str(self.frames)) if self.frame is None else [self.frame]
 
     @property
     def is_shot(self) -> bool:
-        """Whether it is more than a still of the scene's beginning."""
+        """Whether the request is for more than a still of the scene's beginning."""
         return self.numbers() != [0.0] or self.fps is not None or self.clip is not None or self.turntable is not None
 
 
@@ -218,7 +218,7 @@ class JobPatch(QueuePatch):
 
     @property
     def is_of_frames(self) -> bool:
-        """Whether it says anything that only a shot has."""
+        """Whether the change has a field that only shots have."""
         return any(getattr(self, name) is not None for name in ("frames", "extend", "again", "first", "order"))
 
     @field_validator("name", "note")

@@ -1,8 +1,8 @@
-"""The door: security headers on every answer, and refusal of requests that a foreign page makes a browser send.
+"""Security headers on every answer, and rejection of cross-site requests.
 
-A page elsewhere may post to a service on the reader's own machine (CSRF), or point its own name at it and read the answers too
-(DNS rebinding). So a service answers only to its own names (service.api.hosts), and requests whose Origin differs from the Host
-they go to can change nothing and open no WebSocket.
+A foreign page may post to a service on the reader's own machine (CSRF), or point its own name at it and read the answers too
+(DNS rebinding). So a service answers only to its own names (service.api.hosts), and requests whose Origin differs from their Host
+can change nothing and open no WebSocket.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
 }
-HSTS = f"max-age={365 * 86400}"  # not for localhost, where it would hold for the other programs' ports too
+HSTS = f"max-age={365 * 86400}"  # not for localhost, where it would apply to programs on other ports too
 UNKNOWN_NAME = (
     "The service does not answer to the name {name}. Open it as localhost or by its address; "
     "to let it answer to this name too, start it with --allow-host {name} (RAYFARM_ALLOWED_HOSTS='[\"{name}\"]')."
 )
 FOREIGN = "The request comes from a page of another origin. Use the service's own page, or a program."
-OWN_SITE = ("same-origin", "none")  # none: the browser's user did it, by the address bar
+OWN_SITE = ("same-origin", "none")  # none: typed into the address bar
 SAFE_METHODS = {"GET", "HEAD", "OPTIONS"}
-MAX_BODY = 1 << 20  # of all but uploads, which have limits of their own
+MAX_BODY = 1 << 20  # bytes; uploads have separate limits
 STREAMED = ("/api/scenes", "/api/environments", "/api/references", "/api/farm/blobs/", "/api/farm/kernels/")
 
 
@@ -52,7 +52,7 @@ class Door:
         self._hosts = Hosts(settings)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Judge a request and pass it on, or answer it here."""
+        """Checks a request, and passes it on or rejects it."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, _with_refusal(scope, send))
             return
@@ -86,7 +86,7 @@ class Door:
 
 
 async def refuse(refusal: Problem, scope: Scope, receive: Receive, send: Send) -> None:
-    """Answer a request, or a WebSocket that is not open yet, with what is wrong with it."""
+    """Answers a request, or a WebSocket that is not open yet, with an error."""
     if scope["type"] == "http" or "websocket.http.response" in scope.get("extensions", {}):
         await response(refusal.status, refusal.detail, refusal.headers)(scope, receive, send)
     else:
@@ -94,7 +94,7 @@ async def refuse(refusal: Problem, scope: Scope, receive: Receive, send: Send) -
 
 
 def _host_of(origin: str) -> str | None:
-    """Host and port of an Origin; None where it has none."""
+    """Host and port of an Origin; None if it has none."""
     try:
         return urlsplit(origin).netloc.lower() or None
     except ValueError:
@@ -102,14 +102,14 @@ def _host_of(origin: str) -> str | None:
 
 
 def is_beyond(length: str, limit: int) -> bool:
-    """Whether a Content-Length is larger; one that is no number is left to the server, which refuses it."""
+    """Whether a Content-Length exceeds the limit; False for a malformed one, which the server rejects."""
     return length.isascii() and length.isdigit() and (len(length) > 18 or int(length) > limit)
 
 
 def _head_as_get(scope: Scope) -> Scope:
-    """Let every GET of the API be asked for its headers alone.
+    """Rewrites HEAD requests as GET, so that every GET route supports HEAD.
 
-    Only the endless stream of events stays out: its answer would never be complete.
+    Except the stream of events, whose answer never ends.
     """
     if scope["method"] == "HEAD" and scope["path"] != "/api/events":
         return as_get(scope)
@@ -117,7 +117,7 @@ def _head_as_get(scope: Scope) -> Scope:
 
 
 def _with_refusal(scope: Scope, send: Send) -> Send:
-    """Let the server's log say in a sentence, and not by a traceback, why the service does not start."""
+    """Logs the reason why the service does not start as a sentence instead of a traceback."""
 
     async def wrapped(message: Message) -> None:
         refusal = getattr(scope["app"].state, "refusal", None)
@@ -146,7 +146,7 @@ def _with_headers(scope: Scope, send: Send) -> Send:
 
 
 def _bounded(scope: Scope, receive: Receive) -> Receive:
-    """Hold the limit also where the length is not told."""
+    """Enforces the size limit on bodies of unknown length."""
     if scope["path"].startswith(STREAMED):
         return receive
     size = 0
@@ -156,7 +156,7 @@ def _bounded(scope: Scope, receive: Receive) -> Receive:
         message = await receive()
         size += len(message.get("body", b""))
         if size > MAX_BODY:
-            raise HTTPException(413, _too_large().detail)  # the one exception that FastAPI lets through while it reads a body
+            raise HTTPException(413, _too_large().detail)  # the only exception that FastAPI passes on while reading a body
         return message
 
     return wrapped

@@ -1,4 +1,4 @@
-"""/api/shares: what share of the slots each user's jobs get, and each project's that has its own terms."""
+"""/api/shares: how slots are shared between users, and projects with their own terms."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _terms(session: Session) -> dict[str, Terms]:
 
 
 def _jobs(session: Session, terms: Mapping[str, Terms]) -> Counter[str]:
-    """How many jobs of each share are not over."""
+    """The number of unfinished jobs of each share."""
     found = Counter[str]()
     by_owner = select(Job.user, Job.project, func.count()).where(Job.state.in_(ACTIVE)).group_by(Job.user, Job.project)
     for user, project, number in session.execute(by_owner):
@@ -111,7 +111,7 @@ def _changed(share: str, farm: Farm) -> ShareOut:
 
 
 def _slots(farm: Farm, terms: Mapping[str, Terms]) -> Counter[str]:
-    """How many slots work on jobs of each share."""
+    """The number of slots that work on each share's jobs."""
     busy = Counter(str(slot["job"]) for slot in farm.engine.snapshot.roster.current() if slot.get("job"))
     with farm.sessions() as session:
         rows = session.execute(select(Job.id, Job.user, Job.project).where(Job.id.in_(list(busy)))).all()

@@ -1,4 +1,4 @@
-"""What a wish comes to for a shot: found out before the database is held, as a shot may have a hundred thousand frames."""
+"""Changes of a shot, computed before the database transaction, since a shot may have a hundred thousand frames."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ CHANGED = ("shot", "spp", "noise", "seconds", "state", "finished", "error", "rep
 
 @dataclass(frozen=True)
 class ShotChange:
-    """before, after: of the job's columns. steps: what is to be done to its frames. samples: that this asks for more."""
+    """A change of a shot. before, after: the job's columns. steps: changes of its frames.
+
+    samples: additional samples requested.
+    """
 
     before: dict[str, Any]
     after: dict[str, Any]
@@ -31,8 +34,10 @@ class ShotChange:
 
     @classmethod
     def of(cls, id: str, wish: ShotWish, farm: Farm) -> Self | None:
-        """What a wish comes to; None for a still, for one that is not about frames, and where there is no such job. What was
-        asked for before is done first. Raises Invalid, Conflict, FarmError."""
+        """Computes a change; None for a still, for a request without frame fields, and for a missing job.
+
+        Carries out pending changes first. Raises Invalid, Conflict, FarmError.
+        """
         with farm.sessions() as session:
             job = session.get(Job, id)
             shot = Shot.of(job.shot) if job is not None else None
@@ -53,11 +58,11 @@ class ShotChange:
         return cls(before, _columns(job), steps, asked_for(job, frames, before["spp"], steps))
 
     def fits(self, job: Job, session: Session) -> bool:
-        """Whether the job is as it was, and nothing is being done to its frames."""
+        """Whether the job is unchanged since, and no change of its frames is pending."""
         return _columns(job) == self.before and session.get(FrameChange, job.id) is None
 
     def give(self, job: Job, session: Session) -> bool:
-        """Write it down in a transaction; whether there is something left to be carried out."""
+        """Stores the change within a transaction; returns whether changes of frames remain to be carried out."""
         for name, value in self.after.items():
             setattr(job, name, value)
         session.flush()

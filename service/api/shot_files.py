@@ -1,4 +1,4 @@
-"""/api/jobs/{id}: a shot's frames in a zip, and as a film."""
+"""/api/jobs/{id}: a shot's frames as a zip file, and as a movie."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def _curve(name: str) -> str:
 
 
 def _chosen(job: Job, frames: str | None, farm: Farm) -> dict[int, FrameNumbers]:
-    """By their keys, in order."""
+    """The chosen frames' numbers by key, in order."""
     try:
         keys = None if frames is None else set(map(frame_key, parse_frames(frames)))
     except SettingsError as error:
@@ -192,6 +192,6 @@ def _fps(job: Job, farm: Farm) -> float:
 
 
 def _title(job: Job, frames: str | None = None) -> str:
-    """The job's name as one of a file, and which frames of it those are."""
+    """A file name's title: the job's name, and the numbers of its frames."""
     which = re.sub(r"[^0-9.-]+", "-", frames or "").strip("-.")[:100]
     return f"{title_of(job)}.{which}" if which else title_of(job)

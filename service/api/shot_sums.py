@@ -1,5 +1,6 @@
-"""What a shot's frames come to, added up where they are: by the engine, or by the database. A shot may have very many, and
-is described whenever somebody looks at a list.
+"""Sums over a shot's frames, computed where they are: by the engine, or by the database.
+
+A shot may have very many frames, and is described in every list of jobs.
 """
 
 from __future__ import annotations
@@ -23,14 +24,17 @@ from service.store.models import ACTIVE, Frame, FrameChange, Job
 __all__ = ["ShotSums", "live_numbers", "sums_of"]
 
 MOST_NAMED = 500  # jobs in one query
-REMEMBERED = 20_000  # jobs that are over
-LONG = 500  # frames, of which more are remembered as sums
+REMEMBERED = 20_000  # ended jobs in the cache
+LONG = 500  # number of frames above which sums are cached
 
 
 @dataclass(frozen=True)
 class ShotSums:
-    """Over all frames of a shot. frames: which ones, as text. first: the first of them, by its key. failed: keys, in order.
-    progress: the sum of theirs. noise: the greatest; None while that of one that has not failed is not known."""
+    """Sums over all frames of a shot.
+
+    frames: the frame range as text. first: the first frame's key and numbers. failed: keys, in order. progress: sum over frames.
+    noise: maximum; None while it is unknown for a frame that has not failed.
+    """
 
     frames: str = ""
     count: int = 0
@@ -44,7 +48,7 @@ class ShotSums:
 
 
 class _Memory:
-    """Of long shots that are over: while they stay as they are, so do these."""
+    """Cache of the sums of long shots that have ended, valid while the job's row is unchanged."""
 
     def __init__(self) -> None:
         self._known: OrderedDict[str, tuple[str, ShotSums]] = OrderedDict()
@@ -66,7 +70,7 @@ _memory = _Memory()
 
 
 def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Session) -> dict[str, ShotSums]:
-    """Of shots, by their ids. live: the engine's latest numbers, which count of those that are not over."""
+    """The sums of shots, by job id. live: the engine's latest numbers, used for jobs that have not ended."""
     found: dict[str, ShotSums] = {}
     asked: list[Job] = []
     changing = set(session.scalars(select(FrameChange.job))) if jobs else set()
@@ -85,7 +89,7 @@ def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Sessio
         for job in some:
             known = live.get(job.id) if job.state not in ACTIVE else None
             if known is not None and known.frames and known.samples > found[job.id].samples:
-                found[job.id] = _of_engine(job, known)  # more was told than is written down yet
+                found[job.id] = _of_engine(job, known)  # the engine's numbers are newer than the stored ones
             is_at_rest = job.state not in ACTIVE and job.id not in live and job.id not in changing
             if is_at_rest and found[job.id].count > LONG:
                 _memory.put(job, found[job.id])
@@ -93,7 +97,7 @@ def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Sessio
 
 
 def live_numbers(job: Job, known: JobNumbers | None) -> JobNumbers | None:
-    """The engine's numbers of a shot where they count: it is being rendered, and as what is asked for now."""
+    """The engine's numbers of a shot if they are valid: it is being rendered, and in the current revision of its request."""
     shot = Shot.of(job.shot)
     is_as_asked = known is not None and shot is not None and known.revision == shot.revision
     return known if is_as_asked and known is not None and known.frames and job.state in ACTIVE else None
@@ -108,7 +112,7 @@ def _of_engine(job: Job, known: JobNumbers) -> ShotSums:
 
 
 def _recorded(jobs: Sequence[Job], session: Session) -> dict[str, ShotSums]:
-    """As they were last written down."""
+    """The sums of the stored numbers."""
     ids = [job.id for job in jobs]
     counts = func.count(), func.count(Frame.noise), func.min(Frame.number)
     sums = (func.coalesce(func.sum(each), 0) for each in (Frame.samples, Frame.bad_samples, Frame.progress))
@@ -149,7 +153,7 @@ def _added_up(frames: str, rows: list[Any], first: tuple[int, FrameNumbers] | No
 
 
 def _texts(jobs: Sequence[Job], session: Session) -> dict[str, str]:
-    """Which frames shots have: as their rows say, but of those from earlier releases, which wrote no such thing."""
+    """The frame ranges of shots: from their rows, or from the frames for jobs of earlier releases, which store no range."""
     shots = {job.id: Shot.of(job.shot) for job in jobs}
     texts = {id: shot.frames for id, shot in shots.items() if shot is not None and shot.frames is not None}
     numbers: dict[str, list[int]] = {id: [] for id in shots if id not in texts}
@@ -161,7 +165,7 @@ def _texts(jobs: Sequence[Job], session: Session) -> dict[str, str]:
 
 
 def _state(job: Job) -> str:
-    """Another one as soon as anything is asked of a job or done for it."""
+    """A fingerprint that changes with every request and progress of a job."""
     return json.dumps(
         [job.state, job.started, job.finished, job.active_s, job.spp, job.noise, job.seconds, job.shot, job.doubted]
     )

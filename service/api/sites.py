@@ -1,4 +1,4 @@
-"""/api/sites: where the machines of a site add up their sums before they travel."""
+"""/api/sites: the reducers of sites, which add the sums of their machines."""
 
 from __future__ import annotations
 

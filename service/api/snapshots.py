@@ -1,4 +1,4 @@
-"""/api/jobs/{id}/snapshots: what a picture looked like on its way, at 1, 2, 4, 8 ... samples a pixel."""
+"""/api/jobs/{id}/snapshots: intermediate pictures of a job, at 1, 2, 4, 8 ... samples a pixel."""
 
 from __future__ import annotations
 

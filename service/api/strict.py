@@ -1,4 +1,4 @@
-"""Bodies of requests."""
+"""Base model of request bodies."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Strict(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _no_truth(cls, value: Any, field: ValidationInfo) -> Any:
-        """true and false are no numbers, though Python counts with them."""
+        """Rejects booleans for numeric fields, which Python would accept."""
         if field.field_name is not None and cls.model_fields[field.field_name].annotation in (bool, bool | None):
             return value
         if isinstance(value, bool) or (isinstance(value, list) and any(isinstance(each, bool) for each in value)):

@@ -1,4 +1,4 @@
-"""/api/tokens: what programs and workers send to be let in. A token's secret is told once, when it is created."""
+"""/api/tokens: access tokens of programs and workers. A token's secret is returned once, when it is created."""
 
 from __future__ import annotations
 

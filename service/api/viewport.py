@@ -1,25 +1,25 @@
-"""WS /api/scenes/{id}/viewport: send a camera, get pictures. No job is made, and nothing stays when the page leaves.
+"""WS /api/scenes/{id}/viewport: interactive views of a scene. No job is created, and nothing is kept when the page leaves.
 
 The page sends JSON:
 
-    {"id": n, ...}        a view to be seen from now on, in place of all earlier ones: what a job's request has (POST /api/jobs),
-                          of which size, camera or view, settings, and frame, clip, fps, turntable count; spp bounds the samples
-                          a pixel (256 at most), and a tile that has come to `noise` is complete with fewer
+    {"id": n, ...}        the new view, which replaces all earlier ones: a job's request (POST /api/jobs), with size, camera or
+                          view, settings, frame, clip, fps and turntable in effect; spp limits the samples a pixel (256 at
+                          most), and a tile that has reached `noise` is complete with fewer
     {"ack": seq}          the picture of this number, and all before, have been shown
-    {"pick": [x, y]}      what lies under a pixel of the view?
-    {"paused": true}      nobody sees the page now; false: somebody does again
+    {"pick": [x, y]}      requests what lies under a pixel of the view
+    {"paused": true}      the page is hidden; false: it is visible again
 
 and gets JSON:
 
     {"type": "state", "id", "samples", "bound", "mean", "noise", "done", "slots", "message"}
-                          samples: what every pixel of the whole view has; mean: what one has on the average; noise: relative,
-                          null while it is not known; message: why nothing new comes; null: it does
-    {"type": "error", "id", "detail"}                                 a sentence: the view, or the message, makes no sense
+                          samples: minimum over the view's pixels; mean: average per pixel; noise: relative, null while unknown;
+                          message: why nothing new comes; null while pictures come
+    {"type": "error", "id", "detail"}                                 a sentence: the view, or the message, is invalid
     {"type": "picked", "x", "y", "direction", "depth", "position", "normal"}   the last three are null: nothing is there
 
-and pictures (service/viewing/view_packet.py): a small one first, then the whole view with ever more samples, of which each brings
-the tiles that have half as many again as they were shown with; those that are complete, exactly. At most two of them are
-unacknowledged: a slow watcher gets fewer pictures, never older ones.
+and pictures (service/viewing/view_packet.py): a small one first, then the whole view with increasing samples. Each has the tiles
+that have at least half as many samples again as last sent, and complete tiles exactly. At most two pictures are unacknowledged: a
+slow client gets fewer pictures, but never older ones.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ STATE_EVERY_S = 0.2
 SPEAK_EVERY_S = 5.0
 WAIT_S = 0.25
 PREPARING_S = 0.1
-PATIENCE_S = 3.0  # with a light that is prepared though another is wanted by now
-AGAIN_S = 1.0  # after which a view that cannot be rendered yet is looked at again
+PATIENCE_S = 3.0  # seconds to wait for an environment that is already superseded
+AGAIN_S = 1.0  # seconds between attempts to render a view
 MOST_BYTES = 1 << 16  # of a message
 NOT_UNDERSTOOD = (
     'The message is not understood. Send a view, {"pick": [x, y]}, {"ack": seq} or {"paused": true}, as a JSON object '
@@ -107,16 +107,16 @@ class _Viewer:
         self._changed = asyncio.Event()
         self._asked = asyncio.Event()
         self._ask: ViewIn | None = None
-        self._awaited: ViewIn | None = None  # whose light is prepared
+        self._awaited: ViewIn | None = None  # the view whose environment is being prepared
         self._patient_until = 0.0
         self._errors: deque[dict[str, Any]] = deque(maxlen=16)
         self._unacknowledged: deque[int] = deque()
         self._seq = 0
         self._told: dict[str, Any] = {}
         self._told_at = 0.0
-        self._notice: str | None = None  # why the view that was asked for is not looked at yet
+        self._notice: str | None = None  # why the requested view is not rendered yet
         self._rests_s = AGAIN_S
-        self._held: str | None = None  # the scene's row
+        self._held: str | None = None  # id of the scene's row
         loop = asyncio.get_running_loop()
 
         def wake() -> None:
@@ -126,7 +126,7 @@ class _Viewer:
         self.session = ViewSession(wake)
 
     async def receive(self) -> None:
-        """Take in messages until the page leaves."""
+        """Processes messages until the page leaves."""
         async for text in heard(self._socket):
             try:
                 self._hear(text)
@@ -136,7 +136,7 @@ class _Viewer:
                 self._refuse(NOT_UNDERSTOOD)
 
     def _hear(self, text: str) -> None:
-        """Raises ValueError, TypeError, OverflowError or RecursionError."""
+        """Processes a message. Raises ValueError, TypeError, OverflowError or RecursionError."""
         if len(text) > MOST_BYTES:
             raise ValueError("too long")
         said = json.loads(text)
@@ -160,9 +160,10 @@ class _Viewer:
         self._changed.set()
 
     async def settle(self) -> None:
-        """Find out what the newest view that was asked for means, and have it rendered.
+        """Resolves the most recently requested view and has it rendered, until cancelled.
 
-        Lights are prepared one after the other: a hand on the sun asks for new ones faster than that, and sees every one that is.
+        Environments are prepared one after the other: dragging the sun requests new ones faster than they can be prepared, and
+        each prepared one is shown.
         """
         while True:
             with contextlib.suppress(TimeoutError):
@@ -180,7 +181,10 @@ class _Viewer:
                 self._asked.set()
 
     async def _settles(self, ask: ViewIn, makes: bool, tries_again: bool = False) -> bool:
-        """Whether it is known what comes of a view: it is rendered, or refused. Raises nothing."""
+        """Resolves a view; returns whether it is being rendered or was refused, False while it is being prepared.
+
+        Does not raise.
+        """
         try:
             view = await run_in_threadpool(self._resolve, ask, makes, tries_again)
         except FarmError as error:
@@ -197,11 +201,14 @@ class _Viewer:
         return True
 
     def _is_unprepared(self) -> bool:
-        """Whether the scene may have been compiled meanwhile for the workers that are here."""
+        """Whether to resolve the view again, as the scene may have been compiled meanwhile for the connected workers."""
         return self._notice is not None or (self.session.request is not None and self.session.message is not None)
 
     def _resolve(self, ask: ViewIn, makes: bool, tries_again: bool) -> ViewRequest | None:
-        """What is to be rendered; None while the scene is prepared for it, or has to be and is not made. Raises FarmError."""
+        """The view to render; None while its scene is being prepared, or if it does not exist and `makes` is false.
+
+        Raises FarmError.
+        """
         request = ask.model_dump(mode="json", exclude={"id"})
         lighting = self._farm.lighting
         about = self._scene, request["environment"], request["variant"]
@@ -217,13 +224,13 @@ class _Viewer:
         return None if row.status == "preparing" else resolve_view(ask.id, request, row, ask.is_shot, ask.numbers()[0])
 
     def release(self) -> None:
-        """What is looked at need not be kept any longer."""
+        """Releases the scene of the current view, so that it may be deleted."""
         if self._held is not None:
             self._farm.lighting.release(self._held)
             self._held = None
 
     async def send(self) -> None:
-        """Speak until the service ends."""
+        """Sends pictures and states until the service ends."""
         while not self._farm.broadcast.closing:
             while self._errors:
                 await self._socket.send_text(json.dumps(self._errors.popleft()))

@@ -1,4 +1,4 @@
-"""Who sent the current request, for routes that need to know."""
+"""The caller of the current request, for routes that need it."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ __all__ = ["VISIT", "InProject", "IntoProject", "Visit", "VisitDependency", "add
 InProject = Annotated[str | None, Query(max_length=64, description="those of this project alone; empty: those of none")]
 IntoProject = Annotated[str, Query(max_length=64, description="whose members alone see it; empty: everybody who is let in")]
 
-VISIT = "rayfarm.visit"  # in the scope
+VISIT = "rayfarm.visit"  # key in the ASGI scope
 
 
 @dataclass(frozen=True)
 class Visit:
-    """caller: None where nobody is let in by what was shown. needs_login: whether this request needed one.
+    """The caller of a request.
 
-    sight: what of the farm the caller sees.
+    caller: None if the request is not authenticated. needs_login: whether the request required a login. sight: the projects that
+    the caller may see.
     """
 
     caller: Caller | None
@@ -34,17 +35,17 @@ class Visit:
 
     @property
     def user(self) -> str | None:
-        """Whose work this is; None: of a farm that asks nobody who they are."""
+        """The user's name; None without authentication."""
         return self.caller.name if self.caller is not None and self.caller.is_known else None
 
     @property
     def queue(self) -> str:
-        """Name of the queue in which costly requests wait: that of the user, or of the address where no login is asked for."""
+        """The queue in which costly requests wait: that of the user, or of the address without authentication."""
         return f"user {self.user}" if self.user is not None else f"address {self.address}"
 
     @property
     def token(self) -> str | None:
-        """The id of the token that was shown; None where it was something else."""
+        """The id of the request's token; None if it used another credential."""
         return self.caller.key if self.caller is not None and self.caller.kind == "token" else None
 
 
@@ -54,13 +55,13 @@ def address_of(connection: HTTPConnection) -> str:
 
 
 def shown_secret(headers: Headers) -> str:
-    """The token that a request shows; empty where it shows none."""
+    """The bearer token of a request; empty if it has none."""
     scheme, _, token = headers.get("authorization", "").partition(" ")
     return token.strip() if scheme.lower() == "bearer" else ""
 
 
 async def get_visit(connection: HTTPConnection) -> Visit:
-    """What the gate found out."""
+    """The visit that the gate stored in the connection's scope."""
     visit: Visit = connection.scope[VISIT]
     return visit
 

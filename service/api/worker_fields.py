@@ -1,4 +1,4 @@
-"""A worker as the API returns it, and what can be changed about it."""
+"""API models of workers, and of changes to them."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class WorkerPatch(Strict):
 
     @property
     def terms(self) -> dict[str, Any]:
-        """What is asked of the worker itself, by the names of worker.protocol.terms.Terms; None: nothing any more."""
+        """The requested terms, by the field names of worker.protocol.terms.Terms; None resets a term."""
         said = {name: getattr(self, name) for name in self.model_fields_set - {"state"}}
         if "memory_gb" in said:
             gigabytes = said.pop("memory_gb")
@@ -93,7 +93,7 @@ class WorkerOut(BaseModel):
 
 
 def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerOut:
-    """A worker. One that is told to pause (why) counts as paused, though it may still finish what it has in hand."""
+    """A worker for the API. why: the reason of a pause, which counts as paused although running tasks may still finish."""
     current = [{**doing, "frame": frame_number(doing["frame"])} if _counts(doing) else doing for doing in report.current]
     vitals = view.roster.vitals.get(report.name)
     offer = view.roster.offers.get(report.name)
@@ -109,5 +109,5 @@ def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerO
 
 
 def _counts(doing: dict[str, Any]) -> bool:
-    """Whether it names a frame, which workers count in halves."""
+    """Whether a slot's work names a frame (frame keys count in halves)."""
     return isinstance(doing.get("frame"), int)

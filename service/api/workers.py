@@ -1,4 +1,4 @@
-"""/api/workers: who renders, and pausing them."""
+"""/api/workers: lists, changes and pauses workers."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def list_workers(farm: FarmDependency, visit: VisitDependency) -> list[WorkerOut
     return found
 
 
-@router.patch("/{name:path}", response_model=WorkerOut)  # a worker may be called rack/3
+@router.patch("/{name:path}", response_model=WorkerOut)  # a worker's name may contain slashes, as in rack/3
 def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> WorkerOut:
     """Pause a worker: it finishes what it has in hand and takes no more. Or let it go on, also one that was set aside.
 

@@ -1,8 +1,8 @@
-"""The kernel for scenes with textures and all else, got ready while a worker that has just started waits or renders: whoever
-brings such a scene would wait half a minute for it.
+"""Compiles the full-featured kernel (textures and everything else) in advance, while a new worker waits or renders.
 
-A process of its own, behind all others in turn: `python -m worker.exchange.ahead --service URL`, with the farm's token in
-RAYFARM_TOKEN. A slot that wants the kernel meanwhile waits for it (renderer.jit.compiling).
+Without it, the first such scene would wait half a minute. Runs as a separate process at low priority:
+`python -m worker.exchange.ahead --service URL`, with the farm's token in RAYFARM_TOKEN. A slot that needs the kernel meanwhile
+waits for it (renderer.jit.compiling).
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ __all__ = ["get_ready_ahead"]
 
 log = logging.getLogger("worker")
 
-STANDS_BACK = 5  # nice levels: on a busy machine, who wants the kernel meanwhile must not wait forever
+STANDS_BACK = 5  # nice levels; moderate, so that a slot waiting for the kernel on a busy machine gets it
 
 
 def get_ready_ahead(link: Link) -> None:
-    """Begin, unless this machine has the kernel. The process ends with this one."""
+    """Starts the process, unless this machine has the kernel. The process ends with this one."""
     if jit.is_kept(kernel_name(edition=FULL)):
         return
     guard = spawn_guard()
@@ -46,11 +46,14 @@ def get_ready_ahead(link: Link) -> None:
         stdin=subprocess.DEVNULL,
         preexec_fn=stand_back,
     )
-    threading.Thread(target=process.wait, name="a kernel got ready ahead", daemon=True).start()  # else it stays as a zombie
+    threading.Thread(target=process.wait, name="a kernel got ready ahead", daemon=True).start()  # reaps the child
 
 
 def main() -> int:
-    """Once; what cannot be done is said and forgotten: who wants the kernel then compiles it."""
+    """Compiles or fetches the kernel once and returns the exit code.
+
+    A failure is only logged, since a slot compiles on demand.
+    """
     parser = argparse.ArgumentParser(prog="python -m worker.exchange.ahead", description="Gets the next kernel ready.")
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
     options = parser.parse_args()

@@ -1,8 +1,7 @@
-"""Blobs by hash on this machine: mapped from the service's own folder if that is here, otherwise fetched once and kept.
+"""Cache of blobs by hash: mapped from the service's own folder if it is on this machine, otherwise fetched once and kept.
 
-Fetched blobs are written beside their final name, checked, synced and renamed, so a file in the cache is complete even after a
-power cut. The cache evicts the least recently used; a file that is still mapped somewhere stays readable until it is unmapped
-(POSIX).
+Fetched blobs are written beside their final name, verified, synced and renamed, so a file in the cache is complete even after a
+power cut. The cache evicts the least recently used blob; a file that is still mapped stays readable until it is unmapped (POSIX).
 """
 
 from __future__ import annotations
@@ -25,20 +24,20 @@ from worker.exchange.link import FarmAnswer, Link
 __all__ = ["BlobCache", "default_cache_dir"]
 
 PART = ".part-"
-ORPHAN_S = 60.0  # younger ones may belong to a process that has not locked its file yet
+ORPHAN_S = 60.0  # younger files may belong to a process that has not locked them yet
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def default_cache_dir() -> Path:
-    """Beside the kernels' cache (renderer.jit)."""
+    """The default cache folder, beside the kernels' cache (renderer.jit)."""
     return private_folder("blobs")
 
 
 class BlobCache:
-    """Gives the path of a blob on this machine. Safe to use from many processes at a time.
+    """The blob cache of this machine. Safe for concurrent use by many processes.
 
-    max_bytes: what the fetched blobs may take together; the blob in hand is kept even where it alone is larger.
-    Every method raises MachineError where this machine cannot keep files: a full disk, a folder that cannot be written.
+    max_bytes: limit on the total size of fetched blobs; the requested blob is kept even if it alone is larger.
+    Every method raises MachineError if this machine cannot store files: a full disk, a folder without write permission.
     """
 
     def __init__(self, link: Link, farm: FarmAnswer, folder: Path, max_bytes: int = 32 << 30) -> None:
@@ -48,14 +47,14 @@ class BlobCache:
         self.shared = _shared_blobs(farm)
 
     def check(self) -> None:
-        """Whether the cache can be written; to be asked before the first work comes."""
+        """Checks that the cache is writable; called before the first task. Raises MachineError."""
         with self._explained(), tempfile.TemporaryFile(dir=self._made(self.folder)):
             pass
 
     def path(self, sha256: str, size: int | None = None) -> Path:
-        """The blob's file, fetched where it is not here yet. size: its size where it is known; a file of another is damaged.
+        """Path of the blob's file, fetched if it is missing. size: its size if known; a file of another size is fetched again.
 
-        Raises Trouble or RefusedError where it cannot be fetched.
+        Raises Trouble or RefusedError if it cannot be fetched.
         """
         if self.shared is not None and (mine := self.shared / sha256[:2] / sha256).is_file():
             return mine
@@ -67,13 +66,14 @@ class BlobCache:
             if not target.is_file():
                 self._with_room(target, lambda: self._fetch(sha256, target))
                 self._evict(target, self.max_bytes)
-            with contextlib.suppress(OSError):  # a cache that may only be read serves as well
+            with contextlib.suppress(OSError):  # a read-only cache is usable
                 os.utime(target)
         return target
 
     def adopt(self, path: Path, sha256: str) -> None:
-        """Keep a copy of a file that was made here, so that it need not be fetched back. Raises WorkError if its hash is another:
-        a reader of untrusted files made it.
+        """Adds a copy of a file that was made on this machine, so that it need not be fetched.
+
+        Raises WorkError if its hash differs from `sha256`: a reader of untrusted files made it.
         """
         if self.shared is not None:
             return
@@ -86,7 +86,10 @@ class BlobCache:
             self._evict(target, self.max_bytes)
 
     def discard_damaged(self, sha256: str) -> bool:
-        """Remove a fetched file whose bytes have changed on this disk; whether it was so. The next `path` fetches it anew."""
+        """Removes a fetched file if its bytes no longer match its hash; returns whether it did.
+
+        The next `path` fetches it again.
+        """
         target = self._target(sha256)
         with self._explained(), self._locked(sha256):
             try:
@@ -115,7 +118,7 @@ class BlobCache:
                     raise WorkError("a part of the compiled scene is not what its name says; prepare the scene again")
 
     def _with_room(self, target: Path, write: Callable[[], None]) -> None:
-        """Write a file; where the disk is full, give up all other blobs for it."""
+        """Calls `write`; if the disk is full, evicts all other blobs and calls it again."""
         try:
             write()
         except OSError as error:
@@ -126,7 +129,10 @@ class BlobCache:
 
     @contextlib.contextmanager
     def _writing(self, target: Path) -> Iterator[Path]:
-        """A file beside `target` that becomes it at the end, synced. It is locked: other slots see that somebody writes it."""
+        """Yields a temporary file beside `target`, synced and renamed to it at the end.
+
+        It is locked while it is being written.
+        """
         handle, name = tempfile.mkstemp(dir=self._made(target.parent), prefix=PART)
         temporary = Path(name)
         try:
@@ -141,7 +147,10 @@ class BlobCache:
 
     @contextlib.contextmanager
     def _locked(self, sha256: str) -> Iterator[None]:
-        """One process fetches a blob while the others wait for it. A lock of a killed process is released by the kernel."""
+        """Holds an exclusive file lock, so that one process fetches a blob while others wait.
+
+        The kernel frees locks of killed processes.
+        """
         with (self._made(self.folder / "locks") / sha256[:2]).open("wb") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             yield
@@ -166,7 +175,7 @@ class BlobCache:
         return folder
 
     def _evict(self, keep: Path, max_bytes: int) -> None:
-        """Remove what was used longest ago until the rest fits, and what killed processes have left half-written."""
+        """Removes the least recently used files until the rest fits `max_bytes`, and partial files of killed processes."""
         files = []
         for path in self.folder.glob("??/*"):
             with contextlib.suppress(OSError):
@@ -185,7 +194,7 @@ class BlobCache:
 
 
 def _drop_distrusted(target: Path) -> None:
-    """Removes a fetched file that other users may have written, and their access to its folder where it is ours."""
+    """Removes a fetched file that other users may have written, and revokes their access to its folder if this user owns it."""
     with contextlib.suppress(FileNotFoundError):
         folder = target.parent.stat()
         if distrust(folder):
@@ -197,7 +206,7 @@ def _drop_distrusted(target: Path) -> None:
 
 
 def _remove_orphan(path: Path) -> None:
-    """Remove a half-written file that nobody writes any more: whoever does holds its lock."""
+    """Removes a partial file without a writer. A writer holds the file's lock."""
     if time.time() - path.stat().st_mtime < ORPHAN_S:
         return
     with path.open("rb") as file, contextlib.suppress(BlockingIOError):
@@ -214,11 +223,11 @@ def _sync_folder(folder: Path) -> None:
 
 
 def _shared_blobs(farm: FarmAnswer) -> Path | None:
-    """The service's blob folder, where this process can read it: its `instance` file has the id that the service told."""
+    """The service's blob folder if this process can read it: its `instance` file must hold the service's id."""
     if not farm.data_dir:
         return None
     try:
         here = (Path(farm.data_dir) / "instance").read_text().strip()
-    except (OSError, ValueError):  # not here, or named as no file can be
+    except (OSError, ValueError):  # on another machine, or an invalid path
         return None
     return Path(farm.data_dir) / "blobs" if here and here == farm.instance else None

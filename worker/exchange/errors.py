@@ -1,15 +1,15 @@
-"""What can go wrong for a worker, by whose trouble it is.
+"""Errors of a worker, by their cause.
 
-WorkerError            one sentence for a person
-├── Trouble            the worker's own: it may pass, and no scene is to blame; the work is tried again, then handed back
-│   ├── LinkError      the service cannot be reached, or is ill
-│   │   └── DamagedError   what it sent is not what was asked for: broken on the way, or on its disk
-│   ├── TokenError     the service does not know this worker's token
-│   ├── NotAFarmError  something else answers at the service's address
-│   └── MachineError   this machine: a full disk, a cache that cannot be written, too many processes
-├── UnfitError         this machine cannot do this work: another may, and no scene is to blame; not tried again here
-├── RefusedError       the service answered and said no; another try gives the same answer
-└── WorkError          the work's own: a file that is no scene
+WorkerError            base class; the message is one sentence
+├── Trouble            failure of the worker, not of a scene; may be temporary: the work is retried, then handed back
+│   ├── LinkError      the service cannot be reached, or answers with a server error
+│   │   └── DamagedError   the content differs from the request: corrupted in transit or on the service's disk
+│   ├── TokenError     the service does not accept this worker's token
+│   ├── NotAFarmError  the service's address is that of another server
+│   └── MachineError   this machine: a full disk, an unwritable cache, too many processes
+├── UnfitError         this machine cannot do this work, another may; the scene is not at fault; not retried here
+├── RefusedError       the service refused the request; a retry gives the same answer
+└── WorkError          failure of the work itself: a file that is not a scene
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ __all__ = [
     "is_of_machine",
 ]
 
-# What a file system or a kernel says of itself, whatever the file: full, read-only, ill, or out of processes, files, memory.
+# Errors of the file system or the kernel, whatever the file: full, read-only, I/O error, or out of processes, files, memory.
 _OF_MACHINE = {
     *(errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EACCES, errno.EPERM),
     *(errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM, errno.ESTALE),
@@ -38,45 +38,45 @@ _OF_MACHINE = {
 
 
 class WorkerError(Exception):
-    """`str(error)` is one sentence for a person."""
+    """Base class of a worker's errors. `str(error)` is one sentence for the user."""
 
 
 class Trouble(WorkerError):  # noqa: N818 - the name of a family
-    """The worker's own: it may pass, and no scene is to blame."""
+    """Failure of the worker and not of a scene; may be temporary."""
 
 
 class LinkError(Trouble):
-    """The service cannot be reached, or is ill."""
+    """Raised if the service cannot be reached, or answers with a server error."""
 
 
 class DamagedError(LinkError):
-    """What the service sent is not what was asked for."""
+    """Raised if the content that the service sent does not match the request."""
 
 
 class TokenError(Trouble):
-    """The service does not know this worker's token."""
+    """Raised if the service does not accept this worker's token."""
 
 
 class NotAFarmError(Trouble):
-    """Something else answers at the service's address."""
+    """Raised if another server answers at the service's address."""
 
 
 class MachineError(Trouble):
-    """This machine: a full disk, a cache that cannot be written, too many processes."""
+    """Failure of this machine: a full disk, an unwritable cache, too many processes."""
 
 
 class UnfitError(WorkerError):
-    """This machine cannot do this work, whatever the scene: its limits, its memory, its temporary folder."""
+    """Raised if this machine cannot do this work, whatever the scene: its limits, its memory, its temporary folder."""
 
 
 class RefusedError(WorkerError):
-    """The service answered and said no; another try gives the same answer."""
+    """Raised if the service refuses a request; a retry gives the same answer."""
 
 
 class WorkError(WorkerError):
-    """The work did not end well, and its input is to blame."""
+    """Raised if the work fails because of its input."""
 
 
 def is_of_machine(error: OSError) -> bool:
-    """Whether an error is this machine's own and not that of the file in hand."""
+    """Whether an error is caused by this machine and not by the file being read."""
     return error.errno in _OF_MACHINE

@@ -1,6 +1,6 @@
-"""What answers in place of a farm: a sentence about an answer that no Rayfarm service gave.
+"""Error sentences for an address at which another server than a Rayfarm service answers.
 
-Imports nothing heavy, as the command line says the same sentence.
+Imports nothing heavy, since the command line uses the same sentences.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from urllib.parse import urlsplit
 
 __all__ = ["MAX_ANSWER", "is_address", "is_here", "kind_of_answer", "not_a_farm"]
 
-MAX_ANSWER = 64 << 20  # bytes of JSON; whoever sends more is no farm, and is not listened to any longer
+MAX_ANSWER = 64 << 20  # bytes of JSON; a longer answer does not come from a farm
 
 
 def is_address(url: str) -> bool:
-    """Whether this can be the address of a service."""
+    """Whether `url` is a valid address of a service: HTTP or HTTPS, with a host."""
     try:
         parts = urlsplit(url)
         is_http = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
@@ -26,7 +26,7 @@ def is_address(url: str) -> bool:
 
 
 def is_here(url: str) -> bool:
-    """Whether an address is this machine's own, to which no proxy leads, whatever HTTP_PROXY and its like say."""
+    """Whether an address is this machine's loopback, which bypasses any proxy such as HTTP_PROXY."""
     try:
         return urlsplit(url).hostname in ("localhost", "127.0.0.1", "::1")
     except ValueError:
@@ -34,14 +34,14 @@ def is_here(url: str) -> bool:
 
 
 def not_a_farm(url: str, came: str) -> str:
-    """The sentence. came: what was sent instead, as `kind_of_answer` says it."""
+    """The error sentence. came: description of the answer, from `kind_of_answer`."""
     return (
         f"{url} answers, but it is not a Rayfarm service: {came}. Give the address that `rayfarm up` shows, as http://host:8000."
     )
 
 
 def kind_of_answer(body: bytes, content_type: str = "") -> str:
-    """What an answer is, for a person: an empty one, an HTML page, a list ..."""
+    """Describes an answer for the user: an empty one, an HTML page, a list ..."""
     if not body.strip():
         return "it sends an empty answer"
     if "html" in content_type or body.lstrip()[:15].lower().startswith((b"<!doctype html", b"<html")):

@@ -1,8 +1,7 @@
-"""A connection to Redis over which what is large may take as long as the line needs, as long as some of it gets through.
+"""Redis connection for large commands on slow lines: the timeout applies to each piece sent, and not to the whole command.
 
-Python's `sendall` takes a socket's time limit for the whole of what it is given. A result has hundreds of kilobytes, so over a
-line of less than that in ten seconds none would ever arrive: each try is broken off, and begins anew. In pieces the limit is
-for each of them.
+Python's `sendall` applies a socket's timeout to the whole buffer. A result has hundreds of kilobytes; on a line slower than that
+per ten seconds every attempt would time out and start again. Sent in pieces, each piece has its own timeout.
 """
 
 from __future__ import annotations
@@ -16,20 +15,20 @@ from redis.connection import AbstractConnection, ConnectionPool
 
 __all__ = ["PIECE", "patient_redis"]
 
-PIECE = 16 << 10  # bytes: within the ten seconds of a result's connection that is 1.6 kB a second
+PIECE = 16 << 10  # bytes: with a timeout of ten seconds, at least 1.6 kB/s
 
 
 class _InPieces(AbstractConnection):
     def send_packed_command(self, command: bytes | str | Iterable[bytes], check_health: bool = True) -> None:
-        """As the class it is mixed into."""
+        """Sends a command in pieces of at most PIECE bytes; otherwise as the base class."""
         whole = [command] if isinstance(command, (bytes, str)) else command
         super().send_packed_command(_pieces(whole), check_health)
 
 
 def patient_redis(url: str, **options: Any) -> redis.Redis:
-    """As `redis.Redis.from_url`, with a time limit for each piece of what is sent."""
-    if (mark := getattr(socket, "TCP_NOTSENT_LOWAT", None)) is not None:  # else the kernel takes all of it at once, and the
-        options |= {"socket_keepalive": True, "socket_keepalive_options": {mark: PIECE}}  # answer is what would take too long
+    """Like `redis.Redis.from_url`, with the timeout applied to each piece that is sent."""
+    if (mark := getattr(socket, "TCP_NOTSENT_LOWAT", None)) is not None:  # otherwise the kernel buffers it all, and
+        options |= {"socket_keepalive": True, "socket_keepalive_options": {mark: PIECE}}  # waiting for the reply would time out
     pool = ConnectionPool.from_url(url, **options)
     pool.connection_class = type("Connection", (_InPieces, pool.connection_class), {})
     connection = redis.Redis(connection_pool=pool)

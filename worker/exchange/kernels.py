@@ -1,7 +1,6 @@
-"""Nothing is compiled twice in a farm: a worker downloads a kernel of its kind before compiling it, and uploads what it
-compiled.
+"""Shares compiled kernels in a farm: a worker downloads a kernel of its kind before compiling it, and uploads what it compiled.
 
-Handing in is a process of its own, so that the first tile does not wait for it: `python -m worker.exchange.kernels --service URL
+Uploading runs as a separate process, so the first tile does not wait for it: `python -m worker.exchange.kernels --service URL
 --folder FOLDER --kernel NAME`, with the farm's token in RAYFARM_TOKEN.
 """
 
@@ -30,7 +29,10 @@ _PATIENCE_S, _PAUSE_S = 60.0, 1.0
 
 
 def fetch_kernel(link: Link, folder: Path, kernel: str) -> tuple[bool, str]:
-    """Fetch a kernel into this folder (renderer.jit.cache_folder), if the farm has it: whether it is there, and a sentence."""
+    """Fetches a kernel into this folder (renderer.jit.cache_folder).
+
+    Returns whether the farm had it, and a sentence for the log.
+    """
     with tempfile.TemporaryFile() as file:
         try:
             if not link.kernels(name_of(folder, kernel), file):
@@ -42,7 +44,7 @@ def fetch_kernel(link: Link, folder: Path, kernel: str) -> tuple[bool, str]:
 
 
 def hand_in(link: Link, folder: Path, kernel: str) -> None:
-    """Give the farm the kernel that lies in this folder, unless it has it. Raises WorkerError or OSError."""
+    """Uploads the kernel in this folder, unless the farm has it. Raises WorkerError or OSError."""
     name = name_of(folder, kernel)
     if link.has_kernels(name):
         return
@@ -52,7 +54,7 @@ def hand_in(link: Link, folder: Path, kernel: str) -> None:
 
 
 def hand_in_beside(link: Link, folder: Path, kernel: str) -> None:
-    """As `hand_in`, in a process beside this one that ends with it."""
+    """Like `hand_in`, in a child process that ends with this one."""
     command = [
         sys.executable,
         "-m",
@@ -69,11 +71,11 @@ def hand_in_beside(link: Link, folder: Path, kernel: str) -> None:
         os.nice(10)  # the worker has its first tile to render
 
     process = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, preexec_fn=stand_back)
-    threading.Thread(target=process.wait, name="kernels handed in", daemon=True).start()  # else it stays as a zombie
+    threading.Thread(target=process.wait, name="kernels handed in", daemon=True).start()  # reaps the child
 
 
 def main() -> int:
-    """Hand in, once; what cannot be done is said and forgotten: the next worker compiles."""
+    """Uploads the kernel once and returns the exit code. A failure is only logged, since the next worker can compile."""
     parser = argparse.ArgumentParser(prog="python -m worker.exchange.kernels", description="Gives a farm what was compiled here.")
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
     parser.add_argument("--folder", required=True, type=Path, help="where the kernels are")
@@ -90,7 +92,7 @@ def main() -> int:
 
 
 def _hand_in_once_it_is_there(link: Link, folder: Path, kernel: str) -> None:
-    """As `hand_in`. The service of a farm that starts may be loading, or one that died be on its way back."""
+    """Like `hand_in`, retried for up to a minute, as the service may still be starting or restarting."""
     until = time.monotonic() + _PATIENCE_S
     while True:
         try:

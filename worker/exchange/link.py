@@ -1,5 +1,4 @@
-"""A worker's connection to the service: joins the farm, fetches manifests and blobs, stores blobs. Plain HTTP with the farm's
-token."""
+"""A worker's HTTP client of the service: joins the farm, fetches manifests and blobs, stores blobs. Uses the farm's token."""
 
 from __future__ import annotations
 
@@ -27,15 +26,18 @@ __all__ = ["FarmAnswer", "Link", "check_redis_url"]
 CHUNK = 1 << 20
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 TIMEOUT = httpx.Timeout(60.0, connect=10.0)
-ANSWER_S = 60.0  # for a whole answer in JSON, however slowly its bytes come
-PROBLEM = "application/problem+json"  # of the service itself, and not of a proxy before it
+ANSWER_S = 60.0  # timeout of a whole JSON answer
+PROBLEM = "application/problem+json"  # distinguishes the service's errors from those of a proxy
 MAY_PASS = (408, 425, 429)
 
 
 @dataclass(frozen=True)
 class FarmAnswer:
-    """What a worker is told when it joins. `instance`: the service's id; `data_dir`: its data folder on its own machine;
-    `reduces`: whether it understands sums of several workers (worker/protocol/site.py)."""
+    """The service's answer to a worker that joins.
+
+    `instance`: the service's id; `data_dir`: its data folder on its own machine; `reduces`: whether it supports sums of several
+    workers (worker/protocol/site.py).
+    """
 
     redis_url: str
     instance: str
@@ -44,13 +46,14 @@ class FarmAnswer:
 
 
 class Link:
-    """One HTTP client of the service. Made anew in every process: connections do not survive a fork.
+    """An HTTP client of the service. Created anew in every process, since connections do not survive a fork.
 
-    Every method raises Trouble (worker.errors) where the service is away, ill or not one, and RefusedError where it says no.
+    Every method raises Trouble (worker.errors) if the service is unreachable, failing or not a farm, and RefusedError if it
+    refuses.
     """
 
     def __init__(self, service: str, token: str) -> None:
-        """Raises RefusedError where the address or the token cannot be one."""
+        """Raises RefusedError if the address or the token is invalid."""
         self.service = service.rstrip("/")
         self.token = token
         self._client: httpx.Client | None = None
@@ -81,11 +84,11 @@ class Link:
         return self._client
 
     def forget_connections(self) -> None:
-        """After a fork: leave the parent's sockets to the parent and open new ones on the next use."""
+        """Drops the connections after a fork, leaving the parent's sockets open; the next use opens new ones."""
         self._client = None
 
     def join(self) -> FarmAnswer:
-        """Ask to join the farm."""
+        """Joins the farm."""
         data = self._object("/api/farm/join", "redis_url", "instance")
         told = data["redis_url"]
         try:
@@ -101,7 +104,7 @@ class Link:
         return FarmAnswer(redis_url, str(data["instance"]), str(data.get("data_dir") or ""), bool(data.get("reduces")))
 
     def manifest(self, scene: str) -> Manifest:
-        """The files of an uploaded scene."""
+        """Fetches the manifest of an uploaded scene."""
         data = self._object(f"/api/farm/scenes/{scene}/manifest", "scene", "main", "files")
         try:
             return Manifest.from_json(data)
@@ -109,7 +112,7 @@ class Link:
             raise NotAFarmError(f"{self.service} sends a manifest that cannot be read ({error})") from None
 
     def fetch(self, sha256: str, out: BinaryIO) -> None:
-        """Write a blob to `out`. Raises DamagedError where what arrives has another hash."""
+        """Writes a blob to `out`. Raises DamagedError if the received bytes have another hash."""
         digest = hashlib.sha256()
         with self._stream("GET", f"/api/farm/blobs/{sha256}") as response:
             for chunk in response.iter_bytes(CHUNK):
@@ -119,7 +122,7 @@ class Link:
             raise DamagedError(f"blob {sha256[:12]} arrived damaged from {self.service}")
 
     def means(self, job: str, frame: int, out: BinaryIO) -> tuple[str, int]:
-        """Write a frame's means (DenoiseFrame says how) to `out`; returns the film's version and number of samples."""
+        """Writes a frame's means to `out` (format: DenoiseFrame); returns the film's version and number of samples."""
         with self._stream("GET", f"/api/farm/films/{job}/{frame}") as response:
             try:
                 about = response.headers[VERSION_HEADER], int(response.headers[SAMPLES_HEADER])
@@ -130,7 +133,7 @@ class Link:
         return about
 
     def store(self, path: Path) -> BlobRef:
-        """Store a file as a blob at the service, by its hash."""
+        """Stores a file as a blob at the service, under its hash."""
         with path.open("rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
             size = file.tell()
@@ -143,7 +146,7 @@ class Link:
         return BlobRef(path="", sha256=sha256, size=size)
 
     def has(self, sha256: str) -> bool:
-        """Whether the service has a blob; then it keeps it until it must have been told what for, as one that is stored."""
+        """Whether the service has a blob. Renews its retention as if it were just stored, until something refers to it."""
         try:
             with self._stream("POST", f"/api/farm/blobs/{sha256}/keep"):
                 return True
@@ -151,7 +154,7 @@ class Link:
             return False
 
     def kernels(self, name: str, out: BinaryIO) -> bool:
-        """Write the kernels of this name (renderer.artefact) to `out`; False where the farm has none."""
+        """Writes the kernels of this name (renderer.artefact) to `out`; False if the farm has none."""
         try:
             with self._stream("GET", f"/api/farm/kernels/{name}") as response:
                 for chunk in response.iter_bytes(CHUNK):
@@ -169,7 +172,7 @@ class Link:
             return False
 
     def store_kernels(self, name: str, file: BinaryIO) -> None:
-        """Give the farm the kernels of this name. Raises RefusedError where it does not take them."""
+        """Uploads the kernels of this name. Raises RefusedError if the farm does not accept them."""
         size = file.seek(0, os.SEEK_END)
         file.seek(0)
         content = iter(lambda: file.read(CHUNK), b"")
@@ -178,7 +181,7 @@ class Link:
             self._body(response)
 
     def _object(self, path: str, *needed: str) -> dict[str, Any]:
-        """The JSON object at `path`, which has these keys."""
+        """Fetches the JSON object at `path`. Raises NotAFarmError if it lacks one of the needed keys."""
         with self._stream("GET", path) as response:
             body = self._body(response)
         try:
@@ -190,7 +193,7 @@ class Link:
         return data
 
     def _body(self, response: httpx.Response) -> bytes:
-        """The whole body, within bounds: what answers may be anything."""
+        """Reads the whole body, with limits on its size and time, since the server is untrusted."""
         deadline = time.monotonic() + ANSWER_S
         body = bytearray()
         for chunk in response.iter_bytes():
@@ -203,7 +206,7 @@ class Link:
 
     @contextmanager
     def _stream(self, method: str, path: str, **kwargs: Any) -> Iterator[httpx.Response]:
-        """A response that is a success, its body still to be read."""
+        """Yields a successful response whose body is still unread."""
         try:
             with self.client.stream(method, path, **kwargs) as response:
                 self._check(response)
@@ -245,15 +248,15 @@ class Link:
 
 
 def check_redis_url(url: str) -> None:
-    """Raises ValueError, with words that do not have the password, where this is no address of a Redis."""
+    """Raises ValueError if `url` is no valid Redis address; the message omits the password."""
     try:
         ConnectionPool.from_url(url).make_connection()
-    except (ValueError, TypeError):  # TypeError: a parameter behind the question mark that is none
+    except (ValueError, TypeError):  # TypeError: an invalid query parameter
         raise ValueError("an address is redis://host:6379/0, rediss://... or unix://...") from None
 
 
 def _reachable(redis_url: str, service: str) -> str:
-    """Redis's address as seen from here: what the service calls its own machine is the machine that was reached."""
+    """Redis's address as seen from here: the service's loopback host is replaced by the host at which the service was reached."""
     url, host = urlsplit(redis_url), urlsplit(service).hostname
     if url.hostname not in LOOPBACK or host is None or host in LOOPBACK:
         return redis_url

@@ -1,4 +1,4 @@
-"""Trying again: a worker's own trouble may pass."""
+"""Retries a call while it raises Trouble, which may be temporary."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from worker.exchange.errors import DamagedError, Trouble
 
 __all__ = ["patiently"]
 
-DAMAGES_ALLOWED = 3  # a blob that arrives damaged as often is damaged where it comes from
+DAMAGES_ALLOWED = 3  # after this many the blob is damaged at its source
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
 def patiently(call: Callable[[], T], seconds: float, pause_s: float = 1.0) -> T:
-    """What `call` returns, tried again for `seconds` while it raises Trouble; then that is raised.
+    """Returns what `call` returns, retrying for `seconds` while it raises Trouble; then raises the last error.
 
-    The log says once for each reason what is waited for.
+    Each distinct reason is logged once.
     """
     deadline = time.monotonic() + seconds
     said = ""

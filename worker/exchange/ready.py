@@ -17,7 +17,7 @@ _log = logging.getLogger("worker")
 
 
 def get_ready(link: Link, settings: RenderSettings | None = None, edition: str = PLAIN, helpers: Helpers | None = None) -> None:
-    """As `warm_up`, with the farm's help."""
+    """Like `warm_up`, but fetches the kernel from the farm if possible, and otherwise uploads it after compiling."""
     if not fetched_or_compiled(link, settings, edition, helpers):
         hand_in_beside(link, jit.cache_folder(), kernel_name(settings, edition))
 
@@ -25,7 +25,7 @@ def get_ready(link: Link, settings: RenderSettings | None = None, edition: str =
 def fetched_or_compiled(
     link: Link, settings: RenderSettings | None = None, edition: str = PLAIN, helpers: Helpers | None = None
 ) -> bool:
-    """As `get_ready`, but for handing in; whether the kernel was fetched, so that the farm has it."""
+    """Like `get_ready` without the upload; returns whether the farm has the kernel (it was fetched)."""
     folder = jit.cache_folder()
     farm_has_it = False
 

@@ -1,7 +1,7 @@
 """Redis over TLS: rediss:// addresses, and which authority to trust if the machine does not already trust Redis's certificate.
 
-The authority's file has a different place on every machine, so it is not part of the address that a farm tells its workers:
-each of them, and the service, has it in RAYFARM_REDIS_CA.
+The authority's file has a different path on every machine, so it is not part of the address that a farm gives its workers: each
+of them, and the service, reads it from RAYFARM_REDIS_CA.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 __all__ = ["CA_VARIABLE", "as_told", "trusting", "with_password"]
 
 CA_VARIABLE = "RAYFARM_REDIS_CA"
-OWN = ("ssl_ca_certs", "ssl_ca_path", "ssl_certfile", "ssl_keyfile")  # of an address: files of one machine
+OWN = ("ssl_ca_certs", "ssl_ca_path", "ssl_certfile", "ssl_keyfile")  # query parameters that name files of one machine
 
 
 def trusting(url: str) -> str:
-    """An address with the authority that this machine was told of; as it is where it is not over TLS, or names one itself."""
+    """Adds this machine's certificate authority to an address; unchanged if it is not TLS, or already names an authority."""
     ca, parts = os.environ.get(CA_VARIABLE, ""), urlsplit(url)
     query = dict(parse_qsl(parts.query))
     if parts.scheme != "rediss":
@@ -28,14 +28,14 @@ def trusting(url: str) -> str:
 
 
 def as_told(url: str) -> str:
-    """The address without what is of this machine alone, for others."""
+    """The address without options that refer to files of this machine, for use by other machines."""
     parts = urlsplit(url)
     query = [(name, value) for name, value in parse_qsl(parts.query) if name not in OWN]
     return parts._replace(query=urlencode(query, safe="/")).geturl() if parts.scheme == "rediss" else url
 
 
 def with_password(url: str, password: str) -> str:
-    """The address with the password; as it is where it names a password already, or no host."""
+    """Adds the password to the address; unchanged if it already has one, or has no host."""
     parts = urlsplit(url)
     user, _, host = parts.netloc.rpartition("@")
     if not password or not parts.hostname or ":" in user:

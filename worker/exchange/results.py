@@ -1,4 +1,4 @@
-"""The way back: appends events and sums to the RESULTS stream, through restarts of Redis and of the service."""
+"""Appends events and sums to the RESULTS stream, with retries through restarts of Redis and of the service."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from worker.protocol.contract import RESULTS, Result
 
 __all__ = ["ResultStream"]
 
-# The service trims the stream after the merge. Where it does not come, workers wait at this many entries instead of
-# filling the broker's memory (a 64x64 batch packs to about 100 kB), and at last drop the result: it is handed out again.
+# The service trims the stream after the merge. If it does not, workers wait at this many entries instead of filling the
+# broker's memory (a 64x64 batch packs to about 100 kB), and finally drop the result, which is rendered again.
 MAX_ENTRIES = 2000
 PATIENCE_S = 120.0
-LIMIT_S = 10.0  # within which some of a result gets through, or the connection is taken for broken
+LIMIT_S = 10.0  # timeout of a piece of a result
 
 log = logging.getLogger(__name__)
 
 
 class ResultStream:
-    """Appends results to the stream. Made anew in every process."""
+    """Appends results to the stream. Created anew in every process."""
 
     def __init__(self, redis_url: str, max_entries: int = MAX_ENTRIES, patience_s: float = PATIENCE_S) -> None:
         self.max_entries = max_entries
         self.patience_s = patience_s
-        self._length = max_entries  # of the stream as it was last seen
+        self._length = max_entries  # the stream's last known length
         self.redis = patient_redis(
             redis_url, socket_timeout=LIMIT_S, socket_connect_timeout=5, retry=Retry(ExponentialBackoff(cap=0.5, base=0.05), 2)
         )
 
     def send(self, result: Result, patience_s: float | None = None) -> bool:
-        """Append a result; False where neither Redis nor the service made room for it within `patience_s`.
+        """Appends a result; False if the stream stays full or Redis unreachable for `patience_s`.
 
-        patience_s: the stream's own unless told; 0 for news that nobody misses.
-        A retry after a lost answer may append a result twice; the film's merge takes it once.
+        patience_s: seconds; by default that of the stream; 0 for events that may be dropped.
+        A retry after a lost reply may append a result twice; merging into the film drops the duplicate.
         """
         fields = result.to_fields()
         patience_s = self.patience_s if patience_s is None else patience_s
@@ -50,7 +50,7 @@ class ResultStream:
                 if self._length >= self.max_entries:
                     self._length = int(self.redis.xlen(RESULTS))
                 if self._length < self.max_entries:
-                    with self.redis.pipeline(transaction=False) as both:  # one way there and back
+                    with self.redis.pipeline(transaction=False) as both:  # one round trip
                         both.xadd(RESULTS, fields)  # type: ignore[arg-type]
                         both.xlen(RESULTS)
                         self._length = int(both.execute()[1])

@@ -1,7 +1,7 @@
-"""What a worker tells Redis at each of its beats, and what it asks there: all in one message, whose answer nobody waits for.
+"""A worker's heartbeat message to Redis: its report and its queries in one pipeline, whose reply is read asynchronously.
 
-A beat belongs to the event loop that fetches the worker's tasks. Over a line on which each answer takes a second, six questions
-one after the other take longer than a report lasts, and no task would be fetched meanwhile.
+The heartbeat runs on the event loop that fetches the worker's tasks. On a line with one second per reply, six sequential queries
+would take longer than a report's TTL, and no task would be fetched meanwhile.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from worker.protocol.vitals import log_wanted_key
 
 __all__ = ["Heard", "Telling"]
 
-ANSWER_S = 15.0  # for which an answer is waited for: then the connection is taken for broken
+ANSWER_S = 15.0  # timeout of a reply, after which the connection is closed
 CONNECT_S = 5.0
 
 _AWAY = (redis.RedisError, OSError)
@@ -30,8 +30,11 @@ _AWAY = (redis.RedisError, OSError)
 
 @dataclass(frozen=True)
 class Heard:
-    """Redis' answer. is_taken: whether it has taken the report; is_asked: whether a call for help waits for the worker's slots;
-    waiting: tasks for workers of its kind."""
+    """Redis's reply to a heartbeat.
+
+    is_taken: whether Redis stored the report; is_asked: whether a help request waits for the worker's slots; waiting: number of
+    queued tasks for workers of its kind.
+    """
 
     is_taken: bool
     is_paused: bool = False
@@ -42,18 +45,18 @@ class Heard:
 
 
 class Telling:
-    """A connection of its own. Nothing is raised where Redis is away: the worker outlives it."""
+    """A separate Redis connection for heartbeats. Methods do not raise if Redis is unreachable, so the worker keeps running."""
 
     def __init__(self, redis_url: str) -> None:
         self._redis = redis.Redis.from_url(redis_url, socket_timeout=CONNECT_S, socket_connect_timeout=CONNECT_S)
         self._connection: ConnectionInterface | None = None
-        self._sent: deque[tuple[float, int]] = deque()  # what is not answered: when it was sent, and how many commands
+        self._sent: deque[tuple[float, int]] = deque()  # pending messages: time sent, and number of commands
 
     def tell(self, report: WorkerReport, offer: Offer | None, more: list[tuple[Any, ...]]) -> None:
-        """Send a report. offer: what the worker offers, where it says so. more: other commands, whose answers do not matter."""
+        """Sends a report. offer: the worker's offer, if it has one. more: further commands, whose replies are ignored."""
         name, kind = report.name, report.kind
         commands: list[tuple[Any, ...]] = [
-            ("CLIENT", "SETNAME", lifeline(name)),  # each time: the connection may be a new one
+            ("CLIENT", "SETNAME", lifeline(name)),  # repeated, since the connection may be new
             ("SET", worker_key(name), report.to_bytes(), "EX", HEARTBEAT_TTL_S),
             ("EXISTS", order_key(name)),
             ("GET", terms_key(name)),
@@ -78,7 +81,7 @@ class Telling:
             self.close()
 
     def hear(self, patience_s: float = 0.0) -> Heard | None:
-        """The latest answer that came; None where none did. patience_s: how long one is waited for, if any is to come."""
+        """Returns the latest reply received; None if there is none. patience_s: timeout in seconds if a reply is pending."""
         heard: Heard | None = None
         try:
             while self._connection is not None and self._sent and self._connection.can_read(0.0 if heard else patience_s):
@@ -90,7 +93,7 @@ class Telling:
         return heard
 
     def close(self) -> None:
-        """Close the connection, with all that is not answered."""
+        """Closes the connection and discards pending replies."""
         connection, self._connection = self._connection, None
         self._sent.clear()
         if connection is not None:
@@ -100,7 +103,7 @@ class Telling:
     def _answer(connection: ConnectionInterface) -> Any:
         try:
             return connection.read_response(disable_decoding=True)
-        except redis.ResponseError as error:  # Redis is full, or something has another type
+        except redis.ResponseError as error:  # Redis is full, or a key has another type
             return error
 
 

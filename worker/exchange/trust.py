@@ -1,5 +1,4 @@
-"""Which certificate a worker or a command accepts as the farm's over HTTPS: one that the machine trusts, or the one it was
-given."""
+"""Selects the certificate that a worker or a command accepts from the farm: one the machine trusts, or a given one."""
 
 from __future__ import annotations
 
@@ -14,10 +13,10 @@ END = "-----END CERTIFICATE-----"
 
 
 def trust(certificate: str | None = None) -> ssl.SSLContext | bool:
-    """For httpx's `verify`. certificate: the farm's own, as PEM; $RAYFARM_TLS_CERT unless told; empty: what the machine trusts.
+    """Value for httpx's `verify`. certificate: path of the farm's own, as PEM; default $RAYFARM_TLS_CERT; empty: the trust store.
 
-    The first certificate of the file is then the only one that is believed, by whatever name the farm is reached: a farm may sign
-    its own. Raises OSError where the file cannot be read, and ValueError where it is none.
+    Only the first certificate of the file is then accepted, under whatever host name the farm is reached, as a farm may use a
+    self-signed one. Raises OSError if the file cannot be read, and ValueError if it holds no certificate.
     """
     path = os.environ.get(TRUST_VARIABLE, "") if certificate is None else certificate
     if not path:
@@ -27,7 +26,7 @@ def trust(certificate: str | None = None) -> ssl.SSLContext | bool:
         raise ValueError(f"{path} has no certificate; {TRUST_VARIABLE} names the farm's, as PEM")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname = False
-    context.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN  # it need not be an authority's
+    context.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN  # accept a certificate that is not a CA
     try:
         context.load_verify_locations(cadata=text[: text.index(END) + len(END)] + "\n")
     except ssl.SSLError as error:
@@ -36,6 +35,8 @@ def trust(certificate: str | None = None) -> ssl.SSLContext | bool:
 
 
 def as_needed(trusted: ssl.SSLContext | bool, url: str) -> ssl.SSLContext | bool:
-    """The same, for a client of this address alone: over plain HTTP nothing is verified, and to read what the machine trusts
-    takes a tenth of a second."""
+    """The value of `verify` for a client of this address alone: False for plain HTTP, which verifies nothing.
+
+    That saves loading the machine's trust store, which takes a tenth of a second.
+    """
     return False if url.startswith("http://") else trusted

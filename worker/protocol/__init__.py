@@ -1,16 +1,16 @@
-"""What the service, a site and a worker say to each other. No numba: the service imports these.
+"""Messages between the service, a site's reducer and a worker. Imports no numba, since the service imports it.
 
 contract.py       tasks, queues, keys and results; start here
-joint.py          batches of a tile that a machine's slots render together
-view_parts.py     pieces of views that somebody is looking at
-explained.py      pixels that somebody wants explained
-site.py           what the machines of a site say to its reducer
-terms.py          what a worker is asked for at run time, and what it offers; hours.py: when it works
+joint.py          batches of a tile that the slots of one machine render together
+view_parts.py     parts of interactive views
+explained.py      explanations of pixels
+site.py           messages from the machines of a site to its reducer
+terms.py          a worker's run-time settings, and its capabilities; hours.py: its working hours
 vitals.py         a machine's memory and load, and the end of its log
 lifeline.py       tells a dead worker from a slow one
 broker.py         Celery's settings for both ends of the queue
-sums.py           a batch's sums as bytes
-result_bytes.py   a result as bytes
-blends.py         scenes that need Blender to be opened
+sums.py           serialization of a batch's sums
+result_bytes.py   serialization of a result
+blends.py         scenes that Blender has to convert
 reproduce.py      the command that renders a failed batch again, without a farm
 """

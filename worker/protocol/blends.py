@@ -1,6 +1,6 @@
-"""Scenes that Blender has to open first: workers that have it take them from a queue of their own, and upload what it wrote.
+"""Scenes that Blender has to convert first: workers with Blender take them from a separate queue and upload the converted files.
 
-From then on the scene is what was written: any worker can prepare it and its frames, like any other scene.
+From then on the converted files are the scene: any worker can prepare it and its frames, like any other scene.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from worker.protocol.contract import BlobRef, prepare_queue
 
 __all__ = ["TAG", "WAITS", "blender_queue", "is_blend", "written_of"]
 
-TAG = "blender"  # which a worker's offer has where it has Blender
+TAG = "blender"  # tag in the offer of a worker with Blender
 WAITS = (
     "Waits for a worker with Blender, which alone opens .blend and .abc files: none is connected. Start one: "
     f"`rayfarm worker --blender`, or for a farm of this machine `rayfarm up --blender`. Or {WITHOUT_BLENDER}."
@@ -31,9 +31,9 @@ def blender_queue(kind: str) -> str:
 
 
 def written_of(info: dict[str, Any] | None) -> tuple[str, list[BlobRef]] | None:
-    """Of what is known of a scene (SceneInfo as a dict): what Blender wrote of it, the main file and all; None where it did not.
+    """The files that Blender wrote for a scene, as (main file, all files), from its SceneInfo as a dict; None if it wrote none.
 
-    Raises ValueError where it makes no sense.
+    Raises ValueError if the entry is malformed.
     """
     blend = (info or {}).get("blend")
     if not blend:

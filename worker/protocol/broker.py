@@ -10,9 +10,9 @@ __all__ = ["celery_config"]
 def celery_config(redis_url: str) -> dict[str, Any]:
     """The Celery settings of both ends.
 
-    acks_late + reject_on_worker_lost: a killed child's batch goes back to the queue. No result backend: results travel on
-    the stream. The visibility timeout lies above the hard time limit, so that a running task is never handed out twice
-    by the broker; the service's own deadlines are shorter and make duplicates harmless.
+    acks_late and reject_on_worker_lost: the batch of a killed child process goes back to the queue. No result backend: results
+    travel on the stream. The visibility timeout exceeds the hard time limit, so the broker never hands out a running task twice;
+    the service's own leases are shorter and make duplicates harmless.
     """
     return {
         "broker_url": redis_url,

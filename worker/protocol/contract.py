@@ -1,18 +1,18 @@
-"""What the service and a worker say to each other. Ids and numbers go through Celery; sums and news come back on a stream.
+"""Messages between the service and a worker. Ids and numbers go through Celery; sums and events come back on a stream.
 
     service --- Celery task PREPARE ------> worker     {scene}
-    service --- Celery task RENDER_BATCH -> worker     RenderBatch; RENDER_BATCHES: some of them, to be rendered in turn
+    service --- Celery task RENDER_BATCH -> worker     RenderBatch; RENDER_BATCHES: several of them, rendered in turn
     service --- Celery task PREPARE_FRAMES > worker    PrepareFrames
     service --- Celery task DENOISE ------> worker     DenoiseFrame
     service --- Celery task VECTORS ------> worker     FrameVectors
     service --- Celery task ENVIRONMENT --> worker     ShowEnvironment
     worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
     worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
-    service --- key order_key(name) ------> worker     why it is to take no more tasks; no key: it takes them
+    service --- key order_key(name) ------> worker     the reason for a pause; without the key the worker takes tasks
     worker ---- HTTP /api/farm/... -------> service    join, manifests, films' means, blobs (both ways), by FARM_TOKEN
 
-Queues have the worker's kind in their name: only a worker of the job's kind (same renderer sources, same machine code) takes its
-batches, so films of two kinds cannot mix. No numba in it. Of views: view_parts.py; of pixels: explained.py.
+Queue names contain the worker's kind: only a worker of the job's kind (same renderer sources, same machine code) takes its
+batches, so films of two kinds cannot mix. Imports no numba. For views see view_parts.py; for pixels, explained.py.
 """
 
 from __future__ import annotations
@@ -67,13 +67,13 @@ ENVIRONMENT = "rayfarm.environment"
 RESULTS = "rayfarm:results"
 WORKER_KEYS = "rayfarm:worker:*"
 HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S = 1.0, 6
-VERSION_HEADER = "X-Film-Version"  # with a film's means: which content they are of, and how many samples that has
+VERSION_HEADER = "X-Film-Version"  # HTTP headers of a film's means: the film's version and its number of samples
 SAMPLES_HEADER = "X-Samples"
-_settings_json = lru_cache(64)(RenderSettings.to_json)  # a third of what a message costs, and the same for a frame's batches
+_settings_json = lru_cache(64)(RenderSettings.to_json)  # cached: a third of a message's cost, equal for all batches of a frame
 
 
 def _fields(cls: type, data: Any) -> dict[str, Any]:
-    """Of a message, what this release knows: the other end may be of another one, and say more. Raises ValueError."""
+    """The fields of a message that this release defines; another release may send more. Raises ValueError."""
     if not isinstance(data, Mapping):
         raise ValueError(f"{cls.__name__} is an object, and not {type(data).__name__}")
     known = {f.name: f for f in fields(cls)}
@@ -89,7 +89,7 @@ def prepare_queue(kind: str) -> str:
 
 
 def own_prepare_queue(kind: str, worker: str) -> str:
-    """The Celery queue for preparing on one worker of this kind: for what the machines of others could not prepare."""
+    """The Celery queue for preparing on one worker of this kind, for work that other machines could not prepare."""
     return f"{prepare_queue(kind)}.of.{worker}"
 
 
@@ -109,7 +109,7 @@ def worker_key(name: str) -> str:
 
 
 def order_key(name: str) -> str:
-    """The Redis key that pauses a worker while it is there; its value is a sentence that says why."""
+    """The Redis key that pauses a worker while it exists; its value is the reason, as a sentence."""
     return f"rayfarm:order:{name}"
 
 
@@ -117,7 +117,7 @@ def order_key(name: str) -> str:
 class BlobRef:
     """A stored file: its path inside the upload ('' for derived ones), the SHA-256 of its bytes, and its size.
 
-    parts: the hashes and sizes of the blobs that it needs beside itself, where it is the manifest of a compiled scene.
+    parts: the hashes and sizes of the blobs it depends on, if it is the manifest of a compiled scene.
     """
 
     path: str
@@ -127,7 +127,7 @@ class BlobRef:
 
     @classmethod
     def from_json(cls, data: Any) -> BlobRef:
-        """The reference that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        """Parses the reference from the JSON of `dataclasses.asdict`. Raises ValueError."""
         ref = cls(**_fields(cls, data))
         if not (isinstance(ref.path, str) and isinstance(ref.sha256, str) and isinstance(ref.size, int)):
             raise ValueError(f"{data!r} refers to no blob")
@@ -136,9 +136,11 @@ class BlobRef:
 
 @dataclass(frozen=True)
 class Manifest:
-    """A scene as uploaded: its files, which of them is the scene, what lights it in place of its own environment (an image
-    among them, or a name: renderer.scene.presets.is_named), and the variant of a glTF file's materials that it shows.
-    base: a SceneInfo as a dict, of the scene that differs from this one by light from around alone, where that is prepared."""
+    """An uploaded scene: its files, the main file, a replacement environment, and the variant of a glTF file's materials.
+
+    The environment is an image among the files or a preset's name (renderer.scene.presets.is_named).
+    base: a SceneInfo as a dict, of the scene that differs from this one only in its environment, if that one is prepared.
+    """
 
     scene: str
     main: str
@@ -149,7 +151,7 @@ class Manifest:
 
     @classmethod
     def from_json(cls, data: Any) -> Manifest:
-        """The manifest that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        """Parses the manifest from the JSON of `dataclasses.asdict`. Raises ValueError."""
         known = _fields(cls, data)
         if not (isinstance(known["main"], str) and isinstance(known["files"], list)):
             raise ValueError("Manifest names a file, and lists its files")
@@ -158,7 +160,7 @@ class Manifest:
 
 @dataclass(frozen=True)
 class SceneInfo:
-    """What preparing a scene found out. `compiled` and `thumbnail` are blobs that the worker has stored at the service."""
+    """The result of preparing a scene. `compiled` and `thumbnail` are blobs that the worker has stored at the service."""
 
     kind: str
     compiled: BlobRef
@@ -172,14 +174,14 @@ class SceneInfo:
     seconds: float
     variants: list[str] = field(default_factory=list)
     fps: float = 24.0  # the file's own frames a second
-    clips: list[dict[str, Any]] = field(default_factory=list)  # of its animations: name, start and end in seconds
+    clips: list[dict[str, Any]] = field(default_factory=list)  # animations: name, start and end in seconds
     names: dict[str, list[str]] = field(default_factory=dict)  # of `objects` and `materials`, in the order of their numbers
     lights_power: float | None = None  # what its own lights send out: renderer.scene.lit needs it
-    blend: dict[str, Any] | None = None  # what Blender wrote of it: the name of the `main` file, and `files`, a BlobRef each
+    blend: dict[str, Any] | None = None  # files that Blender wrote: the name of `main`, and `files`, a BlobRef each
 
     @classmethod
     def from_json(cls, data: Any) -> SceneInfo:
-        """The info that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        """Parses the info from the JSON of `dataclasses.asdict`. Raises ValueError."""
         known = _fields(cls, data)
         lists = ("cameras", "bounds", "animations", "warnings")
         if not (all(isinstance(known[name], list) for name in lists) and isinstance(known["counts"], dict)):
@@ -193,7 +195,10 @@ class SceneInfo:
 
 @dataclass(frozen=True)
 class PrepareFrames:
-    """Frames of a shot to prepare, in this order, each answered by itself. Frames are in halves (renderer.frames.frame_key)."""
+    """Request to prepare frames of a shot in this order, with one answer per frame. Frame numbers are in halves.
+
+    See renderer.frames.frame_key.
+    """
 
     work: str  # unique for every time it is handed out
     job: str
@@ -206,17 +211,17 @@ class PrepareFrames:
     camera: str | int | None = None  # by name or number
     view: dict[str, Any] | None = None  # one of the request's own, instead
     turntable: float | None = None  # seconds in which it goes around
-    shutter: dict[str, Any] = field(default_factory=dict)  # what is asked for of its settings; of the others the file's count
+    shutter: dict[str, Any] = field(default_factory=dict)  # requested shutter settings; the file's apply for missing ones
 
     @classmethod
     def from_json(cls, data: Any) -> PrepareFrames:
-        """The wish that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        """Parses the request from the JSON of `dataclasses.asdict`. Raises ValueError."""
         return cls(**_fields(cls, data))
 
 
 @dataclass(frozen=True)
 class FrameInfo:
-    """What preparing a frame found out. compiled: what its scene is compiled to; None: to the same as at its beginning."""
+    """The result of preparing a frame. compiled: its compiled scene; None: the same as that of the shot's first moment."""
 
     compiled: BlobRef | None
     view: dict[str, Any]
@@ -227,7 +232,7 @@ class FrameInfo:
 
     @classmethod
     def from_json(cls, data: Any) -> FrameInfo:
-        """The info that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        """Parses the info from the JSON of `dataclasses.asdict`. Raises ValueError."""
         known = _fields(cls, data)
         compiled = known["compiled"]
         return cls(**{**known, "compiled": BlobRef.from_json(compiled) if compiled else None})
@@ -235,7 +240,7 @@ class FrameInfo:
 
 @dataclass(frozen=True)
 class RenderBatch:
-    """The unit of work: sample numbers first ... first + count - 1 of every pixel of a tile of a frame (in halves)."""
+    """The unit of work: samples first ... first + count - 1 of every pixel of a tile of a frame (frame numbers in halves)."""
 
     batch: str  # unique for every time it is handed out
     job: str
@@ -253,7 +258,7 @@ class RenderBatch:
 
     @classmethod
     def from_json(cls, data: Any) -> RenderBatch:
-        """The batch that `to_json` wrote. Raises ValueError, or SettingsError where it asks for what is not known here."""
+        """Parses the batch that `to_json` wrote. Raises ValueError, or SettingsError for settings unknown to this release."""
         known = _fields(cls, data)
         settings = RenderSettings.from_json(known["settings"])
         return cls(**{**known, "tile": Tile(*known["tile"]), "settings": settings})
@@ -261,8 +266,11 @@ class RenderBatch:
 
 @dataclass(frozen=True)
 class DenoiseFrame:
-    """Ask for a frame as it is now to be denoised. The worker fetches its means, three pictures one behind the other (colour,
-    albedo, normal), and stores the result, one, as a blob: float32 little-endian, three values a pixel, rows from the top."""
+    """Request to denoise a frame in its current state.
+
+    The worker fetches the frame's means, three consecutive pictures (colour, albedo, normal), and stores the denoised picture as
+    a blob: float32 little-endian, three values per pixel, rows from the top.
+    """
 
     work: str  # unique for every time it is handed out
     job: str
@@ -272,14 +280,16 @@ class DenoiseFrame:
 
     @classmethod
     def from_json(cls, data: Any) -> DenoiseFrame:
-        """The wish that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        """Parses the request from the JSON of `dataclasses.asdict`. Raises ValueError."""
         return cls(**_fields(cls, data))
 
 
 @dataclass(frozen=True)
 class FrameVectors:
-    """Ask for a frame's motion vectors (renderer/vectors.py), which the worker stores as a blob: float32 little-endian, four
-    values a pixel, rows from the top."""
+    """Request for a frame's motion vectors (renderer/vectors.py).
+
+    The worker stores them as a blob: float32 little-endian, four values per pixel, rows from the top.
+    """
 
     work: str  # unique for every time it is handed out
     job: str
@@ -296,13 +306,13 @@ class FrameVectors:
 
     @classmethod
     def from_json(cls, data: Any) -> FrameVectors:
-        """The wish that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        """Parses the request from the JSON of `dataclasses.asdict`. Raises ValueError."""
         return cls(**_fields(cls, data))
 
 
 @dataclass(frozen=True)
 class ShowEnvironment:
-    """Ask for an image that lights scenes to be looked at: the worker stores a small picture of it as a blob, a JPEG."""
+    """Request for a thumbnail of an environment image: the worker stores a small JPEG as a blob."""
 
     work: str  # unique for every time it is handed out
     job: str  # no job but the environment's id: which one waits for it
@@ -315,13 +325,13 @@ class ShowEnvironment:
 
     @classmethod
     def from_json(cls, data: Any) -> ShowEnvironment:
-        """The wish that `dataclasses.asdict` made JSON of. Raises ValueError."""
+        """Parses the request from the JSON of `dataclasses.asdict`. Raises ValueError."""
         return cls(**_fields(cls, data))
 
 
 @dataclass(frozen=True)
 class WorkerReport:
-    """A worker of itself, every HEARTBEAT_EVERY_S."""
+    """A worker's heartbeat, sent every HEARTBEAT_EVERY_S seconds."""
 
     name: str
     host: str
@@ -339,18 +349,18 @@ class WorkerReport:
     blurs: bool = False  # whether it prepares them with an open shutter
     vectors: bool = False  # whether it makes motion vectors
     several: bool = False  # whether it takes several batches in one message
-    views: bool = False  # whether it renders views that somebody looks at (worker.view_parts)
+    views: bool = False  # whether it renders interactive views (worker.view_parts)
     explains: bool = False  # whether it explains pixels (worker.explained)
     adds: bool = False  # whether its slots share a tile, and add up its sums (worker.joint)
     in_hand: list[str] = field(default_factory=list)  # messages of which something waits on the machine, beside `current`
 
     def to_bytes(self) -> bytes:
-        """JSON for the worker's key."""
+        """Serializes the report as JSON for the worker's key."""
         return json.dumps(asdict(self)).encode()
 
     @classmethod
     def from_bytes(cls, data: bytes) -> WorkerReport:
-        """The report that `to_bytes` wrote, here or in another release. Raises ValueError where it is none."""
+        """Parses a report from `to_bytes` of this or another release. Raises ValueError if it is malformed."""
         try:
             report = cls(**_fields(cls, json.loads(data)))
         except (TypeError, RecursionError) as error:
@@ -374,27 +384,27 @@ class Result:
 
     type and the further keys of `event`:
         batch            batch, job, frame, tile, first, count, worker, seconds, bad: [[x, y, sample], ...], bad_count
-        batches          worker.joint says of what
+        batches          see worker.protocol.joint
         batch-failed     batch, job, frame, tile, first, count, worker, error (a sentence), reproduce (a command), trace
-        batch-returned   the same but for reproduce: the worker's own trouble, to be handed out again without blaming the scene
-        denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service told them)
+        batch-returned   the same without reproduce: a failure of the worker, not of the scene; to be handed out again
+        denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service gave them)
         vectors-made, environment-shown: the first three; denoise-, vectors-, environment-failed: work, worker, error (a sentence)
         prepare-started  scene, kind, worker
         prepare-progress scene, kind, step (a phrase), fraction 0..1
         prepared         scene, kind, worker, info: SceneInfo
         prepare-failed   scene, kind, worker, error (a sentence)
-        prepare-returned the same, unfit, passing: the worker's own trouble, to be handed out again. unfit: its machine cannot do
-                         it, another may; passing: for now
+        prepare-returned the same, unfit, passing: a failure of the worker; to be handed out again. unfit: its machine cannot do
+                         the work, another may; passing: only temporarily
         frame-prepared   work, job, kind, worker, frame, info: FrameInfo
         frame-failed     work, job, kind, worker, frame, error (a sentence)
-        frames-returned  work, job, kind, worker, error (a sentence), unfit, passing: those that are not answered, as above
+        frames-returned  work, job, kind, worker, error (a sentence), unfit, passing: for the unanswered frames, as above
     """
 
     event: dict[str, Any]
     sums: bytes | None = None
 
     def to_fields(self) -> dict[bytes, bytes]:
-        """The fields to XADD."""
+        """The fields to pass to XADD."""
         fields = {b"event": json.dumps(self.event).encode()}
         if self.sums is not None:
             fields[b"sums"] = self.sums
@@ -402,5 +412,5 @@ class Result:
 
     @classmethod
     def from_fields(cls, fields: dict[bytes, bytes]) -> Result:
-        """The result that `to_fields` wrote."""
+        """Parses the result that `to_fields` wrote."""
         return cls(json.loads(fields[b"event"]), fields.get(b"sums"))

@@ -1,15 +1,15 @@
-"""What the service and a worker say to each other about a pixel that somebody wants explained.
+"""Messages between the service and a worker about explaining a pixel.
 
     service --- Celery task EXPLAIN -------------> worker     ExplainPixel, in the queue of views (worker.view_parts)
     worker ---- list explained_key(message) -----> service    JSON objects, see below; the list expires by itself
 
-The request waits for answers on a list of the question's own: nothing else has to know of it, and nothing stays.
+The HTTP request waits for the answers on a Redis list of its own; no other state is kept.
 
-    begun      it is in a slot's hands: worker
-    compiling  the kernel for it is got ready there, which may take minutes: worker
+    begun      a slot has taken the task: worker
+    compiling  the worker is compiling its kernel, which may take minutes: worker
     done       explained (worker.explain.told), worker
     failed     error (a sentence), worker
-    returned   the worker's own trouble, error: to be asked again
+    returned   a failure of the worker, error: to be sent again
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ ANSWER_TTL_S = 60
 
 
 def explained_key(message: str) -> str:
-    """The Redis list of the answers to a question."""
+    """The Redis list of the answers to a message."""
     return f"rayfarm:explained:{message}"
 
 
 @dataclass(frozen=True)
 class ExplainPixel:
-    """A pixel of a job's frame, whose first `count` samples are to be rendered once more."""
+    """A pixel of a job's frame, whose first `count` samples are rendered once more."""
 
     message: str  # unique for every question
     job: str
-    compiled: str  # SHA-256 of the compiled scene's blob; where `moment` is given, of the scene at its beginning
+    compiled: str  # SHA-256 of the compiled scene's blob; with `moment`, of the scene at its beginning
     settings: RenderSettings
     x: int
     y: int
@@ -51,7 +51,7 @@ class ExplainPixel:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> ExplainPixel:
-        """The question that `to_json` wrote. Raises ValueError, KeyError, TypeError, or SettingsError."""
+        """Parses the message that `to_json` wrote. Raises ValueError, KeyError, TypeError, or SettingsError."""
         names = ("message", "job", "compiled", "x", "y", "count", "sample")
         moment = data.get("moment")
         return cls(

@@ -1,4 +1,4 @@
-"""When a worker works, as people write it: "Mon-Fri 19:00-07:00, Sat-Sun". In the local time of its machine."""
+"""A worker's working hours in text form, such as "Mon-Fri 19:00-07:00, Sat-Sun", in the local time of its machine."""
 
 from __future__ import annotations
 
@@ -15,21 +15,23 @@ _PART = re.compile(r"(?:(?P<days>[a-z]{3}(?:\s*-\s*[a-z]{3})?))?\s*(?:(?P<begin>
 
 
 def local_now() -> datetime:
-    """By this machine's clock, in the zone that it is set to now: a process knows only that of its begin unless it asks anew."""
+    """The current local time in this machine's time zone. Rereads the zone, which a process otherwise caches at its start."""
     time.tzset()
     return datetime.now()
 
 
 @dataclass(frozen=True)
 class Hours:
-    """Parts of the week: the days on which each begins (0: Monday), from and to which minute of the day. One whose end is not
-    after its begin goes on into the next day."""
+    """Intervals of the week: the days on which each begins (0: Monday), and its first and last minute of the day.
+
+    An interval whose end is not after its beginning continues into the next day.
+    """
 
     parts: tuple[tuple[frozenset[int], int, int], ...]
 
     @classmethod
     def parse(cls, text: str) -> Hours:
-        """Parts with commas between them: days, hours, or both. Days alone are whole, hours alone of every day.
+        """Parses intervals separated by commas: days, hours, or both. Days alone mean the whole day, hours alone mean every day.
 
         Raises ValueError with a sentence.
         """
@@ -39,7 +41,7 @@ class Hours:
         return cls(tuple(_part(piece.strip()) for piece in pieces))
 
     def are_now(self, now: datetime) -> bool:
-        """Whether a moment lies within them."""
+        """Whether `now` lies within the hours."""
         minute, day = 60 * now.hour + now.minute, now.weekday()
         before = (now - timedelta(days=1)).weekday()
         for days, begin, end in self.parts:

@@ -1,12 +1,12 @@
-"""What the service and a worker say to each other of a tile that a machine's slots render together.
+"""Messages about a tile that the slots of one machine render together.
 
     service --- Celery task RENDER_JOINTLY > worker    JointBatch: samples of one tile, in parts
-    worker ---- Celery task HELP ----------> itself    no words: take a part that waits on this machine, or send what is ripe
-    worker ---- stream RESULTS ------------> service   Result of type `batches`: sums of parts that follow each other
+    worker ---- Celery task HELP ----------> itself    empty: take a waiting part on this machine, or send sums that are due
+    worker ---- stream RESULTS ------------> service   Result of type `batches`: sums of consecutive parts
 
-`batches`: job, frame, tile, first, count, worker, parts: [[batch, first, count, seconds], ...], bad, bad_count. The parts are all
-of first ... first + count - 1, in order. Only for workers that say they add (WorkerReport.adds). Where machines of a site have
-added up theirs (worker/protocol/site.py), each part ends with the name of the worker that rendered it.
+`batches`: job, frame, tile, first, count, worker, parts: [[batch, first, count, seconds], ...], bad, bad_count. The parts cover
+first ... first + count - 1, in order. Only for workers that support addition (WorkerReport.adds). If a site's reducer has added
+the sums of its machines (worker/protocol/site.py), each part ends with the name of the worker that rendered it.
 """
 
 from __future__ import annotations
@@ -26,46 +26,46 @@ HELP_QUEUES = "rayfarm.help."
 
 
 def help_queue(worker: str) -> str:
-    """The Celery queue in which a worker's slots ask each other for help. It holds no work: what is lost with it is nothing."""
+    """The Celery queue of help requests among a worker's slots. It holds no work, so losing it loses nothing."""
     return f"{HELP_QUEUES}{worker}"
 
 
 class Piece(NamedTuple):
-    """A part of a joint batch: what it is handed out as, and its samples."""
+    """A part of a joint batch: its batch id and its range of samples."""
 
     batch: str
     first: int
-    count: int  # type: ignore[assignment]  # hides tuple.count, which nobody needs
+    count: int  # type: ignore[assignment]  # hides tuple.count, which is unused
 
 
 class Run(NamedTuple):
-    """Samples of a tile that the machines of one site render, in some messages; its reducer adds up their sums."""
+    """Samples of a tile that the machines of one site render in several messages; the site's reducer adds their sums."""
 
     site: str
     first: int
     count: int  # type: ignore[assignment]
-    hold_s: float  # how long what came of them may wait there for the rest
+    hold_s: float  # seconds for which sums may wait there for the rest
 
     @classmethod
     def of(cls, data: Any) -> Run | None:
-        """What a message has for one; None where that makes no sense: then nobody adds up more than a machine's sums."""
+        """Parses a message's run; None if it is malformed, in which case sums are added per machine only."""
         try:
             site, first, count, hold_s = data
             run = cls(str(site), int(first), int(count), float(hold_s))
         except (TypeError, ValueError, OverflowError):
             return None
-        return None if math.isnan(run.hold_s) else run  # which no time is longer than
+        return None if math.isnan(run.hold_s) else run  # NaN compares false with every time
 
 
 @dataclass(frozen=True)
 class JointBatch:
-    """Samples of a tile for the slots of one machine, a piece each; their sums come back added up."""
+    """Samples of a tile for the slots of one machine, one piece per slot; their sums come back added."""
 
-    whole: RenderBatch  # all pieces' samples; its `batch` is the message's id
+    whole: RenderBatch  # the samples of all pieces; its `batch` is the message's id
     pieces: tuple[Piece, ...]
-    hold_s: float  # how long the sums of a piece may wait for those of the others
-    queue: str = ""  # in which it waited, if not in that of all batches: what a machine cannot take goes back there
-    run: Run | None = None  # that it is a part of
+    hold_s: float  # seconds for which a piece's sums may wait for the others
+    queue: str = ""  # its queue if not the default one; surplus pieces go back there
+    run: Run | None = None  # the run that it belongs to
 
     def to_json(self) -> dict[str, Any]:
         """A JSON-ready dict for the Celery message."""
@@ -74,7 +74,7 @@ class JointBatch:
 
     @classmethod
     def from_json(cls, data: Any) -> JointBatch:
-        """The batch that `to_json` wrote. Raises ValueError, TypeError, KeyError or SettingsError where it is none."""
+        """Parses the batch that `to_json` wrote. Raises ValueError, TypeError, KeyError or SettingsError if it is malformed."""
         if not isinstance(data, Mapping):
             raise ValueError("a joint batch is an object")
         pieces = tuple(Piece(str(batch), int(first), int(count)) for batch, first, count in data["pieces"])
@@ -84,6 +84,6 @@ class JointBatch:
         return cls(RenderBatch.from_json(data["whole"]), pieces, float(data["hold_s"]), queue, run)
 
     def batch(self, number: int) -> RenderBatch:
-        """A piece as a batch of its own."""
+        """One piece as a separate batch."""
         piece = self.pieces[number]
         return replace(self.whole, batch=piece.batch, first=piece.first, count=piece.count)

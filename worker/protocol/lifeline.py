@@ -1,7 +1,6 @@
-"""How the service tells a dead worker from a slow one: the connection of its heartbeat to Redis has a name, and ends with its
-process.
+"""Distinguishes a dead worker from a slow one: its heartbeat's connection to Redis has a name, and closes with the process.
 
-A worker on an overloaded machine may go without reporting for longer than a report lives. What it has in hand is not lost.
+A worker on an overloaded machine may miss reports for longer than a report's TTL. It keeps the leases of its work.
 """
 
 from __future__ import annotations
@@ -17,12 +16,12 @@ __all__ = ["connected", "lifeline"]
 
 
 def lifeline(worker: str) -> str:
-    """The name of its connection: Redis takes no spaces there."""
+    """The name of a worker's Redis connection. Redis allows no spaces in it."""
     return f"rayfarm-worker-{hashlib.sha256(worker.encode()).hexdigest()[:24]}"
 
 
 def connected(store: redis.Redis, workers: Iterable[str]) -> set[str]:
-    """Those of these workers whose connection stands; nobody where Redis does not tell. Raises redis.RedisError."""
+    """Those of these workers whose connection is open; empty if Redis does not list connections. Raises redis.RedisError."""
     names = {lifeline(worker): worker for worker in workers}
     clients: Any = []
     with contextlib.suppress(redis.ResponseError):

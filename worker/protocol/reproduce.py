@@ -19,12 +19,12 @@ def batch_command(settings: RenderSettings, tile: Tile, first: int, count: int) 
 
 
 def sample_command(settings: RenderSettings, x: int, y: int, sample: int) -> str:
-    """The command that follows one path and prints its vertices; SCENE stands for the uploaded file."""
+    """The command that traces one path and prints its vertices; SCENE stands for the uploaded file."""
     return shlex.join(["rayfarm", "render", "SCENE", *_options(settings), f"--pixel={x},{y}", f"--sample={sample}"])
 
 
 def _options(settings: RenderSettings) -> list[str]:
-    """Every setting, said in full: the scene file's own must not take the place of one that was left out."""
+    """Every setting as an explicit option, so that no default of the scene file replaces one."""
     view = dict(vars(settings.view))
     if view["focus"] is None:
         view["focus"] = math.dist(settings.view.eye, settings.view.target)

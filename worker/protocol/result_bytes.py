@@ -1,4 +1,4 @@
-"""A result as bytes: in files of a machine, and on its way to a site's reducer."""
+"""Serialization of a result, for files on a machine and for transport to a site's reducer."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ _LENGTH = struct.Struct("<I")  # of the event, which comes next; the rest are th
 
 
 def result_bytes(result: Result) -> bytes:
-    """What `result_of` reads."""
+    """Serializes a result; `result_of` reads it."""
     event = json.dumps(result.event).encode()
     return b"".join([_LENGTH.pack(len(event)), event, result.sums or b""])
 
 
 def result_of(data: bytes) -> Result:
-    """The result that `result_bytes` wrote. Raises ValueError where it is none."""
+    """Parses the result that `result_bytes` wrote. Raises ValueError if it is malformed."""
     try:
         end = _LENGTH.size + _LENGTH.unpack_from(data)[0]
         event = json.loads(data[_LENGTH.size : end])

@@ -1,15 +1,15 @@
-"""What the machines of a site say to its reducer, which adds up their sums of a tile before they travel on.
+"""Messages from the machines of a site to its reducer, which adds their sums of a tile before sending them on.
 
     worker --- HTTP POST /sums ----------> reducer    a Result of type `batch` or `batches` with `run` (joint.Run), as
                                                       result_bytes.py packs it, signed; 204: the reducer has it.
-                                                      Its size is signed too, so that room is kept for who belongs here
+                                                      Its size is signed too, so that memory is reserved for members only
     reducer -- stream RESULTS -----------> service    Result of type `batches`: each part ends with its worker's name
-    reducer -- key site_key(name) -------> service    SiteReport, expires after HEARTBEAT_TTL_S; and workers: where it is
-    reducer -- key secret_key(name) -----> worker     what sums are signed with
+    reducer -- key site_key(name) -------> service    SiteReport, expires after HEARTBEAT_TTL_S; and workers: its address
+    reducer -- key secret_key(name) -----> worker     the secret that signs sums
 
-Whoever is let into the farm's Redis by a token of its own can read the secret, and nobody else: so a token that is withdrawn
-ends that too. It is another one every SECRET_S seconds. What is acknowledged and lost with the reducer is handed out again by
-its lease; what comes twice the film drops.
+Only clients with a token for the farm's Redis can read the secret, so withdrawing a token also withdraws this access. The secret
+changes every SECRET_S seconds. Sums that are acknowledged and then lost with the reducer are rendered again when their lease
+expires; the film drops duplicates.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SUMS_PATH = "/sums"
 SIGNATURE_HEADER = "X-Rayfarm-Signature"
 ANNOUNCED_HEADER = "X-Rayfarm-Announced"
 SECRET_S = 600.0
-LARGEST = 1 << 60  # of its counts
+LARGEST = 1 << 60  # upper limit on its counts
 
 
 def site_key(name: str) -> str:
@@ -51,23 +51,26 @@ def site_key(name: str) -> str:
 
 
 def secret_key(name: str) -> str:
-    """The Redis key of what its workers sign with."""
+    """The Redis key of the secret with which a site's workers sign."""
     return f"rayfarm:site-secret:{name}"
 
 
 def signature(secret: bytes, body: bytes) -> str:
-    """By which the reducer knows that a body comes from a worker of the farm, as it was sent."""
+    """Signature that proves to the reducer that a body comes unchanged from a worker of the farm."""
     return hmac.digest(secret, body, "sha256").hex()
 
 
 def announced(secret: bytes, size: int) -> str:
-    """By which the reducer knows that, before the body has come: whoever only says that much comes is not waited for."""
+    """Signature of a body's size, which the reducer checks before it accepts the body.
+
+    The reducer does not wait for the body of a sender without it.
+    """
     return signature(secret, b"size %d" % size)
 
 
 @dataclass(frozen=True)
 class SiteReport:
-    """A site's reducer of itself."""
+    """Heartbeat of a site's reducer."""
 
     name: str
     host: str
@@ -75,19 +78,19 @@ class SiteReport:
     address: str  # that its workers reach
     port: int
     started: float  # unix time
-    in_hand: list[str] = field(default_factory=list)  # batches whose sums it has and has not sent
-    results: int = 0  # that it has taken
+    in_hand: list[str] = field(default_factory=list)  # batches whose sums it holds unsent
+    results: int = 0  # number of results received
     sent: int = 0  # that became of them
     bytes_in: int = 0
     bytes_out: int = 0
 
     def to_bytes(self) -> bytes:
-        """JSON for its key."""
+        """Serializes the report as JSON for its key."""
         return json.dumps(asdict(self)).encode()
 
     @classmethod
     def from_bytes(cls, data: bytes) -> SiteReport:
-        """The report that `to_bytes` wrote, here or in another release. Raises ValueError where it is none."""
+        """Parses a report from `to_bytes` of this or another release. Raises ValueError if it is malformed."""
         try:
             found = json.loads(data)
             if not isinstance(found, Mapping):

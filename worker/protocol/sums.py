@@ -1,9 +1,9 @@
-"""A batch's sums as bytes, on their way from a worker and in a film's files.
+"""Serialization of a batch's sums, for transport from a worker and for a film's files.
 
-Packed sums are a byte that says so, the number of planes, of each plane a head (what it is, and a number), and then what is left
-of the planes. A plane whose pixels are all alike is their value; one that is like another is its number: of a single sample the
-half is all of it or nothing. The others are as narrow as their values let them be and compressed by LZ4, each by itself, so that
-whoever wants colours does not unpack what lies beside them.
+Packed sums are a format byte, the number of planes, a head for each plane (a code and a number), and the planes' bodies. A plane
+with equal pixels is stored as their value. A plane that equals an earlier one is stored as that one's number: with a single
+sample, the half film equals the whole film or is zero. Every other plane uses the narrowest integer type that holds its values
+and is LZ4-compressed separately, so readers that need only colour decompress only those planes.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ __all__ = ["PACKED", "add_sums", "check_sums", "check_weight", "pack_sums", "unp
 
 Array = npt.NDArray[Any]
 
-PACKED = 2  # the first byte; before there was one, all planes were one LZ4 block, which begins with 16 or more
+PACKED = 2  # format byte; the older format is one LZ4 block, whose first byte is 16 or more
 ALIKE, COPY = 0, 9
-PLAIN = 10  # of 8 bytes a pixel and not compressed: never in what is packed now
+PLAIN = 10  # uncompressed, 8 bytes a pixel: only from the older format
 WIDTHS = {1: "<i1", 2: "<i2", 4: "<i4", 8: "<i8"}  # bytes a pixel
 _START = struct.Struct("<BB")
-_HEAD = struct.Struct("<Bq")  # ALIKE and the value, COPY and the plane, or the width and the bytes that LZ4 made of it
+_HEAD = struct.Struct("<Bq")  # ALIKE and the value, COPY and the plane's number, or the width and the compressed size
 
 
 def pack_sums(sums: Sums, packing: int = PACKED) -> bytes:
-    """A batch's sums, (planes, h, w) int64. The same sums are always the same bytes.
+    """Packs a batch's sums, (planes, h, w) int64. Deterministic: equal sums give equal bytes.
 
-    packing: what whoever unpacks them knows; 1: as releases before 0.2.
+    packing: the newest format that the reader supports; 1: that of releases before 0.2.
     """
     if packing < PACKED:
         return lz4.block.compress(_narrow(sums, 8), store_size=False)
@@ -60,10 +60,11 @@ def pack_sums(sums: Sums, packing: int = PACKED) -> bytes:
 
 
 def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[int] | None = None) -> Sums:
-    """The sums that `pack_sums` packed, (CHANNELS, h, w) int64. Raises ValueError where they are not of this tile.
+    """Unpacks the sums that `pack_sums` packed, (CHANNELS, h, w) int64. Raises ValueError if they do not fit this tile.
 
-    stored: an older release may have packed them, which knew fewer planes; those that came since are 0.
-    planes: fill these alone; the others stay 0, and take neither time nor memory."""
+    stored: accept sums of an older release with fewer planes; the missing planes are 0.
+    planes: fill only these; the others stay 0 and cost neither time nor memory.
+    """
     sums = np.zeros((CHANNELS, tile.h, tile.w), "<i8")
     known = dict(_planes(data, tile, stored))
     for number in known if planes is None else planes:
@@ -81,13 +82,15 @@ def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[
 
 
 def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes: Collection[int] | None = None) -> None:
-    """Add what `pack_sums` packed, or some planes of it. Raises ValueError where that is not of this tile; then nothing was
-    added. stored: as `unpack_sums`."""
+    """Adds packed sums, or some of their planes, to `total`.
+
+    stored: as in `unpack_sums`. Raises ValueError if they do not fit this tile; `total` is then unchanged.
+    """
     known = dict(_planes(data, tile, stored))
     wanted = known.keys() if planes is None else known.keys() & planes
     wanted |= {known[number][1] for number in wanted if known[number][0] == COPY}
     values: dict[int, Any] = {}
-    for number in sorted(wanted):  # one that is like another comes after it
+    for number in sorted(wanted):  # a copy follows its original
         code, value, body = known[number]
         if code == COPY:
             values[number] = values[value]
@@ -104,14 +107,14 @@ def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes:
 
 
 def check_sums(data: bytes, tile: Tile) -> None:
-    """Raises ValueError where `unpack_sums` would, in less time."""
+    """Raises ValueError if `unpack_sums` would; takes less time."""
     for code, _, body in dict(_planes(data, tile, False)).values():
         if code in WIDTHS:
             _raw(body, code, tile)
 
 
 def check_weight(data: bytes, tile: Tile, count: int) -> None:
-    """Raises ValueError where a pixel is said to have more than `count` samples, or fewer than none."""
+    """Raises ValueError if a pixel has a negative number of samples, or more than `count`."""
     code, least, _ = dict(_planes(data, tile, False))[SAMPLES]
     most = least
     if code != ALIKE:
@@ -122,7 +125,7 @@ def check_weight(data: bytes, tile: Tile, count: int) -> None:
 
 
 def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
-    """Of each plane its number, and what it is: ALIKE, COPY or a width, the value, and what is left of it."""
+    """Yields each plane's number with its code (ALIKE, COPY or a width), value, and body."""
     if not data or data[0] != PACKED:
         yield from _in_one_block(data, tile, stored)
         return
@@ -152,7 +155,7 @@ def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[
 
 
 def _in_one_block(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
-    """The planes as releases before 0.2 packed them: low words of all planes, then their high ones, in one LZ4 block."""
+    """Yields the planes in the format of releases before 0.2: low words of all planes, then high words, in one LZ4 block."""
     size = CHANNELS * tile.h * tile.w * 8
     raw = _decompressed(data, size)
     plane = tile.h * tile.w * 8
@@ -164,7 +167,7 @@ def _in_one_block(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, 
 
 
 def _narrow(plane: Array, width: int) -> bytes:
-    if width == 8:  # the high words are nearly alike, and vanish
+    if width == 8:  # separate the high words, which are nearly equal and compress well
         return np.ascontiguousarray(np.ascontiguousarray(plane, "<i8").reshape(-1, 1).view("<u4").T).tobytes()
     return plane.astype(WIDTHS[width]).tobytes()
 

@@ -1,7 +1,7 @@
-"""What a worker is asked for at run time, and what it offers, in keys beside its report that older workers do without.
+"""A worker's run-time settings and its capabilities, in Redis keys beside its report that older workers ignore.
 
-service --- key terms_key(name) --> worker     Terms: what an administrator asks for, and the queues of needs that it serves
-worker ---- key offer_key(name) --> service    Offer: what it can, which terms it keeps, and why it rests; expires
+service --- key terms_key(name) --> worker     Terms: an administrator's settings, and the requirement queues to serve
+worker ---- key offer_key(name) --> service    Offer: its capabilities, the terms in effect, and why it is idle; expires
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ __all__ = ["NEEDS", "OFFER_TTL_S", "TAG", "Offer", "Terms", "needs_queue", "offe
 OFFER_TTL_S = 30
 MOST_NICE = 19
 MOST_MEMORY = 10**15  # bytes
-MOST_OF_AN_OFFER = 1 << 60  # any number in it
+MOST_OF_AN_OFFER = 1 << 60  # upper limit on every number of an offer
 LONGEST_TEXT, MOST_TEXTS = 4000, 1000
-NEEDS = ".needs."  # in a queue's name: after its kind
+NEEDS = ".needs."  # separates the kind from the digest in a queue's name
 TAG = re.compile(r"[a-z0-9][a-z0-9._:-]{0,62}")
 
 
 @dataclass(frozen=True)
 class Terms:
-    """None: as the worker was started."""
+    """Run-time settings of a worker. None: keep the value with which the worker was started."""
 
     hours: str | None = None  # worker.hours; empty: always
-    idle_minutes: float | None = None  # it works only when nobody has worked at its machine for so long; 0: in any case
-    nice: int | None = None  # 0 to 19: how far it stands back for other programs of its machine
-    slots: int | None = None  # at most
+    idle_minutes: float | None = None  # works only after this much user inactivity; 0: always
+    nice: int | None = None  # nice level, 0 to 19
+    slots: int | None = None  # maximum number of slots in use
     memory: int | None = None  # bytes; 0: no limit
-    queues: tuple[str, ...] = ()  # beside its own
+    queues: tuple[str, ...] = ()  # served in addition to its own
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Terms:
-        """What `to_bytes` wrote, here or in another release. Raises ValueError where it is something else."""
+        """Parses terms from `to_bytes` of this or another release. Raises ValueError if they are malformed."""
         try:
             found = json.loads(data)
             known = {f.name: found[f.name] for f in fields(cls) if found.get(f.name) is not None}
@@ -51,16 +51,16 @@ class Terms:
         return terms.checked()
 
     def to_bytes(self) -> bytes:
-        """JSON for the worker's key; the same terms are the same bytes."""
+        """Serializes the terms as JSON for the worker's key; equal terms give equal bytes."""
         return json.dumps({name: value for name, value in asdict(self).items() if value is not None}, sort_keys=True).encode()
 
     @property
     def digest(self) -> str:
-        """By which a worker says that it keeps these."""
+        """The digest with which a worker confirms that these terms are in effect: 16 hexadecimal digits."""
         return hashlib.sha256(self.to_bytes()).hexdigest()[:16]
 
     def checked(self) -> Terms:
-        """Themselves. Raises ValueError with a sentence where a value is none."""
+        """Returns these terms unchanged. Raises ValueError with a sentence if a value is out of range."""
         if self.hours:
             Hours.parse(self.hours)
         for name, value, most in (
@@ -78,35 +78,35 @@ class Terms:
         return self
 
     def over(self, own: Terms) -> Terms:
-        """These where they say something, else a worker's own."""
+        """Merges these terms over a worker's own: a value that is None here is taken from `own`."""
         said = {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
         return replace(own, **said)
 
 
 @dataclass(frozen=True)
 class Offer:
-    """A worker, beside its report."""
+    """Capabilities and state of a worker, in addition to its report."""
 
     tags: tuple[str, ...]
-    memory: int  # bytes that it may use: its limit, else all that its machine has
-    slots_most: int  # it has so many processes
-    keeps: str  # the digest of the terms that it keeps
+    memory: int  # usable bytes: its limit, else the machine's memory
+    slots_most: int  # its number of processes
+    keeps: str  # digest of the terms in effect
     hours: str = ""
     idle_minutes: float = 0.0
-    idle_by: tuple[str, ...] = ()  # by what it knows that somebody works at the machine: load, terminals, desktop, screen
+    idle_by: tuple[str, ...] = ()  # sources of user activity: load, terminals, desktop, screen
     nice: int = 0
     memory_limit: int = 0
-    queues: tuple[str, ...] = ()  # of needs, that it takes from now
-    why: str | None = None  # it rests, as a sentence
-    trouble: str | None = None  # what of its terms it cannot keep, as a sentence
+    queues: tuple[str, ...] = ()  # requirement queues that it serves now
+    why: str | None = None  # why it is idle, as a sentence
+    trouble: str | None = None  # which terms it cannot apply, as a sentence
 
     def to_bytes(self) -> bytes:
-        """JSON for the worker's key."""
+        """Serializes the offer as JSON for the worker's key."""
         return json.dumps(asdict(self)).encode()
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Offer:
-        """What `to_bytes` wrote, here or in another release. Raises ValueError where it is something else."""
+        """Parses an offer from `to_bytes` of this or another release. Raises ValueError if it is malformed."""
         try:
             found = json.loads(data)
             known = {f.name: found[f.name] for f in fields(cls) if f.name in found}
@@ -125,7 +125,7 @@ class Offer:
                 0 <= number <= MOST_OF_AN_OFFER
                 for number in (offer.memory, offer.slots_most, offer.memory_limit, offer.idle_minutes)
             )
-            and abs(offer.nice) <= MOST_NICE + 1  # below 0 where root has started it so
+            and abs(offer.nice) <= MOST_NICE + 1  # negative if started so by root
             and all(isinstance(text, str) and len(text) <= LONGEST_TEXT for text in texts)
             and len(lists) <= MOST_TEXTS
         ):
@@ -135,15 +135,15 @@ class Offer:
 
 @lru_cache(4096)
 def needs_queue(kind: str, needs: str) -> str:
-    """The Celery queue for batches of jobs of this kind that need something. needs: as text, the same for the same."""
+    """The Celery queue for batches of this kind with requirements. needs: canonical text of the requirements."""
     return f"{render_queue(kind)}{NEEDS}{hashlib.sha256(needs.encode()).hexdigest()[:16]}"
 
 
 def terms_key(name: str) -> str:
-    """The Redis key under which the service says what is asked of a worker."""
+    """The Redis key of a worker's terms, written by the service."""
     return f"rayfarm:terms:{name}"
 
 
 def offer_key(name: str) -> str:
-    """The Redis key under which a worker says what it offers."""
+    """The Redis key of a worker's offer, written by the worker."""
     return f"rayfarm:offer:{name}"

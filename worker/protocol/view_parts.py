@@ -1,13 +1,12 @@
-"""What the service and a worker say to each other about views that somebody is looking at: no jobs, no films, nothing that
-stays.
+"""Messages between the service and a worker about interactive views, which have no jobs or films and are not stored.
 
-    service --- Celery task RENDER_VIEW --> worker     ViewParts, in a queue that a slot takes from before all others
-    service --- Celery task VIEW_FRAME ---> worker     ViewFrame, in the same
-    service --- key view_key(watch) ------> worker     the number of the view that is looked at; no key: nobody looks
-    worker ---- list VIEW_ANSWERS --------> service    ViewAnswer; the list expires where no service takes from it
+    service --- Celery task RENDER_VIEW --> worker     ViewParts, in a queue that slots serve before all others
+    service --- Celery task VIEW_FRAME ---> worker     ViewFrame, in the same queue
+    service --- key view_key(watch) ------> worker     the number of the current view; without the key nothing is viewed
+    worker ---- list VIEW_ANSWERS --------> service    ViewAnswer; the list expires if no service reads it
 
-A slot compares the number before each part, so whatever a newer view has made stale is dropped at once. Answers have a list of
-their own: they are worthless to a restarted service, and need not wait for anybody's film.
+A slot compares the number before each part, and drops parts of an outdated view at once. Answers have a separate list, since they
+are worthless to a restarted service and need not wait for the merging of films.
 """
 
 from __future__ import annotations
@@ -46,18 +45,18 @@ _LENGTH = struct.Struct("<I")
 
 
 def view_queue(kind: str) -> str:
-    """The Celery queue for views, from which workers of this kind take first."""
+    """The Celery queue for views, which workers of this kind serve first."""
     return f"{VIEW_QUEUES}{kind}"
 
 
 def view_key(watch: str) -> str:
-    """The Redis key with the number of the view that this watcher looks at."""
+    """The Redis key with the number of the current view of this watch."""
     return f"rayfarm:view:{watch}"
 
 
 @dataclass(frozen=True)
 class Part:
-    """Sample numbers first ... first + count - 1 of every pixel of a rectangle of a view."""
+    """Samples first ... first + count - 1 of every pixel of a rectangle of a view."""
 
     number: int
     tile: Tile
@@ -67,7 +66,7 @@ class Part:
 
 @dataclass(frozen=True)
 class ViewParts:
-    """Parts of a view, to be rendered in turn and each answered by itself."""
+    """Parts of a view, rendered in turn, with one answer per part."""
 
     message: str  # unique for every time that parts are handed out
     watch: str
@@ -84,7 +83,7 @@ class ViewParts:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> ViewParts:
-        """The message that `to_json` wrote. Raises ValueError, KeyError, TypeError, or SettingsError."""
+        """Parses the message that `to_json` wrote. Raises ValueError, KeyError, TypeError, or SettingsError."""
         return cls(
             **{name: data[name] for name in ("message", "watch", "view", "compiled")},
             settings=RenderSettings.from_json(data["settings"]),
@@ -95,7 +94,7 @@ class ViewParts:
 
 @dataclass(frozen=True)
 class ViewFrame:
-    """Frames of a scene that moves, prepared to be looked at as they are for jobs (PrepareFrames, whose job is the watch)."""
+    """Frames of an animated scene, prepared for viewing as for jobs (PrepareFrames, whose job is the watch)."""
 
     message: str
     watch: str
@@ -108,21 +107,21 @@ class ViewFrame:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> ViewFrame:
-        """The message that `to_json` wrote. Raises ValueError, KeyError or TypeError."""
+        """Parses the message that `to_json` wrote. Raises ValueError, KeyError or TypeError."""
         return cls(data["message"], data["watch"], data["view"], PrepareFrames.from_json(data["work"]))
 
 
 @dataclass(frozen=True)
 class ViewAnswer:
-    """What a worker has to say of a message. type:
+    """A worker's answer to a view message. Values of type:
 
-    begun      the message is in a slot's hands: message, worker
-    compiling  the kernel for it is got ready there, which may take minutes: message, worker
-    part       a part is rendered: number, seconds, with the sums beside
+    begun      a slot has taken the message: message, worker
+    compiling  the worker is compiling its kernel, which may take minutes: message, worker
+    part       a part is rendered: number, seconds, with the sums attached
     frame      a frame is prepared: frame, info (FrameInfo)
-    over       the message is done with: all of it is answered, or was stale
-    failed     it cannot be done: error (a sentence)
-    returned   the worker's own trouble, error: to be handed out again
+    over       the message is finished: every part is answered or outdated
+    failed     the message cannot be processed: error (a sentence)
+    returned   a failure of the worker, error: to be handed out again
     """
 
     type: str
@@ -135,20 +134,20 @@ class ViewAnswer:
 
     @property
     def seconds(self) -> float:
-        """That a part took. Raises ValueError, KeyError or TypeError where that is no time."""
+        """The render time of a part in seconds. Raises ValueError, KeyError or TypeError if it is invalid."""
         seconds = float(self.more["seconds"])
         if not 0.0 <= seconds <= LONGEST_S:
             raise ValueError(f"a part took {seconds} s")
         return seconds
 
     def to_bytes(self) -> bytes:
-        """An element of the list: the length of a JSON object, it, and the sums."""
+        """Serializes the answer for the list: the length of a JSON object, the object, and the sums."""
         head = json.dumps({name: value for name, value in vars(self).items() if name != "sums"}).encode()
         return _LENGTH.pack(len(head)) + head + self.sums
 
     @classmethod
     def from_bytes(cls, data: bytes) -> ViewAnswer:
-        """The answer that `to_bytes` wrote. Raises ValueError."""
+        """Parses the answer that `to_bytes` wrote. Raises ValueError."""
         try:
             (length,) = _LENGTH.unpack_from(data)
             head = json.loads(data[_LENGTH.size : _LENGTH.size + length])

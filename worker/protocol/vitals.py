@@ -1,8 +1,8 @@
-"""How a worker's machine is doing, and the end of its log, in keys beside its report that older workers do without.
+"""State of a worker's machine and the end of its log, in Redis keys beside its report that older workers ignore.
 
 worker ---- key vitals_key(name) -----> service    Vitals, expires
-service --- key log_wanted_key(name) -> worker     somebody reads its log; expires
-worker ---- key log_key(name) --------> service    the last lines of it as a JSON list, expires
+service --- key log_wanted_key(name) -> worker     a client reads the log; expires
+worker ---- key log_key(name) --------> service    the last log lines as a JSON list, expires
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ _MOST = 1 << 60
 
 @dataclass(frozen=True)
 class Vitals:
-    """Of the worker's machine, in bytes."""
+    """Memory and load of a worker's machine; sizes in bytes."""
 
     memory_used: int
     memory_total: int
 
     def to_bytes(self) -> bytes:
-        """JSON for the worker's key."""
+        """Serializes the vitals as JSON for the worker's key."""
         return json.dumps(asdict(self)).encode()
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Vitals:
-        """What `to_bytes` wrote, here or in another release. Raises ValueError where it is something else."""
+        """Parses vitals from `to_bytes` of this or another release. Raises ValueError if they are malformed."""
         try:
             found = json.loads(data)
             used, total = found["memory_used"], found["memory_total"]
@@ -43,7 +43,7 @@ class Vitals:
 
 
 def look() -> Vitals | None:
-    """The machine as it is now; None where the system does not tell."""
+    """Reads this machine's current vitals; None if the system does not provide them."""
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
         sizes = {name: int(rest.split()[0]) * 1024 for name, _, rest in (line.partition(":") for line in lines)}
@@ -53,15 +53,15 @@ def look() -> Vitals | None:
 
 
 def vitals_key(name: str) -> str:
-    """The Redis key under which a worker tells how its machine is."""
+    """The Redis key of the vitals of a worker's machine."""
     return f"rayfarm:vitals:{name}"
 
 
 def log_wanted_key(name: str) -> str:
-    """The Redis key that is there while somebody wants to read a worker's log."""
+    """The Redis key that exists while a client reads a worker's log."""
     return f"rayfarm:log-wanted:{name}"
 
 
 def log_key(name: str) -> str:
-    """The Redis key under which a worker then tells its log's last lines."""
+    """The Redis key of the last lines of a worker's log."""
     return f"rayfarm:log:{name}"

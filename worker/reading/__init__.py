@@ -1,7 +1,7 @@
 """Jobs of the confined process (renderer/confine/) that reads untrusted files for a worker's slots.
 
-They know neither the service nor Redis. Paths arrive as bytes, and what they write lies in the folder that they are given.
-The slot's side of each is the module of the same name in worker/work/.
+They access neither the service nor Redis. Paths arrive as bytes, and output goes to the given folder. The slot's side of each is
+the module of the same name in worker/work/.
 
 kernels.py        kernels that the launcher loads, so that readers share them
 placed.py         compiled scenes that the slot has linked into the room
@@ -9,6 +9,6 @@ prepare.py        a scene: compiled, with a thumbnail and a summary
 frames.py         frames of a shot
 relight.py        a scene's environment
 vectors.py        motion vectors
-environments.py   an environment's small picture
+environments.py   an environment's thumbnail
 denoise.py        a denoised frame
 """

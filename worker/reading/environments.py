@@ -1,4 +1,4 @@
-"""An environment image as a small picture."""
+"""Thumbnail of an environment image."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NARROWEST, WIDEST = 1.9, 2.1  # an equirectangular image is twice as wide as hig
 
 
 def show(folder: bytes, name: str, width: int, result: bytes, link: Link) -> dict[str, Any]:
-    """Writes the picture of an image in `folder` into the file `result`. Raises SceneError."""
+    """Writes the thumbnail of an image in `folder` into the file `result`. Raises SceneError."""
     folder_of(result).write_bytes(encode.encode(small_picture(_pixels(folder_of(folder), name), width), "jpg"))
     return {}
 
@@ -40,16 +40,16 @@ def _pixels(folder: Path, path: str) -> np.ndarray:
 
 
 def small_picture(pixels: np.ndarray, width: int) -> np.ndarray:
-    """Radiance (h, w, 3) as (width / 2, width, 3): averaged over blocks, exposed for what is not a lamp."""
+    """Radiance (h, w, 3) as (width / 2, width, 3): averaged over blocks, with the exposure chosen without the lamps."""
     height = width // 2
     rows = np.linspace(0, len(pixels), height + 1).astype(int)
     columns = np.linspace(0, pixels.shape[1], width + 1).astype(int)
     clean = np.clip(np.nan_to_num(pixels, nan=0.0, posinf=1e4, neginf=0.0), 0, 1e4).astype(np.float64)
-    if min(clean.shape[:2]) < height or clean.shape[1] < width:  # smaller than the picture: each pixel stays as it is
+    if min(clean.shape[:2]) < height or clean.shape[1] < width:  # smaller than the thumbnail: nearest pixels
         small = clean[np.minimum(rows[:-1], len(clean) - 1)][:, np.minimum(columns[:-1], clean.shape[1] - 1)]
     else:
         summed = np.add.reduceat(np.add.reduceat(clean, rows[:-1], axis=0), columns[:-1], axis=1)
         small = summed / (np.diff(rows)[:, None, None] * np.diff(columns)[None, :, None])
     grey = small.mean(axis=2)
-    level = float(np.minimum(grey, np.quantile(grey, 0.95)).mean())  # a sun or a lamp must not darken the rest
+    level = float(np.minimum(grey, np.quantile(grey, 0.95)).mean())  # clipped, so that a sun or a lamp does not darken the rest
     return (small * (0.6 / max(level, 1e-6))).astype(np.float32)

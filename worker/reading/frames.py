@@ -1,4 +1,4 @@
-"""Frames of a shot: files are opened and pictures decoded once for all of them, and only what moves is compiled anew."""
+"""Frames of a shot: files are opened and pictures decoded once, and only animated parts are compiled for each frame."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def serve(
 def answering(
     folder: Path, manifest: Manifest, work: PrepareFrames, base: CompiledScene, out: Path
 ) -> Callable[[list[int], Send], None]:
-    """A function that sends a message for each frame: its result, or under `failed` why there is none."""
+    """Returns a function that sends a message for each frame: its result, or the error under `failed`."""
     begun = time.monotonic()
     stage = Stage(Shot(folder, manifest.main, manifest.environment, manifest.variant), work, base, out)
     opened_s = time.monotonic() - begun
@@ -60,7 +60,7 @@ def answering(
             except MachineError:
                 raise
             except RayfarmError as error:
-                found = {"failed": str(error)}  # an `error` would end this process
+                found = {"failed": str(error)}  # the key `error` would end this process
             send({"frame": frame, "seconds": time.monotonic() - begun + opened_s, **found})
             opened_s = 0.0
 
@@ -68,7 +68,7 @@ def answering(
 
 
 class Stage:
-    """A scene over time. What it is at a moment does not depend on the moments asked for before."""
+    """A scene over time. Its state at a moment does not depend on previously requested moments."""
 
     def __init__(self, shot: Shot, work: PrepareFrames, base: CompiledScene, out: Path) -> None:
         self._shot = shot
@@ -77,15 +77,15 @@ class Stage:
         self._kept = Kept()
         self._saver = Saver(out)
         self._out = out
-        # Each moment's files lie in a folder of their own: another that looks the same may be written while these are let go of.
+        # Each moment has a separate folder: an equal moment may be written while these files are being deleted.
         self._rooms = (out / str(number) for number in itertools.count())
         self._start = shot.at(Moment(shot.start))
-        self._last: tuple[SceneDescription, CompiledScene, Path] | None = None  # good until another moment is compiled
+        self._last: tuple[SceneDescription, CompiledScene, Path] | None = None  # valid until another moment is compiled
         self._auto: View | None = View.from_json(_given(work.base_auto)) if work.clip is None else None
-        self._still: SceneDescription | None = None  # what does not move is read once
+        self._still: SceneDescription | None = None  # the description of a static scene, read once
 
     def at(self, moment: Moment) -> dict[str, Any]:
-        """What is to be said of a frame. Raises SceneError, and SettingsError where its view cannot be."""
+        """The message for a frame. Raises SceneError, and SettingsError if its view is invalid."""
         read = self._still or self._shot.over(moment, self._work.shutter)
         self._still = None if read.moves else read
         described, compiled, file = self._compiled(read)
@@ -104,14 +104,14 @@ class Stage:
         }
 
     def _compiled(self, read: SceneDescription) -> tuple[SceneDescription, CompiledScene, Path | None]:
-        """The description, what it compiles to, and the file of that; None where that is the base's."""
+        """The description, its compiled scene, and that scene's file; None for the file if it is the base's."""
         if compiles_alike(read, self._start):
             return read, self._base, None
         if self._last is not None and compiles_alike(read, self._last[0]):
             return read, *self._last[1:]
         untouched = _untouched(read)
         self._last = None
-        kept, self._kept = self._kept, Kept()  # what was being made when a moment failed is not trusted
+        kept, self._kept = self._kept, Kept()  # discard the cache if compiling fails
         compiled = compile_scene(read, kept=kept)
         assert kept.cuts is not None
         room = next(self._rooms)
@@ -122,8 +122,10 @@ class Stage:
         return read, compiled, file
 
     def _views(self, description: SceneDescription, compiled: CompiledScene) -> tuple[View, tuple[View, ...]]:
-        """The view that the request names: its own, or a camera of the scene as it stands at the moment, and of one that moves
-        while the shutter is open its keys."""
+        """The requested view, and its motion keys.
+
+        The view is the request's own, or a camera of the scene at this moment; keys exist if it moves while the shutter is open.
+        """
         if self._work.view is not None:
             return View.from_json(_given(self._work.view)), ()
         cameras = own_cameras(description, compiled)
@@ -131,7 +133,7 @@ class Stage:
         return (cameras[number].view, cameras[number].keys) if number < len(cameras) else (self._auto_view(), ())
 
     def _auto_view(self) -> View:
-        """The camera that frames the scene stands as it does at the beginning; of another clip, at its own."""
+        """The view of the automatic camera, which frames the scene at the beginning of the clip and does not move."""
         if self._auto is None:
             read = self._shot.at(Moment(self._shot.start, self._work.fps, self._work.clip))
             if compiles_alike(read, self._start):
@@ -142,7 +144,7 @@ class Stage:
 
 
 def _untouched(description: SceneDescription) -> SceneDescription:
-    """A copy that compiling the description leaves as it is: that may add to its lists, and changes nothing in them."""
+    """A copy of the description to compile, since compiling appends to its lists (it changes none of their items)."""
     held = {f.name: getattr(description, f.name) for f in fields(description)}
     copied: dict[str, Any] = {name: copy.copy(value) for name, value in held.items() if isinstance(value, list | dict)}
     return replace(description, **copied)

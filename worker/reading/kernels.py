@@ -8,5 +8,5 @@ __all__ = ["load"]
 
 
 def load() -> None:
-    """Loads the plain kernel and those that every scene is compiled with, or compiles them where nobody has."""
+    """Loads the plain kernel and those used to compile every scene; compiles them if they are not cached."""
     warm_up()

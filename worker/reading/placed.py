@@ -11,10 +11,10 @@ __all__ = ["folder_of", "placed_scene"]
 
 
 def folder_of(path: bytes) -> Path:
-    """The path that a slot named."""
+    """The folder with the path that a slot sent as bytes."""
     return Path(os.fsdecode(path))
 
 
 def placed_scene(folder: bytes, sha256: str) -> CompiledScene:
-    """The compiled scene of this hash in a folder, mapped."""
+    """Maps the compiled scene with this hash in a folder."""
     return load(folder_of(folder) / sha256)

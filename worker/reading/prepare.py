@@ -26,7 +26,7 @@ __all__ = ["THUMBNAIL", "THUMBNAIL_WIDTH", "prepare"]
 THUMBNAIL = "thumbnail.png"
 THUMBNAIL_WIDTH = 256
 THUMBNAIL_SPP = 16
-THUMBNAIL_SECONDS = 0.3  # passes double, so that it takes at most about twice this; and 0.2 s to denoise it
+THUMBNAIL_SECONDS = 0.3  # seconds; passes double in samples, so it may take twice this, and 0.2 s for denoising
 
 
 def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[str, Any]:
@@ -43,16 +43,16 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
     summary = summarise(description, compiled)
     summary["lights_power"] = kept.lights_power
     assert kept.cuts is not None
-    summary["compiled"] = Saver(folder_of(out)).save(compiled, kept.cuts).name  # shares most parts with other moments and lights
+    summary["compiled"] = Saver(folder_of(out)).save(compiled, kept.cuts).name  # shares parts with other frames
     progress("rendering a thumbnail", 0.85)
     render_thumbnail(compiled, summary, link, folder_of(out) / THUMBNAIL)
     return summary
 
 
 def render_thumbnail(compiled: CompiledScene, summary: dict[str, Any], link: Link, path: Path) -> None:
-    """Writes a small tone-mapped picture from the first camera, of the samples that fit into a short time, denoised.
+    """Renders a small tone-mapped picture from the first camera with as many samples as fit a short time, denoised.
 
-    The slot gets the kernel ready first: a reader cannot keep what it compiles.
+    The slot makes the kernel ready first, since a reader cannot store a kernel that it compiles.
     """
     defaults = summary["defaults"]
     width, height = defaults.get("width", 16), defaults.get("height", 9)
@@ -60,7 +60,7 @@ def render_thumbnail(compiled: CompiledScene, summary: dict[str, Any], link: Lin
     view = View.from_json(summary["cameras"][0]["view"])
     settings = RenderSettings(THUMBNAIL_WIDTH, small_height, view, max_depth=6)
     link.call("warm_up", edition=edition_for(settings, compiled))
-    render_batch(compiled, settings, Tile(0, 0, 0, 0), 0, 0)  # loads the kernel, outside the time for rendering
+    render_batch(compiled, settings, Tile(0, 0, 0, 0), 0, 0)  # loads the kernel before timing starts
     sums = render_frame(compiled, settings, THUMBNAIL_SPP, threads=1, time_limit=THUMBNAIL_SECONDS)
     albedo, normal = (values(sums, settings.film_exponent, name) for name in ("albedo", "normal"))
     path.write_bytes(encode.encode(denoise.for_a_glance(mean(sums, settings.film_exponent), albedo, normal), "png"))

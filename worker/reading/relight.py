@@ -1,4 +1,4 @@
-"""Compiles the environment of a scene anew, for another light from all around."""
+"""Compiles only the environment of a scene, for another environment light."""
 
 from __future__ import annotations
 
@@ -18,13 +18,16 @@ __all__ = ["relight", "save_lit"]
 
 
 def relight(folder: bytes, light: str, base_folder: bytes, base: str, power: float, out: bytes, link: Link) -> dict[str, Any]:
-    """The new manifest's name in `out`, as `compiled`. light: an image in `folder`. base: the hash of the scene as it was."""
+    """Writes the relit scene; returns its manifest's name in `out` as `compiled`.
+
+    light: an image in `folder`. base: the hash of the original compiled scene.
+    """
     data = (folder_of(base_folder) / base).read_bytes()
     return {"compiled": save_lit(folder_of(folder), light, placed_scene(base_folder, base), data, power, folder_of(out)).name}
 
 
 def save_lit(folder: Path, light: str, base: CompiledScene, data: bytes, power: float, out: Path) -> Path:
-    """Writes the manifest and changed parts of `base`, whose manifest is `data`, under another light; returns the manifest."""
+    """Writes the manifest and changed parts of `base` (manifest: `data`) with another environment; returns the new manifest."""
     description = SceneDescription(name="light")
     light_with(SceneFiles(folder, light), light, description)
     return save_changed(data, lit(base, description, power), CHANGED, out)

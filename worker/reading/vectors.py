@@ -1,4 +1,4 @@
-"""Motion vectors of a frame, from the scene at its time and at those of its neighbours."""
+"""Motion vectors of a frame, from the scene at its time and at the times of the neighbouring frames."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def vectors(folder: bytes, manifest: Manifest, work: FrameVectors, result: bytes
 
 
 def _views(shot: Shot, described: SceneDescription, compiled: CompiledScene, work: FrameVectors) -> tuple[View, tuple[View, ...]]:
-    """The view that the request names, and of a camera that moves those of the three moments."""
+    """The requested view and, if its camera moves, its views at the three moments."""
     if work.view is not None:
         return _view(work.view), ()
     cameras = own_cameras(described, compiled)

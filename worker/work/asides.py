@@ -1,6 +1,6 @@
-"""The tasks that make something for a reader of the service: a denoised frame, motion vectors, an environment's thumbnail.
+"""The tasks whose results a client of the service requests: a denoised frame, motion vectors, an environment's thumbnail.
 
-Each answers with one event, whatever happens: that it is made, or a sentence that says why not.
+Each answers with exactly one event: success, or a sentence with the reason for the failure.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ Work = TypeVar("Work", DenoiseFrame, FrameVectors, ShowEnvironment)
 
 @dataclass(frozen=True)
 class Aside(Generic[Work]):
-    """One kind of them.
+    """One kind of on-demand task.
 
-    read: a message; raises ValueError. make: does the work, and returns what its event says of it; may raise anything. made,
-    failed: the events' types. shown_as: what the slot says it has in hand. task: completes "could not".
+    read: parses a message; raises ValueError. make: does the work, and returns the fields of its event; may raise anything.
+    made, failed: the events' types. shown_as: key under which the slot reports the work. task: completes the phrase "could not".
     """
 
     read: Callable[[Any], Work]
@@ -48,7 +48,7 @@ class Aside(Generic[Work]):
         worker.results.send(Result(self.event(task, worker, message)))
 
     def event(self, task: Any, worker: WorkerContext, message: dict[str, Any]) -> dict[str, Any]:
-        """What came of a message."""
+        """Runs a message and returns its event."""
         try:
             work = self.read(message)
         except ValueError as error:

@@ -1,4 +1,4 @@
-"""How often a piece of work has killed the process that did it."""
+"""Counts how often a unit of work has killed its process."""
 
 from __future__ import annotations
 
@@ -15,12 +15,15 @@ DEATHS_ALLOWED = 3
 
 
 def is_redelivered(task: Any) -> bool:
-    """Whether a process that had this message did not come to its end."""
+    """Whether the broker delivered this message before, to a process that did not finish."""
     return bool((task.request.delivery_info or {}).get("redelivered"))
 
 
 def deaths_of(task: Any, worker: WorkerContext, work: str) -> int:
-    """How often the process that did this work was killed: the broker hands such work out again, for ever if nobody counts."""
+    """How often this work has killed its process; 0 for a first delivery. Counts this redelivery.
+
+    The broker redelivers the work of killed processes without a limit. The counter is in Redis; without Redis the result is 0.
+    """
     if not is_redelivered(task):
         return 0
     key = _key(work)
@@ -33,7 +36,7 @@ def deaths_of(task: Any, worker: WorkerContext, work: str) -> int:
 
 
 def survived(task: Any, worker: WorkerContext, work: str) -> None:
-    """The process did this work, and so did not die of it: of others in the same message one may be to blame."""
+    """Resets the counter of work that its process survived: another batch of the same message may have caused the death."""
     if is_redelivered(task):
         with contextlib.suppress(redis.RedisError):
             worker.results.redis.delete(_key(work))

@@ -19,14 +19,14 @@ from worker.work.reader import Room
 __all__ = ["denoise_frame"]
 
 SECONDS = 300.0
-PATIENCE_S = 10.0  # somebody waits for the picture
-MEMORY_BYTES = 2 << 30  # the library works in parts, at most this large in its own judgement
+PATIENCE_S = 10.0  # seconds; a client waits for the picture
+MEMORY_BYTES = 2 << 30  # the library works in tiles whose size it chooses for this limit
 BYTES_A_PIXEL = 400
 DENOISED = "denoised.f32"
 
 
 def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
-    """The blob of the result, and the film's version and samples that it is of. Raises WorkerError and OSError."""
+    """Denoises a frame. Returns its blob, and the film's version and samples. Raises WorkerError and OSError."""
     with Room("denoise") as room:
         means = room.scene / "means.f32"
         version, samples = patiently(lambda: _fetch(worker, work, means), PATIENCE_S)

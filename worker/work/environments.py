@@ -1,4 +1,4 @@
-"""An uploaded environment image: a confined reader turns it into a thumbnail."""
+"""An uploaded environment image's thumbnail, made by a confined reader."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from worker.work.reader import Room
 __all__ = ["show_environment"]
 
 SECONDS = 120.0
-PATIENCE_S = 30.0  # somebody waits for it
+PATIENCE_S = 30.0  # seconds; a client waits
 THUMBNAIL = "thumbnail.jpg"
 
 
 def show_environment(worker: WorkerContext, work: ShowEnvironment) -> dict[str, Any]:
-    """The thumbnail's blob. Raises WorkerError and OSError."""
+    """Makes the thumbnail and returns its blob. Raises WorkerError and OSError."""
     with Room("environment") as room:
         place_files(worker, Manifest("", work.path, [BlobRef(work.path, work.sha256, work.size)]), room.scene)
         job = partial(show, os.fsencode(room.scene), work.path, work.width, os.fsencode(room.out / THUMBNAIL))

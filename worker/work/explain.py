@@ -1,4 +1,4 @@
-"""Explains a pixel: renders its samples again, with the settings of its job, and follows the paths of a few of them."""
+"""Explains a pixel: renders its samples again, with the settings of its job, and traces the paths of a few of them."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from worker.work.render import mapped_scene
 
 __all__ = ["explain_pixel", "say", "told"]
 
-PATIENCE_S = 5.0  # with a service that is away: somebody waits
+PATIENCE_S = 5.0  # seconds to retry an unreachable service; a client waits
 
 log = logging.getLogger(__name__)
 
 
 def say(worker: WorkerContext, message: str, type: str, **more: Any) -> None:
-    """An answer; lost where Redis is away: then whoever asked has been told so."""
+    """Appends an answer to the message's list in Redis. Only logs a failure if Redis is unreachable."""
     try:
         with worker.results.redis.pipeline(transaction=False) as at_once:
             at_once.rpush(explained_key(message), json.dumps({"type": type, "worker": worker.name, **more}))
@@ -42,7 +42,10 @@ def say(worker: WorkerContext, message: str, type: str, **more: Any) -> None:
 
 
 def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable[[bool], None]) -> None:
-    """Answer the question. compiling: told when the scene's kernel is got ready, and is."""
+    """Renders and answers the request.
+
+    compiling: called with True before the scene's kernel is made ready, and with False after.
+    """
     say(worker, work.message, "begun")
     try:
         scene = _scene(worker, work)
@@ -64,7 +67,7 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
         say(worker, work.message, "failed", error=str(error))
     except MemoryError:
         say(worker, work.message, "failed", error=f"{worker.name} has too little memory for this scene")
-    except Exception as error:  # whatever it is, it is this pixel's fault and not the worker's end
+    except Exception as error:  # any error fails this pixel only, not the worker
         log.exception("explaining a pixel of job %s failed", work.job)
         say(worker, work.message, "failed", error=f"{worker.name} could not follow it ({type(error).__name__}: {error})")
 
@@ -80,7 +83,7 @@ def _scene(worker: WorkerContext, work: ExplainPixel) -> CompiledScene:
 
 
 def told(scene: CompiledScene, found: PixelPaths) -> dict[str, Any]:
-    """An explanation as JSON: numbers that are none become null."""
+    """An explanation as JSON; non-finite numbers become null."""
     paths = [_path(scene, path) for path in found.paths]
     return {"samples": found.samples, "sums": list(found.sums), "finite": found.finite, "paths": paths}
 

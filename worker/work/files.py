@@ -1,4 +1,4 @@
-"""A scene's files in a folder of this machine, and how much memory may be spent on them."""
+"""A scene's files in a folder of this machine, and the memory limit for reading them."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from worker.protocol.contract import Manifest
 
 __all__ = ["link_or_copy", "memory_budget", "place_files"]
 
-_LEAST_MEMORY = 1 << 30  # of address space, whatever is free: less reads no scene
+_LEAST_MEMORY = 1 << 30  # bytes of address space, a lower limit: less is not enough for any scene
 
 
 def place_files(worker: WorkerContext, manifest: Manifest, folder: Path) -> None:
-    """Lay the files of a scene into a folder. Raises as `prepare_scene`."""
+    """Places the files of a scene in a folder. Raises as `prepare_scene`."""
     for file in manifest.files:
         _place(worker.cache.path(file.sha256, file.size), folder, file.path)
 
 
 def _place(blob: Path, folder: Path, name: str) -> None:
-    """Puts a blob under its uploaded name, in UTF-8 whatever the locale: readers look for it so."""
+    """Places a blob under its uploaded name, encoded as UTF-8 regardless of the locale, as readers expect."""
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts or "\0" in name:
         raise WorkError(f"{name!r} is a path that climbs out of the upload; rename it.")
@@ -49,10 +49,10 @@ def link_or_copy(blob: Path, target: Path) -> None:
 
 
 def memory_budget() -> int:
-    """Bytes that a reader of one scene may take: $RAYFARM_PREPARE_MEMORY_MB, else three quarters of what the machine and the
-    process's cgroups have free now; never more than the worker itself may use.
+    """Memory limit of a reader of one scene, in bytes.
 
-    Raises ValueError where the variable is no number.
+    $RAYFARM_PREPARE_MEMORY_MB, else three quarters of the memory that the machine and the process's cgroups have free now; never
+    more than the worker's own limit. Raises ValueError if the variable is not a number.
     """
     limit = memory_limit() or (1 << 60)
     if named := os.environ.get("RAYFARM_PREPARE_MEMORY_MB"):

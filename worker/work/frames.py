@@ -1,4 +1,4 @@
-"""Prepares frames of a shot by a confined reader, which stays open for more of them."""
+"""Prepares frames of a shot in a confined reader, which is kept open for further frames."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ __all__ = ["forget_frames", "prepare_frames", "see_frame"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
 PATIENCE_S = 60.0
-IDLE_S = 10.0  # that a scene stays open for more of its frames
+IDLE_S = 10.0  # seconds for which a scene stays open for more frames
 
-Answer = Callable[..., None]  # the type of an event, and more of it
+Answer = Callable[..., None]  # the event's type, and its further fields
 
 
 class _Open:
-    """A scene that a confined reader of this slot has open: its room, and what the last frame was compiled to."""
+    """A scene that a confined reader of this slot has open: its room, and the compiled files of the last frame."""
 
     def __init__(self, worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> None:
         """Raises Trouble, UnfitError or RefusedError."""
         self._spent = 0.0
-        self._latest: Path | None = None  # the folder of what was compiled last
+        self._latest: Path | None = None  # folder of the latest compiled files
         self.room = Room("frames")
         try:
             patiently(lambda: self.room.place_base(worker, work.base), PATIENCE_S)
-            self.of_scene = {part.sha256 for part in parts_of(worker.cache.path(work.base))}  # the service keeps them with it
+            self.of_scene = {part.sha256 for part in parts_of(worker.cache.path(work.base))}  # kept by the service
             place_files(worker, manifest, self.room.scene)
             folder, base, out = (os.fsencode(each) for each in (self.room.scene, self.room.base, self.room.out))
             job = partial(serve, folder, manifest, work, base, out, IDLE_S)
@@ -52,16 +52,19 @@ class _Open:
             raise
 
     def ask(self, frames: list[int], take: Callable[[dict[str, Any]], None]) -> None:
-        """Has frames prepared; none where the reader had left before. Raises WorkError and UnfitError; then it is over."""
+        """Has the reader prepare frames; prepares none if it has ended.
+
+        Raises WorkError and UnfitError, after which it has ended.
+        """
         begun = time.monotonic()
         with as_of_worker():
             self.reader.ask({"frames": frames}, take)
         self._spent += time.monotonic() - begun
-        if self._spent > SECONDS:  # its limit on processor time is one for all requests
+        if self._spent > SECONDS:  # the reader's CPU time limit covers all its requests
             self.reader.close()
 
     def keep(self, files: Path) -> None:
-        """Keeps of what was compiled for frames only the files in this folder: the next frame may be the same."""
+        """Deletes compiled files of earlier frames except this folder, which the next frame may reuse."""
         if self._latest not in (None, files):
             shutil.rmtree(self._latest, ignore_errors=True)
         self._latest = files
@@ -72,19 +75,19 @@ class _Open:
         self.room.close()
 
 
-_open: dict[str, _Open] = {}  # by what they have open; at most one
+_open: dict[str, _Open] = {}  # keyed by the request; at most one entry
 
 
 def forget_frames() -> None:
-    """Let go of what a child of this process has open."""
+    """Closes the reader that this process has open, if any."""
     while _open:
         _open.popitem()[1].close()
 
 
 def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrames, answer: Answer) -> None:
-    """Prepare frames in their order, and answer for each as soon as what came of it is stored at the service.
+    """Prepares frames in order, and answers for each once its compiled scene is stored at the service.
 
-    Raises Trouble or RefusedError where the service or this machine cannot be used; what was answered stays.
+    Raises Trouble or RefusedError if the service or this machine cannot be used; earlier answers remain valid.
     """
     left = list(work.frames)
     opened: _Open
@@ -106,7 +109,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
             answer("frame-prepared", frame=frame, info=asdict(info))
         left.remove(frame)
 
-    # Whoever asks for the same of the same scene, for whichever job, finds it open.
+    # An equal request for the same scene, of any job, reuses the open reader.
     key = json.dumps([asdict(manifest), {**asdict(work), "work": "", "job": "", "frames": []}], sort_keys=True)
     try:
         while left:
@@ -121,7 +124,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
                     forget_frames()
     except WorkError as error:
         if left:
-            answer("frame-failed", frame=left[0], error=str(error))  # it was at this one; the others may be better
+            answer("frame-failed", frame=left[0], error=str(error))  # the reader failed at this frame; the others may succeed
             answer("frames-returned", error=str(error))
     except OSError as error:
         if not is_of_machine(error):
@@ -130,8 +133,9 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
 
 
 def see_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> CompiledScene | None:
-    """What the scene is at the first of the frames, for this process alone: None where that is what it is compiled to at its
-    beginning. Raises WorkError, Trouble or RefusedError.
+    """The compiled scene at the first of the frames, in this process only.
+
+    None if it equals the scene as compiled at the shot's beginning. Raises WorkError, Trouble or RefusedError.
     """
     found: list[str | None] = []
 
@@ -140,11 +144,11 @@ def see_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrames) ->
             raise WorkError(message["failed"])
         found.append(message.get("file"))
 
-    forget_frames()  # the files of a reader that others asked before may be gone in part
+    forget_frames()  # earlier requests may have removed files of an open reader
     opened = _Open(worker, manifest, work)
     try:
         opened.ask(work.frames[:1], take)
-        opened.reader.close()  # it could change what has been checked
+        opened.reader.close()  # ends the reader, which could modify the validated files
         return load(opened.room.compiled(found[0])) if found and found[0] else None
     finally:
         opened.close()

@@ -1,9 +1,10 @@
-"""The slots of a worker render pieces of one tile and send their sums added up, because integers add exactly, and every result
-that is sent costs the service about the same.
+"""Joint rendering: the slots of a worker render pieces of one tile and send the sum of their results.
 
-The slot that takes a joint batch from the queue lays out its pieces for all slots, asks these for help by messages that come
-before other batches, and renders one piece itself. The slot that finishes the last piece, or finds sums that have waited too
-long, sends what is there.
+Integer sums are exact, and every result costs the service about the same, so fewer results are cheaper.
+
+The slot that takes a joint batch from the queue makes its pieces available to all slots, sends them help messages, which precede
+other batches, and renders one piece itself. The slot that finishes the last piece, or finds sums whose hold time is over, sends
+the available sums.
 """
 
 from __future__ import annotations
@@ -35,7 +36,10 @@ log = logging.getLogger(__name__)
 
 
 def laid_out(app: Celery, worker: WorkerContext, joint: JointBatch, message: str) -> bool:
-    """Let all slots of this worker take pieces; False where this machine cannot lay them out."""
+    """Makes the pieces available to all slots of this worker; False if the files cannot be written.
+
+    Pieces beyond the number of slots go back to the queue.
+    """
     if worker.pieces is None:
         return False
     most = max(2, worker.slots)
@@ -44,7 +48,7 @@ def laid_out(app: Celery, worker: WorkerContext, joint: JointBatch, message: str
     except (OSError, ValueError) as error:
         log.warning("slots cannot share a batch, one renders it alone: %s", error)
         return False
-    if len(joint.pieces) > most:  # others may have slots for them
+    if len(joint.pieces) > most:  # other machines may have slots for them
         try:
             _put_back(app, worker, joint, joint.pieces[most:])
         except _AWAY as error:
@@ -54,7 +58,7 @@ def laid_out(app: Celery, worker: WorkerContext, joint: JointBatch, message: str
 
 
 def left_of(worker: WorkerContext, joint: JointBatch, message: str) -> list[int]:
-    """The pieces of a message whose process has ended that no slot of this machine has, or is rendering."""
+    """The numbers of a dead process's pieces that no slot of this machine holds or renders."""
     with contextlib.suppress(OSError):
         if worker.pieces is not None and (left := worker.pieces.take_over(message)) is not None:
             return left
@@ -62,7 +66,7 @@ def left_of(worker: WorkerContext, joint: JointBatch, message: str) -> list[int]
 
 
 def ask_for_help(app: Celery, worker: WorkerContext, slots: int) -> None:
-    """Ask so many slots. Where Redis is away, nobody comes, and the worker's next heartbeat asks again."""
+    """Sends a help request for this many slots. If Redis is unreachable, the worker's next heartbeat repeats it."""
     options = {"queue": help_queue(worker.name), "ignore_result": True, "retry": False}
     try:
         with app.producer_or_acquire() as producer, producer.batch():
@@ -73,7 +77,7 @@ def ask_for_help(app: Celery, worker: WorkerContext, slots: int) -> None:
 
 
 def help_out(worker: WorkerContext) -> None:
-    """Render a piece that waits, where one does, and send what is ripe."""
+    """Renders a waiting piece, if there is one, and sends the sums that are due."""
     if worker.pieces is None:
         return
     try:
@@ -82,12 +86,12 @@ def help_out(worker: WorkerContext) -> None:
             _render(worker, taken)
         for results in worker.pieces.ripe():
             _send(worker, results)
-    except OSError as error:  # what is lost with it is handed out again
+    except OSError as error:  # lost pieces are handed out again when their lease expires
         log.warning("sums of a batch are lost: %s", error)
 
 
 def hand_in(app: Celery, worker: WorkerContext) -> None:
-    """At a worker's end: send the sums that are there, and put what nobody has begun back into the queue."""
+    """Sends all available sums and requeues the pieces that were not started, at a worker's shutdown."""
     if worker.pieces is None:
         return
     try:

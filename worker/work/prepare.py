@@ -1,4 +1,4 @@
-"""Prepare a scene: from untrusted files to a compiled scene, a thumbnail and a summary."""
+"""Prepares a scene: from untrusted files to a compiled scene, a thumbnail and a summary."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ __all__ = ["prepare_scene"]
 
 SECONDS = 600.0  # below Celery's task_time_limit
 MAX_NAMES = 10_000
-LEFT_S = 120.0  # of them, for what Blender wrote
+LEFT_S = 120.0  # seconds reserved for the files that Blender wrote
 WRITTEN = "written"
 
 
 def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[[str, float], None]) -> SceneInfo:
-    """Prepare an uploaded scene and store what came of it at the service.
+    """Prepares an uploaded scene and stores the results at the service.
 
-    Raises WorkError with a sentence where the files are no scene; Trouble, UnfitError or RefusedError where the service or this
+    Raises WorkError with a sentence if the files are not a scene; Trouble, UnfitError or RefusedError if the service or this
     machine cannot be used.
     """
     begun = time.monotonic()
@@ -45,7 +45,7 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
         try:
             return _prepared(worker, manifest, progress, begun)
         except WorkError:
-            # Files that have suffered in the cache are no fault of who uploaded them.
+            # Damaged files in the cache are not errors of the scene.
             if not [file for file in manifest.files if worker.cache.discard_damaged(file.sha256)]:
                 raise
         return _prepared(worker, manifest, progress, begun)
@@ -109,15 +109,14 @@ def _info(
 
 
 def _warm_up(edition: str) -> None:
-    """Gets the kernel of a thumbnail ready, compiled or loaded, for the readers of this machine too."""
+    """Makes the thumbnail's kernel ready, compiled or loaded, for the readers of this machine too."""
     if edition in EDITIONS:
         settings = RenderSettings(THUMBNAIL_WIDTH, THUMBNAIL_WIDTH, View((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), max_depth=6)
-        warm_up(settings, edition, prepares=False)  # where slots want the same kernel now, one compiles it
+        warm_up(settings, edition, prepares=False)  # if several slots need the kernel, only one compiles it
 
 
 def _opened(manifest: Manifest, room: Room) -> list[str]:
-    """Has Blender write a scene into the room's folder WRITTEN, with what lights it beside: the written files' names, the main
-    one first.
+    """Converts the scene with Blender into the room's folder WRITTEN; returns the written files' names, the main one first.
 
     Raises WorkError.
     """

@@ -1,7 +1,7 @@
 """The slot's side of confined readers (renderer/confine/): their rooms and limits, and their failures as a worker's errors.
 
-A room is a temporary folder: `scene`, `base` and whatever else the slot places there can only be read, `out` and `temporary`
-be written. What a reader answers is untrusted: names and values are checked here, blobs by their hash where they are stored.
+A room is a temporary folder: `scene`, `base` and other folders that the slot places there are read-only, `out` and `temporary`
+are writable. A reader's answers are untrusted: names and values are checked here, blobs by their hash when they are stored.
 """
 
 from __future__ import annotations
@@ -48,14 +48,14 @@ _MOST_MANIFEST = 64 << 20  # bytes
 
 
 def begin_launcher() -> None:
-    """Starts the process that forks readers, for this process and those that it forks. Raises UnfitError."""
+    """Starts the launcher that forks readers, for this process and its children. Raises UnfitError."""
     with as_of_worker():
         running.begin_launcher(_PRELOAD)
 
 
 @contextlib.contextmanager
 def as_of_worker() -> Iterator[None]:
-    """Turns the renderer's errors into the worker's: UnfitError for a machine that cannot do it, WorkError for the rest."""
+    """Converts the renderer's errors to the worker's: UnfitError for limits of the machine, WorkError for the rest."""
     try:
         yield
     except faults.MachineError as error:
@@ -65,7 +65,7 @@ def as_of_worker() -> Iterator[None]:
 
 
 class Room:
-    """The folder of one reader; a context manager that removes it. Raises UnfitError where there is no place for it."""
+    """The folder of one reader; a context manager that removes it. Raises UnfitError if it cannot be created."""
 
     def __init__(self, name: str) -> None:
         self._kept = contextlib.ExitStack()
@@ -87,7 +87,7 @@ class Room:
 
     def place_base(self, worker: WorkerContext, sha256: str) -> None:
         """Links a compiled scene of the cache, and its parts, into `base`. Raises Trouble, RefusedError and SceneError."""
-        open_scene(worker.cache, sha256)  # fetched, and checked
+        open_scene(worker.cache, sha256)  # fetches and validates it
         manifest = worker.cache.path(sha256)
         for path in (manifest, *(worker.cache.path(*part) for part in parts_of(manifest))):
             link_or_copy(path, self.base / path.name)
@@ -104,7 +104,7 @@ class Room:
         calls: Mapping[str, Callable[..., Any]] | None = None,
         reads: Sequence[Path] = (),
     ) -> dict[str, Any]:
-        """The job's answer; see renderer.confine.running.Reader. Raises WorkError and UnfitError.
+        """Runs a job in a reader and returns its answer; see renderer.confine.running.Reader. Raises WorkError and UnfitError.
 
         memory: bytes, None for the worker's budget. reads: other folders that the reader may read.
         """
@@ -125,7 +125,7 @@ class Room:
         calls: Mapping[str, Callable[..., Any]] | None = None,
         reads: Sequence[Path] = (),
     ) -> running.Reader:
-        """A reader at work on the job. Raises UnfitError."""
+        """Starts a reader on the job. Raises UnfitError."""
         bounds = Bounds(
             memory_budget() if memory is None else memory,
             seconds,
@@ -133,7 +133,7 @@ class Room:
             "that this worker grants one scene",
             "Make it smaller, or split it into several.",
         )
-        more = [_ALL_PREPARING] if jit.is_kept(kernel_name(edition=FULL)) else []  # not to be waited for while it is compiled
+        more = [_ALL_PREPARING] if jit.is_kept(kernel_name(edition=FULL)) else []  # do not wait while it is compiled
         calls = {**calls_of_reader(self.scene, self.folder), **(calls or {})}
         with as_of_worker():
             return running.Reader(
@@ -146,7 +146,7 @@ class Room:
             )
 
     def result(self, name: Any) -> Path:
-        """The file in `out` that a reader names, with `/` between folders. Raises WorkError where it is no regular file."""
+        """Path in `out` of a file that a reader named, with `/` between folders. Raises WorkError if it is not a regular file."""
         path = self.out
         for part in str(name).split("/"):
             if not _PLAIN_NAME.fullmatch(part) or path.is_symlink():
@@ -158,14 +158,17 @@ class Room:
 
     @staticmethod
     def has(path: Path) -> bool:
-        """Whether there is a regular file."""
+        """Whether `path` is a regular file."""
         try:
             return stat.S_ISREG(path.lstat().st_mode)
         except OSError:
             return False
 
     def compiled(self, name: Any) -> Path:
-        """The manifest of a compiled scene that a reader names, whose parts lie beside it or in the cache. Raises WorkError."""
+        """Path of the compiled scene's manifest that a reader named; its parts lie beside it or in the cache.
+
+        Raises WorkError.
+        """
         path = self.result(name)
         if path.stat().st_size > _MOST_MANIFEST:
             raise WorkError(f"the scene's reader wrote a manifest of {path.stat().st_size} bytes")

@@ -1,4 +1,4 @@
-"""Prepare a scene under another light from all around: what is compiled of it stays, and only the environment is made anew."""
+"""Prepares a scene under another environment: reuses the compiled scene and compiles only the environment."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ SECONDS = 300.0
 
 
 def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
-    """What came of the scene under its light; None where it has to be compiled as any other. Raises as `prepare_scene`.
+    """Prepares the scene under its environment; None if it has to be compiled in full. Raises as `prepare_scene`.
 
-    What the manifest has in place of the scene's own light is all that is read of its files.
+    Of the scene's files only the replacement environment of the manifest is read.
     """
     known = _base_of(worker, manifest)
     if known is None or manifest.environment is None:
@@ -41,7 +41,7 @@ def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
     with Room("relight") as room:
         if is_named(light):
             made = save_lit(room.scene, light, base, data, power, room.out)
-        else:  # an image that somebody uploaded
+        else:  # an uploaded image
             files = [file for file in manifest.files if file.path == light]
             place_files(worker, replace(manifest, files=files), room.scene)
             room.place_base(worker, info.compiled.sha256)
@@ -55,7 +55,7 @@ def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
 
 
 def _base_of(worker: WorkerContext, manifest: Manifest) -> tuple[SceneInfo, CompiledScene, bytes] | None:
-    """What is known of the scene in its own light, what it is compiled to, and the manifest of that."""
+    """The scene with its own environment: its info, its compiled scene, and the bytes of the compiled manifest."""
     if manifest.base is None:
         return None
     try:

@@ -1,4 +1,4 @@
-"""Renders a batch: maps the compiled scene, lets the kernel sum the samples, and returns the sums."""
+"""Renders a batch: maps the compiled scene, runs the kernel, and returns the sums of the samples."""
 
 from __future__ import annotations
 
@@ -23,18 +23,21 @@ from worker.work.scenes import open_scene
 
 __all__ = ["batch_event", "failure", "mapped_scene", "not_understood", "render", "returned"]
 
-# How long a batch waits in its slot for a service that is away: less than the service waits for a batch that is in hand.
+# Seconds to retry an unreachable service, less than a batch's lease.
 PATIENCE_S = 30.0
 TRACE_LINES, TRACE_CHARACTERS = 6, 1500
 
-# Mapped scenes that a slot keeps open. They cost address space; their pages are shared with every other slot.
+# Number of mapped scenes that a slot keeps open. They cost address space; their pages are shared among slots.
 OPEN_SCENES = 8
 
 _open: OrderedDict[str, CompiledScene] = OrderedDict()
 
 
 def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool], None]) -> Result:
-    """The batch's exact sums, or the reason why there are none. compiling: told when the scene's kernel is got ready, and is."""
+    """Renders a batch: its exact sums, or an event with the reason for the failure.
+
+    compiling: called with True before the scene's kernel is made ready, and with False after.
+    """
     try:
         with step("open scene"):
             scene = patiently(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
@@ -55,7 +58,7 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
         return failure(worker, batch, str(error))
     except MemoryError:
         return failure(worker, batch, f"{worker.name} has too little memory for this scene")
-    except Exception as error:  # whatever it is, it is this batch's fault and not the worker's end
+    except Exception as error:  # any error fails this batch only, not the worker
         last = "".join(traceback.format_exception(error)[-TRACE_LINES:])[-TRACE_CHARACTERS:]
         return failure(worker, batch, f"{type(error).__name__}: {error}", last)
     event = {
@@ -68,25 +71,25 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
 
 
 def failure(worker: WorkerContext, batch: RenderBatch, error: str, trace: str = "") -> Result:
-    """The event of a batch that could not be rendered. trace: the last lines of a program's error."""
+    """The event of a batch that failed. trace: the last lines of the traceback."""
     command = batch_command(batch.settings, batch.tile, batch.first, batch.count)
     return Result({**batch_event(worker, batch, "batch-failed"), "error": error, "reproduce": command, "trace": trace})
 
 
 def returned(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:
-    """The event of a batch that this worker cannot render now, by no fault of its scene."""
+    """The event of a batch that this worker hands back through no fault of the scene."""
     return Result({**batch_event(worker, batch, "batch-returned"), "error": error})
 
 
 def not_understood(worker: WorkerContext, batch: dict[str, Any], error: Exception) -> Result:
-    """The event of a batch in words that this worker does not know; RenderBatch.to_json says them."""
+    """The event of a batch message that this release cannot parse, from the JSON of RenderBatch.to_json."""
     event = {key: batch.get(key) for key in ("batch", "job", "frame", "tile", "first", "count")}
     sentence = f"{worker.name} does not understand the batch ({error}). Run the same release of Rayfarm on all machines."
     return Result({"type": "batch-failed", **event, "worker": worker.name, "error": sentence, "reproduce": None})
 
 
 def batch_event(worker: WorkerContext, batch: RenderBatch, kind: str) -> dict[str, Any]:
-    """What every event about a batch says."""
+    """The fields common to all events about a batch."""
     return {
         "type": kind,
         "batch": batch.batch,

@@ -21,16 +21,16 @@ STORE_PATIENCE_S = 60.0
 
 
 def store(worker: WorkerContext, path: Path) -> BlobRef:
-    """Stored with patience: what came of minutes of work is not thrown away because the service starts anew."""
+    """Stores a file at the service, with retries, so that a restart of the service does not lose minutes of work."""
     return patiently(lambda: worker.link.store(path), STORE_PATIENCE_S)
 
 
 def store_scene(worker: WorkerContext, path: Path, there: Collection[str] = ()) -> BlobRef:
-    """Stores what `renderer.scene.compiled.save` or a Saver wrote: of it and of the parts beside it, what the service lacks.
+    """Stores a compiled scene as written by `renderer.scene.compiled.save` or a Saver, with those parts that the service lacks.
 
-    there: the hashes of parts that stay at the service in any case: it is not asked for them.
-    This machine's cache has them too, for a later moment that shares them: the service may have let go of them by then. Raises
-    Trouble where one that an earlier moment had is nowhere any more.
+    there: hashes of parts that the service keeps in any case; they are not checked.
+    The parts are also kept in this machine's cache for later frames that share them, since the service may delete them. Raises
+    Trouble if a part of an earlier frame no longer exists anywhere.
     """
     parts = parts_of(path)
     for part in parts:
@@ -60,9 +60,9 @@ def _from_cache(worker: WorkerContext, part: Part) -> Path:
 
 
 def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
-    """The compiled scene, mapped; where one of the cache's files has suffered, it is fetched anew once.
+    """Maps the compiled scene; if a cached file is damaged, fetches it again once.
 
-    Raises SceneError where it is none, Trouble or RefusedError where it cannot be had.
+    Raises SceneError if it is not a compiled scene, Trouble or RefusedError if it cannot be fetched.
     """
     try:
         return load(cache.path(sha256), cache.path)
@@ -70,7 +70,7 @@ def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
         if not discard_damaged(cache, sha256):
             raise
     except FileNotFoundError:
-        pass  # another slot made room in between
+        pass  # evicted meanwhile by another slot
     except OSError as error:
         if not is_of_machine(error):
             raise
@@ -79,7 +79,7 @@ def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
 
 
 def discard_damaged(cache: BlobCache, sha256: str) -> bool:
-    """Remove of a scene's fetched files those whose bytes have changed on this disk; whether there were any."""
+    """Removes those of a scene's fetched files whose bytes no longer match their hash; returns whether there were any."""
     found = cache.discard_damaged(sha256)
     with contextlib.suppress(SceneError, OSError):
         for part in parts_of(cache.path(sha256)):

@@ -1,4 +1,4 @@
-"""What a slot has in hand, as its worker reports it."""
+"""The current work of a slot, for its worker's report."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ log = logging.getLogger(__name__)
 
 
 def slot() -> int:
-    """This process's slot: its place in the prefork pool, taken over by whoever replaces it."""
+    """This process's slot: its index in the prefork pool, which a replacement process inherits."""
     return int(getattr(current_process(), "index", 0) or 0)
 
 
 class InHand:
-    """While this context lasts, the slot says that it is busy with something.
+    """Context during which the slot is reported as busy.
 
-    speed: samples a second, if it was rendering; set by whoever measured it.
+    speed: samples per second, set by the caller if it was rendering.
     """
 
     def __init__(self, worker: WorkerContext, doing: dict[str, Any]) -> None:
@@ -46,18 +46,18 @@ class InHand:
         self._worker.board.write(slot(), {}, self.speed)
 
     def compiling(self, is_so: bool) -> None:
-        """Say whether a kernel is being made ready first."""
+        """Reports whether a kernel is being made ready first."""
         self._worker.board.write(slot(), self._doing | {"compiling": is_so})
 
 
 @contextmanager
 def at_work(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[Callable[[], Result]]:
-    """While it lasts, the slot says that it has this batch in hand; what is yielded renders it."""
+    """Context during which the slot reports this batch as in progress; yields a function that renders it."""
     about = {key: getattr(work, key) for key in ("batch", "job", "frame", "first", "count")}
     with InHand(worker, {**about, "tile": list(work.tile), "message": message}) as hand:
 
         def do() -> Result:
-            # A piece that another slot shared out comes without a message of the service.
+            # A piece shared by another slot comes without a trace context from the service.
             parent = tracing.here() or tracing.root_of("job", work.job)
             with overhear() as heard, tracing.span("batch", parent, **named(vars(work))):
                 result = render(worker, work, hand.compiling)

@@ -1,4 +1,4 @@
-"""Motion vectors of a frame: a confined reader makes them; the result is a blob."""
+"""Motion vectors of a frame, made by a confined reader and stored as a blob."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from worker.work.reader import Room
 
 __all__ = ["frame_vectors"]
 
-SECONDS = 550.0  # below what the service waits
-PATIENCE_S = 30.0  # somebody waits for them
+SECONDS = 550.0  # below the service's timeout
+PATIENCE_S = 30.0  # seconds; a client waits
 VECTORS = "vectors.f32"
 
 
 def frame_vectors(worker: WorkerContext, work: FrameVectors) -> dict[str, Any]:
-    """The blob of the vectors. Raises WorkerError and OSError."""
+    """Makes the motion vectors and returns their blob. Raises WorkerError and OSError."""
     manifest = patiently(lambda: worker.link.manifest(work.scene), PATIENCE_S)
-    load_kernel()  # compiled here where this machine lacks it: a reader cannot keep what it compiles
+    load_kernel()  # compiled here if necessary: a reader cannot store it
     with Room("vectors") as room:
         place_files(worker, manifest, room.scene)
         job = partial(vectors, os.fsencode(room.scene), manifest, work, os.fsencode(room.out / VECTORS))

@@ -1,4 +1,4 @@
-"""Renders parts of views that somebody is looking at, and prepares the frames that they show."""
+"""Renders parts of interactive views, and prepares the frames that they show."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from worker.work.render import mapped_scene
 
 __all__ = ["Answering", "prepare_view_frame", "render_view"]
 
-PATIENCE_S = 5.0  # with a service that is away: somebody looks
+PATIENCE_S = 5.0  # seconds to retry an unreachable service; a client waits
 
 log = logging.getLogger(__name__)
 
 
 class Answering:
-    """The way back of one message; lost where Redis is away: whoever looks is answered when it is asked for again."""
+    """Sends the answers to one message. Answers are lost if Redis is unreachable, and come with the next request."""
 
     def __init__(self, worker: WorkerContext, work: ViewParts | ViewFrame) -> None:
         self._redis = worker.results.redis
@@ -47,7 +47,7 @@ class Answering:
         self._key, self._view = view_key(work.watch), str(work.view).encode()
 
     def send(self, type: str, sums: bytes = b"", **more: Any) -> None:
-        """Say something of the message."""
+        """Sends an answer of this type."""
         answer = ViewAnswer(type, *self._about, more, sums).to_bytes()
         try:
             with self._redis.pipeline(transaction=False) as at_once:
@@ -59,7 +59,7 @@ class Answering:
             log.warning("an answer about a view is lost: %s", error)
 
     def is_wanted(self) -> bool:
-        """Whether the view is the one that is looked at."""
+        """Whether the message's view is still the current one."""
         try:
             return bool(self._redis.get(self._key) == self._view)
         except (redis.RedisError, OSError):
@@ -67,9 +67,9 @@ class Answering:
 
 
 def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[bool], None]) -> float:
-    """Render parts until all are done or the view is stale; samples a second, 0 where none was rendered.
+    """Renders parts until all are done or the view is outdated. Returns samples per second, 0 if none was rendered.
 
-    compiling: told when the scene's kernel is got ready, and is.
+    compiling: called with True before the scene's kernel is made ready, and with False after.
     """
     answering = Answering(worker, work)
     if not answering.is_wanted():
@@ -101,14 +101,14 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
         answering.send("failed", error=str(error))
     except MemoryError:
         answering.send("failed", error=f"{worker.name} has too little memory for this scene.")
-    except Exception as error:  # whatever it is, it is this view's fault and not the worker's end
+    except Exception as error:  # any error fails this view only, not the worker
         log.exception("a view failed")
         answering.send("failed", error=f"{worker.name} could not render the view ({type(error).__name__}: {error}).")
     return samples / seconds if seconds else 0.0
 
 
 def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
-    """Prepare the frames of a view, and answer for each."""
+    """Prepares the frames of a view, and answers for each."""
     answering = Answering(worker, work)
     if not answering.is_wanted():
         return
@@ -131,7 +131,7 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
 
 
 def _seen(sums: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """The sums with nothing in the planes that a view does not show: packed, those take no room."""
+    """The sums with zeros in the planes that a view does not show, which take no space when packed."""
     seen = np.zeros_like(sums)
     seen[COLOR], seen[SAMPLES] = sums[COLOR], sums[SAMPLES]
     return seen
