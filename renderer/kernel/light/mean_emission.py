@@ -1,4 +1,4 @@
-"""How bright a textured triangle is on average: what its chance among the lights should follow."""
+"""Mean emission of textured triangles, used for the probability with which each is chosen as a light."""
 
 from __future__ import annotations
 

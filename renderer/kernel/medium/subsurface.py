@@ -1,9 +1,9 @@
-"""Light that goes through the inside of skin, wax or marble: a random walk from where it enters to where it leaves.
+"""Subsurface scattering by a random walk from the point of entry to the point of exit.
 
-Chiang, Kutz & Burley, "Practical and Controllable Subsurface Scattering for Production Path Tracing" (2016): the inside is a
-medium whose albedo follows from the colour that the surface is to have. By van de Hulst's approximation of what a half-space of
-it sends back ("Multiple Light Scattering", 1980), solved for the albedo (d'Eon, "A Hitchhiker's Guide to Multiple Scattering").
-Light enters and leaves as Lambert's surface would scatter it.
+Chiang, Kutz & Burley, "Practical and Controllable Subsurface Scattering for Production Path Tracing" (2016): the interior is a
+medium whose single scattering albedo follows from the surface's colour. The mapping is van de Hulst's approximation of the
+diffuse reflectance of a half-space ("Multiple Light Scattering", 1980), solved for the albedo (d'Eon, "A Hitchhiker's Guide to
+Multiple Scattering"). Light enters and leaves by Lambertian scattering.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _YES, _NO = np.bool_(True), np.bool_(False)
 
 
 class Within(NamedTuple):
-    """What becomes of a path at a surface some of whose light goes through its inside."""
+    """The outcome at a surface with subsurface scattering: whether a path enters it, and where it leaves."""
 
     enters: bool  # else it scatters at the surface
     surface: Surface  # where it comes out, seen from outside
@@ -67,18 +67,19 @@ def _albedo(color, g):
 
 @device
 def albedo_of(color, g):
-    """The share of light that the inside of a surface of that colour, rgb 0 ... 1, scatters and does not absorb.
+    """Returns the single scattering albedo of the interior of a surface of that colour, rgb 0 ... 1.
 
-    g: the mean cosine by which it scatters."""
+    g: mean cosine of the scattering angle.
+    """
     return _albedo(color[0], g), _albedo(color[1], g), _albedo(color[2], g)
 
 
 @device
 def _entrance(kind, share, color, m, wo):
-    """(what goes inside of the light from wo, the chance by which a path does). share: of diffuse light; m: as of `go_within`.
+    """Returns (the share of the light from wo that enters, the probability with which a path enters).
 
-    The chance goes by the root of what may come back from inside, beside what the layers above reflect: these are the better
-    found the more paths look for them.
+    share: of diffuse light; m: as for `go_within`. The probability is proportional to the root of the light that may return from
+    the interior, against the root of what stays outside, so that the layers' reflections keep enough paths.
     """
     if kind == rows.DIFFUSE:
         return share, share
@@ -96,8 +97,10 @@ def _share_in_the_end(sigma_t, sigma_s):
 
 @device
 def _in_the_end(sigma_t, sigma_s):
-    """What will come out of the light of a walk that has gone all steps in vain: as much as diffusion brings back from where such
-    walks are on average, sqrt(pi / 3 steps) free paths deep. White bodies would else be a little gray.
+    """Returns the share of light, rgb, that still leaves the body after a walk has used all its steps.
+
+    Equals what diffusion returns from the mean depth of such walks, sqrt(pi / 3 steps) free paths. Without it white bodies would
+    be slightly gray.
     """
     return (
         _share_in_the_end(sigma_t[0], sigma_s[0]),
@@ -108,10 +111,11 @@ def _in_the_end(sigma_t, sigma_s):
 
 @subroutine
 def _walk(scene, stack, surface, normal, color, throughput, stream, first, time):
-    """Through the body, from a surface which was met from outside: (where it comes out, the throughput there).
+    """Walks through a body from a surface hit from outside: (surface of the exit, throughput there).
 
-    normal: that it scatters about where it enters; color: the body's, textures looked up; first: the walk's first block.
-    Whatever else is in the body is passed as if it were not there. What finds no way out in all steps comes out where it entered.
+    normal: about which the entering direction is sampled; color: the body's, textures looked up; first: the walk's first block of
+    random numbers. Surfaces of other objects inside the body are ignored. A walk that finds no exit in all steps leaves where it
+    entered.
     """
     out_of_line()
     g = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_ANISOTROPY, 1)[0]
@@ -161,11 +165,11 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
 
 @subroutine
 def go_within(scene, stack, surface, normal, kind, color, m, wo, throughput, stream, number, time):
-    """Whether a path goes inside at the surface that it meets, and where it comes out: a Within.
+    """Decides whether a path enters the surface, and walks to its exit: a Within.
 
-    normal, wo: of the frame that it would be scattered in, and the viewer's direction in it; kind, color: its material's, m its
-    (LAYER_SLOTS,) properties where that is layered; stream: the path's numbers; number: how many vertices it had before; time: of
-    the shutter.
+    normal, wo: the shading normal, and the viewer's direction in its frame; kind, color: the material's; m: its (LAYER_SLOTS,)
+    properties where it is layered; stream: the path's random numbers; number: count of the path's earlier vertices; time: shutter
+    time.
     """
     out_of_line()
     first = np.uint32(np.uint32(WALK_BLOCK) + np.uint32(number) * _BLOCKS)
