@@ -72,13 +72,13 @@ def _emission(scene, frame, place, shines, extent, p, w):
     """
     if frame[3] < _ZERO:
         return _EVEN
-    # As spots do: by the direction from the centre, so that an extent does not blur the map; disks by each direction's own.
+    # Measured from the centre, as for spots, so that an extent does not blur the map; for disks from the sampled point.
     towards = vec.neg(w) if extent < _ZERO else vec.sub(p, place)
     square = vec.dot(shines, shines)
     if not square > _ZERO:
         return _DARK
     forward = vec.scale(shines, _ONE / math.sqrt(square))
-    right = vec.sub(frame[0:3], vec.scale(forward, vec.dot(frame[0:3], forward)))  # between two keys it leans
+    right = vec.sub(frame[0:3], vec.scale(forward, vec.dot(frame[0:3], forward)))  # interpolated keys are not orthogonal
     square = vec.dot(right, right)
     if not square > _ZERO:
         return _DARK
@@ -99,7 +99,7 @@ def look_up_emission(maps, windows, texels, number, local):
     x, y, z = local
     gain = _ONE
     if kind == SPHERE:
-        across, down = atan2(y, x), atan2(math.sqrt(x * x + y * y), z)  # an arc cosine is inexact about the axis
+        across, down = atan2(y, x), atan2(math.sqrt(x * x + y * y), z)  # an arc cosine is inaccurate near the axis
     else:
         if not z > _ZERO:
             return _DARK

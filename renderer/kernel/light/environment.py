@@ -172,7 +172,7 @@ def _image_radiance(environment, u, v):
     left, upper = floor(x), floor(y)
     s = x - to_float(left)
     t = y - to_float(upper)
-    # From -1 on, which without a sign is the greatest number; so is, nearly, what NaN becomes.
+    # Unsigned comparison: -1 wraps to the largest number, and NaN converts to nearly that.
     x0, x1 = u32(left), u32(left + _NEXT)
     y0, y1 = u32(upper), u32(upper + _NEXT)
     x0 = where(x0 < width, x0, np.uint32(width - _NEXT))

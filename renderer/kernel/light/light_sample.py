@@ -22,11 +22,11 @@ class LightSample(NamedTuple):
     Vectors are tuples of float32 in world space; each number may be a vector of eight lanes.
     """
 
-    direction: tuple[float, float, float]  # unit, from the point lit
-    end: tuple[float, float, float]  # what must be seen from the point lit
-    radiance: tuple[float, float, float]  # that would arrive unoccluded
-    pdf: float  # per steradian, the choice of the light included; 0: nothing sampled
-    alone: bool  # whether only light sampling finds it (no ray meets it), so that there is nothing to weigh it against
+    direction: tuple[float, float, float]  # unit, from the shaded point
+    end: tuple[float, float, float]  # the point that must be visible from the shaded point
+    radiance: tuple[float, float, float]  # arriving at the shaded point without occlusion
+    pdf: float  # per steradian, includes the probability of choosing the light; 0: no sample
+    alone: bool  # whether rays cannot hit the light, so that MIS does not apply
 
 
 @device

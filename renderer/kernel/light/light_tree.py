@@ -62,7 +62,7 @@ _FIRST = np.uint32(0)
 _STEP = np.uint32(1)
 _LANES = np.uint32(LIGHT_WIDTH - 1)
 _LAST = np.uint32(1 << (LIGHT_WIDTH - 1))
-_ANY = np.int32(-1)  # ~ the first light
+_ANY = np.int32(-1)  # complement of light 0
 
 
 @device
@@ -107,9 +107,9 @@ def _importances(node, base, p, n):
     irradiance = _row(node, base, INTENSITY) * (inverse * inverse) * received
 
     cos_spread, emitted = _row(node, base, COS_SPREAD), one
-    if bits(less(zero - one, cos_spread)) != _FIRST:  # else they shine to all sides, as balls and bulbs do
+    if bits(less(zero - one, cos_spread)) != _FIRST:  # else all emitters are omnidirectional
         among = less_equal(square, radius * radius)
-        bound = sqrt(maximum(fma(zero - radius, radius, square), zero))  # `radius` is the sine: p sees the sphere under it
+        bound = sqrt(maximum(fma(zero - radius, radius, square), zero))  # `radius` acts as the sine of the angle subtended at p
         along = _dot(x, y, z, _row(node, base, AXIS), _row(node, base, AXIS + 1), _row(node, base, AXIS + 2))
         across = sqrt(maximum(fma(zero - along, along, square), zero))
         along = maximum(along, along * _row(node, base, MIRROR))
@@ -140,7 +140,7 @@ def descend(node, base, p, n, choice):
     chance = select(none, _ZERO, weight / extract(totals, _FIRST))
     child = select(none, _ANY, load_int(node, base + _CHILD + np.uintp(lane)))
     before = select(lane > _FIRST, extract(sums, (lane - _STEP) & _LANES), _ZERO)
-    # Below 0 only where the compiler fuses this.
+    # The difference is negative only if the compiler fuses it.
     return child, chance, min(max(extract(at, _FIRST) - before, _ZERO) / weight, _BELOW_ONE)
 
 

@@ -39,7 +39,7 @@ _PI = np.float32(math.pi)
 _HALF_PI = np.float32(math.pi / 2)
 _INV_2PI = np.float32(0.5 / math.pi)
 _INF = np.float32(np.inf)
-_SLACK = np.float32(1e-3)  # what float32 cannot tell of small angles, in radians
+_SLACK = np.float32(1e-3)  # float32 error of small angles, in radians
 _ROUNDING = np.float32(1e-5)
 _WIDER = np.float32(1.0 + 1e-5)
 
@@ -182,7 +182,7 @@ def _best_split(center, radius, axis, spread, reach, intensity, both, order, beg
                 low[b, k] = min(low[b, k], center[i, k] - max(_ZERO, radius[i]))
                 high[b, k] = max(high[b, k], center[i, k] + max(_ZERO, radius[i]))
                 total_axis[b, k] += sign * axis[i, k]
-        for way in range(2):  # the costs of all right sides, then of left sides
+        for way in range(2):  # costs of all right sides, then of all left sides
             side_low[:] = _INF
             side_high[:] = -_INF
             side_axis[:] = _ZERO

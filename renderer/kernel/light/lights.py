@@ -46,7 +46,7 @@ _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
-FAR = np.float32(1e18)  # where an environment's light begins
+FAR = np.float32(1e18)  # distance of the environment
 _LEAST = np.float32(1e-30)
 _FIRST = np.uint32(0)
 _NEXT = np.uint32(1)
@@ -130,7 +130,7 @@ def sample_one_light(scene, light, p, n, u, time=None):
     for a scene without motion.
     """
     primitive = u32(lookup(scene.light_primitive, light))
-    beyond = u32(primitive - np.uint32(len(scene.triangle)))  # a triangle's is far beyond all spheres
+    beyond = u32(primitive - np.uint32(len(scene.triangle)))  # wraps to a large number for triangles
     is_triangle, is_sphere = primitive < np.uint32(len(scene.triangle)), beyond < np.uint32(len(scene.sphere))
     sample = nothing(p)
     if any_of(is_triangle):
@@ -186,7 +186,7 @@ def _emission(scene, number, wanted, p, w, time):
 
 @device
 def nearby_choice(scene, choice):
-    """Returns (whether `choice`, in [0, 1), selects a light other than the environment, `choice` rescaled to [0, 1) in that case)."""
+    """Returns (whether `choice`, in [0, 1), selects a light other than the environment, `choice` rescaled to [0, 1) for them)."""
     environment_chance = scene.environment_frame[3]
     nearby = not_(choice < environment_chance)
     if environment_chance > _ZERO:
@@ -275,7 +275,7 @@ def sun_seen(scene, which, p, n, w, judged, by_camera, time=None):
     place, value, extent = as_wide3(told[0:3], w[0]), as_wide3(told[6:9], w[0]), as_wide(told[9], w[0])
     if time is not None and len(scene.key_punctual) > 0:
         place, value, extent = each_lane(moving_sun, w[0] == w[0], (scene.punctual_kind, scene.key_punctual, number, time))
-    away = vec.sub(w, place)  # by the chord: a cosine in float32 is off by a hundredth of the disk
+    away = vec.sub(w, place)  # squared chord, since a float32 cosine has an error of a hundredth of the disk
     on_disk = vec.dot(away, away) < _TWO * extent
     if scene.punctual_kind[number] == SUN_UNSEEN:
         on_disk = on_disk & not_(by_camera)
@@ -314,7 +314,7 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
         if len(scene.light_parallelogram) > 0:
             pdf = pdf * on_parallelogram_pdf(scene, light, p, n, hit)
     beyond = u32(primitive - triangles)
-    is_sphere = beyond < np.uint32(len(scene.sphere))  # a path that is not judged may stand at a light without a body
+    is_sphere = beyond < np.uint32(len(scene.sphere))  # a lane that is not judged may hold a punctual light
     if any_of(is_sphere):
         number = where(is_sphere, beyond, _FIRST)
         pdf = where(is_sphere, sphere_light_pdf(scene, number, p, square, cosine, chance, time), pdf)
@@ -326,7 +326,7 @@ def _area(scene, light, primitive, is_triangle, time):
     """Returns the area of triangle lights, at the shutter time; undefined for other lights."""
     area = lookup(scene.light_area, light)
     if time is not None and len(scene.key_position) > 0:
-        paired = _is_parallelogram(scene, light)  # which stands still, and is twice its first triangle
+        paired = _is_parallelogram(scene, light)  # does not move; its area is twice that of its first triangle
         area = where(paired, area, each_lane(_moving_area, is_triangle & not_(paired), (scene, primitive, time)))
     return area
 

@@ -10,7 +10,7 @@ from renderer.kernel.sampling.warp import square_to_triangle
 
 __all__ = ["mean_texels"]
 
-_STEPS = 8  # a side: 64 points of a triangle
+_STEPS = 8  # per axis: 64 points a triangle
 
 
 @builder

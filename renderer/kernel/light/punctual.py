@@ -33,7 +33,7 @@ __all__ = [
 ]
 
 POINT, SPOT, DIRECTIONAL, SPOT_SMOOTH, SPOT_LINEAR, SPOT_SMOOTH_ANGLE = range(6)
-SUN, SUN_UNSEEN = 6, 7  # distant lights that rays meet; the camera's do not meet the latter
+SUN, SUN_UNSEEN = 6, 7  # distant lights that rays hit; camera rays do not hit the latter
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -153,7 +153,7 @@ def _sample(kind, light, p, u):
     distance = math.sqrt(square)
     axis = vec.scale(d, _ONE / distance)
     strength = _ONE
-    if extent < _ZERO:  # a disk that faces p, which a spot shines from into each direction by that direction
+    if extent < _ZERO:  # a disk that faces p; a spot's falloff depends on each sample's direction
         cone = disk_cone(square, extent)
         s, t = vec.basis(axis)
         local = square_to_cone(u, cone)
@@ -161,14 +161,14 @@ def _sample(kind, light, p, u):
         if kind != POINT:
             strength = spot_falloff(kind, -vec.dot(w, shines), light[10], light[11])
         return w, vec.add(p, vec.scale(w, distance / local[2])), vec.scale(value, strength), square_to_cone_pdf(cone)
-    if kind != POINT:  # by the direction from the centre, so that an extent does not blur the cone
+    if kind != POINT:  # from the centre, so that an extent does not blur the cone
         strength = spot_falloff(kind, -vec.dot(axis, shines), light[10], light[11])
     if extent == _ZERO:
         return axis, place, vec.scale(value, strength / square), _ONE
     if distance > extent:
         w, far, pdf = _sphere_towards(axis, distance, extent, u)
         return w, vec.add(p, vec.scale(w, far)), vec.scale(value, strength), pdf
-    # Inside, the same radiance comes from everywhere: on the sphere the two agree, and nothing grows without bound.
+    # Inside, constant radiance from all directions: continuous at the sphere's surface, and bounded.
     w = square_to_sphere(u)
     along = vec.dot(d, w)
     far = along + math.sqrt(max(_ZERO, along * along + extent * extent - square))

@@ -23,7 +23,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INV_4PI = np.float32(0.25 / math.pi)
 _ERROR = np.float32(32 * 2.0**-24)
-_CLOSE = np.float32(1.001)  # squared distance in radii: nearer, rounding could take a point on the sphere for one outside
+_CLOSE = np.float32(1.001)  # squared distance in radii; nearer points may be on the sphere, by rounding
 _LEAST = np.float32(1e-30)
 _FIRST = np.uint32(0)
 _FACING = np.uint32(FACING)
@@ -142,7 +142,7 @@ def met_from_front(scene, light, p, w, front, time):
             square, along, off = vec.dot(d, d), vec.dot(d, w), vec.cross(d, w)
             on_disk = (along > _ZERO) & (vec.dot(off, off) * square < radius * radius * along * along)
             outside = square > radius * radius
-            first = (front & outside) | not_(front | outside)  # else the disk was counted before
+            first = (front & outside) | not_(front | outside)  # else the disk has been counted already
             front = (facing & on_disk & first) | (front & not_(facing))
     return front
 

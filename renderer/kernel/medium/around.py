@@ -21,7 +21,7 @@ _INF = np.float32(np.inf)
 _ROOT = np.int32(0)
 _WORLD, _NEXT = np.uint32(0), np.uint32(1)
 _MIDDLE = (_HALF, _HALF)
-# As good as any, and along no wall that anybody builds.
+# An arbitrary direction, not parallel to typical walls.
 _UPWARDS = (np.float32(0.36), np.float32(0.8), np.float32(0.48))
 
 
@@ -42,7 +42,7 @@ def _nest_at(scene, stack, o, time):
         medium = u32(scene.material_medium[surface.material])
         if medium != NO_MEDIUM:
             if surface.front:
-                on_the_way = entered(on_the_way, u32(medium + _NEXT))  # that none is told from the world's
+                on_the_way = entered(on_the_way, u32(medium + _NEXT))  # plus 1, since 0 is the world's medium
             elif holds(on_the_way, u32(medium + _NEXT)):
                 on_the_way = left(on_the_way, u32(medium + _NEXT))
             else:

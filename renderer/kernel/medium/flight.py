@@ -21,20 +21,20 @@ __all__ = ["FLIGHT_BLOCK", "Flight", "carried", "flight_distance", "free_flight"
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
-FLIGHT_BLOCK = 1 << 19  # the first block of numbers for flights: those of other things lie below (integrators/transport.py)
+FLIGHT_BLOCK = 1 << 19  # first random number block of flights; lower blocks are in integrators/transport.py
 
 
 class Flight(NamedTuple):
     """The end of a free flight."""
 
-    scatters: bool  # in the medium; else it reaches what the ray meets
+    scatters: bool  # in the medium; else it reaches a surface
     distance: float
-    throughput: tuple[float, float, float]  # there
+    throughput: tuple[float, float, float]  # at the end
 
 
 @device
 def _left(sigma, distance):
-    return where(sigma > _ZERO, exp(-sigma * distance), _ONE)  # infinitely far, too
+    return where(sigma > _ZERO, exp(-sigma * distance), _ONE)  # also for an infinite distance
 
 
 @device
@@ -71,7 +71,7 @@ def carried(sigma_t, sigma_s, throughput, distance, scatters):
     density = (red * ends[0] * left[0] + green * ends[1] * left[1] + blue * ends[2] * left[2]) / total
     density = where(vec.maximum(sigma_s) > _ZERO, density, _ONE)
     passed = vec.mul(throughput, where3(scatters, vec.mul(sigma_s, left), left))
-    over = (density <= _ZERO) | (total <= _ZERO)  # no number lives on, so that the film is told of it
+    over = (density <= _ZERO) | (total <= _ZERO)  # NaN propagates, so the film can count it
     return where3(over, (none, none, none), vec.scale(passed, _ONE / density))
 
 

@@ -37,13 +37,13 @@ _TWO = np.float32(2.0)
 _FOUR = np.float32(4.0)
 _ROOT = np.int32(0)
 _BLACK = (_ZERO, _ZERO, _ZERO)
-# Van de Hulst: a half-space of similarity s sends (1 - s) (1 - _A s) / (1 + _B s) of diffuse light back.
+# Van de Hulst: a half-space of similarity s reflects (1 - s) (1 - _A s) / (1 + _B s) of diffuse light.
 _A, _B = np.float32(0.139), np.float32(1.17)
-_STEPS = 1024  # of a walk at most: of a white body, one in twenty-five finds no way out until then
+_STEPS = 1024  # limit of a walk; in a white body one in twenty-five finds no exit within it
 _PI_STEPS = np.float32(math.pi * _STEPS)
-_ONWARDS = 16  # steps after which which way light came from is forgotten
-WALK_BLOCK = 1 << 20  # the first block of numbers for walks: those of flights lie below
-_BLOCKS = np.uint32(2 * _STEPS)  # of each vertex: for its steps, and for what ends them
+_ONWARDS = 16  # steps after which the initial direction no longer matters
+WALK_BLOCK = 1 << 20  # first random number block of walks, above those of flights
+_BLOCKS = np.uint32(2 * _STEPS)  # for each vertex: one per step, and one per step for Russian roulette
 _ROULETTE = np.uint32(_STEPS)
 _LEAST = np.float32(1e-6)
 _YES, _NO = np.bool_(True), np.bool_(False)
@@ -53,8 +53,8 @@ class Within(NamedTuple):
     """The outcome at a surface with subsurface scattering: whether a path enters it, and where it leaves."""
 
     enters: bool  # else it scatters at the surface
-    surface: Surface  # where it comes out, seen from outside
-    throughput: tuple[float, float, float]  # there, or at the surface; 0 where it is absorbed, or finds no way out
+    surface: Surface  # at the exit, seen from outside
+    throughput: tuple[float, float, float]  # at the exit, or at the surface; 0 where the walk was absorbed
 
 
 @device
@@ -120,7 +120,7 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
     out_of_line()
     g = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_ANISOTROPY, 1)[0]
     radius = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_RADIUS, 3)
-    least = _FOUR * surface.error  # what is shorter, roundings do not tell apart
+    least = _FOUR * surface.error  # shorter distances are below the rounding error
     sigma_t = _ONE / max(radius[0], least), _ONE / max(radius[1], least), _ONE / max(radius[2], least)
     sigma_s = vec.mul(albedo_of(color, g), sigma_t)
     entry = draw4(stream, first)
@@ -130,7 +130,7 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
     entry_surface, own, worth = surface, surface.object, _TWO / vec.maximum(throughput)
     for step in range(1, _STEPS):
         if step == _ONWARDS:
-            # Who is scattered evenly, but so much less often, gets as far in the end (Wyman, Patterson & Wilson 1989).
+            # Similarity relation: isotropic scattering with sigma_s (1 - g) (Wyman, Patterson & Wilson 1989).
             evenly = vec.scale(sigma_s, _ONE - g)
             sigma_t = vec.add(vec.sub(sigma_t, sigma_s), evenly)
             sigma_s, g = evenly, _ZERO
@@ -143,7 +143,7 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
                 break
             so_far += hit.t
             beyond = vec.add(o, vec.scale(d, _TWO * hit.t))
-            surface = surface_at(scene, beyond, vec.neg(d), hit)  # as who looks at it from where the path is going
+            surface = surface_at(scene, beyond, vec.neg(d), hit)  # seen from the far side of the surface
             if surface.object == own:
                 return surface, carried(sigma_t, sigma_s, throughput, so_far, _NO)
             o = departure(surface, True, d)
@@ -176,7 +176,7 @@ def go_within(scene, stack, surface, normal, kind, color, m, wo, throughput, str
     share = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE, 1)[0]
     inside, chance = _entrance(kind, share, color, m, wo)
     if draw4(stream, first)[2] >= chance:
-        # Layers have left out what goes inside (kernel/material/layers.py), Lambert's surface has not.
+        # Layered materials exclude the light that enters (kernel/material/layers.py); the diffuse model does not.
         left = _ONE if kind == rows.DIFFUSE else _ONE / (_ONE - chance)
         return Within(_NO, surface, vec.scale(throughput, left))
     out, left = _walk(scene, stack, surface, normal, color, vec.scale(throughput, inside / chance), stream, first, time)

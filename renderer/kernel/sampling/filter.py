@@ -19,7 +19,7 @@ __all__ = ["BLACKMAN_HARRIS", "BOX", "TENT", "blackman_harris", "filter_offset"]
 
 BLACKMAN_HARRIS, TENT, BOX = (np.int32(FILTERS.index(name)) for name in ("blackman-harris", "tent", "box"))
 
-RADIUS = 0.75  # of Blackman-Harris, in pixels: 1.5 wide, as Cycles has it by default
+RADIUS = 0.75  # of Blackman-Harris, in pixels: 1.5 wide, the default of Cycles
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)

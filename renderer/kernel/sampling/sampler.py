@@ -51,10 +51,10 @@ _FOUR_FURTHER = np.uint32((4 * int(GOLDEN)) % 2**32)
 _SECOND = np.uint32((2 * int(GOLDEN)) % 2**32)
 _CAMERA = np.uint32(0)  # the camera's block
 _UNITS = np.float32(2.0**24)
-# Digits to turn over, found by search: take the first 1, 2, 4, ... 256 points and what they become by it. Of all ways to divide
+# Digits to flip, found by search: for the first 1, 2, 4, ... 256 points with their flipped copies, of all ways to divide
 # the square into as many equal rectangles, by powers of two, more than two thirds have one point in each.
 _TURNED = (np.uint32(0x600C07), np.uint32(0xFD9F6F), np.uint32(0x4A694C))
-_LATTICE = np.uint32(192955923)  # for all 2**k up to 2**21 points are at least 0.65 times as far apart as any lattice's can be
+_LATTICE = np.uint32(192955923)  # for all 2**k up to 2**21, least distance at least 0.65 times the best of any lattice
 
 
 @device
@@ -152,10 +152,11 @@ def _fitting(index):
 
 @device
 def sobol4(seed, pixel, sample, block):
-    """Returns four uint32, the scrambled and shifted Sobol' point; dimensions 0 and 1 are a (0, 2)-sequence over the sample numbers.
+    """Returns four uint32, the scrambled and shifted Sobol' point.
 
-    Blocks 4, 8, 12, ... use the order of the block two before them (`_fitting`), so that the directions sampled at a path's first
-    and second vertex are stratified in four dimensions; all other blocks have independent orders.
+    Dimensions 0 and 1 are a (0, 2)-sequence over the sample numbers. Blocks 4, 8, 12, ... use the order of the block two before
+    them (`_fitting`), so that the directions sampled at a path's first and second vertex are stratified in four dimensions; all
+    other blocks have independent orders.
     """
     follows = u32(block & _THREE) == _NONE
     ahead = u32(block - where(follows, _TWO, _NONE))

@@ -28,7 +28,7 @@ SCRAMBLE = tuple(np.uint32(c) for c in (0x3D20ADEA, 0x05526C56, 0x53A22864))
 _BITS = 28  # of the sample number: more than MAX_SPP times MAX_LIGHT_SAMPLES
 _NIBBLES, _TRIPLES = 7, 10
 _DIMENSIONS = 4
-_LINEAR = 1064  # of some seven thousand, that whose points find most of edges and of grain
+_LINEAR = 1064  # best of some seven thousand scramblings at resolving edges and grain
 _I32 = ir.IntType(32)
 _QUARTET = ir.VectorType(_I32, _DIMENSIONS)
 

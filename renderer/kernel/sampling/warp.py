@@ -45,7 +45,7 @@ def _concentric(u):
     """
     a = _TWO * u[0] - _ONE
     b = _TWO * u[1] - _ONE
-    steep = abs(b) > abs(a)  # cannot be predicted
+    steep = abs(b) > abs(a)  # unpredictable, hence no branch
     radius = where(steep, b, a)
     turns = _EIGHTH * where(steep, a, b) / where(radius != _ZERO, radius, _ONE)
     sine, cosine = sincos_turns(where(steep, _QUARTER - turns, turns))
