@@ -108,7 +108,10 @@ def start_farm(data: Path, workers: int, until: bytes = b"Ready", **environment:
 
 
 def farm_of(command: list[str], data: Path, cwd: Path, until: bytes = b"Ready", **environment: str) -> Farm:
-    """Starts a farm by a given command, with its data in `data`. Its render limits are off, also for repeated jobs."""
+    """Starts a farm by a given command, with its data in `data`.
+
+    Films are not reused, so that repeated jobs are rendered again.
+    """
     environment = {"RAYFARM_REUSE_FILMS": "false", **environment}
     log = data.parent / f"{data.name}-up.log"
     with log.open("ab") as out:
