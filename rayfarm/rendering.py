@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Clock", "Show", "load_kernels", "load_scene", "part_of_frame", "shown", "whole_frame"]
 
-LEAST_SAMPLES = 16  # of each pixel, before noise may end a frame: fewer that agree by chance would end it too early
 Show = Callable[[int, int], None]  # told how many samples are done, of how many
 
 
@@ -108,13 +107,13 @@ def whole_frame(
     done: RenderStats,
     show: Show,
 ) -> Sums:
-    """The whole frame's sums. noise: the frame ends when it is reached, with LEAST_SAMPLES a pixel or more."""
-    from renderer.film import SAMPLES
+    """The whole frame's sums. noise: the frame ends when it is reached, with `least_samples` a pixel or more."""
+    from renderer.film import SAMPLES, least_samples
     from renderer.film import noise as noise_of
     from renderer.render import render_frame
 
     def quiet_enough(sums: Sums) -> bool:
-        if noise is None or int(sums[SAMPLES].max()) < LEAST_SAMPLES:
+        if noise is None or int(sums[SAMPLES].max()) < least_samples(sums[SAMPLES].size):
             return False
         return noise_of(sums, settings.film_exponent) <= noise
 

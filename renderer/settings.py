@@ -155,6 +155,28 @@ class RenderSettings:
             phrase="transmission {}",
         ),
     ] = 256
+    diffuse_depth: Annotated[
+        int,
+        Setting(1, MAX_DEPTH, off=0),
+        Shown(
+            "Diffuse depth",
+            "Diffuse bounces of a path; max depth is the total.",
+            integrators=("path",),
+            off="as many as max depth",
+            phrase="diffuse {}",
+        ),
+    ] = 0
+    glossy_depth: Annotated[
+        int,
+        Setting(1, MAX_DEPTH, off=0),
+        Shown(
+            "Glossy depth",
+            "Mirrored and glossy bounces of a path; max depth is the total.",
+            integrators=("path",),
+            off="as many as max depth",
+            phrase="glossy {}",
+        ),
+    ] = 0
     sampling: Annotated[
         str,
         Setting(choices=SAMPLINGS),

@@ -40,6 +40,9 @@ class Options(NamedTuple):
     heuristic: np.int32
     mistake: np.int32
     max_depth: int  # segments that count
+    diffuse_depth: np.float32  # bounces of that kind, after which a path ends at the next surface; infinite: no limit
+    glossy_depth: np.float32
+    has_depths: bool  # whether either of them is a limit
     transmission_depth: int  # smooth transmissions of a path that do not count; 0: all do
     light_samples: int
     splitting: int  # branches that a path's first vertex scatters it into
@@ -55,6 +58,7 @@ class Options(NamedTuple):
 def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
     """The settings for the kernel, and what it asks of the scene as a whole."""
     red, green, blue = settings.ambient
+    by_kind = settings.integrator == "path"
     return Options(
         seed=np.uint32(settings.seed),
         sampler=np.int32(SAMPLERS.index(settings.sampler)),
@@ -63,6 +67,9 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         heuristic=np.int32(HEURISTICS.index(settings.heuristic)),
         mistake=np.int32(MISTAKES.index(settings.mistake)),
         max_depth=min(settings.max_depth, 2) if settings.integrator == "direct" else settings.max_depth,
+        diffuse_depth=np.float32((settings.diffuse_depth if by_kind else 0) or np.inf),
+        glossy_depth=np.float32((settings.glossy_depth if by_kind else 0) or np.inf),
+        has_depths=by_kind and (settings.diffuse_depth > 0 or settings.glossy_depth > 0),
         transmission_depth=settings.transmission_depth if settings.integrator == "path" else 0,
         light_samples=settings.light_samples,
         splitting=settings.splitting if settings.sampling == "mis" else 1,  # else to compare strategies, each by itself

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from renderer import film
 from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF, Sums
 from service.scheduling.jobs.active_frame import FIRST_LOOK
-from service.scheduling.jobs.plan import FIRST_CHECK
+from service.scheduling.jobs.plan import first_check
 from service.viewing.passes import Level
 
 __all__ = ["BYTES_A_PIXEL", "GROWTH", "Canvas"]
@@ -24,6 +24,7 @@ class Canvas:
     """The sums of one level of a view. Pieces are added once each, in any order.
 
     noise: relative noise at which a tile is complete, as in jobs, checked at 32, 64, 128 ... samples; None: all samples.
+    Tiles of few pixels are checked later (`first_check`).
     """
 
     def __init__(self, level: Level, film_exponent: int, noise: float | None = None) -> None:
@@ -32,6 +33,7 @@ class Canvas:
         self.changed: dict[int, None] = {}  # tiles to be shown again, oldest change first
         self._wanted = noise
         self._areas = np.array([tile.w * tile.h for tile in level.tiles], np.int64)
+        self._first_checks = np.array([first_check(tile) for tile in level.tiles], np.int64)
         self._counts = np.zeros(len(level.tiles), np.int64)  # samples per pixel, by tile
         self._ended = np.zeros(len(level.tiles), bool)  # whether the tile has reached the noise target
         self._shown = np.zeros(len(level.tiles), np.int64)  # samples per pixel when the tile was taken last
@@ -77,7 +79,7 @@ class Canvas:
         has = int(self._counts[tile])
         if has >= max(FIRST_LOOK, 2 * self._measured_at[tile]) or has >= self.level.samples >= FIRST_LOOK:
             self._measured_at[tile], self._noise[tile] = has, self._noise_of(tile)
-            if self._wanted is not None and has >= FIRST_CHECK and self._noise[tile] <= self._wanted:
+            if self._wanted is not None and has >= self._first_checks[tile] and self._noise[tile] <= self._wanted:
                 self._ended[tile] = True
         if self.tile_is_complete(tile) or has >= GROWTH * self._shown[tile]:
             self.changed[tile] = None

@@ -3,17 +3,16 @@
 import numpy as np
 import pytest
 
-from rayfarm import rendering
-from rayfarm.rendering import LEAST_SAMPLES, whole_frame
+from rayfarm.rendering import whole_frame
 from renderer import film, render
 from renderer.render import RenderStats
 from renderer.settings import RenderSettings, View
 
 
-@pytest.mark.parametrize(("spp", "ends"), [(1024, LEAST_SAMPLES), (5, 5)])
-def test_noise_ends_no_frame_before_each_pixel_has_enough_samples(monkeypatch, spp, ends) -> None:
+@pytest.mark.parametrize(("side", "spp", "ends"), [(1, 1024, 512), (2, 1024, 128), (8, 1024, 16), (2, 5, 5)])
+def test_noise_ends_no_frame_before_each_pixel_has_enough_samples(monkeypatch, side, spp, ends) -> None:
     """However little there seems to be: few samples of a tiny picture may agree by chance."""
-    settings = RenderSettings(2, 2, View((0, 0, 1), (0, 0, 0)))
+    settings = RenderSettings(side, side, View((0, 0, 1), (0, 0, 0)))
     monkeypatch.setattr(render, "_prepared", lambda scene, settings: scene)
 
     def batch(scene, settings, tile, first, count, log=None):
@@ -25,4 +24,3 @@ def test_noise_ends_no_frame_before_each_pixel_has_enough_samples(monkeypatch, s
     monkeypatch.setattr(film, "noise", lambda sums, exponent: 0.0)
     sums = whole_frame(None, settings, spp, 1, 0.5, None, RenderStats(), lambda part, whole: None)
     assert (sums[film.SAMPLES] == ends).all()
-    assert rendering.LEAST_SAMPLES == 16

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from renderer.film import COLOR
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
-from renderer.scene.description import Environment, Instance, Light, Material, Mesh, SceneDescription
+from renderer.scene.description import Environment, Instance, Light, Material, Mesh, SceneDescription, Sphere
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import gray, square
 
@@ -63,6 +64,20 @@ def test_where_all_transmission_counts_it_uses_up_the_depth() -> None:
     """As other renderers count; two bounces of glass more than there may be let nothing through but what is reflected."""
     assert mean(panes(4, GLASS), 64, transmission_depth=0) < 0.2
     assert mean(panes(4, GLASS), 64, transmission_depth=0, max_depth=64) == pytest.approx(1.0, abs=5e-3)
+
+
+def test_bounces_have_limits_by_kind() -> None:
+    """In a closed white sphere of radiance 1 each diffuse bounce adds a reflectance of 0.5."""
+    light = Material(base_color=gray(0.5), emission=gray(1.0), double_sided=True)
+    room = SceneDescription(spheres=[Sphere((0.0, 0.0, 0.0), 9.0, 0)], materials=[light])
+    for bounces, expected in ((1, 1.5), (2, 1.75), (3, 1.875)):
+        assert mean(room, 64, diffuse_depth=bounces, max_depth=64) == pytest.approx(expected, rel=0.01)
+        assert mean(room, 64, glossy_depth=bounces, max_depth=3) == pytest.approx(1.75, rel=0.01)
+    mirrored = replace(light, kind="mirror")
+    room = replace(room, materials=[mirrored])
+    for bounces, expected in ((1, 1.5), (2, 1.75)):
+        assert mean(room, 4, glossy_depth=bounces, max_depth=64) == pytest.approx(expected, rel=0.01)
+        assert mean(room, 4, diffuse_depth=bounces, max_depth=4) == pytest.approx(1.875, rel=0.01)
 
 
 def test_max_depth_1_shows_what_emits_and_nothing_through_glass() -> None:

@@ -13,6 +13,7 @@ from renderer.arrays.rows import MEDIUM, UNLIT
 from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
+from renderer.kernel.integrators.depths import spent
 from renderer.kernel.integrators.inside import fly, may_go_within, scattered_within, vertex_in_medium
 from renderer.kernel.integrators.mixture import mixture_bounce
 from renderer.kernel.integrators.record import (
@@ -143,7 +144,7 @@ def _follow(scene, stack, path, number, passed, time, options, stream, log, firs
             path = _add(path, vertex.material.base, 1, options)
         if row < len(log):
             record_light(log, row, EMITTED, path.radiance)
-        if path.depth + 1 >= options.max_depth or vertex.material.kind == UNLIT:
+        if path.depth + 1 >= options.max_depth or spent(path.counts, options) or vertex.material.kind == UNLIT:
             break
         if scene.has.media is not None and may_go_within(scene, vertex):
             vertex, path = scattered_within(scene, stack, vertex, path, stream, number, time)
@@ -289,7 +290,7 @@ def _bounce(scene, vertex, path, number, options, numbers, branches):
     else:
         wi, weight, pdf, eta2 = special_bounce(material, options.sampling, wo, numbers[2], u)
     weight, pdf = of_branch(weight, pdf, np.float32(branches))
-    path = scattered(scene, vertex, path, number, wi, weight, pdf, eta2, options)
+    path = scattered(scene, vertex, path, number, wi, weight, pdf, eta2, np.float32(branches), options)
     most = ON_SURFACES
     if scene.has.media is not None and material.kind == MEDIUM:
         most = IN_MEDIA

@@ -9,6 +9,7 @@ import numpy as np
 from renderer.arrays.rows import MEDIUM
 from renderer.jit import device
 from renderer.kernel import vec
+from renderer.kernel.integrators.depths import bounced
 from renderer.kernel.integrators.roulette import worth_after
 from renderer.kernel.integrators.transport import one_color
 from renderer.kernel.material.material import Material, fetch_material, transmits
@@ -54,6 +55,7 @@ class Path(NamedTuple):
     radiance: tuple[float, float, float]  # found so far
     worth: float  # what a unit of its throughput is worth to the pixel: of roulette.py
     depth: int  # segments behind it that count
+    counts: float  # its bounces by kind (depths.py)
     nest: Any  # the media that it is in (kernel/medium/nesting.py); None where there are none
 
 
@@ -70,31 +72,79 @@ class Vertex(NamedTuple):
 @device
 def camera_path(o, d, nest):
     """A path that leaves the camera's point o in the unit direction d."""
-    return Path(o, d, o, _EVERY_SIDE, _ZERO, _WHITE, _BLACK, _ONE, _NONE, nest)
+    return Path(o, d, o, _EVERY_SIDE, _ZERO, _WHITE, _BLACK, _ONE, _NONE, _ZERO, nest)
 
 
 @device
 def with_origin(path, o):
     """The path, its ray starting at o."""
-    return Path(o, path.d, path.vertex, path.normal, path.pdf, path.throughput, path.radiance, path.worth, path.depth, path.nest)
+    return Path(
+        o,
+        path.d,
+        path.vertex,
+        path.normal,
+        path.pdf,
+        path.throughput,
+        path.radiance,
+        path.worth,
+        path.depth,
+        path.counts,
+        path.nest,
+    )
 
 
 @device
 def with_throughput(path, throughput):
     """The path with another throughput."""
-    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, throughput, path.radiance, path.worth, path.depth, path.nest)
+    return Path(
+        path.o,
+        path.d,
+        path.vertex,
+        path.normal,
+        path.pdf,
+        throughput,
+        path.radiance,
+        path.worth,
+        path.depth,
+        path.counts,
+        path.nest,
+    )
 
 
 @device
 def with_radiance(path, radiance):
     """The path with another radiance."""
-    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, path.throughput, radiance, path.worth, path.depth, path.nest)
+    return Path(
+        path.o,
+        path.d,
+        path.vertex,
+        path.normal,
+        path.pdf,
+        path.throughput,
+        radiance,
+        path.worth,
+        path.depth,
+        path.counts,
+        path.nest,
+    )
 
 
 @device
 def with_nest(path, nest):
     """The path in other media."""
-    return Path(path.o, path.d, path.vertex, path.normal, path.pdf, path.throughput, path.radiance, path.worth, path.depth, nest)
+    return Path(
+        path.o,
+        path.d,
+        path.vertex,
+        path.normal,
+        path.pdf,
+        path.throughput,
+        path.radiance,
+        path.worth,
+        path.depth,
+        path.counts,
+        nest,
+    )
 
 
 @device
@@ -136,13 +186,18 @@ def is_counted(surface, reflected, d, pdf, options):
 
 
 @device
-def scattered(scene, vertex, path, number, wi, weight, pdf, eta2, options):
-    """The path after its vertex has scattered it into wi, of its frame. weight, pdf, eta2: as `sample_material` gives them;
-    number: how many vertices it had before.
+def scattered(scene, vertex, path, number, wi, weight, pdf, eta2, branches, options):
+    """The path after its vertex has scattered it into wi, of its frame.
+
+    weight, pdf, eta2: as `sample_material` gives them, of one of so many branches. number: how many vertices it had before.
     """
     s, t, n = vertex.frame
     d = vec.to_world(s, t, n, wi)
     reflected = wi[2] > _ZERO
+    counted = is_counted(vertex.surface, reflected, d, pdf, options)
+    counts = path.counts
+    if counted and vertex.material.kind != MEDIUM:
+        counts = bounced(counts, reflected, pdf / branches)
     return Path(
         departure(vertex.surface, reflected, d),
         d,
@@ -152,6 +207,7 @@ def scattered(scene, vertex, path, number, wi, weight, pdf, eta2, options):
         vec.mul(path.throughput, weight),
         path.radiance,
         worth_after(path.worth, np.float32(number), weight, eta2),
-        path.depth + 1 if is_counted(vertex.surface, reflected, d, pdf, options) else path.depth,
+        path.depth + 1 if counted else path.depth,
+        counts,
         path.nest if reflected else beyond(scene, vertex, path.nest),
     )

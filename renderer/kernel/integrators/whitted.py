@@ -191,7 +191,7 @@ def trace_whitted(scene, stack, o, d, time, nest, options, stream, log, first):
         wi, weight, pdf, eta2 = sample_material(material, vertex.wo, numbers[2], (numbers[0], numbers[1]))
         if pdf > _ZERO and not _is_mirror(material):
             break
-        path = scattered(scene, vertex, path, number, wi, weight, _ZERO, eta2, options)
+        path = scattered(scene, vertex, path, number, wi, weight, _ZERO, eta2, _ONE, options)
         if vec.maximum(path.throughput) <= _ZERO:
             break
         number += 1

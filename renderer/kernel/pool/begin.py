@@ -95,4 +95,6 @@ def begin(pool, lists, following, width, height, camera, options, batch, motion,
         write(pool, rows, MAPPED, nothing)
         if nest is not None:
             write(pool, rows, NEST, (as_floats(as_wide(nest, none)), none, none, none, none, none, none, none))
+        elif options.has_depths:
+            write(pool, rows, NEST, nothing)
     return following

@@ -10,6 +10,7 @@ import numpy as np
 
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
+from renderer.kernel.integrators.depths import spent
 from renderer.kernel.medium.flight import FLIGHT_BLOCK, free_flight
 from renderer.kernel.medium.nesting import coefficients
 from renderer.kernel.pool.lists import (
@@ -31,6 +32,7 @@ from renderer.kernel.pool.lists import (
 from renderer.kernel.pool.rows import (
     AXES,
     CARRIED,
+    COUNTS,
     FIRST,
     FRAME,
     HIT,
@@ -111,7 +113,10 @@ def fly(scene, pool, lists, options):
                 r, g_, b = sigma_t
                 albedo = sigma_s[0] / max(r, _LEAST), sigma_s[1] / max(g_, _LEAST), sigma_s[2] / max(b, _LEAST)
                 _keep_first(pool, rows, first, point, albedo, flight.distance, met[5])
-            which = where(depth + _ONE >= np.float32(options.max_depth), _OVER, none + _IN_MEDIUM)
+            over = depth + _ONE >= np.float32(options.max_depth)
+            if options.has_depths:
+                over = over | spent(few(pool, rows, COUNTS, 1)[0], options)
+            which = where(over, _OVER, none + _IN_MEDIUM)
             _keep_vertices(pool, where(flight.scatters, rows, SPARE), point, wo, g, which)
         distance = where(flight.scatters, flight.distance, met[0])
         number_of_object = as_floats(where(flight.scatters, as_wide(NO_OBJECT, none), _FIRST))

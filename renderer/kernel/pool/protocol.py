@@ -55,6 +55,7 @@ def _path(pool, radiance):
         radiance,
         pool[RAY + np.uintp(7)],
         np.int64(pool[CARRIED + np.uintp(3)]),
+        _ZERO,
         None,
     )
 

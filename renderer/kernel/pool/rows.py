@@ -17,6 +17,7 @@ __all__ = [
     "AXES",
     "BRANCHES",
     "CARRIED",
+    "COUNTS",
     "FIRST",
     "FRAME",
     "HIT",
@@ -75,6 +76,8 @@ MAPPED = np.uintp(96)  # its n 3, and the normal that lights count on the side o
 WAY = np.uintp(104)
 # Only where there are media: what the path is in (kernel/medium/nesting.py). Of a vertex in one, MATTER's roughness is the g.
 NEST = np.uintp(128)
+# Only where bounces by kind are limited (integrators/depths.py):
+COUNTS = np.uintp(129)
 ROW = np.uintp(136)  # no power of two, which would put all rows' groups into the same cache sets
 
 

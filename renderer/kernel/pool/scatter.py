@@ -8,6 +8,7 @@ import numpy as np
 
 from renderer.jit import device, out_of_line, subroutine, template
 from renderer.kernel import vec
+from renderer.kernel.integrators.depths import bounced
 from renderer.kernel.integrators.record import AGAIN
 from renderer.kernel.integrators.roulette import IN_MEDIA, ON_SURFACES, survival, worth_after
 from renderer.kernel.integrators.splitting import beside, of_branch, turned
@@ -45,6 +46,7 @@ from renderer.kernel.pool.rows import (
     AXES,
     BRANCHES,
     CARRIED,
+    COUNTS,
     FRAME,
     HIT,
     LAMP,
@@ -203,6 +205,7 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
         if second:
             u = turned(u)
         f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, u[2], (u[0], u[1]))
+        whole_pdf = pdf
         if is_lit is not None:
             branches = where(_splits(number, frame[7]), none + np.float32(options.splitting), _ONE)
             weight, pdf = of_branch(weight, pdf, branches)
@@ -221,7 +224,13 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
                 begins_in = as_floats(where(wi[2] > _ZERO, nest, through))
             write(pool, rows, LAMP, (*brought, depth + _TWO, balance, light_pdf, begins_in, none))
 
-        depth = where(is_counted(surface, reflected, d, pdf, options), depth + _ONE, depth)
+        counted = is_counted(surface, reflected, d, pdf, options)
+        depth = where(counted, depth + _ONE, depth)
+        counts = none
+        if options.has_depths:
+            counts = few(pool, rows, COUNTS, 1)[0]
+            if is_surface is not None:
+                counts = where(counted, bounced(counts, reflected, whole_pdf), counts)
         throughput = vec.mul(throughput, weight)
         worth = worth_after(ray[7], number, weight, eta2)
         chance = survival(throughput, worth, depth, options, ON_SURFACES if is_surface is not None else IN_MEDIA)
@@ -236,7 +245,9 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
             rx = ry = rz = none
         if scene.has.media is not None:
             goes_in = as_floats(where(reflected, nest, through))
-            write(pool, rows, NEST, (goes_in, none, none, none, none, none, none, none))
+            write(pool, rows, NEST, (goes_in, counts, none, none, none, none, none, none))
+        elif options.has_depths:
+            write(pool, rows, NEST, (none, counts, none, none, none, none, none, none))
         write(pool, rows, RAY, (*o, *d, pdf, worth))
         write(pool, rows, CARRIED, (rx, ry, rz, depth, *throughput, number + _ONE))
         write(pool, rows, SHADOW, (*start, *end, waits, goes_on))

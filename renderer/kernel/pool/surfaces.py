@@ -9,6 +9,7 @@ from renderer.bvh.traverse import Hit
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
+from renderer.kernel.integrators.depths import spent
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.integrators.transport import limited
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sun_seen
@@ -40,6 +41,7 @@ from renderer.kernel.pool.lists import (
 from renderer.kernel.pool.matter import attenuated, keep_matter, lamps, passes, surfaces_at
 from renderer.kernel.pool.rows import (
     CARRIED,
+    COUNTS,
     FIRST,
     FRAME,
     HIT,
@@ -211,6 +213,8 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
             _keep_first(scene, pool, rows, first, surface, base, n, hit.t, passed)
 
         over = unlit | (depth + _ONE >= np.float32(options.max_depth))
+        if options.has_depths:
+            over = over | spent(few(pool, rows, COUNTS, 1)[0], options)
         which_next = _list_of(scene, surface.material, kind, roughness)
         if scene.has.media is not None:
             within = (u32(lookup(scene.material_flags, surface.material)) & _SCATTERS_WITHIN) != _NONE
@@ -223,10 +227,11 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
             write(pool, rows, RAY, (*where3(through, onward(surface), o), *d, pdf, ray[7]))
             point = where3(through, few(pool, rows, PLACE, 3), point)  # the last vertex stays
             if scene.has.media is not None:
-                nest = as_ints(few(pool, rows, NEST, 1)[0])
+                nest, counts = few(pool, rows, NEST, 2)
+                nest = as_ints(nest)
                 goes_in = where(through, crossed(scene, nest, surface.material, surface.front), nest)
                 none = nil(pdf)
-                write(pool, rows, NEST, (as_floats(goes_in), none, none, none, none, none, none, none))
+                write(pool, rows, NEST, (as_floats(goes_in), counts, none, none, none, none, none, none))
         if scene.has.textures is not None or is_recorded:  # and bodies that light goes through ask for their numbers
             write(
                 pool,

@@ -6,6 +6,7 @@ import numpy as np
 
 from renderer.jit import device
 from renderer.kernel import vec
+from renderer.kernel.surface.surface import POINT_ERROR
 from renderer.wide.values import any_of, not_, where, where3
 
 __all__ = ["MAX_PASSED", "departure", "leave", "leaves", "onward"]
@@ -15,7 +16,7 @@ MAX_PASSED = 56 << 10  # surfaces that a ray passes by their alpha: 64 << 10 num
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
-_SHARE = np.float32(0.25)
+_SHARE = np.float32(2.0 / 20.0)  # of the bound: 2 roundings of 2**-24
 _LEAST_BEND2 = np.float32(1e-12)
 
 
@@ -50,12 +51,16 @@ def departure(surface, reflected, d):
 
 @device
 def onward(surface):
-    """Where a ray goes on that passes the surface as if it were not there.
+    """Returns where a ray goes on that passes the surface as if it were not there.
 
-    Nearer than `departure`, since a wall may lie close behind a decal. `error` bounds the worst rounding: a quarter is rarely
-    reached, and a surface that is met once more lets the ray pass once more.
+    Nearer than `departure`, since a wall may lie close behind a decal: `surface.error` bounds the errors of all coordinates, and
+    the distance to the plane takes those of the normal's direction alone. It also bounds the worst rounding, and a tenth of it is
+    hardly ever reached; a surface that is met once more lets the ray pass once more.
     """
-    return vec.sub(surface.point, vec.scale(surface.geometric, _SHARE * surface.error))
+    p, n = surface.point, surface.geometric
+    along = abs(n[0] * p[0]) + abs(n[1] * p[1]) + abs(n[2] * p[2])
+    away = _SHARE * max(surface.error - POINT_ERROR * (vec.magnitude(p) - along), _ZERO)
+    return vec.sub(p, vec.scale(n, away))
 
 
 @device

@@ -22,6 +22,7 @@ from renderer.wide.values import any_of, double, lookup, nil, not_, single, u32,
 __all__ = [
     "NO_LIGHT",
     "NO_OBJECT",
+    "POINT_ERROR",
     "Surface",
     "moving_triangle_point",
     "shines",
@@ -46,7 +47,7 @@ _TEXTURED = np.uint32(TEXTURED)
 _UNIT = np.float32(1e-6)
 _LEAST_COSINE = np.float32(0.01)
 # Bounds the error of a point (three roundings a coordinate, pbrt 4ed, 6.8.4) and of the next ray's distance to its plane.
-_ERROR = np.float32(20 * 2.0**-24)
+POINT_ERROR = np.float32(20 * 2.0**-24)
 _INWARD = np.float32(1.5)  # of that, away from the triangle's edges: enough for walls that meet under 35 degrees
 _FURTHEST = np.float32(12.0)
 _TINY = np.float32(1e-30)
@@ -94,7 +95,7 @@ def triangle_point(position, triangle, number, u, v):
 @device
 def _between(a, b, c, u, v):
     """`triangle_point` of three corners."""
-    error = _ERROR * ((_ONE - u - v) * vec.magnitude(a) + u * vec.magnitude(b) + v * vec.magnitude(c))
+    error = POINT_ERROR * ((_ONE - u - v) * vec.magnitude(a) + u * vec.magnitude(b) + v * vec.magnitude(c))
     return _mix3(a, b, c, u, v), error, vec.cross(vec.sub(b, a), vec.sub(c, a))
 
 
@@ -172,7 +173,7 @@ def _on_ball(ball, o, d, t):
     point = (single(cx + nx * inward), single(cy + ny * inward), single(cz + nz * inward))
     normal = (single(nx / length), single(ny / length), single(nz / length))
     # Seen from there, float64 rounds the height above a sphere to some 1e-16 of its radius: more, beside the origin.
-    return point, _ERROR * vec.magnitude(point) + _SPHERE_ERROR * abs(radius), normal
+    return point, POINT_ERROR * vec.magnitude(point) + _SPHERE_ERROR * abs(radius), normal
 
 
 @device
@@ -253,7 +254,7 @@ def _triangle_surface(scene, wo, hit):
     if hit.instance is not None and hit.instance >= 0:
         point = point_of_hit(scene, hit, point, _ONE)
         lift = point_of_hit(scene, hit, lift, _ZERO)
-        error = scene.instance_stretch[hit.instance, 0] * error + _ERROR * vec.magnitude(point)
+        error = scene.instance_stretch[hit.instance, 0] * error + POINT_ERROR * vec.magnitude(point)
         curvature /= max(scene.instance_stretch[hit.instance, 1], _TINY)
         shading = normal_of_hit(scene, hit, shading)
         length2 = vec.dot(shading, shading)

@@ -13,10 +13,11 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
+from renderer.film import least_samples
 from renderer.settings import Tile
 from service.store.coverage import Coverage
 
-__all__ = ["FramePlan", "Range", "checkpoints"]
+__all__ = ["FramePlan", "Range", "checkpoints", "first_check"]
 
 FIRST_CHECK = 32  # samples: below it the noise estimate of a tile says little
 FIRST_GUESS = 128  # samples that a tile is expected to need before its noise was looked at
@@ -37,11 +38,22 @@ class Range(NamedTuple):
     frame: int = 0
 
 
-def checkpoints(covered: int, spp: int, noise: float | None) -> int:
-    """The sample count up to which a tile with `covered` samples is rendered before its noise is looked at."""
+def first_check(tile: Tile) -> int:
+    """Returns the sample count at which the noise of a tile is estimated first: a power of two, more in tiles of few pixels."""
+    check = FIRST_CHECK
+    while check < least_samples(tile.w * tile.h):
+        check *= 2
+    return check
+
+
+def checkpoints(covered: int, spp: int, noise: float | None, first: int = FIRST_CHECK) -> int:
+    """The sample count up to which a tile with `covered` samples is rendered before its noise is looked at.
+
+    first: of the tile (`first_check`).
+    """
     if noise is None:
         return spp
-    check = FIRST_CHECK
+    check = first
     while check < covered:
         check *= 2
     return min(check, spp)
@@ -83,7 +95,7 @@ class FramePlan:
             covered = coverage(tile)
             self.covered[tile] = covered.total
             self._planned[tile] = covered.prefix
-            self._limit[tile] = checkpoints(covered.prefix, spp, noise)
+            self._limit[tile] = checkpoints(covered.prefix, spp, noise, first_check(tiles[tile]))
             if not self._is_complete(tile, covered):
                 self._open.add(tile)
                 self._go_on(tile, covered.prefix)
@@ -215,7 +227,7 @@ class FramePlan:
 
     def _go_on(self, tile: int, prefix: int) -> None:
         if prefix >= self._limit[tile]:
-            self._limit[tile] = checkpoints(prefix + 1, self.spp, self.noise)
+            self._limit[tile] = checkpoints(prefix + 1, self.spp, self.noise, first_check(self.tiles[tile]))
         self._planned[tile] = max(self._planned[tile], prefix)
         self._push(tile)
 
@@ -226,7 +238,7 @@ class FramePlan:
     def _is_complete(self, tile: int, covered: Coverage) -> bool:
         if covered.prefix >= self.spp:
             return True
-        if self.noise is None or covered.prefix < FIRST_CHECK or covered.total != self._limit[tile]:
+        if self.noise is None or covered.prefix < first_check(self.tiles[tile]) or covered.total != self._limit[tile]:
             return False
         noise = self._tile_noise(tile)
         # The standard error falls with the square root of the samples.

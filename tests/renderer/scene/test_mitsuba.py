@@ -106,6 +106,10 @@ def test_a_spectrum_that_is_flat_is_grey_and_a_red_one_red() -> None:
             BALL.format("") + '<sensor type="perspective"><film type="hdrfilm"><rfilter type="lanczos"/></film></sensor>',
             "lanczos.*tent",
         ),
+        (
+            BALL.format('<bsdf type="roughplastic"><string name="distribution" value="phong"/></bsdf>') * 2,
+            r"its distribution 'phong' is rendered as Beckmann's with the same alpha \(2 times\)",
+        ),
         (BALL.format('<medium type="gas" name="interior"/>'), r"medium \(gas\) is no medium that is read: it is left out"),
         (BALL.format('<emitter type="directionalarea"/>'), r"The emitter \(directionalarea\) of a shape \(sphere\) is not"),
         (BALL.format('<bsdf type="twosided"><bsdf type="diffuse"/><bsdf type="plastic"/></bsdf>'), "for each side"),
@@ -317,6 +321,20 @@ def test_pictures_are_decoded_unless_raw(tmp_path: Path, png: Callable[..., byte
         pixels = found.images[found.textures[material.metallic_roughness_texture].image].pixels
         assert pixels[0, 0, 1] == pytest.approx(level, abs=1)
         assert any("is decoded as a colour" in warning for warning in found.warnings) == (not more)
+
+
+@pytest.mark.parametrize("named", ["", '<string name="distribution" value="ggx"/>'])
+@pytest.mark.parametrize(
+    ("plugin", "kind"), [("roughplastic", "plastic"), ("roughdielectric", "glass"), ("roughconductor", "metallic_roughness")]
+)
+def test_facets_are_distributed_as_the_file_says(tmp_path: Path, plugin: str, kind: str, named: str) -> None:
+    """Beckmann's distribution is Mitsuba's default; neither is worth a warning."""
+    ball = BALL.format(f'<bsdf type="{plugin}"><float name="alpha" value="0.25"/>{named}</bsdf>')
+    found = scene_of(tmp_path, ball + '<emitter type="constant"/>')
+    material = next(m for m in found.materials if m.kind == kind)
+    assert material.distribution == ("ggx" if named else "beckmann")
+    assert material.roughness == pytest.approx(0.5)
+    assert not found.warnings
 
 
 def test_a_window_of_the_film_is_rendered(tmp_path: Path) -> None:

@@ -5,18 +5,19 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from renderer.blender.program import NAMED, look_at
-from renderer.errors import SceneError
 from worker import __main__ as command
-from worker.exchange.errors import RefusedError
+from worker.exchange.errors import RefusedError, WorkError
 from worker.process.context import WorkerContext
 from worker.protocol.blends import blender_queue
 from worker.protocol.contract import Manifest, prepare_queue
 from worker.work import prepare
+from worker.work.prepare import WRITTEN
 
 
 @pytest.fixture
@@ -68,14 +69,17 @@ def test_a_worker_says_that_it_has_blender_and_takes_what_needs_it(
 
 
 def test_what_blender_wrote_lies_beside_what_lights_it(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder, written = tmp_path / "scene", tmp_path / "written"
+    folder, written = tmp_path / "scene", tmp_path / WRITTEN
+    room: Any = SimpleNamespace(folder=tmp_path, scene=folder)
     (folder / "sky").mkdir(parents=True)
     (folder / "a.blend").write_bytes(b"BLENDER-v405")
     (folder / "sky" / "noon.exr").write_bytes(b"light")
-    opened = prepare._opened(folder, Manifest("s", "a.blend", [], "sky/noon.exr"), written)
-    assert opened == (written, ["blender-scene.yaml", "blender-world.exr"])
+    opened = prepare._opened(Manifest("s", "a.blend", [], "sky/noon.exr"), room)
+    assert opened == ["blender-scene.yaml", "blender-world.exr"]
     assert (written / "sky" / "noon.exr").read_bytes() == b"light"
     monkeypatch.delenv(NAMED)
     monkeypatch.setattr(prepare, "find", lambda: None)
-    with pytest.raises(SceneError, match=r"a\.blend: this worker has no Blender any more"):
-        prepare._opened(folder, Manifest("s", "a.blend", []), tmp_path / "again")
+    (tmp_path / "again").mkdir()
+    room.folder = tmp_path / "again"
+    with pytest.raises(WorkError, match=r"a\.blend: this worker has no Blender any more"):
+        prepare._opened(Manifest("s", "a.blend", []), room)

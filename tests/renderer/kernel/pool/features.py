@@ -252,6 +252,8 @@ FEATURES: dict[str, Feature] = {
     "long paths": _of(Material(kind="mirror", base_color=gray(1.0)), max_depth=100),
     "a fixed roulette": _of(GRAY, roulette=0.7),
     "a roulette that spares": _of(GRAY, roulette_floor=0.5, max_depth=20),
+    "few diffuse bounces": _of(Material(**PBR, metallic=0.5, roughness=0.3), diffuse_depth=1),
+    "few glossy bounces": _of(Material(**PBR, metallic=0.5, roughness=0.3), glossy_depth=1),
     "a clamp": _of(Material(**GLASS), clamp_indirect=0.5),
     "independent numbers": _of(GRAY, sampler="independent", seed=7),
     "a box filter": _of(GRAY, filter="box"),

@@ -1,0 +1,69 @@
+"""Faces back to back at one place: a ray meets the one that faces its origin, whatever the tessellation and the space."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from renderer.bvh.build import build
+from renderer.bvh.instances import Instances
+from tests.renderer.bvh.rays import NO_SPHERES, trace
+
+RAYS = 4000
+
+
+def _square(steps: int, diagonal: int) -> tuple[np.ndarray, np.ndarray]:
+    """A square from -1 to 1 in the plane z = 0, cut into `steps` x `steps` cells: (V, 3) and (T, 3), facing +z."""
+    x = np.linspace(-1, 1, steps + 1)
+    position = np.array([(a, b, 0) for b in x for a in x])
+    corner = np.array([j * (steps + 1) + i for j in range(steps) for i in range(steps)])[:, None]
+    a, b, c, d = corner, corner + 1, corner + steps + 1, corner + steps + 2
+    cuts = [[a, b, d, a, d, c], [a, b, c, b, d, c]]
+    return position, np.concatenate(cuts[diagonal], axis=1).reshape(-1, 3).astype(np.int32)
+
+
+def _place(turned: bool, at: tuple[float, float, float], scale: float) -> np.ndarray:
+    """(3, 4): scaled, turned about an oblique axis, and moved."""
+    matrix = np.linalg.qr(np.array([(1.0, 2.0, 3.0), (-2.0, 1.0, 0.5), (0.3, -1.0, 2.0)]))[0] if turned else np.eye(3)
+    return np.column_stack([scale * np.sign(np.linalg.det(matrix)) * matrix, at])
+
+
+@pytest.mark.parametrize("space", ["world", "instance", "scaled", "both"])
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (2.0, 1.0, -3.0)])
+@pytest.mark.parametrize(("front", "back"), [((1, 0), (1, 0)), ((1, 0), (1, 1)), ((1, 0), (4, 1)), ((3, 0), (7, 1))])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_of_faces_back_to_back_the_one_that_faces_the_ray_is_met(space, turned, at, front, back, swapped):
+    whole = _place(turned, at, 1.0)
+    scale = 3.7 if space in ("scaled", "both") else 1.0
+    parts, instanced = [], {"world": (False, False), "both": (True, True)}.get(space, (False, True))
+    for (steps, diagonal), opposed, inside in zip((front, back), (False, True), instanced, strict=True):
+        position, triangle = _square(steps, diagonal)
+        position = position / scale if inside else position @ whole[:, :3].T + whole[:, 3]
+        parts.append((inside, opposed, position.astype(np.float32), triangle[:, ::-1] if opposed else triangle))
+    parts = sorted(parts[::-1] if swapped else parts, key=lambda part: part[0])
+    position = np.concatenate([part[2] for part in parts])
+    starts = np.cumsum([0, *(len(part[2]) for part in parts)])
+    triangle = np.concatenate([part[3] + start for part, start in zip(parts, starts, strict=False)]).astype(np.int32)
+    firsts = np.cumsum([0, *(len(part[3]) for part in parts)])
+    shown = [n for n, part in enumerate(parts) if part[0]]
+    places = np.repeat(_place(turned, at, scale)[None], len(shown), axis=0)
+    first = firsts[shown[0] :] if shown else firsts[-1:]
+    instances = Instances(np.asarray(first), np.arange(len(shown)), places) if shown else None
+    bvh = build(position, triangle, NO_SPHERES, instances) if shown else build(position, triangle, NO_SPHERES)
+
+    rng = np.random.default_rng(3)
+    side = np.where(rng.random(RAYS) < 0.5, 1.0, -1.0)
+    elevation = np.radians(rng.uniform(10.0, 90.0, RAYS))
+    azimuth = rng.uniform(0.0, 2 * np.pi, RAYS)
+    away = np.column_stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), side * np.sin(elevation)])
+    target = np.column_stack([rng.uniform(-0.99, 0.99, (RAYS, 2)), np.zeros(RAYS)])
+    eye = target + away * rng.uniform(4.0, 20.0, RAYS)[:, None]
+    o = (eye @ whole[:, :3].T + whole[:, 3]).astype(np.float32)
+    d = -(away @ whole[:, :3].T)
+    found = trace(bvh, o, d)
+    met = found.primitive >= 0
+    assert met.mean() > 0.999
+    part = np.searchsorted(firsts, found.primitive, "right") - 1
+    opposed = np.array([part[1] for part in parts])[part]
+    assert (opposed == (side < 0))[met].all()
