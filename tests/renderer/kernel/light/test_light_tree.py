@@ -36,7 +36,7 @@ def chances(made, p, n):
 
 
 def room(seed=0, spheres=60, squares=60, points=40, spots=30, suns=3):
-    """Lights of all kinds, of powers that differ by a factor of a million, in a box of side 20."""
+    """Lights of all kinds, with powers that differ by up to a factor of a million, in a box of side 20."""
     rng = np.random.default_rng(seed)
     materials = [Material(), *(emitter(10 ** rng.uniform(-3, 3), double_sided=bool(i % 2)) for i in range(20))]
 
