@@ -1,4 +1,4 @@
-"""Real processes for tests: a Redis server, and a whole farm as `rayfarm up` starts it."""
+"""Real processes for tests: a Redis server, and a whole farm started by `rayfarm up`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 class running_redis:  # noqa: N801 - used like a function
-    """A Redis server for the length of a `with` block, on a free port; `stop` and `start` in between."""
+    """A Redis server on a free port for the duration of a `with` block; `stop` and `start` may be called in between."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -65,7 +65,7 @@ class running_redis:  # noqa: N801 - used like a function
 
 
 def wait_until(condition: Callable[[], bool], seconds: float, what: str) -> None:
-    """Wait for a condition; fail with what was waited for."""
+    """Waits for a condition; fails with a description of it after the timeout."""
     deadline = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > deadline:
@@ -75,7 +75,7 @@ def wait_until(condition: Callable[[], bool], seconds: float, what: str) -> None
 
 @dataclass
 class Farm:
-    """A whole farm as `rayfarm up` starts it."""
+    """A whole farm, started by `rayfarm up`."""
 
     data: Path
     process: subprocess.Popen[bytes]
@@ -87,28 +87,31 @@ class Farm:
         return Client(self.url)
 
     def pids(self) -> dict[str, int]:
-        """The parts' processes, as they are now."""
+        """Returns the current process ids of the farm's parts."""
         return dict(json.loads((self.data / "farm.json").read_text())["pids"])
 
     def family(self) -> list[psutil.Process]:
-        """Every process of the farm."""
+        """Returns all processes of the farm."""
         me = psutil.Process(self.process.pid)
         return [me, *me.children(recursive=True)]
 
     def logs(self) -> str:
-        """The ends of all logs, for a test that fails."""
+        """Returns the last lines of all logs, for failed tests."""
         files = [self.log, *sorted((self.data / "logs").glob("*.log"))]
         return "\n".join(f"--- {path.name}\n{path.read_text(errors='replace')[-3000:]}" for path in files if path.exists())
 
 
 def start_farm(data: Path, workers: int, until: bytes = b"Ready", **environment: str) -> Farm:
-    """`rayfarm up` on a free port; returns when it has said `until`: unless told, when all slots are ready."""
+    """Starts `rayfarm up` on a free port; returns when it has printed `until`, by default when all slots are ready."""
     command = [sys.executable, "-m", "rayfarm", "up", "--port=0", f"--workers={workers}", f"--data={data}", "--no-browser"]
     return farm_of(command, data, ROOT, until, **environment)
 
 
 def farm_of(command: list[str], data: Path, cwd: Path, until: bytes = b"Ready", **environment: str) -> Farm:
-    """A farm by a command of one's own, which keeps its data in `data`. It renders whatever it is asked for, also again."""
+    """Starts a farm by a given command, with its data in `data`.
+
+    Films are not reused, so that repeated jobs are rendered again.
+    """
     environment = {"RAYFARM_REUSE_FILMS": "false", **environment}
     log = data.parent / f"{data.name}-up.log"
     with log.open("ab") as out:
@@ -135,7 +138,7 @@ def farm_of(command: list[str], data: Path, cwd: Path, until: bytes = b"Ready", 
 
 
 def stop_farm(farm: Farm, sig: int = signal.SIGTERM) -> None:
-    """Stop it as a person would; by force where it does not."""
+    """Stops the farm with a signal; kills it if it does not end."""
     if farm.process.poll() is None:
         farm.process.send_signal(sig)
         try:

@@ -1,6 +1,6 @@
-"""Rayfarm as a render engine of Blender: F12 and the rendered viewport are pictures of a farm.
+"""The Rayfarm render engine for Blender: F12 and the rendered viewport show pictures rendered by a farm.
 
-Modules that need Blender are imported when it registers the add-on; all others run, and are tested, without it.
+Modules that need Blender are imported in `register`; all others run, and are tested, without it.
 """
 
 bl_info = {
@@ -15,14 +15,14 @@ bl_info = {
 
 
 def register() -> None:
-    """Called by Blender."""
+    """Registers the add-on; called by Blender."""
     from .ui import registration
 
     registration.register()
 
 
 def unregister() -> None:
-    """Called by Blender."""
+    """Unregisters the add-on; called by Blender."""
     from .ui import registration
 
     registration.unregister()

@@ -1,4 +1,4 @@
-"""Renders a batch: every pixel of a tile, a range of sample numbers, into exact sums."""
+"""Renders a batch, all pixels of a tile over a range of sample numbers, into fixed-point sums."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _add3(sums, channel, y, x, value):
 
 @device
 def _time(motion, options, pixel, sample):
-    """Of the shutter, 0 ... 1; None where nothing moves."""
+    """Returns the sample's shutter time, 0 ... 1; None for a scene without motion."""
     return where_present(motion, draw4(Stream(options.sampler, options.seed, pixel, np.uint32(sample)), _TIME)[0])
 
 
@@ -84,20 +84,20 @@ def _ray(camera, x, y, u, time):
 
 
 class Batch(NamedTuple):
-    """Which samples are wanted: `count` from number `first` on, of each pixel of a tile with its corner at (x, y).
+    """The samples to render: `count` from number `first` on, for each pixel of a tile with its corner at (x, y).
 
-    origin: the compiled scene's, in the film's fixed point; added to the position of each first hit.
+    origin: the compiled scene's origin in the film's fixed point; added to the position of each first hit.
     """
 
     x: int
     y: int
     first: int
-    count: int  # type: ignore[assignment]  # hides tuple.count, which nobody needs
+    count: int  # type: ignore[assignment]  # hides tuple.count, which is not used
     origin: tuple[int, int, int] = (0, 0, 0)
 
 
 class Output(NamedTuple):
-    """The arrays that a batch is written to."""
+    """The arrays to which a batch is written."""
 
     sums: npt.NDArray[np.int64]  # (CHANNELS, h, w), added to; its size is the tile's
     bad: npt.NDArray[np.int64]  # (MAX_BAD, 3): x, y and number of samples that were NaN or infinite and so left out
@@ -106,9 +106,9 @@ class Output(NamedTuple):
 
 @template
 def _render_tile(trace, scene, stack, camera, options, batch, output):
-    """Renders a batch, a path at a time: (number of bad samples, number of rays).
+    """Renders a batch, one path at a time; returns (number of bad samples, number of rays).
 
-    trace: the integrator, known when this is compiled; stack: from new_stack; camera: from camera_frame; options: from
+    trace: the integrator, a compile-time constant; stack: from new_stack; camera: from camera_frame; options: from
     kernel_options.
     """
     sums, bad, log = output.sums, output.bad, output.log
@@ -129,7 +129,7 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
                 film_y = np.float32(y0 + y) + _HALF + filter_offset(options.filter, u[1])
                 time = _time(scene.has.motion, options, pixel, sample)
                 o, d, start = _ray(camera, film_x, film_y, (u[2], u[3]), time)
-                u = draw_film(Stream(options.sampler, options.seed, pixel, np.uint32(sample + 1)))  # in good time, as in path.py
+                u = draw_film(Stream(options.sampler, options.seed, pixel, np.uint32(sample + 1)))  # early, as in path.py
                 stream = Stream(options.sampler, options.seed, pixel, np.uint32(sample))
                 radiance, met = trace(scene, stack, o, d, time, nest, options, stream, log, hit)
                 rays += met
@@ -151,13 +151,13 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
                     position = _sum3(position, batch.origin)
                 depth += fixed(distance + start if distance > _ZERO else distance, scale)
                 samples += 1
-                if sample == 0:  # numbers cannot be averaged, so one sample has the say
+                if sample == 0:  # ids cannot be averaged, so the first sample decides
                     object_id = np.int64(object_number)
                     material_id = np.int64(material_number)
                 if in_half(sample):
                     half = _sum3(half, value)
                     samples_half += 1
-            # Once a pixel, not once a sample: a tile's planes lie so far apart that they push each other out of the cache.
+            # Once a pixel, not once a sample: the planes of a tile evict each other from the cache.
             _add3(sums, _COLOR, y, x, color)
             _add3(sums, _COLOR_HALF, y, x, half)
             _add3(sums, _ALBEDO, y, x, albedo)
@@ -171,7 +171,7 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
     return bad_count, rays
 
 
-# Each is compiled when it is first called. For pictures there is a path tracer with nothing else in it, which follows many
+# Each is compiled at its first call. For frames there is a path tracer without other features, which follows many
 # paths at once.
 
 
@@ -223,14 +223,15 @@ def _render_ao(scene, stack, camera, options, batch, output):
 
 
 def has_editions(settings: RenderSettings) -> bool:
-    """Whether there is a plain edition of the kernel for these settings: of the path tracer for pictures. The rarer kernels have
-    everything in them, so that nobody waits for each of them twice.
+    """Whether the kernel for these settings has editions with fewer features: only the pool path tracer does.
+
+    The other kernels are compiled with all features, so that each compiles only once.
     """
     return renderer_of(settings) is _render_pool
 
 
 def renderer_of(settings: RenderSettings) -> Renderer:
-    """The kernel for these settings. Direct light is paths of two segments."""
+    """Returns the kernel for these settings. Direct lighting is path tracing with two segments."""
     if settings.integrator == "whitted":
         return _render_whitted
     if settings.integrator == "ao":
@@ -241,9 +242,9 @@ def renderer_of(settings: RenderSettings) -> Renderer:
 
 
 def parts_of_pictures(scene: CompiledScene, settings: RenderSettings) -> list[Part]:
-    """The parts of the kernel for pictures that take longest to compile, as `stages` lists them.
+    """Returns the parts of the pool path tracer that take longest to compile, as listed by `stages`.
 
-    scene: of the edition that is wanted, with nothing in it.
+    scene: an empty scene of the wanted edition.
     """
     sums, bad, log = np.zeros((1, 0, 0), np.int64), np.zeros((0, 3), np.int64), np.zeros((0, COLUMNS))
     given = pool_for(0, 0), camera_frame(settings), kernel_options(settings, scene), Batch(0, 0, 0, 0), Output(sums, bad, log)
@@ -251,5 +252,5 @@ def parts_of_pictures(scene: CompiledScene, settings: RenderSettings) -> list[Pa
 
 
 def new_scratch(renderer: Renderer, width: int, height: int) -> Any:
-    """What a kernel is given for itself, for a batch of a tile of that size."""
+    """Returns the scratch memory that a kernel needs for a batch of a tile of that size."""
     return pool_for(width, height) if renderer is _render_pool else new_stack()

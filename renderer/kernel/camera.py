@@ -1,4 +1,4 @@
-"""The camera: a point of the film and one of the lens to a ray."""
+"""The camera: maps a film point and a lens sample to a ray."""
 
 from __future__ import annotations
 
@@ -29,11 +29,13 @@ Vector = tuple[np.float32, np.float32, np.float32]
 
 
 class Camera(NamedTuple):
-    """A view as the kernel reads it, float32 but for the kind. Film points (x, y) are in pixels from the upper left corner.
+    """A view in the form that kernels read; numbers are float32 except the kind. Film points (x, y) are in pixels from the upper
+    left.
 
-    perspective: the sharp point of (x, y) is eye + focus (corner + x across + y down), whose parts along the line of sight
-    are 1, 0, 0. orthographic: the ray starts at eye + corner + x across + y down and runs along `forward`.
-    panorama: longitude and latitude are `turns` times x and y from the middle.
+    perspective: the point in focus for (x, y) is eye + focus * (corner + x * across + y * down); the components of corner, across
+    and down along the line of sight are 1, 0, 0.
+    orthographic: the ray starts at eye + corner + x * across + y * down and runs along `forward`.
+    panorama: longitude and latitude are `turns` times the offset of x and y from the middle.
     """
 
     kind: np.int32
@@ -54,7 +56,7 @@ class Camera(NamedTuple):
 
 
 def camera_frame(settings: RenderSettings) -> Camera:
-    """The settings' view, and those that it has while the shutter is open, for their size of picture."""
+    """Returns the Camera of the settings' view, its picture size, and its views while the shutter is open."""
     view = settings.view
 
     def vector(v: npt.NDArray[np.float64]) -> Vector:
@@ -85,14 +87,14 @@ def camera_frame(settings: RenderSettings) -> Camera:
 
 @functools.lru_cache(16)
 def _motion(views: tuple[View, ...]) -> npt.NDArray[np.float64]:
-    """Kept, as every batch of a frame asks for it."""
+    """Returns the camera's motion keys, (K, KEY_COLUMNS) float64; cached, since every batch of a frame needs them."""
     if not views:
         return np.zeros((0, KEY_COLUMNS))
     return np.ascontiguousarray(motion_keys(np.array([[np.stack(axes_of(each), -1) for each in views]]))[0])
 
 
 def axes_of(view: View) -> tuple[npt.NDArray[np.float64], ...]:
-    """Right, up, back (unit), and the eye: the columns of the camera's place."""
+    """Returns the unit vectors right, up and back, and the eye: the columns of the camera's transform."""
     eye = np.array(view.eye, np.float64)
     sight = np.array(view.target, np.float64) - eye
     forward = sight / math.sqrt(float(sight @ sight))
@@ -102,7 +104,10 @@ def axes_of(view: View) -> tuple[npt.NDArray[np.float64], ...]:
 
 
 def _lens(view: View, settings: RenderSettings) -> tuple[float, float, float, float, float, float]:
-    """(a pixel's width at distance 1, or an orthographic one's in the scene; aperture; focus; near; middle, in pixels)."""
+    """Returns (pixel size, aperture, focus, near, and the line of sight's x and y on the film, in pixels).
+
+    The pixel size is at distance 1, or in scene units for an orthographic view.
+    """
     width, height = settings.width, settings.height
     extent = view.height if view.projection == "orthographic" else 2.0 * math.tan(math.radians(view.fov) / 2.0)
     aperture = view.aperture if view.projection == "perspective" else 0.0
@@ -121,7 +126,10 @@ def _panorama_ray(camera, x, y):
 
 @device
 def _lens_ray(camera, towards, u):
-    """A thin lens bends all rays of a film point to one point of the plane in focus (Cook et al. 1984)."""
+    """Returns a thin lens ray (origin, unit direction): all rays of a film point meet in the plane of focus (Cook et al.
+
+    1984).
+    """
     a, b = square_to_disk(u)
     lens = vec.add(vec.scale(camera.right, a * camera.aperture), vec.scale(camera.up, b * camera.aperture))
     return vec.add(camera.eye, lens), vec.normalize(vec.sub(vec.scale(towards, camera.focus), lens))
@@ -129,8 +137,9 @@ def _lens_ray(camera, towards, u):
 
 @device
 def camera_ray(camera, x, y, u):
-    """The ray through the film's point (x, y), in pixels, and the lens's point that u chooses: (origin, unit direction, how far
-    before the origin it leaves the lens). Of one sample, or of eight.
+    """Returns the ray through film point (x, y), in pixels: (origin, unit direction, distance from the lens to the origin).
+
+    u: two numbers in [0, 1) that select the point on the lens. Works on one sample or on eight lanes.
     """
     if camera.kind == PANORAMA:
         return _panorama_ray(camera, x, y)
@@ -156,7 +165,7 @@ def _of_lens(camera, column, step, share):
 
 @subroutine
 def _camera_at(camera, x, y, u, v, time):
-    """`camera_ray` of the camera as it is at a time of the shutter: what it has to turn, turned."""
+    """Returns `camera_ray` of the camera interpolated to a shutter time. u, v: the lens sample."""
     a, b, c = placed_at(camera.motion, 0, len(camera.motion), time)
     step, share = step_at(time, len(camera.motion))
     pixel = _of_lens(camera, 0, step, share)
@@ -189,7 +198,7 @@ def _camera_at(camera, x, y, u, v, time):
 
 @device
 def moving_ray(camera, x, y, u, time):
-    """As `camera_ray`, of a camera that may move, at a time of the shutter, 0 ... 1. Of one sample, or of eight."""
+    """Returns `camera_ray` at a shutter time, 0 ... 1, for a camera that may move. Works on one sample or on eight lanes."""
     if len(camera.motion) > 0:
         return each_lane(_camera_at, x == x, (camera, x, y, u[0], u[1], time))
     return camera_ray(camera, x, y, u)

@@ -1,9 +1,9 @@
-"""Rows of a scene's tables, read at once.
+"""Reads whole rows of a scene's tables.
 
-Numba's own indexing asks of each number whether it counts from the end, and multiplies it by a width that it looks up. A
-path reads some hundred rows, and a sixth of its instructions were for that.
+Numba's own indexing checks each index for a negative value and loads the table's strides. A path reads about a hundred rows, and
+a sixth of its instructions were spent on that.
 
-A number may also be eight numbers, a u32x8: then each column is a vector of eight, f32x8 or, of int32, u32x8.
+An index may also be a u32x8: then each column is a vector of eight lanes, f32x8 or, for int32, u32x8.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ def _index(builder, number):
 
 
 def _values(context, builder, sig, table, number, width, first, known=None):
-    """A tuple of the numbers that follow `first` in a row. known: first, where it is known."""
+    """Emits a tuple of the row's values from column `first` on. known: `first` as a Python integer where it is a constant."""
     data = context.make_array(sig.args[0])(context, builder, table).data
     if is_wide(sig.args[1]):
         count = sig.return_type.count
-        whole = count == 3 and known is not None and known + 4 <= width  # one piece is read sooner than two
+        whole = count == 3 and known is not None and known + 4 <= width  # a single load is faster than two
         vectors = gathered(builder, data, number, _WORD(width), first, 4 if whole else count)[:count]
         if sig.args[0].dtype != types.float32:
             vectors = [builder.bitcast(vector, INTS) for vector in vectors]
@@ -39,14 +39,14 @@ def _values(context, builder, sig, table, number, width, first, known=None):
     values = []
     for k in range(sig.return_type.count):
         value = builder.load(builder.gep(data, [builder.add(start, _WORD(k))]))
-        # A scene stays as it is while it is rendered: what has been read once need not be read again.
+        # The scene is constant during rendering, so repeated loads can be merged.
         value.set_metadata("invariant.load", builder.module.add_metadata([]))
         values.append(value)
     return context.make_tuple(builder, sig.return_type, values)
 
 
 def _number(table, index):
-    """The type of a number of the table, or of eight."""
+    """Returns the Numba type of a table element, scalar or of eight lanes."""
     if not is_wide(index):
         return table.dtype
     return f32x8 if table.dtype == types.float32 else u32x8
@@ -54,9 +54,9 @@ def _number(table, index):
 
 @intrinsic(prefer_literal=True)
 def row(typingctx, table, number, width):
-    """A whole row of a C-contiguous table of the scene, as a tuple.
+    """Returns a whole row of a C-contiguous table of the scene as a tuple.
 
-    number: not negative; width: the table's, a literal. Unchecked.
+    number: non-negative, not checked; width: the number of columns, a literal.
     """
     wide = width.literal_value
 
@@ -68,7 +68,7 @@ def row(typingctx, table, number, width):
 
 @intrinsic(prefer_literal=True)
 def columns(typingctx, table, number, width, first, count):
-    """`count` columns of a row from `first` on, as in `row`; width and count are literals."""
+    """Returns `count` columns of a row from `first` on, see `row`; width and count are literals."""
     wide = width.literal_value
     numbers = types.UniTuple(_number(table, number), count.literal_value)
     known = first.literal_value if isinstance(first, types.IntegerLiteral) else None

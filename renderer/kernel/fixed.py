@@ -1,4 +1,4 @@
-"""The film's fixed point, and the half of the samples that tells the noise: renderer/film.py, for kernels."""
+"""The film's fixed-point format and the half buffer for noise estimation, for kernels; see renderer/film.py."""
 
 from __future__ import annotations
 
@@ -18,25 +18,31 @@ _MOST = np.float32(SAMPLE_MAX)
 _MANTISSA_TOP = np.int32(22)
 _DOUBLES = ir.VectorType(ir.DoubleType(), LANES)
 _WORDS = ir.VectorType(ir.IntType(64), LANES)
-_ROUNDER = 1.5 * 2.0**52  # added to a double below 2**51, it leaves no bits behind the point
+_ROUNDER = 1.5 * 2.0**52  # added to a double below 2**51, rounds it to an integer
 
 
 @device
 def fixed(value, scale):
-    """A value in the film's fixed point. Multiplying by a power of two is exact; this rounds once."""
+    """Returns a value in the film's fixed point, clamped. Scaling by a power of two is exact; the conversion rounds once."""
     return np.int64(np.rint(min(max(value, -_MOST), _MOST) * scale))
 
 
 @device
 def in_half(sample):
-    """As renderer.film.in_half: by the second highest bit of a whole number, the first that a float leaves out."""
+    """Whether a sample belongs to the half buffer, as renderer.film.in_half: tests the second highest bit of the number.
+
+    The bit is the top bit of the float32's mantissa.
+    """
     second = np.int32(np.float32(sample).view(np.int32) >> _MANTISSA_TOP) & 1
     return second == 0 and sample != 1
 
 
 @intrinsic
 def of_sample(typingctx, light, one, halved):
-    """What a sample adds to its pixel, f32x8: the light's first three lanes and `one`, then the same, zeros unless `halved`."""
+    """Returns a sample's contribution to its pixel, f32x8: three channels of light and `one`, twice.
+
+    The second copy 0 unless `halved`.
+    """
 
     def codegen(context, builder, sig, args):
         ones = lifted(builder, types.float32, args[1])
@@ -58,7 +64,7 @@ def _add_rounded(typingctx, sums, index, values, scale):
         doubles = builder.fpext(args[2], _DOUBLES)
         factor = lifted(builder, types.float64, builder.fpext(args[3], ir.DoubleType()))
         magic = ir.Constant(_DOUBLES, [_ROUNDER] * LANES)
-        # As bits, what was added is a whole number that is taken off again: AVX2 has no conversion to int64.
+        # The constant's bits are subtracted as integers, since AVX2 has no conversion to int64.
         rounded = builder.bitcast(builder.fadd(builder.fmul(doubles, factor), magic), _WORDS)
         whole = builder.sub(rounded, builder.bitcast(magic, _WORDS))
         before = builder.load(pointer)
@@ -71,5 +77,5 @@ def _add_rounded(typingctx, sums, index, values, scale):
 
 @device
 def add_fixed8(sums, index, values, scale):
-    """Adds eight values (f32x8) in the film's fixed point to eight int64 of an array, from its flat element `index` on."""
+    """Adds eight values (f32x8) in the film's fixed point to eight int64 of an array, from the flat index `index` on."""
     _add_rounded(sums, index, min(max(values, -_MOST), _MOST), scale)

@@ -1,4 +1,4 @@
-"""The settings that a sample's colour depends on, besides view and environment, as the kernel reads them."""
+"""The settings that affect a sample's colour, except view and environment, as kernels read them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ NO_MISTAKE, LIGHT_CUTOFF, ATTENUATION = (np.int32(MISTAKES.index(name)) for name
 
 
 class Options(NamedTuple):
-    """Numbers where the settings have names: their places in the tuples of renderer/settings.py."""
+    """The kernel's settings; names are replaced by their indices in the tuples of renderer/settings.py."""
 
     seed: np.uint32
     sampler: np.int32
@@ -39,11 +39,11 @@ class Options(NamedTuple):
     sampling: np.int32
     heuristic: np.int32
     mistake: np.int32
-    max_depth: int  # segments that count
+    max_depth: int  # limit of counted segments
     diffuse_depth: np.float32  # bounces of that kind, after which a path ends at the next surface; infinite: no limit
     glossy_depth: np.float32
     has_depths: bool  # whether either of them is a limit
-    transmission_depth: int  # smooth transmissions of a path that do not count; 0: all do
+    transmission_depth: int  # number of smooth transmissions that are not counted; 0: all are
     light_samples: int
     splitting: int  # branches that a path's first vertex scatters it into
     scale: np.float32  # 2**film_exponent
@@ -56,7 +56,7 @@ class Options(NamedTuple):
 
 
 def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
-    """The settings for the kernel, and what it asks of the scene as a whole."""
+    """Returns the kernel's settings, with the properties of the whole scene that kernels need."""
     red, green, blue = settings.ambient
     by_kind = settings.integrator == "path"
     return Options(
@@ -72,7 +72,7 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         has_depths=by_kind and (settings.diffuse_depth > 0 or settings.glossy_depth > 0),
         transmission_depth=settings.transmission_depth if settings.integrator == "path" else 0,
         light_samples=settings.light_samples,
-        splitting=settings.splitting if settings.sampling == "mis" else 1,  # else to compare strategies, each by itself
+        splitting=settings.splitting if settings.sampling == "mis" else 1,  # other strategies are compared without splitting
         scale=np.float32(2.0**settings.film_exponent),
         clamp=np.float32(settings.clamp_indirect),
         roulette=np.float32(settings.roulette),
@@ -84,6 +84,6 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
 
 
 def is_special(settings: RenderSettings) -> bool:
-    """Whether the path tracer for pictures cannot do it: to compare strategies, or to show mistakes."""
+    """Whether the settings need the single-path integrator: other strategies, deliberate errors, or several light samples."""
     plain = settings.sampling == "mis" and settings.heuristic == "power"
     return not plain or settings.mistake != "" or settings.light_samples > 1

@@ -1,7 +1,7 @@
-"""sin, cos, exp, log, pow and their kin in float32, of our own: the C library's differ from host to host.
+"""Approximations of sin, cos, exp, log, pow and others in float32; the C library's results differ between hosts.
 
-Each is a polynomial after range reduction; coefficients by weighted least squares towards the least greatest error. Of one
-number or of eight (renderer/wide).
+Each is a polynomial after range reduction, with coefficients from weighted least squares that approach the minimax error. They
+work on one number or on eight lanes (renderer/wide).
 """
 
 from __future__ import annotations
@@ -107,9 +107,11 @@ _TAIL = tuple(
 
 @device
 def floor(x):
-    """The greatest whole number not above x: int64, for |x| < 2**62; of eight u32x8, the bits of int32, for |x| < 2**31.
+    """Returns the greatest integer not above x: int64 for |x| < 2**62.
 
-    (math.floor would be a call into the C library.)
+    For eight lanes u32x8, the bits of int32, for |x| < 2**31.
+
+    math.floor would be a call into the C library.
     """
     whole = to_int(x)
     return whole - where(to_float(whole) > x, _LOWEST_BIT, _NO_BITS)
@@ -117,10 +119,10 @@ def floor(x):
 
 @device
 def sincos_turns(turns):
-    """(sin, cos) of 2 pi turns, |turns| < 2**20; absolute error below 4e-7.
+    """Returns (sin, cos) of 2 pi turns, |turns| < 2**20; absolute error below 4e-7.
 
-    Free of branches, since no one can predict a random angle's quadrant: with y = |x| - 1/4 for the nearest whole turn's
-    remainder x, cos(2 pi x) = -sin(2 pi y) and sin(2 pi |x|) = cos(2 pi y), and y spans half a turn only.
+    Free of branches, since a random angle's quadrant is unpredictable: with y = |x| - 1/4 for the remainder x after the nearest
+    whole turn, cos(2 pi x) = -sin(2 pi y) and sin(2 pi |x|) = cos(2 pi y), and y spans only half a turn.
     """
     x = turns - rint(turns)
     y = abs(x) - _QUARTER
@@ -131,7 +133,7 @@ def sincos_turns(turns):
 
 @device
 def atan2(y, x):
-    """The angle of (x, y), in [-pi, pi]; absolute error below 4e-7. 0 at the origin."""
+    """Returns the angle of (x, y), in [-pi, pi]; absolute error below 4e-7. 0 at the origin."""
     ax = abs(x)
     ay = abs(y)
     greater = max(ax, ay)
@@ -146,7 +148,7 @@ def atan2(y, x):
 
 @device
 def acos(x):
-    """The angle of a cosine, in [0, pi]; what lies beyond -1 or 1 is taken as that. Absolute error below 6e-7."""
+    """Returns the arc cosine, in [0, pi], of x clamped to [-1, 1]; absolute error below 6e-7."""
     a = min(abs(x), _ONE)
     tail = _A[4] + a * (_A[5] + a * (_A[6] + a * _A[7]))
     angle = math.sqrt(_ONE - a) * (_A[0] + a * (_A[1] + a * (_A[2] + a * (_A[3] + a * tail))))
@@ -155,7 +157,7 @@ def acos(x):
 
 @device
 def exp2(x):
-    """2**x; relative error below 3e-7. inf above 128, 0 below -126."""
+    """Returns 2**x; relative error below 3e-7. inf above 128, 0 below -126."""
     whole = to_float(floor(x + _HALF))
     f = x - whole
     value = _ONE + f * (_E[0] + f * (_E[1] + f * (_E[2] + f * (_E[3] + f * (_E[4] + f * _E[5])))))
@@ -167,7 +169,7 @@ def exp2(x):
 
 @device
 def log2(x):
-    """The logarithm to base 2; error below 2e-7 (relative near 1, absolute elsewhere). -inf at 0 and for subnormals."""
+    """Returns the logarithm to base 2; error below 2e-7 (relative near 1, else absolute). -inf at 0 and for subnormals."""
     bits = as_ints(x)
     exponent = to_float(u32(bits >> _FRACTION_BITS)) - _EXPONENT_BIAS
     m = as_floats(u32((bits & _FRACTION) | _BITS_OF_ONE))
@@ -181,25 +183,25 @@ def log2(x):
 
 @device
 def exp(x):
-    """e**x; relative error below 3e-7 + 1e-7 |x|."""
+    """Returns e**x; relative error below 3e-7 + 1e-7 |x|."""
     return exp2(x * _LOG2_E)
 
 
 @device
 def log(x):
-    """The natural logarithm."""
+    """Returns the natural logarithm; see `log2`."""
     return log2(x) * _LN_2
 
 
 @device
 def power(x, y):
-    """x**y for x >= 0; relative error about 2e-7 (1 + |y log2(x)|). 0**0 is 1."""
+    """Returns x**y for x >= 0; relative error about 2e-7 (1 + |y log2(x)|). 0**0 is 1."""
     return where(y == _ZERO, _ONE, exp2(y * log2(x)))
 
 
 @device
 def erf(x):
-    """The error function of one number; absolute error below 4e-7."""
+    """Returns the error function of one number; absolute error below 4e-7."""
     t = _ONE / (_ONE + _ERF_P * abs(x))
     tail = t * (_ERF[0] + t * (_ERF[1] + t * (_ERF[2] + t * (_ERF[3] + t * _ERF[4]))))
     return math.copysign(_ONE - tail * exp(-x * x), x)
@@ -207,7 +209,7 @@ def erf(x):
 
 @device
 def erf_inverse(x):
-    """The inverse of `erf` of one number, |x| < 1; relative error below 1e-6."""
+    """Returns the inverse of `erf` of one number, |x| < 1; relative error below 1e-6."""
     w = -log((_ONE - x) * (_ONE + x))
     if w < _NEAR_TAIL:
         w, c = w - _MIDDLE_SHIFT, _MIDDLE

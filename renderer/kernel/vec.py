@@ -1,4 +1,4 @@
-"""Vectors as tuples of three float32, or of three f32x8: they live in registers and cost nothing."""
+"""Three-dimensional vectors as tuples of three float32 or three f32x8, which stay in registers."""
 
 from __future__ import annotations
 
@@ -36,73 +36,73 @@ _BLUE = np.float32(0.0722)
 
 @device
 def add(a, b):
-    """a + b."""
+    """Returns a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @device
 def sub(a, b):
-    """a - b."""
+    """Returns a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @device
 def mul(a, b):
-    """The product by components."""
+    """Returns the componentwise product."""
     return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
 @device
 def scale(a, s):
-    """a times the number s."""
+    """Returns a times the scalar s."""
     return a[0] * s, a[1] * s, a[2] * s
 
 
 @device
 def neg(a):
-    """-a."""
+    """Returns -a."""
     return -a[0], -a[1], -a[2]
 
 
 @device
 def dot(a, b):
-    """The scalar product."""
+    """Returns the dot product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @device
 def cross(a, b):
-    """The vector product."""
+    """Returns the cross product."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @device
 def normalize(a):
-    """a at length 1; NaN where a is zero."""
+    """Returns a scaled to length 1; NaN where a is zero."""
     return scale(a, _ONE / math.sqrt(dot(a, a)))
 
 
 @device
 def length(a):
-    """The length."""
+    """Returns the Euclidean length."""
     return math.sqrt(dot(a, a))
 
 
 @device
 def magnitude(a):
-    """The greatest size of a component."""
+    """Returns the largest absolute value of a component."""
     return max(abs(a[0]), max(abs(a[1]), abs(a[2])))
 
 
 @device
 def maximum(a):
-    """The greatest component."""
+    """Returns the largest component."""
     return max(a[0], max(a[1], a[2]))
 
 
 @device
 def luminance(c):
-    """The luminance of linear Rec.709."""
+    """Returns the luminance of a linear Rec.709 colour."""
     return _RED * c[0] + _GREEN * c[1] + _BLUE * c[2]
 
 
@@ -115,7 +115,7 @@ def is_finite(a):
 
 @device
 def basis(n):
-    """Two unit vectors that make a right-handed frame with the unit n (Duff et al., JCGT 6(1), 2017)."""
+    """Returns two unit vectors that form a right-handed frame with the unit vector n (Duff et al., JCGT 6(1), 2017)."""
     sign = math.copysign(_ONE, n[2])
     a = -_ONE / (sign + n[2])
     b = n[0] * n[1] * a
@@ -124,7 +124,7 @@ def basis(n):
 
 @device
 def to_world(s, t, n, v):
-    """The vector with coordinates v in the frame (s, t, n)."""
+    """Returns the vector with coordinates v in the frame (s, t, n)."""
     return (
         s[0] * v[0] + t[0] * v[1] + n[0] * v[2],
         s[1] * v[0] + t[1] * v[1] + n[1] * v[2],
@@ -134,5 +134,5 @@ def to_world(s, t, n, v):
 
 @device
 def to_local(s, t, n, v):
-    """The coordinates of v in the frame (s, t, n)."""
+    """Returns the coordinates of v in the frame (s, t, n)."""
     return dot(s, v), dot(t, v), dot(n, v)

@@ -1,7 +1,7 @@
-"""Where the points that the pixels' middles see are at three times: as the shutter opens, in the middle, and as it closes.
+"""Motion vector inputs: world positions of the points seen at pixel centres at shutter opening, middle and closing.
 
-One ray a pixel, through its middle and the lens's, in the middle of the shutter. Places are worked out in double precision at
-the keys themselves, so that a vector between two of them does not have the noise of two roundings to single precision.
+One ray a pixel is traced through the centres of pixel and lens, at the middle of the shutter. Positions are computed in float64
+at the keys, so that their difference has no float32 rounding noise.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ _MIDDLE = (_HALF, _HALF)
 
 @device
 def _key(keys, time):
-    """The number of the key at a time: opening, the middle or closing. keys: an odd number of them, or 1."""
+    """Returns the key's index for the opening, middle or closing time. keys: number of keys, odd."""
     return 0 if time == _OPENS else keys - 1 if time == _CLOSES else keys // 2
 
 
 @device
 def _row(fixed, moving, keys, i, time):
-    """Row i of a table, the last rows of which have keys: the table `moving` has theirs, and of which key; else `fixed`."""
+    """Returns the first three columns of row i at a time: from `moving` for the last rows, which have keys, else from `fixed`."""
     count = len(moving) // keys if keys > 0 else 0
     first = len(fixed) - count
     if i < first:
@@ -54,7 +54,7 @@ def _radius(scene, i, time):
 
 @subroutine
 def _of_triangle(scene, hit, time):
-    """The place of a triangle's point, in the world."""
+    """Returns the world position of a triangle's hit point at a time, float64."""
     out_of_line()
     keys = np.int64(scene.bvh.keyed[1])
     corners = scene.triangle[hit.primitive]
@@ -87,7 +87,9 @@ def _of_triangle(scene, hit, time):
 
 @subroutine
 def _of_sphere(scene, hit, o, d, time):
-    """The place of a sphere's point: spheres do not turn, so it stays in the same direction from the centre."""
+    """Returns the world position of a sphere's hit point at a time; spheres do not rotate, so its direction from the centre is
+    fixed.
+    """
     out_of_line()
     keys = np.int64(scene.bvh.keyed[1])
     i = np.int64(hit.primitive) - len(scene.triangle)
@@ -101,7 +103,7 @@ def _of_sphere(scene, hit, o, d, time):
 
 @subroutine
 def _seen(scene, stack, o, d):
-    """(the first Hit that is no more than half see-through, where the ray to it starts)."""
+    """Returns (the first Hit with an opacity of at least 1/2, the origin of the ray that hit it)."""
     out_of_line()
     root = camera_root(scene.bvh)
     hit = closest_hit(scene.bvh, stack, o, d, _INF, _HALF, root)
@@ -146,9 +148,9 @@ def _see_places(scene, stack, camera, top, places):
 
 @entry
 def see_places(scene, stack, camera, top, places):
-    """Fills `places`, (h, w, 3, 4) float64, for the pixels of so many rows from row `top` on.
+    """Fills `places`, (h, w, 3, 4) float64, for h rows of pixels from row `top` on.
 
-    At each of the three times: a point x y z of the world and 1, or where nothing is met the ray's direction and 0.
-    scene: as the edition of what moves is given it, with an odd number of keys. stack: from new_stack.
+    For each of the three times: a world point (x, y, z, 1), or the ray's direction and 0 where nothing is hit.
+    scene: in the edition for moving scenes, with an odd number of keys. stack: from new_stack.
     """
     _see_places(by_reference(scene), stack, camera, top, places)

@@ -24,14 +24,14 @@ def emitter(radiance: float, albedo: float = 0.0, **more: object) -> Material:
 
 
 def square(center: tuple[float, ...], u: tuple[float, ...], v: tuple[float, ...], material: int) -> Mesh:
-    """The parallelogram center +- u +- v; its front is the side that u x v points to."""
+    """The parallelogram center +- u +- v; its front side is that of u x v."""
     c, u_, v_ = (np.array(x, np.float64) for x in (center, u, v))
     corners = np.array([c - u_ - v_, c + u_ - v_, c + u_ + v_, c - u_ + v_], np.float32)
     return Mesh("square", corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), material=material)
 
 
 def disk(radius: float, height: float, segments: int, material: int) -> Mesh:
-    """A horizontal disk about the y axis that faces down, of the circle's area."""
+    """A horizontal disk about the y axis that faces down, with the area of the circle."""
     turns = np.arange(segments) * (2 * np.pi / segments)
     radius *= np.sqrt(2 * np.pi / (segments * np.sin(2 * np.pi / segments)))
     rim = np.stack([np.cos(turns) * radius, np.full(segments, height), np.sin(turns) * radius], 1)
@@ -67,17 +67,17 @@ def scene(
 
 
 def as_rendered(made: CompiledScene) -> CompiledScene:
-    """A scene that stands still, as kernels are given it that are compiled already: for kernels of a test."""
+    """Returns a static scene with the argument types of kernels that are compiled already, for test kernels."""
     return only(made, "full")
 
 
 def still(bvh: Bvh) -> Bvh:
-    """As `as_rendered`, of a tree alone."""
+    """Returns `as_rendered` for a tree alone."""
     return kept(bvh)._replace(motion=None, instance_motion=None, keyed=None)
 
 
 def kept(bvh: Bvh) -> Bvh:
-    """With its first arrays as `build` gives them, which nobody may write into, also where a test has put the tree together."""
+    """Returns the tree with its first arrays read-only, as `build` returns them, also for a tree assembled by a test."""
     views = {name: getattr(bvh, name).view() for name in Bvh._fields[:4]}
     for view in views.values():
         view.flags.writeable = False
@@ -87,7 +87,7 @@ def kept(bvh: Bvh) -> Bvh:
 def settings(
     eye: tuple[float, ...], target: tuple[float, ...], fov: float = 1.0, size: int = 24, **more: object
 ) -> RenderSettings:
-    """A square picture, its pixels squares; `up` is chosen so that any line of sight will do."""
+    """Settings for a square picture with square pixels; `up` is chosen to suit any line of sight."""
     more.setdefault("filter", "box")
     sight = np.subtract(target, eye)
     up = (0.0, 1.0, 0.0) if abs(sight[1]) < 0.9 * np.linalg.norm(sight) else (0.0, 0.0, 1.0)
@@ -95,7 +95,7 @@ def settings(
 
 
 def icosphere(levels: int, material: int = 0, scale: float = 1.0, center: tuple[float, ...] = (0, 0, 0)) -> Mesh:
-    """A closed mesh of 20 * 4**levels flat triangles that face out, its vertices on a sphere and shared."""
+    """A closed mesh of 20 * 4**levels flat triangles facing outwards, with shared vertices on a sphere."""
     golden = (1 + 5**0.5) / 2
     corner = np.array([np.roll((0.0, s, t * golden), k) for k in range(3) for s in (-1, 1) for t in (-1, 1)])
     corner /= np.linalg.norm(corner[0])
@@ -122,6 +122,6 @@ def icosphere(levels: int, material: int = 0, scale: float = 1.0, center: tuple[
 
 
 def box(material: int, scale: float = 1.0, center: tuple[float, ...] = (0, 0, 0)) -> Mesh:
-    """A closed cube of side 2 * scale that faces out."""
+    """A closed cube of side 2 * scale that faces outwards."""
     mesh = shapes.cube("box")
     return replace(mesh, positions=(mesh.positions * scale + np.array(center)).astype(np.float32), material=material)

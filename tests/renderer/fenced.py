@@ -1,7 +1,7 @@
-"""Arrays between inaccessible pages, and a program that renders features with all of a kernel's arrays placed so.
+"""Arrays between inaccessible memory pages, and a program that renders features with all kernel arrays placed this way.
 
-`python -m tests.renderer.fenced SIDE KERNEL FEATURE ...` prints each feature before it renders it and dies of SIGSEGV where the
-kernel reads or writes outside an array. SIDE: behind or before, the end of every array that the fence is at.
+`python -m tests.renderer.fenced SIDE KERNEL FEATURE ...` prints each feature before it renders it, and dies of SIGSEGV if the
+kernel accesses memory outside an array. SIDE: behind or before, the end of each array with the inaccessible page.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def fenced_scene(scene: CompiledScene, side: str) -> CompiledScene:
 
 
 def _fence(side: str) -> None:
-    """Replaces what the renderer hands to its kernels by fenced copies."""
+    """Replaces the arrays that the renderer passes to kernels by fenced copies."""
     prepared, scratch = render._prepared, render.new_scratch
 
     def given(*arguments: Any) -> Any:
@@ -110,7 +110,7 @@ RENDER: dict[str, Callable[[CompiledScene, RenderSettings], None]] = {
 
 
 def main(side: str, kernel: str, *names: str) -> None:
-    """Renders each feature; "warm-up of EDITION" instead of a name: what `warm_up` does."""
+    """Renders each feature; the name "warm-up of EDITION" runs `warm_up` instead."""
     from tests.renderer.kernel.pool.features import made
 
     faulthandler.enable()

@@ -1,4 +1,4 @@
-"""How tests judge what is random: by its own standard error, and by chi-squared."""
+"""Statistical assertions for random results: by their own standard error, and by chi-squared."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ ALPHA = 0.01  # what all tests of a family together may fail by chance (Mitsuba'
 
 
 def sidak(alpha: float, tests: int) -> float:
-    """The level of one test where all `tests` of a family together may fail with probability alpha."""
+    """Returns the significance level of one test so that all `tests` of a family together fail with probability alpha."""
     return 1 - (1 - alpha) ** (1 / tests)
 
 
 def limit(tests: int) -> float:
-    """How many standard errors a mean may be off: 3 for a single one, more where many are judged at once."""
+    """Returns the allowed deviation of a mean in standard errors: 3 for one test, more for a family of tests."""
     return float(scipy.stats.norm.isf(sidak(2 * scipy.stats.norm.sf(3.0), tests) / 2))
 
 
 def mean_and_error(sums: Sums, film_exponent: int = 24) -> tuple[float, float]:
-    """The mean over all pixels and channels, and its standard error from the film's two halves."""
+    """Returns the mean over all pixels and channels, and its standard error from the film's two halves."""
     n, half = sums[SAMPLES].astype(float), sums[SAMPLES_HALF].astype(float)
     scale = 2.0**-film_exponent
     color = sums[COLOR].mean(0) * scale
@@ -34,9 +34,10 @@ def mean_and_error(sums: Sums, film_exponent: int = 24) -> tuple[float, float]:
 
 
 def assert_mean(sums: Sums, expected: float, slack: float = 1e-5, most_error: float = 0.01, tests: int = 1) -> None:
-    """Within three standard errors of the expected mean. slack: relative rounding of the arithmetic or of the expectation.
+    """Asserts that the mean is within three standard errors of the expected one.
 
-    most_error: relative; a test with more noise would prove nothing. tests: how many such comparisons are made at once.
+    slack: relative rounding of the arithmetic or of the expectation. most_error: relative; a test with more noise would prove
+    nothing. tests: number of such comparisons in the family.
     """
     mean, error = mean_and_error(sums)
     assert error <= most_error * expected, f"too noisy to judge: {error / expected:.2%}"
@@ -45,9 +46,9 @@ def assert_mean(sums: Sums, expected: float, slack: float = 1e-5, most_error: fl
 
 
 def chi_squared(counts: np.ndarray, expected: np.ndarray, tests: int, name: str = "") -> None:
-    """Pearson's test, bins that expect fewer than five pooled, alpha 0.01 with Sidak's correction for `tests` tests.
+    """Pearson's test with bins that expect fewer than five samples pooled, alpha 0.01 with Sidak's correction for `tests` tests.
 
-    Fails where a sample lands where none is expected.
+    Fails if a sample is in a bin where none is expected.
     """
     counts, expected = counts.ravel().astype(float), expected.ravel().astype(float)
     assert not counts[expected < 1e-6 * expected.max()].sum() > 1e-4 * counts.sum(), f"{name}: samples where the density is zero"
@@ -65,7 +66,7 @@ def chi_squared(counts: np.ndarray, expected: np.ndarray, tests: int, name: str 
 
 
 def assert_uniform(counts: np.ndarray, tests: int = 1, name: str = "") -> None:
-    """All bins are as full, by chi-squared."""
+    """Asserts by chi-squared that the samples are uniform over the bins."""
     chi_squared(counts, np.full(counts.size, counts.sum() / counts.size), tests, name)
 
 
@@ -77,10 +78,10 @@ def direction_test(
     fine: int = 8,
     name: str = "",
 ) -> None:
-    """Directions (n, 3), NaN where a sample was refused, against the density per steradian that they claim.
+    """Compares sampled directions (n, 3), NaN for rejected samples, with their stated density per steradian.
 
-    Bins are equal in z and in angle; each is integrated with fine x fine midpoints. The density must integrate to the
-    fraction of samples that was not refused: what is missing is a bin of its own.
+    Bins are equal in z and in azimuth; each is integrated with fine x fine midpoints. The density must integrate to the fraction
+    of accepted samples: the rest is a bin of its own.
     """
     rows, columns = bins
     refused = np.isnan(directions[:, 0])

@@ -1,4 +1,4 @@
-"""What is None in a kernel's arguments is not compiled."""
+"""Kernel code for arguments that are None is not compiled."""
 
 from __future__ import annotations
 

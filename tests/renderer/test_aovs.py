@@ -1,4 +1,4 @@
-"""The planes beside colour: their values, their channels, and what one sees of them."""
+"""The AOV planes: values, channels and display."""
 
 import numpy as np
 import pytest

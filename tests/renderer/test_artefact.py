@@ -1,4 +1,4 @@
-"""Machine code as one signed file."""
+"""Compiled kernels packed in one signed file."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def packed(folder: Path, key: str = "token") -> io.BytesIO:
 
 
 def signed(archive: bytes) -> io.BytesIO:
-    """Any bytes, signed as an artefact is."""
+    """Returns the bytes signed like an artefact."""
     import hashlib
     import hmac
 

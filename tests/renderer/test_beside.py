@@ -1,4 +1,4 @@
-"""What several processes compile of a kernel is what the kernel asks for, and each compiles what no other does."""
+"""Parallel compilation: several processes compile exactly the functions a kernel needs, each function once."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from renderer.target import KernelDispatcher
 
 
 class TypedError(Exception):
-    """Ends a compilation when types are known."""
+    """Raised to end a compilation after type inference."""
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
 class TellCalls(FunctionPass):
-    """Which functions are called, and with what."""
+    """Records the called functions and their argument types."""
 
     _name = "tell_calls"
     calls: frozenset[tuple[str, str]] = frozenset()
@@ -95,7 +95,7 @@ def test_what_is_shared_out_are_parts_of_the_kernel(monkeypatch: pytest.MonkeyPa
 
 
 class Part:
-    """Something to compile, which writes down who did it."""
+    """A compilable part that records which process compiled it."""
 
     def __init__(self, folder: Path, number: int) -> None:
         self.path = folder / str(number)
@@ -107,7 +107,7 @@ class Part:
 
 
 class Deadly(Part):
-    """Ends whoever compiles it, unless that is the test."""
+    """A part that kills the process compiling it, unless it is the test's."""
 
     def compile(self, arguments: Any) -> None:
         if os.getppid() == arguments[0]:
@@ -117,7 +117,7 @@ class Deadly(Part):
 
 @pytest.fixture
 def parts(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, tuple[int]]]:
-    """What is shared out with one helper, which may be forked. Nothing else is compiled."""
+    """Parts shared with one helper process, which may be forked. Nothing else is compiled."""
     found: list[tuple[Any, tuple[int]]] = []
     monkeypatch.setattr(beside, "parts_of_pictures", lambda *_: found)
     monkeypatch.setattr(beside, "_helpers", lambda: 1)

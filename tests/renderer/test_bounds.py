@@ -1,4 +1,4 @@
-"""Kernels read and write inside their arrays alone: every array ends, or begins, at an inaccessible page."""
+"""Kernels only access memory inside their arrays: each array is next to an inaccessible page."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.renderer.kernel.pool.features import FEATURES
 
 
 def rendered(side: str, kernel: str, names: list[str]) -> None:
-    """Renders in a process of its own, with fences; fails with the name of what died there."""
+    """Renders in a separate process with fenced arrays; fails with the name of the feature that crashed."""
     command = [sys.executable, "-m", "tests.renderer.fenced", side, kernel, *names]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{done.stdout.splitlines()[-1:]} died of {-done.returncode}: {done.stderr[-2000:]}"
@@ -39,7 +39,7 @@ def test_every_feature_stays_inside_its_arrays(side: str, kernel: str) -> None:
 
 @pytest.mark.long
 def test_a_fence_stops_what_reads_beyond() -> None:
-    """Else the tests above would pass whatever kernels read."""
+    """Otherwise the tests above would pass regardless."""
     program = "import numpy as np; from tests.renderer.fenced import fenced; a = fenced(np.ones(3), '{}'); "
     program += "print(np.lib.stride_tricks.as_strided(a[{}:], (2,), ({},)))"
     for side, first, stride in (("behind", 2, 8), ("before", 0, -8)):

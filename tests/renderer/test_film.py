@@ -1,4 +1,4 @@
-"""The film's arithmetic, on sums made by hand."""
+"""The film's arithmetic, on hand-made sums."""
 
 import hashlib
 
@@ -85,7 +85,7 @@ def test_digest_is_the_sha256_of_the_little_endian_planes():
 
 @given(st.integers(2, 9), st.integers(0, 2**32 - 1))
 def test_noise_is_the_standard_error_of_the_mean(n, seed):
-    """Against numpy, for halves of unequal size too: in expectation, over many pixels of independent noise."""
+    """Compared with numpy, also for halves of unequal size: in expectation, over many pixels of independent noise."""
     rng = np.random.default_rng(seed)
     spread, level, side = 0.3, 2.0, 64
     values = level + spread * rng.standard_normal((n, side, side, 3))

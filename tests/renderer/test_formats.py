@@ -1,4 +1,4 @@
-"""Which of many files is the scene."""
+"""Choice of the main scene file among many files."""
 
 import sys
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""Frames as people write them."""
+"""Parsing of frame ranges."""
 
 import pytest
 

@@ -1,7 +1,7 @@
-"""Inside a closed sphere, where the light is the same everywhere: every integrator, sampler, filter and camera.
+"""A closed sphere with constant radiance inside: all integrators, samplers, filters and cameras.
 
-The sphere has reflectance 1/2 and either emits radiance 1/2, or has a point light of intensity pi in its middle: pbrt's
-cpu/integrators_test.cpp. Paths without end see 1/2 + 1/4 + 1/8 + ... = 1.
+The sphere has reflectance 1/2 and either emits radiance 1/2, or has a point light of intensity pi at its centre: pbrt's
+cpu/integrators_test.cpp. Paths of unlimited depth yield 1/2 + 1/4 + 1/8 + ... = 1.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def test_a_point_light_in_the_middle(lit, integrator, sampler, camera):
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("sampler", SAMPLERS)
 def test_ambient_occlusion(lit, sampler, camera):
-    """The chord at an angle a to the normal is 2 cos a long: as much as is shorter than D, (D / 2)^2, is occluded."""
+    """The chord at angle a to the normal has length 2 cos a, so the share shorter than D, (D / 2)^2, is occluded."""
     settings = _settings(camera, sampler, "ao", ao_distance=1.2)
     assert_mean(render_frame(lit, settings, 256), 1 - 0.6**2, slack=1e-4, tests=len(CAMERAS) * len(SAMPLERS))
     assert mean_and_error(render_frame(lit, replace(settings, ao_distance=0.0), 4))[0] == 0.0

@@ -1,4 +1,4 @@
-"""One picture, however its geometry is kept, and whatever its size."""
+"""The picture does not depend on how geometry is stored, nor on its scale."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def kept(monkeypatch):
 
 
 def test_instances_and_copies_give_one_picture(monkeypatch):
-    """Pixel by pixel: independent renders differ by what their noise allows; ids and normals are the same at sample 0."""
+    """Pixel by pixel: independent renders differ within their noise; ids and normals are the same at sample 0."""
     films = []
     for seed, worth in ((1, 0), (2, 10**9), (1, 10**9)):
         monkeypatch.setattr("renderer.scene.instances._WORTH", worth)
@@ -73,7 +73,7 @@ def test_instances_and_copies_give_one_picture(monkeypatch):
 
 @pytest.mark.parametrize("scale", [2.0**-10, 2.0**10])
 def test_a_power_of_two_in_size_changes_no_bit_of_the_picture(kept, scale):
-    """All thresholds and offsets are relative: nothing in the renderer knows a metre."""
+    """All thresholds and offsets are relative; there is no absolute length."""
     one, other = (render_frame(compile_scene(room(s)), view(s), 4) for s in (1.0, scale))
     for plane in (COLOR, ALBEDO, NORMAL, OBJECT, MATERIAL):
         np.testing.assert_array_equal(one[plane], other[plane])
@@ -87,7 +87,7 @@ def test_a_thousandth_and_a_thousand_times_the_size_are_the_same_picture(kept, s
 
 
 def test_a_coarse_smooth_ball_is_lit_as_a_sphere_to_its_terminator():
-    """No facet's outline between light and shadow: a ball of 320 triangles and a sphere differ by their silhouettes alone."""
+    """No facets show at the shadow boundary: a ball of 320 triangles and a sphere differ only in their silhouettes."""
     ball = icosphere(2)
     ball.normals = ball.positions
     films = []

@@ -1,4 +1,4 @@
-"""Who compiles a kernel, and who waits for it."""
+"""Compilation of kernels: which process compiles, and which wait."""
 
 import gc
 import threading

@@ -1,4 +1,4 @@
-"""Lights that are no bodies, and what the camera does not see: by whole pictures."""
+"""Lamps that rays pass through, and objects hidden from the camera, in rendered pictures."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def planes(sums: Sums) -> np.ndarray:
 
 @pytest.mark.parametrize("kernel", [{}, PATH, {"integrator": "whitted"}, {"integrator": "ao"}])
 def test_the_camera_sees_what_is_behind(kernel: dict[str, object]) -> None:
-    """What it tells of first hits is the same to the bit as without the lamp."""
+    """The first-hit planes are identical to those without the lamp."""
     with_lamp = picture([WHITE, LAMP], FLOOR, BEFORE, spp=4, **kernel)
     without = picture(
         [WHITE, emitter(4.0)], FLOOR, replace(BEFORE, positions=BEFORE.positions + np.float32(100)), spp=4, **kernel
@@ -56,7 +56,7 @@ def test_it_lights_as_a_body_does(kernel: dict[str, object]) -> None:
 
 @pytest.mark.parametrize("kernel", [{}, PATH, {"integrator": "whitted"}])
 def test_mirrors_show_it_with_what_is_behind(kernel: dict[str, object]) -> None:
-    """The camera sees a mirror, in which one lamp lies before another, and both before a surface that shines."""
+    """In a mirror, one lamp lies in front of another, and both in front of an emissive surface."""
     down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=10.0)
     wall = square((0, 5.0, 0), (3, 0, 0), (0, 0, 3), 3)
     materials = [MIRROR, LAMP, emitter(2.0, lamp=True, unseen=True), emitter(0.5)]
@@ -66,7 +66,7 @@ def test_mirrors_show_it_with_what_is_behind(kernel: dict[str, object]) -> None:
 
 @pytest.mark.long
 def test_nothing_lies_in_its_shade() -> None:
-    """With one lamp before another, the floor has the light of both."""
+    """With one lamp in front of another, the floor receives the light of both."""
     down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=20.0)
 
     def lit(*radiance: float, kernel: dict[str, object]) -> Sums:
@@ -80,7 +80,7 @@ def test_nothing_lies_in_its_shade() -> None:
 
 
 def test_one_that_is_not_hidden_shows_before_what_is_behind() -> None:
-    """Both shine into the camera, and the first hit is that behind."""
+    """The camera sees the light of both, and the first hit is the object behind."""
     lamp = emitter(4.0, lamp=True)
     found = picture([emitter(1.0), lamp], FLOOR, BEFORE, spp=4, max_depth=1)
     light = mean(found, 24)[..., 0]
@@ -90,7 +90,7 @@ def test_one_that_is_not_hidden_shows_before_what_is_behind() -> None:
 
 
 def test_a_body_that_is_not_seen_casts_its_shadow() -> None:
-    """And is seen in a mirror."""
+    """It is also visible in a mirror."""
     ball = Material(base_color=gray(0.0), unseen=True)
     blocker = square((0, 1.0, 0), (8, 0, 0), (0, 0, -8), 2)
     down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=20.0)

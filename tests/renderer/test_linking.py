@@ -1,4 +1,4 @@
-"""What Python does not call is linked, and becomes machine code in kernels alone."""
+"""Compiled subroutines are linked from the cache; only kernels become machine code."""
 
 from __future__ import annotations
 

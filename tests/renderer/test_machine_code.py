@@ -1,4 +1,4 @@
-"""Machine code in files: found again, by other processes too, and by nobody for whom it is not."""
+"""Cached machine code in files: found again, also by other processes, and only where it is valid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What light scatters in, held to closed forms: Beer's law, closed furnaces, single scattering, Chandrasekhar's half-space."""
+"""Participating media compared with closed forms: Beer's law, furnaces, single scattering, Chandrasekhar's half-space."""
 
 from __future__ import annotations
 
@@ -47,19 +47,19 @@ def film(scene: Any, view: View = AHEAD, spp: int = 64, **more: Any) -> Any:
 
 
 def seen(scene: Any, view: View = NARROW, spp: int = 1, **more: Any) -> np.ndarray:
-    """The picture's mean, rgb."""
+    """Returns the picture's mean, rgb."""
     return np.asarray(mean(film(scene, view, spp, **more), 24).reshape(-1, 3).mean(0))
 
 
 def slab(depth: float, wide: float = 30.0, material: int = 0) -> Mesh:
-    """From z = -depth to 0, and 2 * `wide` across."""
+    """A slab from z = -depth to 0, 2 * `wide` across."""
     mesh = box(material)
     stretched = mesh.positions * np.array((wide, wide, depth / 2)) - np.array((0.0, 0.0, depth / 2))
     return replace(mesh, positions=stretched.astype(np.float32))
 
 
 def assert_colors(sums: Any, expected: tuple[float, ...], tests: int = 1, slack: float = 1e-4) -> None:
-    """Each channel's mean over the pixels within its standard error."""
+    """Asserts each channel's mean over the pixels within its standard error."""
     pixels = np.asarray(mean(sums, 24)).reshape(-1, 3)
     error = pixels.std(axis=0) / np.sqrt(len(pixels))
     assert (error < 0.02 * np.array(expected)).all(), f"too noisy to judge: {error}"
@@ -70,7 +70,7 @@ def assert_colors(sums: Any, expected: tuple[float, ...], tests: int = 1, slack:
 
 
 def test_what_is_absorbed_follows_beer() -> None:
-    """Exactly: nothing is left to chance where nothing is scattered."""
+    """Exact, since without scattering nothing is random."""
     sigma = np.array((0.1, 0.7, 3.0))
     assert seen(described([interface(sigma_a=tuple(sigma))], meshes=(slab(1.5),))) == pytest.approx(
         np.exp(-1.5 * sigma), rel=3e-4
@@ -97,7 +97,7 @@ def test_media_in_media_each_take_their_part() -> None:
 
 
 def test_bodies_that_overlap_are_left_one_by_one() -> None:
-    """What was entered last counts, until it is left; then the other one does."""
+    """The medium entered last applies until it is left, then the other one."""
     first, second = interface(sigma_a=gray(0.2)), interface(sigma_a=gray(0.5))
     balls = (Sphere((0, 0, 0.5), 1.0, 0), Sphere((0, 0, -0.5), 1.0, 1))
     assert seen(described([first, second], balls)) == pytest.approx(gray(np.exp(-1 * 0.2 - 2 * 0.5)), rel=3e-4)
@@ -105,7 +105,7 @@ def test_bodies_that_overlap_are_left_one_by_one() -> None:
 
 @pytest.mark.parametrize("inside", [1, 2, 3])
 def test_a_camera_is_in_what_is_around_it(inside: int) -> None:
-    """So many balls about each other, the camera in the middle."""
+    """A number of concentric balls with the camera at the centre."""
     sigma = (0.3, 0.5, 0.8)
     balls = tuple(Sphere((0, 0, 0), 1.0 + k, k) for k in range(inside))
     scene = described([interface(sigma_a=gray(s)) for s in sigma], balls)
@@ -150,7 +150,7 @@ FURNACES = {
 
 @grid("name", FURNACES, ordinary=("onwards", "glass"))
 def test_what_only_scatters_shows_the_sky_as_it_is(name: str) -> None:
-    """Whatever its shape, density and phase function; glass in between, too."""
+    """For any shape, density and phase function, also inside glass."""
     assert_mean(film(described([FURNACES[name]], BALL), spp=128), 1.0, most_error=0.02, tests=len(FURNACES))
 
 

@@ -1,4 +1,4 @@
-"""Motion blur by what is known of it: closed forms, and pictures of a moment averaged over the time that the shutter is open."""
+"""Motion blur compared with closed forms, and with static pictures averaged over the time that the shutter is open."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def over(at: At, shutter: Shutter = OPEN) -> SceneDescription:
 
 
 def turned(angle: float, place: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
-    """About the z axis, then moved."""
+    """Returns a rotation about the z axis followed by a translation."""
     matrix = np.eye(4)
     matrix[:2, :2] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
     matrix[:3, 3] = place
@@ -60,7 +60,7 @@ def picture(scene: CompiledScene, settings: RenderSettings, spp: int) -> np.ndar
 
 
 def from_the_middle(size: int, height: float) -> tuple[np.ndarray, np.ndarray]:
-    """(x, y) of the pixels' middles in the plane that FLAT looks at."""
+    """Returns (x, y) of the pixel centres in the plane that FLAT views."""
     y, x = np.mgrid[0:size, 0:size] + 0.5
     return (x / size - 0.5) * height, (0.5 - y / size) * height
 
@@ -229,7 +229,7 @@ def sliding(t: float) -> SceneDescription:
 
 
 def everything(t: float) -> SceneDescription:
-    """All that moves, in one scene."""
+    """All kinds of motion in one scene."""
     first, second = bending(t), lamps(t)
     shift = len(first.meshes)
     painted = sliding(t)

@@ -1,4 +1,4 @@
-"""A pixel explained: its samples are the film's to the bit, and its places are where the camera sees them."""
+"""Explaining a pixel: its samples match the film to the bit, and its points are where the camera sees them."""
 
 from dataclasses import replace
 

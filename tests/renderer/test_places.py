@@ -1,4 +1,4 @@
-"""Folders and files that code is loaded from: this user's or root's, and writable by nobody else."""
+"""Folders and files from which code is loaded: owned by this user or root, and not writable by others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What a worker that starts waits for is what every scene wants; the rest is there once a second kernel is."""
+"""Preparation of kernels: a starting worker waits for the parts that all scenes need.
+
+The rest follows with the second kernel.
+"""
 
 from __future__ import annotations
 

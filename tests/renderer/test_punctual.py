@@ -1,4 +1,4 @@
-"""Lights without a body, by the whole renderer: their irradiance in closed form, and that no ray ever meets them."""
+"""Punctual lights in rendered pictures: their irradiance in closed form, and that rays never hit them."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""A NamedTuple by reference: read as the tuple itself, and known by its fields."""
+"""NamedTuples passed by reference: read like the tuple itself, and typed by their fields."""
 
 from __future__ import annotations
 

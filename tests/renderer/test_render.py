@@ -1,4 +1,4 @@
-"""Batches and frames: exact whatever the cut, honest about bad samples, obedient to the settings."""
+"""Batches and frames: exact for any division, bad samples reported, settings applied."""
 
 from itertools import pairwise
 

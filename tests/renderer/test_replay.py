@@ -1,4 +1,4 @@
-"""One path once more: the film's value to the bit, and a protocol that adds up to it."""
+"""Replaying one path: the film's value to the bit, and a record that adds up to it."""
 
 import itertools
 import math

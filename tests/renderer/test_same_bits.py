@@ -1,4 +1,4 @@
-"""Processors with AVX-512 and without it render the same bits: workers of one kind, whose samples meet in one film."""
+"""Processors with and without AVX-512 render the same bits, so that workers of one kind can share a film."""
 
 from __future__ import annotations
 

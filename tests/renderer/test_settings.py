@@ -1,4 +1,4 @@
-"""What a request may ask for, and the sentence it gets where it asks for more."""
+"""Render settings: accepted values, and the error sentences for others."""
 
 import json
 import math

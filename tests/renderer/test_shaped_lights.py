@@ -1,4 +1,4 @@
-"""Lights by profiles and pictures of where they shine: the irradiance of a floor beneath them in closed form."""
+"""Lights with profiles and projected pictures: the irradiance of a floor beneath them in closed form."""
 
 import math
 from dataclasses import replace

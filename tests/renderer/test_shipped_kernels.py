@@ -1,4 +1,4 @@
-"""Kernels that come with an image, in a folder that can only be read."""
+"""Precompiled kernels in a read-only folder of a container image."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a worker's kind and the kernels' cache follow from: meaning, and no more and no less than what is compiled."""
+"""The source digest that identifies a worker's kind and the kernel cache: it depends on what is compiled and nothing else."""
 
 from __future__ import annotations
 

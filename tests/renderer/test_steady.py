@@ -1,4 +1,4 @@
-"""What makes denoised shots steady: on made-up frames of which all is known."""
+"""Temporal filtering of denoised shots, on synthetic frames with known motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Suns whose disks rays meet, and lamps that are disks which face whoever looks: by whole pictures."""
+"""Suns with visible disks, and lamps that are facing disks, in rendered pictures."""
 
 from __future__ import annotations
 

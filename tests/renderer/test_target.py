@@ -1,4 +1,4 @@
-"""Kernels have a compile target of their own: a host program's Numba stays as it was, before and after a picture is rendered."""
+"""Kernels have their own compile target: a host program's Numba is unchanged before and after rendering."""
 
 from __future__ import annotations
 

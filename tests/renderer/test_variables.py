@@ -1,4 +1,4 @@
-"""Settings from the environment: values, and files that hold them."""
+"""Settings from environment variables: values, and files that hold them."""
 
 from __future__ import annotations
 

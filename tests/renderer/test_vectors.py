@@ -1,4 +1,4 @@
-"""Motion vectors against places that are worked out another way: affine motions in closed form, and every triangle of a file."""
+"""Motion vectors compared with independent computations: affine motions in closed form, and all triangles of a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names in zips of programs that declare no encoding, or write the separator of Windows."""
+"""File names in zip archives without a declared encoding, or with Windows separators."""
 
 import io
 import struct

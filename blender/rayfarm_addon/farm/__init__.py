@@ -1,1 +1,1 @@
-"""What is said to a farm, and what it answers. Nothing here knows of Blender."""
+"""The protocol with a farm: requests, uploads and live channels. Independent of Blender."""

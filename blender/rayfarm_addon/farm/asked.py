@@ -1,4 +1,4 @@
-"""What is asked of a farm for one picture, and what it tells while it makes it. Nothing here knows of Blender."""
+"""The request for one picture, and the events during its rendering. Independent of Blender."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["Asked", "Done", "Failed", "Grown", "Light", "Said"]
 
 @dataclass(frozen=True)
 class Light:
-    """The light from all around: a radiance, a picture (name and content), or what the scene file has."""
+    """The environment light: a radiance, a picture (name and content), or that of the scene file."""
 
     color: list[float] | None = None
     image: tuple[str, bytes | Path] | None = None
@@ -27,7 +27,10 @@ class Light:
 
 @dataclass(frozen=True)
 class Asked:
-    """A picture. files: of its scene, by name. request: as POST /api/jobs takes it, without scene and light. planes: AOVs."""
+    """The request for a picture.
+
+    files: of its scene, by name. request: as POST /api/jobs takes it, without scene and light. planes: AOVs.
+    """
 
     files: dict[str, bytes | Path]
     main: str
@@ -40,7 +43,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Said:
-    """How it goes. progress: 0 to 1; None: not known."""
+    """A status message. progress: 0 to 1; None if unknown."""
 
     text: str
     progress: float | None = None
@@ -48,7 +51,7 @@ class Said:
 
 @dataclass(frozen=True)
 class Grown:
-    """A tile with more samples, from the upper left corner of the picture. words: (h, w) RGB9E5."""
+    """A tile with more samples; x and y from the picture's upper left corner. words: (h, w) RGB9E5."""
 
     x: int
     y: int
@@ -57,7 +60,7 @@ class Grown:
 
 @dataclass(frozen=True)
 class Done:
-    """The whole picture: channels by their EXR names, each (h, w) float32, rows from the top."""
+    """The finished picture: channels by their EXR names, each (h, w) float32, rows from the top."""
 
     channels: dict[str, npt.NDArray[np.float32]]
     job: str
@@ -67,6 +70,6 @@ class Done:
 
 @dataclass(frozen=True)
 class Failed:
-    """Why there is no picture, as a sentence; None: it was cancelled."""
+    """The reason why there is no picture, as a sentence; None if it was cancelled."""
 
     sentence: str | None

@@ -1,4 +1,4 @@
-"""A farm by HTTP, with the standard library alone. Every method blocks: call it from a thread that may wait."""
+"""HTTP client for a farm, using only the standard library. All methods block; call them from a worker thread."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
 class FarmError(Exception):
-    """Its text is a sentence for a person. status: the HTTP status; None where no farm answered."""
+    """A failed request; its text is a sentence for the user. status: the HTTP status, or None if no farm answered."""
 
     def __init__(self, sentence: str, status: int | None = None) -> None:
         super().__init__(sentence)
@@ -28,18 +28,18 @@ class FarmError(Exception):
 
 
 class Cancelled(Exception):  # noqa: N818 -- nothing went wrong
-    """Whoever asked wants it no more."""
+    """Raised when the caller has cancelled the operation."""
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
-    """A token is shown to the farm that was named, and to no other."""
+    """A handler that refuses redirects, so that the token is sent only to the configured farm."""
 
     def redirect_request(self, *_: Any) -> None:
         return None
 
 
 class Client:
-    """One farm. url: as in the browser's address line; token: what `rayfarm token make` printed, or nothing."""
+    """A client for one farm. url: as in the browser's address bar; token: as printed by `rayfarm token make`, or empty."""
 
     def __init__(self, url: str, token: str = "") -> None:
         self.url = url.strip().rstrip("/")
@@ -54,7 +54,7 @@ class Client:
         self.sent = 0  # bytes of all uploads so far
 
     def headers(self) -> dict[str, str]:
-        """What says who asks."""
+        """The authentication headers of a request."""
         return {"Authorization": f"Bearer {self.token}"} if self.token else {}
 
     def call(
@@ -65,7 +65,10 @@ class Client:
         headers: dict[str, str] | None = None,
         patience_s: float = PATIENCE_S,
     ) -> tuple[int, Any, bytes]:
-        """Status, headers and body. data: bytes, or what yields them. Raises FarmError; 304 is an answer."""
+        """Sends a request and returns (status, headers, body). data: bytes, or an iterator of bytes.
+
+        Raises FarmError for error statuses; 304 is returned.
+        """
         request = urllib.request.Request(self.url + path, data=data, method=method, headers={**self.headers(), **(headers or {})})
         try:
             with self._opener.open(request, timeout=patience_s) as answer:
@@ -82,7 +85,7 @@ class Client:
             ) from None
 
     def json(self, method: str, path: str, said: Any = None, **headers: str) -> Any:
-        """An answer in JSON to a question in JSON. Raises FarmError."""
+        """Sends a JSON request and returns the decoded JSON response. Raises FarmError."""
         data = None if said is None else json.dumps(said).encode()
         known = {"Content-Type": "application/json"} if data is not None else {}
         _, _, body = self.call(
@@ -102,7 +105,10 @@ class Client:
         fields: dict[str, str],
         progress: Callable[[int, int], None] = lambda done, size: None,
     ) -> Any:
-        """POST files as a form. progress: is told bytes sent and bytes in all, and may raise Cancelled. Raises FarmError."""
+        """Posts files as a multipart form and returns the decoded JSON response.
+
+        progress: called with bytes sent and total bytes; it may raise Cancelled. Raises FarmError.
+        """
         kind, size, chunks = body_of(parts, fields)
 
         def counted() -> Iterator[bytes]:
@@ -119,7 +125,7 @@ class Client:
         return json.loads(body)
 
     def check(self) -> str:
-        """A sentence on what is there, for whoever tests the connection. Raises FarmError."""
+        """Returns a sentence that describes the farm, for the connection test. Raises FarmError."""
         info = self.json("GET", "/api/info")
         if not isinstance(info, dict) or "formats" not in info:
             raise FarmError(f"What answers at {self.url} is no Rayfarm. Is the address right?")

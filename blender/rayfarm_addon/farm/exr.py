@@ -1,7 +1,8 @@
-"""Reads the OpenEXR files that a farm writes: scan lines, float32 or half, not compressed or by ZIP. Writes plain ones.
+"""Reads the OpenEXR files that a farm writes: scan lines, float32 or half, uncompressed or ZIP. Writes uncompressed ones.
 
 Blender loads EXR files itself, but gives Python only one layer of them. Source: "OpenEXR File Layout" and "Technical Introduction
-to OpenEXR" (openexr.com): bytes of a block are parted into even and odd ones, and each is told by its difference from the last.
+to OpenEXR" (openexr.com): the bytes of a block are split into even and odd ones, and each is stored as the difference from the
+one before it.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ TYPES = {0: np.dtype("<u4"), 1: np.dtype("<f2"), 2: np.dtype("<f4")}
 
 
 def read(data: bytes) -> dict[str, npt.NDArray[np.float32]]:
-    """The channels by name, each (h, w) float32, rows from the top. Raises ValueError for what is no such file."""
+    """Returns the channels by name, each (h, w) float32, rows from the top. Raises ValueError for other files."""
     try:
         return _read(data)
     except (struct.error, zlib.error, IndexError, KeyError) as error:
@@ -94,7 +95,7 @@ def _place(
 
 
 def write(rgb: npt.NDArray[np.float32]) -> bytes:
-    """The bytes of a picture of (h, w, 3) linear light, rows from the top, in float32 without compression."""
+    """Returns an EXR file of an (h, w, 3) linear picture, rows from the top, in float32 without compression."""
     height, width, _ = rgb.shape
     box = struct.pack("<4i", 0, 0, width - 1, height - 1)
     channels = b"".join(name + b"\0" + struct.pack("<iiii", 2, 0, 1, 1) for name in (b"B", b"G", b"R")) + b"\0"

@@ -1,4 +1,4 @@
-"""multipart/form-data, read from where the files lie while it is sent."""
+"""Encodes multipart/form-data; file contents are read while the form is sent."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PIECE = 1 << 18
 
 
 class Part(NamedTuple):
-    """A file of a form. content: its bytes, or where they lie."""
+    """A file of a form. content: its bytes, or its path."""
 
     field: str
     name: str
@@ -21,12 +21,12 @@ class Part(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """The content's size in bytes."""
         return self.content.stat().st_size if isinstance(self.content, Path) else len(self.content)
 
 
 def body_of(parts: list[Part], fields: dict[str, str]) -> tuple[str, int, Iterator[bytes]]:
-    """The Content-Type, the length in bytes, and the pieces."""
+    """Returns (Content-Type, length in bytes, iterator of the body's pieces)."""
     boundary = secrets.token_hex(16)
     heads = [_head(boundary, each.field, each.name) for each in parts]
     texts = b"".join(_head(boundary, name) + value.encode() + b"\r\n" for name, value in fields.items())

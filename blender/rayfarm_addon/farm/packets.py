@@ -1,6 +1,6 @@
-"""The farm's pictures on the wire as arrays: rows from the bottom, as Blender's images have them, (h, w, 4) float32 linear.
+"""Decodes the farm's picture packets to arrays: (h, w, 4) float32 linear, rows from the bottom as in Blender's images.
 
-docs/api.md has the layouts: live tiles and films under "Live", views under "A scene in the hand".
+docs/api.md describes the layouts: live tiles and films under "Live", views under "A scene in the hand".
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ RAW = -15
 
 
 class Tile(NamedTuple):
-    """A tile of a frame, from the upper left corner."""
+    """A tile of a frame; x and y from the upper left corner."""
 
     seq: int
     x: int
@@ -35,7 +35,7 @@ class Tile(NamedTuple):
 
 
 class Film(NamedTuple):
-    """A frame's light so far. samples: of its tiles of `side`, in reading order."""
+    """A frame's accumulated light. samples: sample count of each tile of size `side`, in reading order."""
 
     side: int
     samples: npt.NDArray[np.uint32]
@@ -43,21 +43,21 @@ class Film(NamedTuple):
 
 
 def unpacked(words: Words) -> F32:
-    """(..., 3) radiance of RGB9E5 words: mantissa times 2**(exponent - 24)."""
+    """Returns the radiance, (..., 3), of RGB9E5 words: mantissa times 2**(exponent - 24)."""
     found = np.stack([words & 511, words >> 9 & 511, words >> 18 & 511], axis=-1).astype(np.float32)
     step = (((words >> 27).astype(np.int32) + (127 - 24)) << 23).view(np.float32)
     return np.asarray(found * step[..., None], np.float32)
 
 
 def rgba(rgb: F32) -> F32:
-    """(h, w, 3) with rows from the top as Blender takes it: opaque, rows from the bottom."""
+    """Converts (h, w, 3) with rows from the top to Blender's order: opaque RGBA, rows from the bottom."""
     found = np.ones((*rgb.shape[:2], 4), np.float32)
     found[..., :3] = rgb[::-1]
     return found
 
 
 def tile(packet: bytes) -> Tile:
-    """A message of a job's live channel. Raises ValueError."""
+    """Decodes a message of a job's live channel. Raises ValueError."""
     if len(packet) < TILE.size:
         raise ValueError("a tile is cut off")
     version, kind, _, seq, x, y, w, h, samples = TILE.unpack_from(packet)
@@ -67,7 +67,7 @@ def tile(packet: bytes) -> Tile:
 
 
 def film(packet: bytes) -> Film:
-    """The answer of /film. Raises ValueError."""
+    """Decodes the response of /film. Raises ValueError."""
     version, kind, _, w, h, side = FILM.unpack_from(packet)
     if (version, kind) != (1, 2):
         raise ValueError("a film is of another release")
@@ -82,7 +82,7 @@ def _words(planes: npt.NDArray[np.uint8], count: int) -> Words:
 
 
 class View:
-    """A view as it grows: takes the packets of a viewport's channel in. `rgb` is (h, w, 3), rows from the top."""
+    """A progressive view, built from the packets of a viewport's channel. `rgb` is (h, w, 3), rows from the top."""
 
     def __init__(self) -> None:
         self.id = -1
@@ -91,7 +91,7 @@ class View:
         self.whole = (0, 0)
 
     def take(self, packet: bytes) -> None:
-        """Adds a picture; one of another view, or of another size, takes the place of what was there. Raises ValueError."""
+        """Adds a packet; one of another view or size replaces the picture. Raises ValueError."""
         version, kind, count, id, self.seq, w, h, *whole = VIEW.unpack_from(packet)
         if (version, kind) != (2, 3):
             raise ValueError("the view is of another release")
@@ -112,7 +112,7 @@ class View:
             first += tw * th
 
     def _take_coarse(self, tiles: list[Any], body: bytes) -> int:
-        """Adds the tiles that still clear up; gives the bytes that they take."""
+        """Adds the tiles of a coarse picture; returns the number of bytes read."""
         if not tiles:
             return 0
         pixels = sum(t[2] * t[3] for t in tiles)

@@ -1,4 +1,7 @@
-"""One picture of a farm: upload what it lacks, ask, take in tiles, fetch the end. Runs in a thread of its own; others listen."""
+"""Renders one picture on a farm in a thread: uploads, submits the job, receives tiles, fetches the result.
+
+Emits events.
+"""
 
 from __future__ import annotations
 
@@ -30,13 +33,13 @@ Event = Said | Grown | Done | Failed
 
 
 class _OverError(FarmError):
-    """The job ended, and not well: there is nothing to ask for again."""
+    """Raised when the job has ended without success; retrying is useless."""
 
 
 def light_of(light: Light, uploads: Uploads, progress: Callable[[int, int], None]) -> dict[str, Any] | None:
-    """`environment` of a request, or None where the scene has its own.
+    """Returns the `environment` of a request, or None where the scene has its own.
 
-    A picture is sent if the farm lacks it. Raises FarmError, Cancelled.
+    A picture is uploaded if the farm lacks it. Raises FarmError, Cancelled.
     """
     if light.image is not None:
         id = uploads.environment(*light.image, progress)
@@ -48,7 +51,7 @@ def light_of(light: Light, uploads: Uploads, progress: Callable[[int, int], None
 
 
 class Rendering:
-    """Starts at once. `events` has what happened, in order; the last is Done or Failed."""
+    """A rendering, started on creation. `events` holds the events in order; the last is Done or Failed."""
 
     def __init__(self, client: Client, uploads: Uploads, asked: Asked) -> None:
         self.events: queue.SimpleQueue[Event] = queue.SimpleQueue()
@@ -59,11 +62,11 @@ class Rendering:
         self._thread.start()
 
     def cancel(self) -> None:
-        """Wanted no more: the farm is told, and the last event follows."""
+        """Cancels the job on the farm; the final event follows."""
         self._cancelled.set()
 
     def join(self, patience_s: float) -> None:
-        """Wait for the last event."""
+        """Waits for the final event, at most `patience_s` seconds."""
         self._thread.join(patience_s)
 
     def _run(self) -> None:
@@ -109,7 +112,7 @@ class Rendering:
                 self._client.json("PATCH", f"/api/jobs/{self._job}", {"state": "cancelled"})
 
     def _watch(self, number: float) -> None:
-        """Passes on how the job grows until it is over. A farm that goes away is asked again for a while."""
+        """Emits the job's progress until it ends. An unreachable farm is retried for a while."""
         failures = 0
         while True:
             try:
@@ -135,7 +138,7 @@ class Rendering:
             raise Cancelled
 
     def _listen(self, number: float) -> bool:
-        """Whether the job is over. Raises Closed, FarmError, Cancelled."""
+        """Receives from the live channel; returns whether the job has ended. Raises Closed, FarmError, Cancelled."""
         frame = urllib.parse.quote(f"{number:g}")
         socket = Socket(self._client, f"/api/jobs/{self._job}/live?frame={frame}")
         last = time.monotonic()

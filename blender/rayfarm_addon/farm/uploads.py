@@ -1,4 +1,4 @@
-"""What a farm has of a scene, so that only what changed is sent."""
+"""Keeps track of the files that a farm has, so that only changes are uploaded."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STALE = 0.5  # share of bytes that nothing names any more, from which on all is 
 
 
 class Uploads:
-    """Of one farm. The last scene that was sent is the base of the next: names of equal content are not sent again."""
+    """The uploads to one farm. The last scene is the base of the next: files with equal content are not sent again."""
 
     def __init__(self, client: Client, digest: Callable[[bytes | Path], str], project: str = "") -> None:
         self.client = client
@@ -33,7 +33,7 @@ class Uploads:
         self._images: dict[str, str] = {}  # ids of environments by the hash of their file
 
     def send(self, files: Mapping[str, bytes | Path], main: str, title: str, progress: Callable[[int, int], None]) -> str:
-        """The id of the scene that these files are. Raises FarmError, Cancelled."""
+        """Uploads a scene and returns its id. Raises FarmError, Cancelled."""
         with self._lock:
             return self._send(files, main, title, progress)
 
@@ -68,7 +68,7 @@ class Uploads:
         return self.scene
 
     def environment(self, name: str, content: bytes | Path, progress: Callable[[int, int], None]) -> str:
-        """The id of a picture that lights a scene; sent once. Raises FarmError, Cancelled."""
+        """Returns the id of an environment picture, uploaded once. Raises FarmError, Cancelled."""
         digest = self._digest(content)
         with self._lock:
             if digest not in self._images:
@@ -78,7 +78,7 @@ class Uploads:
             return self._images[digest]
 
     def let_go(self, scene: str) -> None:
-        """A scene that was only looked at leaves nothing behind; one that a job has stays. Raises FarmError."""
+        """Deletes a scene that was only viewed; one that a job has rendered is kept. Raises FarmError."""
         if scene in self.rendered:
             return
         if scene == self.scene:
@@ -86,7 +86,7 @@ class Uploads:
         self.client.json("DELETE", f"/api/scenes/{scene}")
 
     def forget(self) -> None:
-        """The farm has it no more."""
+        """Forgets all uploads, when the farm no longer has them."""
         self.scene, self._there, self._images = None, {}, {}
 
     def ready(
@@ -98,7 +98,7 @@ class Uploads:
         is_over: Callable[[], bool],
         say: Callable[[str], None],
     ) -> dict[str, Any]:
-        """The scene that these files are, sent and prepared; one that somebody deleted meanwhile is sent anew.
+        """Uploads a scene and waits until it is prepared; uploads it again if it was deleted meanwhile.
 
         Raises FarmError, Cancelled.
         """
@@ -111,7 +111,10 @@ class Uploads:
         return self.wait(self.send(files, main, title, progress), is_over, say)
 
     def wait(self, scene: str, is_over: Callable[[], bool], say: Callable[[str], None]) -> dict[str, Any]:
-        """The scene when it is ready. is_over: whether nobody waits any more. Raises FarmError, Cancelled."""
+        """Waits until the scene is ready and returns it. is_over: whether the caller has cancelled.
+
+        Raises FarmError, Cancelled.
+        """
         while True:
             found: dict[str, Any] = self.client.json("GET", f"/api/scenes/{scene}")
             if found["status"] == "ready":

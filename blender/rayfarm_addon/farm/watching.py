@@ -1,4 +1,4 @@
-"""A view of a scene as long as somebody looks: a thread that sends scenes and cameras, and keeps the newest picture."""
+"""A live view of a scene: a thread that sends scenes and cameras and keeps the newest picture."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ AGAIN_S = 2.0
 
 @dataclass(frozen=True)
 class Shown:
-    """A picture of a view: (h, w, 3) linear, rows from the top; which view, and how good it is."""
+    """A picture of a view: (h, w, 3) linear, rows from the top; the view's number, and its quality."""
 
     rgb: npt.NDArray[np.float32]
     id: int
@@ -36,7 +36,7 @@ class Shown:
 
 
 class Watching:
-    """Looks at a farm for one viewport. Every method returns at once; the newest scene and view count."""
+    """The live view of one viewport. All methods return at once; the newest scene and view are used."""
 
     def __init__(self, client: Client, uploads: Uploads, title: str) -> None:
         self._client, self._uploads, self._title = client, uploads, title
@@ -54,13 +54,13 @@ class Watching:
         self._thread.start()
 
     def show(self, files: dict[str, Any], main: str, light: Light) -> None:
-        """The scene is this one now."""
+        """Sets the scene to be shown."""
         with self._lock:
             self._scene = files, main, light
         self._wake.set()
 
     def look(self, view: dict[str, Any]) -> int:
-        """It is seen so now: a request without scene and light. Gives the number by which pictures of it are told."""
+        """Sets the view, a request without scene and light; returns its number, by which its pictures are identified."""
         with self._lock:
             self._number += 1
             self._view = {**view, "id": self._number}
@@ -68,27 +68,27 @@ class Watching:
 
     @property
     def state(self) -> tuple[Shown | None, str]:
-        """The newest picture, and a line for a person."""
+        """Returns the newest picture and a status line."""
         with self._lock:
             return self._shown, self._text
 
     @property
     def number(self) -> int:
-        """Of the view that was asked for last."""
+        """The number of the view requested last."""
         return self._number
 
     @property
     def is_settled(self) -> bool:
-        """Whether what is shown is of the newest scene."""
+        """Whether the newest picture shows the newest scene."""
         return self._looks_at is not None and self._looks_at is self._scene
 
     def end(self) -> None:
-        """Nobody looks any more."""
+        """Ends the view and its thread."""
         self._ended = True
         self._wake.set()
 
     def join(self, patience_s: float) -> None:
-        """Wait until the thread has ended."""
+        """Waits until the thread has ended, at most `patience_s` seconds."""
         self._thread.join(patience_s)
 
     def _say(self, text: str) -> None:
@@ -120,7 +120,7 @@ class Watching:
             self._say(f"Sending the scene: {done / 1e6:.0f} of {size / 1e6:.0f} MB")
 
     def _look_on(self) -> None:
-        """Shows one scene until there is another. Raises FarmError, Closed, Cancelled."""
+        """Shows one scene until it is replaced. Raises FarmError, Closed, Cancelled."""
         with self._lock:
             wanted = self._scene
         if wanted is None:

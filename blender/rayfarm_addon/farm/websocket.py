@@ -1,4 +1,4 @@
-"""A WebSocket client (RFC 6455) of the standard library alone: what a farm's live channels need of it."""
+"""A WebSocket client (RFC 6455) using only the standard library, with the features that a farm's live channels need."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ MOST_BYTES = 1 << 28
 
 
 class Closed(Exception):  # noqa: N818 -- also when all is well
-    """The farm, or the way to it, has ended the connection. Its text says why, where that is known."""
+    """Raised when the connection is closed; its text gives the reason, where known."""
 
 
 class Socket:
-    """A connection to a path of a farm. Raises FarmError where there is none."""
+    """A WebSocket connection to a path of a farm. Raises FarmError if it cannot be opened."""
 
     def __init__(self, client: Client, path: str, patience_s: float = 15.0) -> None:
         parts = urllib.parse.urlsplit(client.url)
@@ -72,7 +72,7 @@ class Socket:
             raise FarmError(f"What answers at {client.url} is no Rayfarm. Is the address right?")
 
     def send(self, text: str) -> None:
-        """Send a text. Raises Closed."""
+        """Sends a text message. Raises Closed."""
         self._send(TEXT, text.encode())
 
     def _send(self, kind: int, data: bytes) -> None:
@@ -87,7 +87,7 @@ class Socket:
             raise Closed(str(error)) from None
 
     def receive(self, wait_s: float) -> str | bytes | None:
-        """The next message; None where none comes in so many seconds. Raises Closed."""
+        """Returns the next message, or None if none arrives within `wait_s` seconds. Raises Closed."""
         while True:
             message = self._next()
             if message is not None:
@@ -140,6 +140,6 @@ class Socket:
         self._buffer += data
 
     def close(self) -> None:
-        """End it. Raises nothing."""
+        """Closes the connection. Raises nothing."""
         with contextlib.suppress(OSError):
             self._socket.close()

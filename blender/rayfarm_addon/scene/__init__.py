@@ -1,1 +1,1 @@
-"""From what Blender shows to the files of a scene."""
+"""Export of Blender's scenes to scene files."""

@@ -1,4 +1,4 @@
-"""Blender's cameras: where they stand, how they project, what their lens blurs."""
+"""Export of Blender's cameras: position, projection and depth of field."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PANORAMA = "PANO"
 
 
 def lens_of(scene: Scene | None, camera: Any) -> Lens:
-    """Of an object of type CAMERA."""
+    """Returns the Lens of an object of type CAMERA."""
     data = camera.data
     near = float(data.clip_start)
     if not data.dof.use_dof or data.type == PANORAMA:
@@ -53,7 +53,7 @@ def shot_of_camera(
     size: tuple[int, int],
     border: tuple[int, int, int, int] | None = None,
 ) -> Shot:
-    """What to ask for, so that it is what the camera sees. Raises ValueError."""
+    """Returns the Shot that shows what the camera sees. Raises ValueError."""
     if camera.data.type == PANORAMA:
         kind = getattr(camera.data, "panorama_type", None) or getattr(getattr(camera.data, "cycles", None), "panorama_type", "")
         if kind != "EQUIRECTANGULAR":
@@ -72,9 +72,9 @@ def with_keys(
     size: tuple[int, int],
     border: tuple[int, int, int, int] | None = None,
 ) -> bool:
-    """Writes the camera into the scene with where it is while the shutter is open; whether it moves.
+    """Writes the camera and its positions while the shutter is open into the scene; returns whether it moves.
 
-    over: seconds of the file's clock, place, projection and lens at each key. size, border: as of the shot. Raises ValueError.
+    over: seconds of the file's clock, place, projection and lens at each key. size, border: as for the shot. Raises ValueError.
     """
     views = [(time, shot_of(place, projection, size, lens, border).view) for time, place, projection, lens in over]
     names = {name: value for view in (shot.view, *(view for _, view in views)) for name, value in view.items()}

@@ -1,7 +1,7 @@
-"""What of Cycles' settings, panel by panel, is otherwise here, in sentences: of the add-on's pictures and of .blend files.
+"""Warnings about Cycles settings that Rayfarm does not support, panel by panel, for the add-on and for .blend files.
 
-A setting that changes no picture (devices, threads, trees, guiding, how samples are spread) is in no table, nor is one that is
-taken over: size, border, frame rate, shutter and its position, path depth, subdivision, overrides, indirect light alone.
+Settings without effect on the picture (devices, threads, BVH, path guiding, sample distribution) are in no table, nor are
+supported ones: size, border, frame rate, shutter and its position, path depth, subdivision, overrides, indirect-only objects.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MOST_NAMES = 5
 
 
 class _Row(NamedTuple):
-    """A setting that is another than the farm's where `differs` says so. Of the sentence, {} is its value."""
+    """A setting that differs from the farm's if `differs` says so. {} in the sentence stands for its value."""
 
     owner: str
     name: str
@@ -89,17 +89,20 @@ PASSES = ("combined", "z", "position", "normal", "object_index", "material_index
 
 
 def takes_time(scene: Any, layer: Any) -> bool:
-    """Whether the shutter is open for some time."""
+    """Whether the shutter is open for more than an instant."""
     return bool(scene.render.use_motion_blur and getattr(layer, "use_motion_blur", True))
 
 
 def _is_curved(shutter: Any) -> bool:
-    """Whether a shutter lets less light through while it opens or closes."""
+    """Whether the shutter lets less light through while it opens or closes."""
     return any(point.location[1] < 1 - NEAR for curve in shutter.curves[:1] for point in curve.points)
 
 
 def tell_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_filter: bool) -> None:
-    """Of a scene. is_clamped, has_filter: whether the clamping of bounced light, and the pixel filter, are taken over."""
+    """Warns about a scene's settings.
+
+    is_clamped, has_filter: whether the clamping of indirect light and the pixel filter are set for Rayfarm.
+    """
     render = scene.render
     cycles = getattr(scene, "cycles", None) if render.engine in ENGINES else None
     owners = {"render": render, "cycles": cycles, "layer": layer}
@@ -126,7 +129,7 @@ def tell_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_filt
 
 
 def tell_volumes(scene: Any, warn: Warn) -> None:
-    """Of a scene in which light is scattered in volumes."""
+    """Warns about the volume settings of a scene with scattering volumes."""
     most = getattr(getattr(scene, "cycles", None), "volume_bounces", FEW)
     if scene.render.engine in ENGINES and most < FEW:
         times = f"{most + 1} times" if most else "once"
@@ -134,7 +137,10 @@ def tell_volumes(scene: Any, warn: Warn) -> None:
 
 
 class Flags:
-    """What is set of objects, which are shown to it one by one: they may be gone when it is told."""
+    """Collects unsupported object flags.
+
+    Objects are inspected one by one, since they may be gone when the warnings are given.
+    """
 
     def __init__(self, scene: Any, layer: Any) -> None:
         self._asked = OF_MOVING if takes_time(scene, layer) else ()
@@ -143,21 +149,21 @@ class Flags:
         self._names: dict[str, dict[str, None]] = {}
 
     def look_at(self, thing: Any) -> None:
-        """thing: of the dependency graph or not, and as often as it is there."""
+        """Inspects an object, of the dependency graph or not; it may be passed repeatedly."""
         own = getattr(thing, "cycles", None) if self._asked else None
         for name, value, words in self._asked if own is not None else ():
             if getattr(own, name, not value) == value:
                 self._names.setdefault(words, {})[thing.name] = None
 
     def tell(self, warn: Warn) -> None:
-        """All of it, a sentence for each kind."""
+        """Gives a warning for each kind of flag found."""
         for words, names in self._names.items():
             more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
             warn(f"{', '.join(list(names)[:MOST_NAMES])}{more}: {words}")
 
 
 def tell_material(material: Any, warn: Warn) -> None:
-    """Of a material's own flags."""
+    """Warns about a material's unsupported flags."""
     if not getattr(material, "use_transparent_shadow", True) and _is_transparent(material):
         warn("light passes where it is transparent, though not in Blender (Transparent Shadows)")
 
@@ -174,7 +180,7 @@ def _is_transparent(material: Any) -> bool:
 
 
 def tell_passes(layer: Any, warn: Warn) -> None:
-    """Of the passes that a view layer wants."""
+    """Warns about the passes of a view layer that are not supported."""
     told = [
         each.name
         for owner in (layer, getattr(layer, "cycles", None))

@@ -1,4 +1,4 @@
-"""A material's displacement as bumps: what Cycles makes of it unless told to move the surface, and what stands for that."""
+"""Material displacement exported as bump mapping, which is the default in Cycles as well."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Heights", "displaced"]
 
 
 class Heights:
-    """A Displacement node in the place of a Bump node. scale: of the object, in whose lengths it counts."""
+    """A Displacement node that is treated as a Bump node. scale: of the object, in whose units heights are given."""
 
     def __init__(self, source: Source, scale: float) -> None:
         self._source = source
@@ -20,7 +20,7 @@ class Heights:
         self.node = SimpleNamespace(invert=False, type="BUMP")
 
     def input(self, *names: str) -> Any:
-        """What a Bump node would have there."""
+        """Returns the input that a Bump node would have under that name."""
         if names[0] == "Strength":
             return Plain(1.0)
         if names[0] == "Distance":
@@ -29,7 +29,10 @@ class Heights:
 
 
 def displaced(material: Any, tree: Any, scale: float, warn: Callable[[str], None]) -> Heights | None:
-    """By which heights a bpy.types.Material is displaced; None where it is not, or by nothing that is read, which is told."""
+    """Returns the heights that displace a bpy.types.Material.
+
+    None without displacement, or with a warning if it is unsupported.
+    """
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     if output is None or not output.inputs["Displacement"].is_linked:
         return None

@@ -1,7 +1,7 @@
-"""The colour that a head of hair has, of what its fibres absorb, for what stands for hair.
+"""The colour of hair from the absorption of its fibres, for the surface that replaces hair.
 
 Source: Chiang et al., "A practical and controllable hair and fur model for production path tracing", 2016, eq. 9; pigments as
-intern/cycles/kernel/closure/bsdf_principled_hair_chiang.h has them.
+in intern/cycles/kernel/closure/bsdf_principled_hair_chiang.h.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ LEAST = 1e-4
 
 
 def hair_color(source: Source) -> Any:
-    """A socket of the colour of a Principled Hair BSDF, or what stands for one."""
+    """Returns the socket of a Principled Hair BSDF's colour, or a substitute for one."""
     kind = getattr(source.node, "parametrization", "COLOR")
     beta = constant(source.input("Radial Roughness"))
     beta = beta if isinstance(beta, float) else 0.3

@@ -1,4 +1,4 @@
-"""A scene as the files of an upload; and which of them a farm lacks."""
+"""The files of a scene for upload, and their digests."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _hashes: dict[tuple[str, int, int], str] = {}  # of files on the disk, by size a
 
 
 def scene_files(scene: Scene) -> Files:
-    """The files by name. Raises ValueError where there is nothing to show."""
+    """Returns the scene's files by name. Raises ValueError if there is nothing to render."""
     shapes: list[dict[str, Any]] = []
     files: Files = {}
     if scene.nodes:
@@ -45,7 +45,7 @@ def scene_files(scene: Scene) -> Files:
 
 
 def digest_of(content: bytes | Path) -> str:
-    """SHA-256. Of a file that has not changed since, the one that was found then."""
+    """Returns the SHA-256 digest of bytes or of a file; cached for a file that has not changed."""
     if isinstance(content, bytes):
         return hashlib.sha256(content).hexdigest()
     known = content.stat()

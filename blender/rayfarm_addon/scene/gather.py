@@ -1,6 +1,6 @@
-"""From Blender's dependency graph to a scene: what is evaluated, each mesh once, each place it is shown at.
+"""Exports Blender's dependency graph to a scene: evaluated meshes, each once, and their instances.
 
-It is a generator that rests between meshes, so that a viewport's main thread can go on with it a few milliseconds at a time.
+It is a generator that yields between meshes, so that a viewport's main thread can run it for a few milliseconds at a time.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ Known = dict[str, tuple[Mesh, Corners] | None]
 
 
 class _Density:
-    """How long a mesh's surface is, at its place, over a unit of a set of its UVs, across and up; None: it has no such set."""
+    """The length of a mesh's surface per unit of a UV set, across and up; None without that set."""
 
     def __init__(self, mesh: Mesh, place: F64) -> None:
         self._mesh = mesh
@@ -76,7 +76,7 @@ class _Gathering:
         self.surfaces = Surfaces(scene, self.primary)
 
     def instance(self, found: Any) -> bool:
-        """Takes one in; whether that took time."""
+        """Adds an instance; returns whether that took time."""
         thing = found.object
         if not found.show_self:
             return False
@@ -114,7 +114,7 @@ class _Gathering:
         return made
 
     def _rays(self, found: Any, thing: Any) -> dict[str, bool]:
-        """By their kind, which rays meet it: those that meet it and what instances it."""
+        """Returns for each kind of ray whether it can hit the object, considering the object and its instancer."""
         owners = [thing] if not found.is_instance or found.parent is None else [thing, found.parent]
         seen = {kind: all(getattr(each, f"visible_{kind}", True) for each in owners) for kind in RAYS}
         layer = self._layer
@@ -132,7 +132,7 @@ class _Gathering:
         return seen
 
     def _plain(self) -> str:
-        """What has no material is grey."""
+        """Returns the key of the grey default material."""
         key = "\0none"
         if key not in self.scene.materials:
             from .model import Material
@@ -179,7 +179,7 @@ class _Gathering:
             self.primary.update(layer.name for layer in source.uv_layers if layer.active_render)
 
     def _color_of(self, thing: Any, density: _Density) -> str | None:
-        """The colour attribute that the first material with one reads."""
+        """Returns the colour attribute used by the first material that has one."""
         for slot in thing.material_slots:
             material = self._override or slot.material
             if material is not None:
@@ -189,7 +189,7 @@ class _Gathering:
         return None
 
     def _unique(self, name: str) -> str:
-        """Told from others of the name, as names tell objects apart at the farm."""
+        """Returns a unique object name, since the farm identifies objects by name."""
         count = self._names[name] = self._names.get(name, 0) + 1
         return name if count == 1 else f"{name} ({count})"
 
@@ -200,8 +200,10 @@ def gather(
     changed: Callable[[Any, Any], bool] = lambda thing, data: True,
     bake: Bake | None = None,
 ) -> Iterator[_Gathering]:
-    """Yields itself as it goes on, in the end complete. known: meshes of before, by key; of these, those stay that did not
-    change. changed: whether an object's mesh (given the object and its data) is another since. bake: as of `read_world`.
+    """Exports the scene step by step; yields the unfinished state, and at the end the complete one.
+
+    known: earlier meshes by key; unchanged ones are reused. changed: whether an object's mesh (given the object and its data) has
+    changed. bake: as for `read_world`.
     """
     scene = Scene()
     found = _Gathering(scene, known, changed, depsgraph)
@@ -223,7 +225,7 @@ def gather(
 
 
 def beyond(scene: Scene, eye: F64, forward: F64, end: float) -> bool:
-    """Whether something that the camera might see reaches beyond its end, which is not taken over. In Blender's axes."""
+    """Whether a visible object extends beyond the camera's clip end, which is not exported. In Blender's axes."""
     seen = [node for node in scene.nodes if not node.unseen]
     if not seen:
         return False
@@ -236,9 +238,9 @@ def beyond(scene: Scene, eye: F64, forward: F64, end: float) -> bool:
 
 
 def over_the_shutter(found: _Gathering, keys: Sequence[tuple[float, Callable[[], Any]]]) -> None:
-    """Adds where all that was gathered is while the shutter is open.
+    """Adds the positions of all exported objects while the shutter is open.
 
-    keys: seconds of the file's clock, and what moves Blender there and gives its dependency graph.
+    keys: seconds of the file's clock, and a function that moves Blender there and returns its dependency graph.
     """
     scene = found.scene
     scene.times = tuple(time for time, _ in keys)

@@ -1,6 +1,6 @@
-"""A scene's meshes, materials and places as a glTF file whose arrays lie beside it, so that a change sends what changed.
+"""Exports meshes, materials and placements as a glTF file with separate array files, so that changes are uploaded in small parts.
 
-A mesh above LARGE has a file of its own; smaller ones share one of a few, by their names.
+A mesh above LARGE has a file of its own; smaller ones are distributed over a few shared files by their names.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ RAYS = "RAYFARM_node_rays"
 
 
 def gltf_files(scene: Scene) -> dict[str, bytes]:
-    """The files by name, without the pictures that they name."""
+    """Returns the files by name, without the images they refer to."""
     return _Writer(scene).files()
 
 
 def object_names(scene: Scene) -> list[Node]:
-    """The nodes in the order in which the farm numbers them."""
+    """Returns the nodes in the order in which the farm numbers them."""
     return [node for group in _groups(scene) for node in group]
 
 
 def _groups(scene: Scene) -> list[list[Node]]:
-    """Nodes that are told together: many places of one mesh that stand still; each other one by itself."""
+    """Returns groups of nodes that are exported together: static instances of one mesh; every other node by itself."""
     alike: dict[Any, list[Node]] = defaultdict(list)
     for node in scene.nodes:
         if not node.places and not scene.meshes[node.mesh].shapes:
@@ -185,7 +185,7 @@ class _Writer:
         return found, targets
 
     def _textured(self, said: Any) -> Any:
-        """JSON with the numbers of textures where uses of pictures are."""
+        """Returns the JSON with texture numbers in place of image uses."""
         if isinstance(said, TextureUse):
             return self._texture(said)
         if isinstance(said, list):
@@ -222,7 +222,7 @@ class _Writer:
         return len(self._root[name]) - 1
 
     def _array(self, key: str, array: npt.NDArray[Any], mesh: Mesh | None = None) -> int:
-        """An accessor of it, in the file that arrays of this key are in."""
+        """Adds an accessor for an array to the file for this key; returns its number."""
         is_index = array.dtype == np.uint32
         values = np.ascontiguousarray(array, np.uint32 if is_index else np.float32)
         width = values.shape[1] if values.ndim > 1 else 1
@@ -239,7 +239,7 @@ class _Writer:
 
 
 def _turns(count: int) -> npt.NDArray[np.float64]:
-    """(keys, targets): each key is all of its own target; the one in the middle is the mesh itself."""
+    """Returns the morph target weights, (keys, targets): 1 for a key's own target; the middle key is the mesh itself."""
     return np.delete(np.eye(count), count // 2, axis=1)
 
 

@@ -1,4 +1,4 @@
-"""The pass indices of what a farm tells apart by numbers of its own."""
+"""Blender's pass indices from the farm's object and material numbers."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ THROUGH = "KHR_materials_transmission"
 
 @dataclass(frozen=True)
 class Ids:
-    """Pass indices by the farm's numbers; that of what nothing is known of is 0. only: of each object's material, where it has
-    but one.
+    """Pass indices by the farm's numbers.
+
+    0 for unknown ones. only: an object's material index, if it has a single material.
     """
 
     objects: F32
@@ -28,18 +29,20 @@ class Ids:
     only: F32
 
     def object(self, numbers: I64) -> F32:
-        """Of the farm's numbers of objects."""
+        """Returns the pass indices of the farm's object numbers."""
         return _looked_up(self.objects, numbers)
 
     def material(self, numbers: I64, objects: I64) -> F32:
-        """Of the farm's numbers of materials, and of the objects that these are on."""
+        """Returns the pass indices of the farm's material numbers, with the objects that these are on."""
         known = numbers < len(self.materials)
         return np.where(known, _looked_up(self.materials, numbers), _looked_up(self.only, objects)).astype(np.float32)
 
 
 def ids_of(scene: Scene) -> Ids:
-    """The farm numbers objects from 1 as they come: meshes, then lamps; materials: those of lamps, then ours, then copies of ours
-    for things that some rays pass by, as they are met, and for glass without an inside, of which only the farm knows where.
+    """Returns the Ids of a scene, by the farm's numbering.
+
+    Objects are numbered from 1: meshes, then lamps. Materials: those of lamps, then those of the scene, then copies for objects
+    that some rays ignore, in order of appearance, and for glass without an interior, whose numbers are known to the farm only.
     """
     nodes = object_names(scene)
     numbers = {key: material.number for key, material in scene.materials.items()}

@@ -1,4 +1,4 @@
-"""Blender's images as files: as they lie on the disk or in the .blend where the farm reads that, else written anew."""
+"""Exports Blender's images as files: unchanged where the farm reads the format, else written anew."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ Pixels = F32
 
 
 def register(scene: Scene, image: Any, as_color: bool) -> str | None:
-    """The name of an image's file among the scene's; None, with a warning, where it has no pixels.
+    """Returns the name of an image's file in the scene; None, with a warning, if it has no pixels.
 
-    as_color: whether its numbers are colours, told in sRGB; else they are data as they are. Also of what nodes painted.
+    as_color: whether its values are colours, stored in sRGB; else they are data, stored unchanged. Images painted from nodes are
+    also accepted.
     """
     if image.source == "PAINTED":
         return add_pixels(scene, image.name, image.texels, encoding_of(image, as_color))
@@ -45,7 +46,7 @@ def register(scene: Scene, image: Any, as_color: bool) -> str | None:
 
 
 def add_pixels(scene: Scene, name: str, found: Pixels, encoding: str = "") -> str:
-    """A picture of (h, w, 4) with rows from the top, as a PNG of 8 bits. encoding: to or from sRGB first."""
+    """Adds an 8-bit PNG of an (h, w, 4) picture, rows from the top. encoding: conversion to or from sRGB before that."""
     if encoding:
         found = found.copy()
         found[..., :3] = encoded(found[..., :3], encoding)
@@ -53,7 +54,7 @@ def add_pixels(scene: Scene, name: str, found: Pixels, encoding: str = "") -> st
 
 
 def encoded(values: F32, encoding: str) -> F32:
-    """Numbers to or from sRGB, cut at 0 and 1; as they are where there is no encoding."""
+    """Returns values converted to or from sRGB, clamped to 0 ... 1; unchanged without an encoding."""
     if not encoding:
         return values
     cut = np.clip(values, 0, 1)
@@ -61,17 +62,17 @@ def encoded(values: F32, encoding: str) -> F32:
 
 
 def to_srgb(linear: F32) -> F32:
-    """IEC 61966-2-1."""
+    """Returns linear values encoded in sRGB (IEC 61966-2-1)."""
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055).astype(np.float32)
 
 
 def from_srgb(encoded: F32) -> F32:
-    """The inverse."""
+    """Returns sRGB values decoded to linear."""
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
 def encoding_of(image: Any, as_color: bool) -> str:
-    """How its numbers become what is asked for: to or from sRGB, or as they are."""
+    """Returns the conversion that an image needs: to sRGB, from sRGB or none."""
     if image.is_float:  # pixels are linear
         return "to" if as_color else ""
     if _is_srgb(image) == as_color:
@@ -93,7 +94,7 @@ def _content(image: Any) -> bytes | Path | None:
 
 
 def pixels(image: Any) -> Pixels | None:
-    """(h, w, 4) float32 as Blender has them, rows from the top."""
+    """Returns an image's pixels, (h, w, 4) float32 in Blender's values, rows from the top."""
     if image.source == "PAINTED":
         return image.texels
     width, height = image.size
@@ -118,7 +119,7 @@ def _keep(scene: Scene, name: str, suffix: str, content: bytes | Path) -> str:
 
 
 def png(values: npt.NDArray[np.uint8]) -> bytes:
-    """The bytes of a PNG of (h, w, 3 or 4) uint8."""
+    """Returns the PNG file of an (h, w, 3 or 4) uint8 array."""
     height, width, channels = values.shape
     rows = np.zeros((height, 1 + width * channels), np.uint8)  # each begins with its filter: none
     rows[:, 1:] = values.reshape(height, -1)
@@ -129,7 +130,7 @@ def png(values: npt.NDArray[np.uint8]) -> bytes:
 
 
 def lights_with(image: Any) -> Image | None:
-    """An image of the world as a file that an environment is read from; None where it has no pixels."""
+    """Returns a world image as an environment file; None if it has no pixels."""
     if image.source == "FILE" and not image.is_dirty and image.file_format in ("HDR", "OPEN_EXR"):
         suffix = ".hdr" if image.file_format == "HDR" else ".exr"
         path = Path(image.filepath_from_user())

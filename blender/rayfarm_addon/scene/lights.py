@@ -1,9 +1,9 @@
-"""Blender's lamps as a scene file's lights and shapes.
+"""Exports Blender's lamps as lights and shapes of a scene file.
 
-Blender tells power in watts: a point that sends out P has a radiant intensity of P / 4 pi, a surface of area A that does the
-radiance P / pi A. A sun's strength is its irradiance. Those of a size are seen in mirrors, and by the camera where they are not
-hidden from it, and stand in nobody's way, as in Cycles; spots are not seen. A point or spot of "soft falloff" is a disk that
-faces what it lights, else a sphere.
+Blender gives power in watts: a point light of power P has the radiant intensity P / 4 pi, a surface of area A the radiance P / pi
+A. A sun's strength is its irradiance. Lamps with a size are visible in reflections, and to the camera unless hidden from it, and
+cast no shadows, as in Cycles; spots are invisible. A point or spot with "soft falloff" is a disk that faces the lit point, else a
+sphere.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ALL_BOUNCES = 64
 
 
 def add_light(scene: Scene, thing: Any, name: str, place: F64) -> None:
-    """Adds an object of type LIGHT at a place."""
+    """Adds an object of type LIGHT at a placement."""
     light = thing.data
     strength = _strength(scene, light, name)
     if max(strength) <= 0:
@@ -63,30 +63,30 @@ def _strength(scene: Scene, light: Any, name: str) -> list[float]:
 
 
 def is_linked_to_lights(thing: Any) -> bool:
-    """Whether an object lights, or shades, some things alone."""
+    """Whether an object has light or shadow linking."""
     linking = getattr(thing, "light_linking", None)
     return any(getattr(linking, f"{kind}_collection", None) is not None for kind in ("receiver", "blocker"))
 
 
 def is_stretched(scale: Any) -> bool:
-    """Whether a scale is another along X or Y than along Z."""
+    """Whether a scale is not the same along X, Y and Z."""
     x, y, z = (abs(float(each)) for each in scale)
     return max(abs(x - z), abs(y - z)) > NEAR * max(x, y, z)
 
 
 def told_bounces(light: Any) -> int | None:
-    """After how many bounces a lamp lights no more; None where it always does."""
+    """Returns the bounce limit of a lamp; None if it has none."""
     most = int(getattr(getattr(light, "cycles", None), "max_bounces", ALL_BOUNCES))
     return most if most < ALL_BOUNCES else None
 
 
 def is_of_a_square_metre(light: Any) -> bool:
-    """Whether its power is that of one square metre of it, whatever its size ("Normalize" is off)."""
+    """Whether the lamp's power is per square metre of its area ("Normalize" is off)."""
     return not getattr(light, "normalize", True)
 
 
 def sun_area(light: Any) -> float:
-    """What a sun's strength is multiplied by, to be its irradiance: pi sin^2 of its half angle where that is not made up for."""
+    """Returns the factor from a sun's strength to its irradiance: pi sin^2 of its half angle if not normalised, else 1."""
     half = min(float(light.angle), math.pi) / 2
     return math.pi * math.sin(half) ** 2 if is_of_a_square_metre(light) and half > LEAST else 1.0
 
@@ -114,7 +114,7 @@ def _tell(scene: Scene, thing: Any, name: str, place: F64) -> None:
 
 
 def of_nodes(tree: Any) -> list[float] | None:
-    """What an Emission multiplies a lamp's light by, where nothing but numbers feed it."""
+    """Returns the factor by which an Emission node multiplies a lamp's light, if all of its inputs are constant."""
     source = output_of(tree)
     if source is None or source.node.type != "EMISSION":
         return None
@@ -132,7 +132,7 @@ def of_nodes(tree: Any) -> list[float] | None:
 
 
 def of_its_size(radius: float) -> float:
-    """What the strength of a point or spot of a size is multiplied by where it is that of a square metre."""
+    """Returns the factor from a point or spot light's strength per square metre to its total strength."""
     return 4 * math.pi * radius**2
 
 
@@ -162,7 +162,7 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
 
 
 def _shining(thing: Any, radiance: list[float]) -> dict[str, Any]:
-    """What a lamp is made of."""
+    """Returns the emissive material of a lamp."""
     said = {"color": 0, "emission": radiance, "lamp": True}
     return said if getattr(thing, "visible_camera", True) else {**said, "unseen": True}
 

@@ -1,7 +1,8 @@
-"""Blender's shaders as inputs of one principled BSDF, and what a mix of two is in its terms.
+"""Expresses Blender's shaders, and mixes of two, as inputs of one principled BSDF.
 
-A mix by a number or a picture is a surface whose numbers are mixed; a mix by Fresnel's law with something glossy is a reflection
-on what lies beneath. What a mix cannot say so (two colours of which one is a metal's) is near it, and named.
+A mix by a constant or an image is a surface with mixed inputs; a mix of something glossy by Fresnel's law is a reflection on the
+other surface. Mixes that cannot be expressed exactly (such as of a metal and a dielectric of different colours) are approximated,
+with a warning.
 """
 
 from __future__ import annotations
@@ -49,7 +50,10 @@ OF_GLOSS = ("Roughness", "IOR", "Specular IOR Level", "Specular Tint", "Anisotro
 
 
 class Look:
-    """inputs: by names of a principled BSDF's. beneath: where others are found. is_matt: reflects nothing but diffusely."""
+    """A shader as principled BSDF inputs.
+
+    inputs: by input name. beneath: the source of other inputs. is_matt: whether it only reflects diffusely.
+    """
 
     is_clear = False  # whether there is nothing but what lies behind
 
@@ -57,14 +61,14 @@ class Look:
         self._inputs, self._beneath, self.is_matt = inputs, beneath, is_matt
 
     def input(self, *names: str) -> Any:
-        """By the first of these names that it has; None where it has none."""
+        """Returns the first of these inputs that it has; None if it has none."""
         for name in names:
             if name in self._inputs:
                 return self._inputs[name]
         return self._beneath(*names) if self._beneath is not None else None
 
     def over(self, inputs: Mapping[str, Any], is_matt: bool = False) -> Look:
-        """With other inputs in the place of its own."""
+        """Returns a copy with inputs replaced."""
         return Look(inputs, self.input, is_matt)
 
 
@@ -76,9 +80,10 @@ class _Clear(Look):
 
 
 def brushed(strength: float, roughness: float, turns: float) -> tuple[float, dict[str, float]]:
-    """glTF's roughness, and its anisotropy: Cycles stretches both ways about the roughness, glTF along the tangent alone.
+    """Returns glTF's roughness and anisotropy parameters.
 
-    strength: the principled BSDF's, which is 1 at most; beyond that as far as 1 / 0.9, it is other shaders'.
+    Cycles stretches the lobe both ways about the roughness, glTF along the tangent alone. strength: at most 1 for the principled
+    BSDF; values up to 1 / 0.9 come from other shaders.
     """
     aspect = math.sqrt(max(1 - 0.9 * strength, 1e-4))
     along, across = min(roughness**2 / aspect, 1.0), roughness**2 * aspect
@@ -87,7 +92,7 @@ def brushed(strength: float, roughness: float, turns: float) -> tuple[float, dic
 
 
 def under_coat(look: Look) -> list[float] | None:
-    """What a tinted coat leaves of the light that comes from beneath it, about; None where it takes nothing."""
+    """Returns the approximate transmission of a tinted coat for the layers beneath; None if it is clear."""
     weight, tint = constant(look.input("Coat Weight")), constant(look.input("Coat Tint"))
     if not isinstance(weight, float) or not isinstance(tint, list) or weight <= 0 or min(tint) > CLEAR:
         return None
@@ -96,7 +101,10 @@ def under_coat(look: Look) -> list[float] | None:
 
 
 def _of_glossy(anisotropy: Any, rotation: Any) -> dict[str, Any]:
-    """The principled BSDF's anisotropy and rotation of a Glossy BSDF's: that is narrow along the tangent, by 1 - anisotropy."""
+    """Returns the principled BSDF's anisotropy and rotation for those of a Glossy BSDF.
+
+    The latter's lobe is narrow along the tangent, by 1 - anisotropy.
+    """
     strength, turns = constant(anisotropy), constant(rotation)
     if not strength or not isinstance(turns, float):
         return {} if strength == 0.0 or anisotropy is None else {"Anisotropic": anisotropy}
@@ -106,7 +114,7 @@ def _of_glossy(anisotropy: Any, rotation: Any) -> dict[str, Any]:
 
 
 def told_by_ray(at: At) -> int | None:
-    """Which of two shaders the camera sees, 0 or 1, of a mix that asks what kind of ray it is; None of any other."""
+    """Returns which of a Mix Shader's inputs, 0 or 1, camera rays see, if it depends on the kind of ray; else None."""
     by, _ = followed(at)
     if by is None or by.node.type != "LIGHT_PATH":
         return None
@@ -114,7 +122,10 @@ def told_by_ray(at: At) -> int | None:
 
 
 def look_of(source: Source | None, warn: Callable[[str], None]) -> Look | None:
-    """A shader; None of one that is not known, or is no surface's. warn: is told what is not as in Blender."""
+    """Returns the Look of a shader.
+
+    None if it is unknown or no surface shader. warn: called for each difference from Blender.
+    """
     found = _look_of(source, warn)
     if found is not None:
         tell_surface(found, warn)
@@ -169,25 +180,28 @@ def _simple(source: Source, warn: Callable[[str], None]) -> Look | None:
 
 
 def _is_skin(method: str) -> dict[str, Any]:
-    """How a radius is meant."""
+    """Returns how the subsurface radius is interpreted."""
     return {"Subsurface Skin": Plain(float(method == "RANDOM_WALK_SKIN"))}
 
 
 def _let_through(at: Callable[..., Any]) -> dict[str, Any]:
-    """The base colour of what lets all light through: Cycles takes its root at each of two surfaces, glTF all of it."""
+    """Returns the base colour of a transmissive shader.
+
+    Cycles applies its square root at each of two surfaces, glTF all of it once.
+    """
     weight, color = constant(at("Transmission Weight", "Transmission")), at("Base Color")
     is_clear = isinstance(weight, float) and weight >= 1 and color is not None
     return {"Base Color": Root(color)} if is_clear else {}
 
 
 def _pane(color: Any) -> Look:
-    """Of a colour, which does not refract."""
+    """Returns the Look of a coloured pane without refraction."""
     said = {"Base Color": color, "Transmission Weight": Plain(1.0), "Roughness": Plain(0.0), "IOR": Plain(1.0)}
     return Look(said)
 
 
 def _of_metal(ior: Any, extinction: Any, color: Any) -> Any:
-    """What a conductor reflects at normal incidence."""
+    """Returns a conductor's reflectance at normal incidence."""
     n, k = constant(ior), constant(extinction)
     if not isinstance(n, list) or not isinstance(k, list):
         return color
@@ -223,7 +237,9 @@ def _mixed(source: Source, warn: Callable[[str], None]) -> Look | None:
 
 
 def _polished(share: Any, first: Look, second: Look) -> Look | None:
-    """Of something matt and a metal by a number: the former, under a reflection of as much at normal incidence."""
+    """Returns the mix of a diffuse shader and a metal by a constant: the former under a coat of equal reflectance at normal
+    incidence.
+    """
     matt, metal, part = (first, second, share) if first.is_matt else (second, first, None if share is None else 1 - share)
     is_metal = constant(metal.input("Metallic")) == 1.0 and not metal.is_matt
     if not (isinstance(part, float) and 0 < part < MOST_POLISHED and matt.is_matt and is_metal) or _is_black(matt):
@@ -234,7 +250,7 @@ def _polished(share: Any, first: Look, second: Look) -> Look | None:
 
 
 def _reflecting(by: Source, beneath: Look, gloss: Look, warn: Callable[[str], None]) -> Look:
-    """A reflection by Fresnel's law on what lies beneath."""
+    """Returns a reflection by Fresnel's law on another look."""
     ior = constant(by.input("IOR")) if by.node.type == "FRESNEL" else None
     if by.node.type == "LAYER_WEIGHT":
         blend = constant(by.input("Blend"))
@@ -249,7 +265,7 @@ def _reflecting(by: Source, beneath: Look, gloss: Look, warn: Callable[[str], No
 
 
 def _added(source: Source, warn: Callable[[str], None]) -> Look | None:
-    """Of a sum, what shines is added; of surfaces there is one."""
+    """Returns the look of an Add Shader: emission is added; of several surfaces, one is used."""
     parts = [look for look in (_look_of(followed(source.at(i))[0], warn) for i in (0, 1)) if look is not None]
     shining = [each for each in parts if _is_black(each) and constant(each.input("Emission Strength")) != 0.0]
     others = [each for each in parts if each not in shining]
@@ -279,7 +295,7 @@ def _is_black(look: Look) -> bool:
 
 
 class _Mix(Look):
-    """Two looks by a share of the second."""
+    """The mix of two looks; share: weight of the second."""
 
     def __init__(self, share: At | Plain, first: Look, second: Look, warn: Callable[[str], None]) -> None:
         super().__init__({}, None, first.is_matt and second.is_matt)

@@ -1,4 +1,4 @@
-"""Blender's meshes as plain arrays, by whole blocks of memory: a million triangles in well under a second."""
+"""Converts Blender's meshes to plain arrays with block copies: a million triangles in well under a second."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TRIANGLE = 12  # bytes
 
 
 class Corners(NamedTuple):
-    """How a mesh was taken apart, so that its shape at another moment is taken apart alike."""
+    """The split of a mesh into vertices, so that its shape at another time is split alike."""
 
     counts: tuple[int, int, int]  # vertices, corners, triangles
     vertex: I32  # of each vertex that was made
@@ -30,9 +30,9 @@ class Corners(NamedTuple):
 
 
 def extract(source: Any, key: str, color: str | None = None, all_uvs: bool = False) -> tuple[Mesh, Corners] | None:
-    """A bpy.types.Mesh; None where it has no faces. color: the attribute that multiplies the base colour.
+    """Converts a bpy.types.Mesh; None if it has no faces. color: the attribute that multiplies the base colour.
 
-    all_uvs: each set of UVs in the mesh's order, not two of which the first is the one that is rendered.
+    all_uvs: exports all UV sets in the mesh's order, instead of two with the active one first.
     """
     source.calc_loop_triangles()
     count = len(source.loop_triangles)
@@ -55,7 +55,7 @@ def extract(source: Any, key: str, color: str | None = None, all_uvs: bool = Fal
 
 
 def hair(source: Any, key: str) -> tuple[Mesh, Corners] | None:
-    """A bpy.types.Curves as tubes; None where it has no points, or too many."""
+    """Converts a bpy.types.Curves to tubes; None if it has no points, or too many."""
     count = len(source.points)
     if not 0 < count <= MOST_POINTS:
         return None
@@ -68,7 +68,7 @@ def hair(source: Any, key: str) -> tuple[Mesh, Corners] | None:
 
 
 def shape(source: Any, corners: Corners) -> tuple[F32, F32 | None] | None:
-    """Positions and normals of a mesh that was taken apart before; None where it is cut otherwise now."""
+    """Returns positions and normals of a mesh that was split before; None if its topology has changed."""
     source.calc_loop_triangles()
     if (len(source.vertices), len(source.loops), len(source.loop_triangles)) != corners.counts:
         return None
@@ -76,7 +76,7 @@ def shape(source: Any, corners: Corners) -> tuple[F32, F32 | None] | None:
 
 
 def stretched(mesh: Mesh, uv_set: int) -> tuple[float, float] | None:
-    """How long the surface is over a unit of its UVs, across and up, on average; None where it has none."""
+    """Returns the mean length of the surface per unit of its UVs, across and up; None without UVs."""
     if uv_set >= len(mesh.uvs):
         return None
     corners = np.concatenate([part for _, part in mesh.parts]).reshape(-1, 3)[:MOST_MEASURED]
@@ -84,7 +84,7 @@ def stretched(mesh: Mesh, uv_set: int) -> tuple[float, float] | None:
 
 
 def spans(at: npt.NDArray[np.float64], uv: npt.NDArray[np.float64]) -> tuple[float, float] | None:
-    """The same of triangles' corners (T, 3, 3) and their UVs (T, 3, 2), each by its area."""
+    """Returns the mean length per UV unit, across and up, of triangles (T, 3, 3) with UVs (T, 3, 2), weighted by area."""
     p, q = at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]
     a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     covered = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
@@ -105,7 +105,7 @@ def _taken(collection: Any, name: str, count: int, kind: Any) -> npt.NDArray[Any
 
 
 def _positions(source: Any) -> F32:
-    """Of the vertices; Blender's own array of them is copied as a block."""
+    """Returns the vertex positions, copied as a block from Blender's array."""
     own = source.attributes.get("position")
     if own is None:
         return _taken(source.vertices, "co", 3 * len(source.vertices), np.float32).reshape(-1, 3)
@@ -113,8 +113,10 @@ def _positions(source: Any) -> F32:
 
 
 def _corners(triangles: Any) -> I32:
-    """The corners of triangles, copied as a block where they lie so: what Blender's own function takes a tenth of a second for
-    where there are a million."""
+    """Returns the corners of triangles, copied as a block if the memory layout allows it.
+
+    Blender's own function takes a tenth of a second for a million triangles.
+    """
     count = len(triangles)
     start = triangles[0].as_pointer()
     if triangles[count - 1].as_pointer() - start != TRIANGLE * (count - 1):
@@ -128,7 +130,7 @@ def _corners(triangles: Any) -> I32:
 
 
 def _vertex_of(source: Any) -> I32:
-    """The vertex of each corner; Blender's own array of it is copied as a block."""
+    """Returns the vertex of each corner, copied as a block from Blender's array."""
     own = source.attributes.get(".corner_vert")
     if own is None:
         return _taken(source.loops, "vertex_index", len(source.loops), np.int32)
@@ -136,7 +138,7 @@ def _vertex_of(source: Any) -> I32:
 
 
 def _domain(source: Any) -> str:
-    """What normals are told of: FACE where all is flat, POINT where all is smooth."""
+    """Returns the domain of the normals: FACE if all faces are flat, POINT if all are smooth, else that of corners."""
     if not hasattr(source, "normals_domain"):  # before Blender 4.1
         source.calc_normals_split()
         return "CORNER"
@@ -159,7 +161,7 @@ def _normals(source: Any, domain: str, vertex: I32, corner: I32) -> F32 | None:
 
 
 def _uv_layers(source: Any) -> list[Any]:
-    """The one that is rendered first, then the first other."""
+    """Returns the UV layer active for rendering, then the first other one."""
     layers = list(source.uv_layers)
     layers.sort(key=lambda layer: not layer.active_render)
     return layers[:2]
@@ -175,7 +177,7 @@ def _uv(layer: Any, count: int) -> F32:
 
 
 def _colors(source: Any, name: str, count: int) -> tuple[F32 | None, bool]:
-    """(N, 4) linear, and whether they are of corners."""
+    """Returns the colour attribute, (N, 4) linear, and whether it is per corner."""
     known = source.color_attributes
     if name:
         found = known.get(name)
@@ -190,9 +192,9 @@ def _colors(source: Any, name: str, count: int) -> tuple[F32 | None, bool]:
 
 
 def _split(vertex_of: I32, vertices: int, told: list[F32]) -> tuple[I32, I32, I32]:
-    """Vertices as glTF has them: one for each vertex, and one more for each corner that differs there from the first.
+    """Splits vertices as glTF needs: one for each vertex, and one more for each corner whose attributes differ.
 
-    Returns the vertex and the corner of each that is made, and the one of each corner.
+    Returns for each new vertex its old vertex and its corner, and for each corner its new vertex.
     """
     corners = np.arange(len(vertex_of), dtype=np.int32)
     first = np.zeros(vertices, np.int32)
@@ -213,14 +215,14 @@ def _split(vertex_of: I32, vertices: int, told: list[F32]) -> tuple[I32, I32, I3
 
 
 def _columns(values: F32) -> list[npt.NDArray[Any]]:
-    """What tells rows apart: their bits, two numbers at a time."""
+    """Returns the bits of rows as columns of integers for comparison, two numbers at a time."""
     if values.shape[1] % 2:
         return [np.ascontiguousarray(column) for column in values.view(np.uint32).T]
     return [np.ascontiguousarray(column) for column in np.ascontiguousarray(values).view(np.uint64).T]
 
 
 def _parts(source: Any, corners: npt.NDArray[np.uint32], count: int) -> list[tuple[int, npt.NDArray[np.uint32]]]:
-    """The triangles by the slot of their material."""
+    """Returns the triangles grouped by material slot."""
     if len(source.materials) < 2:
         return [(0, corners)]
     slots = _taken(source.loop_triangles, "material_index", count, np.int32)

@@ -1,4 +1,4 @@
-"""A scene as the add-on sends it: in Blender's axes and units, in plain arrays. Nothing here knows of Blender."""
+"""The exported scene, in Blender's axes and units, as plain arrays. Independent of Blender."""
 
 from __future__ import annotations
 
@@ -19,14 +19,17 @@ TO_Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
 def up(vector: Any) -> list[float]:
-    """A point or direction of Blender's in the farm's axes, of which Y is up."""
+    """Converts a point or direction from Blender's axes to the farm's, with Y up."""
     x, y, z = (float(c) for c in vector)
     return [x, z, -y]
 
 
 @dataclass
 class Mesh:
-    """Triangles, of one part for each material slot. shapes: positions and normals at the shutter's keys, where they move."""
+    """Triangles, with one part for each material slot.
+
+    shapes: positions and normals at the shutter's keys, for deforming meshes.
+    """
 
     key: str
     positions: F32  # (V, 3)
@@ -39,9 +42,9 @@ class Mesh:
 
 @dataclass
 class Node:
-    """A mesh at a place. materials: keys by slot. places: of the shutter's keys, where it moves. number: its pass index.
+    """An instance of a mesh. materials: keys by slot. places: at the shutter's keys, if it moves. number: its pass index.
 
-    unseen: by the camera. shadeless: lamps shine through it.
+    unseen: by the camera. shadeless: does not block the light of lamps.
     """
 
     name: str
@@ -56,7 +59,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Image:
-    """A picture file. content: its bytes, or where they lie."""
+    """An image file. content: its bytes, or its path."""
 
     name: str
     content: bytes | Path
@@ -64,7 +67,7 @@ class Image:
 
 @dataclass(frozen=True)
 class TextureUse:
-    """A picture on a surface, as glTF says it."""
+    """The use of an image on a surface, in glTF's terms."""
 
     image: str
     uv_set: int = 0
@@ -78,7 +81,7 @@ class TextureUse:
 
 @dataclass
 class Material:
-    """glTF's JSON of a material, with a TextureUse wherever that has an object of a texture."""
+    """The glTF JSON of a material, with a TextureUse in place of each texture object."""
 
     name: str
     gltf: dict[str, Any] = field(default_factory=dict)
@@ -87,7 +90,10 @@ class Material:
 
 @dataclass
 class World:
-    """Light from all around: of the request, as it makes no other scene. rotation: degrees about up, as the farm has it."""
+    """The environment light.
+
+    Part of the request, so that changing it needs no new scene. rotation: degrees about the farm's up axis.
+    """
 
     color: list[float] | None = None
     image: Image | None = None
@@ -99,7 +105,7 @@ class World:
 
 @dataclass
 class Scene:
-    """All that a frame shows but the view. times: of the shutter's keys, in seconds of the file's clock."""
+    """A frame's scene without the view. times: of the shutter's keys, in seconds of the file's clock."""
 
     meshes: dict[str, Mesh] = field(default_factory=dict)
     nodes: list[Node] = field(default_factory=list)
@@ -114,10 +120,10 @@ class Scene:
     warnings: list[str] = field(default_factory=list)
 
     def tell(self, what: str) -> None:
-        """As `warn`, of a sentence without its full stop."""
+        """Adds a warning, given without its full stop; see `warn`."""
         self.warn(f"{what}.")
 
     def warn(self, sentence: str) -> None:
-        """Say once what is not as Blender has it."""
+        """Adds a warning about a difference from Blender, once."""
         if sentence not in self.warnings:
             self.warnings.append(sentence)

@@ -1,4 +1,4 @@
-"""Where the value of a node's socket comes from: through reroutes, groups and what is muted."""
+"""Finds the source of a node socket's value through reroutes, groups and muted nodes."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ DEEPEST = 64
 
 
 class At(NamedTuple):
-    """A socket, and the groups that it is within."""
+    """A socket with the groups that enclose it."""
 
     socket: Any
     groups: tuple[Any, ...] = ()
 
     def input(self, node: Any, *names: str) -> At | None:
-        """An input of a node at the same depth, by the first of these names that it has."""
+        """Returns an input of a node at the same depth, by the first of these names that it has."""
         for name in names:
             found = node.inputs.get(name)
             if found is not None:
@@ -28,29 +28,29 @@ class At(NamedTuple):
 
 
 class Source(NamedTuple):
-    """A node and which of its outputs is asked for."""
+    """A node, and which of its outputs is used."""
 
     node: Any
     output: Any
     groups: tuple[Any, ...]
 
     def input(self, *names: str) -> At | None:
-        """An input by the first of these names that the node has."""
+        """Returns the input with the first of these names that the node has."""
         return At(self.output, self.groups).input(self.node, *names)
 
     def at(self, number: int) -> At:
-        """An input by its number."""
+        """Returns an input by its number."""
         return At(self.node.inputs[number], self.groups)
 
 
 class Plain(NamedTuple):
-    """A number, or a list of three, in the place of a socket."""
+    """A constant, a number or a list of three, in place of a socket."""
 
     value: Any
 
 
 class Blend(NamedTuple):
-    """What a share of the second makes of two sockets, in the place of a socket."""
+    """The mix of two sockets by a share of the second, in place of a socket."""
 
     share: Any
     first: Any
@@ -58,20 +58,20 @@ class Blend(NamedTuple):
 
 
 class Product(NamedTuple):
-    """A socket times the number of another, in the place of a socket."""
+    """The product of a socket and the number of another, in place of a socket."""
 
     first: Any
     second: Any
 
 
 class Root(NamedTuple):
-    """The square root of a socket's colour, in the place of a socket."""
+    """The square root of a socket's colour, in place of a socket."""
 
     of: Any
 
 
 def followed(at: Any) -> tuple[Source | None, At | None]:
-    """What feeds an input; else None, and the socket whose own number counts."""
+    """Returns (the source connected to an input, None), or (None, the socket whose own value is used)."""
     if isinstance(at, Plain | Blend | Product | Root):
         return None, None
     for _ in range(DEEPEST):
@@ -106,7 +106,7 @@ def followed(at: Any) -> tuple[Source | None, At | None]:
 
 
 def output_of(tree: Any) -> Source | None:
-    """What is shown of a material's or the world's nodes."""
+    """Returns the source of the surface output of a material's or the world's nodes."""
     for engine in ("CYCLES", "ALL", "EEVEE"):
         output = tree.get_output_node(engine)
         if output is not None:
@@ -115,7 +115,7 @@ def output_of(tree: Any) -> Source | None:
 
 
 def constant(at: Any) -> Any:
-    """A plain number, or a list of three, where nothing but that is behind a socket; else None."""
+    """Returns the number, or list of three, of a socket that only depends on constants; else None."""
     if isinstance(at, Plain):
         return at.value
     if isinstance(at, Blend):

@@ -1,7 +1,7 @@
-"""Pictures of what nodes make of pictures and numbers: ramps, curves, mixes and sums, texel by texel, as Blender's nodes do it.
+"""Evaluates nodes on images, such as ramps, curves, mixes and sums, texel by texel, as Blender's nodes do.
 
-What lies between a surface and its pictures is worked out once, in linear light, and sent as one picture. It lies as those do
-that it is made of; nodes of pictures that lie differently, or that ask where a point is, are not worked out.
+The nodes between a surface and its images are evaluated once, in linear light, and exported as one image with the same mapping as
+its inputs. Nodes of images with different mappings, or that depend on the position, are not evaluated.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ PLAIN = (0.0, 0.0), 0.0, (1.0, 1.0)  # how a texture lies that nothing moves
 
 
 class Bump(NamedTuple):
-    """What a bump makes of heights: how much of it is seen, and by how much a height of 1 rises."""
+    """A Bump node's parameters: its strength, and the distance for a height of 1."""
 
     strength: float
     distance: float
 
 
 class Painted:
-    """A picture that nodes make, in the place of a bpy.types.Image. pixels: (h, w, 4) linear, rows from the top."""
+    """An image made by nodes, in place of a bpy.types.Image. pixels: (h, w, 4) linear, rows from the top."""
 
     is_float, is_dirty, source = True, False, "PAINTED"
 
@@ -43,7 +43,7 @@ class Painted:
         self.name, self.texels = name, pixels
 
     def scale_down(self) -> float:
-        """Makes 1 of its greatest number where that is more; returns what it was divided by."""
+        """Divides the values by their maximum if it exceeds 1; returns the divisor."""
         most = max(float(self.texels[..., :3].max(initial=0.0)), 1.0)
         self.texels[..., :3] /= most
         return most
@@ -51,25 +51,25 @@ class Painted:
 
 @dataclass
 class _Plane:
-    """values: (..., 3) or (..., 1), with (h, w) before it where it is of texels. use: how these lie; None of numbers alone."""
+    """An evaluated value: (..., 3) or (..., 1), with (h, w) in front for texels. use: their mapping; None for constants."""
 
     values: F32
     use: TextureUse | None = None
 
 
 class _UnknownError(Exception):
-    """A node that is not worked out."""
+    """Raised for a node that is not supported."""
 
 
 class Painter:
-    """Of one material. use_of: how the image or pattern of a node lies; None where not by UVs."""
+    """Evaluates the nodes of one material. use_of: the mapping of a node's image or pattern; None if not by UVs."""
 
     def __init__(self, name: str, use_of: Callable[[Source], TextureUse | None]) -> None:
         self._name, self._use_of = name, use_of
         self._left = MOST_NODES
 
     def paint(self, at: Any, what: str) -> tuple[Painted, TextureUse] | list[float] | None:
-        """A picture of what is behind a socket and how it lies, or its numbers; None where that cannot be told."""
+        """Returns the image behind a socket and its mapping, or its constant value; None if it cannot be evaluated."""
         self._left = MOST_NODES
         try:
             found = self._plane(at)
@@ -83,9 +83,9 @@ class Painter:
         return Painted(f"{self._name} {what}", texels), found.use
 
     def bumps(self, at: Any, bump: Bump, length: Callable[[Any], tuple[float, float] | None]) -> tuple[Painted, Any] | None:
-        """The normal map of a height behind a socket; None where that is no picture.
+        """Returns the normal map of the height behind a socket; None if that is no image.
 
-        length: of the surface across a picture and up it, by how it lies, in the unit of the height; None: not known.
+        length: the surface's length across and up an image, by its mapping, in the unit of the height; None if unknown.
         """
         self._left = MOST_NODES
         try:
@@ -145,14 +145,14 @@ class Painter:
         return make(source)
 
     def _number(self, at: At | None) -> _Plane:
-        """Of a colour, what Blender takes for its number."""
+        """Returns the value behind a socket as a number; a colour is converted to its luminance, as in Blender."""
         found = self._plane(at)
         if found.values.shape[-1] == 3:
             found = _Plane(found.values @ LUMINANCE[:, None], found.use)
         return found
 
     def _with(self, make: Callable[..., Any], *planes: _Plane) -> _Plane:
-        """Of planes that lie alike, each scaled to the greatest."""
+        """Combines planes of equal mapping, each resampled to the largest size."""
         uses = [plane.use for plane in planes if plane.use is not None]
         if any(use != uses[0] for use in uses):
             raise _UnknownError
@@ -306,7 +306,7 @@ class Painter:
         return self._with(make, *(self._number(source.at(i)) for i in range(3)))
 
     def _checker(self, source: Source) -> _Plane:
-        """Two colours in turn over the UVs' plane, where z is 0: one pair of squares, laid as often as the scale says."""
+        """Returns a checker pattern in the UV plane, z = 0: one pair of squares, repeated by the scale."""
         use = self._use_of(source)
         scale = constant(source.input("Scale"))
         if use is None or not scale or isinstance(scale, list) or (use.offset, use.rotation, use.scale) != PLAIN:
@@ -324,7 +324,7 @@ class Painter:
 
 
 def _slopes(height: F32, size: tuple[float, float], bump: Bump) -> F32:
-    """(h, w, 3) unit normals in tangent space, whose second axis is up the picture."""
+    """Returns unit normals, (h, w, 3), in tangent space, whose second axis points up the image."""
     rows, columns = height.shape
     across = (np.roll(height, -1, 1) - np.roll(height, 1, 1)) / 2 * (columns / size[0])
     up = (np.roll(height, 1, 0) - np.roll(height, -1, 0)) / 2 * (rows / size[1])
@@ -340,7 +340,7 @@ def _step(x: F32) -> npt.NDArray[np.int64]:
 
 
 def _scaled(values: F32, size: tuple[int, int]) -> F32:
-    """The nearest texels, in another size."""
+    """Resamples to another size with nearest texels."""
     if values.shape[:2] == size:
         return values
     rows, columns = (np.arange(n) * values.shape[i] // n for i, n in enumerate(size))

@@ -1,4 +1,4 @@
-"""The pictures of one material: as they are, or packed anew where glTF wants several in one."""
+"""The images of one material: unchanged, or repacked where glTF needs several in one."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ __all__ = ["Pictures"]
 
 
 class Pictures:
-    """as_color, wherever it is asked: whether the numbers are colours, or data."""
+    """The images of one material. as_color, in all methods: whether the values are colours, or data."""
 
     def __init__(self, scene: Scene, name: str) -> None:
         self._scene, self._name = scene, name
 
     def name(self, value: Value, as_color: bool) -> str | None:
-        """The file's name."""
+        """Returns the name of a value's image file."""
         return images.register(self._scene, value.image, as_color)
 
     def used(self, value: Value, as_color: bool) -> Any:
-        """A picture in all of its channels; None where it has no pixels."""
+        """Returns the use of an image with all channels; None if it has no pixels."""
         if value.inverted:
             return self.packed([(value, 0), (value, 1), (value, 2)], value, as_color)
         name = self.name(value, as_color)
         return None if name is None or value.use is None else replace(value.use, image=name)
 
     def packed(self, wanted: list[tuple[Value | None, int]], told: Value, as_color: bool) -> TextureUse | None:
-        """A new picture with a channel of each value's. told: whose place on the surface it takes."""
+        """Returns the use of a new image with one channel from each value. told: the value whose mapping is used."""
         planes: dict[int, np.ndarray] = {}
         names = []
         for value, channel in wanted:

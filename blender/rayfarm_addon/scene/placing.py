@@ -1,4 +1,4 @@
-"""Matrices as translation, rotation and scale, many at once."""
+"""Decomposes many matrices into translation, rotation and scale."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ SHEAR = 1e-5
 
 
 def decompose(matrices: F64) -> tuple[F64, F64, F64, npt.NDArray[np.bool_]]:
-    """Of (N, 4, 4) translations (N, 3), rotations (N, 4) as x, y, z, w, scales (N, 3), and which are no more than these.
+    """Returns the translations (N, 3), rotations (N, 4) as x, y, z, w, scales (N, 3) of (N, 4, 4), and which have no shear.
 
-    A mirrored one has its first scale below zero.
+    A mirroring matrix has a negative first scale.
     """
     linear = matrices[:, :3, :3]
     scales = np.linalg.norm(linear, axis=1)
@@ -26,7 +26,10 @@ def decompose(matrices: F64) -> tuple[F64, F64, F64, npt.NDArray[np.bool_]]:
 
 
 def _quaternions(r: F64) -> F64:
-    """x, y, z, w, by the greatest of the four (Shepperd 1978): no root of a small number is divided by."""
+    """Returns quaternions x, y, z, w, computed from the greatest component (Shepperd 1978).
+
+    This avoids dividing by the root of a small number.
+    """
     d = np.stack([r[:, 0, 0], r[:, 1, 1], r[:, 2, 2]], axis=1)
     trace = d.sum(axis=1)
     which = np.argmax(np.concatenate([d, trace[:, None]], axis=1), axis=1)
@@ -45,7 +48,7 @@ def _quaternions(r: F64) -> F64:
 
 
 def followed(rotations: F64) -> F64:
-    """The same rotations with each on the side of the one before, so that what lies between goes the shorter way."""
+    """Returns the rotations with signs chosen so that interpolation between successive ones takes the shorter way."""
     found = rotations.copy()
     for i in range(1, len(found)):
         if found[i] @ found[i - 1] < 0:

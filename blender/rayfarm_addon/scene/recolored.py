@@ -1,4 +1,4 @@
-"""Blender's arithmetic of colours and numbers (intern/cycles/kernel/svm), over whole arrays."""
+"""Blender's colour and number operations (intern/cycles/kernel/svm), over whole arrays."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LEAST = 1e-9
 
 
 def hsv(c: F32) -> F32:
-    """Hue, saturation and value of (..., 3) RGB."""
+    """Converts (..., 3) RGB to hue, saturation and value."""
     most, least = c.max(axis=-1), c.min(axis=-1)
     delta = most - least
     safe = np.where(delta > 0, delta, 1)
@@ -26,7 +26,7 @@ def hsv(c: F32) -> F32:
 
 
 def rgb(c: F32) -> F32:
-    """Its inverse."""
+    """Converts (..., 3) hue, saturation and value to RGB."""
     h, s, v = c[..., 0] % 1.0 * 6, c[..., 1], c[..., 2]
     which = np.floor(h).astype(np.int64) % 6
     f = h - np.floor(h)

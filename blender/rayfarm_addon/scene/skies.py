@@ -1,7 +1,7 @@
-"""A world as a picture of all directions that Cycles takes, and the disk of its sky's sun as a light of its own.
+"""Renders a world with Cycles as a panorama, with the sun disk of its sky measured as a separate light.
 
-A sun of half a degree is two texels of the picture: so it is photographed without, and the disk through a long lens.
-Run as a script by a Blender of its own, this takes a world of a .blend file:
+A sun of half a degree covers two texels of the panorama: so that is rendered without it, and the disk with a long lens.
+Run as a script in a separate Blender process, this bakes the world of a .blend file:
 
     python skies.py WORLD.blend FOLDER WIDTH
 """
@@ -24,9 +24,11 @@ LEAST = 1e-9
 
 
 def photographed(bpy: Any, world: Any, folder: Path, width: int) -> dict[str, Any] | None:
-    """Writes PICTURE into a folder, whose middle is what lies along Blender's +Y. The sun's disk that is not in it, or None.
+    """Writes PICTURE, a panorama with Blender's +Y in the middle, into a folder.
 
-    That is a direction towards it and its irradiance, of Blender's axes, and the angle that it takes, in radians.
+    Returns the sun's disk that was left out, or None.
+
+    The disk is given by the direction towards it and its irradiance, in Blender's axes, and its angular size in radians.
     """
     for output in [node for node in world.node_tree.nodes if node.type == "OUTPUT_WORLD"]:
         for link in list(output.inputs["Volume"].links):  # what fills the world would hide it
@@ -54,7 +56,7 @@ def _sky_with_a_sun(world: Any) -> Any:
 
 
 def _measured(bpy: Any, studio: _Studio, sky: Any, folder: Path) -> dict[str, Any] | None:
-    """What the disk adds to a picture of where it is."""
+    """Returns the sun disk, measured as the difference of two renderings, with and without it; None if it is too weak."""
     import numpy as np
     from mathutils import Vector
 
@@ -80,7 +82,7 @@ def _measured(bpy: Any, studio: _Studio, sky: Any, folder: Path) -> dict[str, An
 
 
 class _Studio:
-    """A scene of nothing but the world."""
+    """A Blender scene that contains only the world."""
 
     def __init__(self, bpy: Any, world: Any) -> None:
         self._bpy = bpy
@@ -101,7 +103,7 @@ class _Studio:
         cycles.shading_system = False  # no scripts of Open Shading Language
 
     def take(self, path: Path, width: int, height: int, turn: Any, angle: float | None) -> None:
-        """angle: of a lens, in radians; None: all around."""
+        """Renders the world to a file. angle: the lens's field of view in radians; None for a panorama."""
         data, render = self._data, self._scene.render
         data.type = "PANO" if angle is None else "PERSP"
         if angle is not None:
@@ -119,7 +121,7 @@ class _Studio:
 
 
 def main(path: str, folder: str, width: str) -> None:
-    """The command."""
+    """Bakes the world of a .blend file, as the command line does."""
     import bpy
 
     with bpy.data.libraries.load(path) as (given, wanted):

@@ -1,4 +1,4 @@
-"""Blender's materials as glTF's: the principled BSDF in full but for what glTF has not, and the simpler shaders in its terms."""
+"""Exports Blender's materials to glTF: the principled BSDF as far as glTF supports it, and simpler shaders in its terms."""
 
 from __future__ import annotations
 
@@ -32,14 +32,17 @@ def _unknown(_: int) -> None:
 
 
 class Surfaces:
-    """The materials of one scene. primary: the names of UV maps that come first on their meshes."""
+    """The materials of one scene. primary: names of the UV maps that are first on their meshes."""
 
     def __init__(self, scene: Scene, primary: set[str]) -> None:
         self._scene, self._primary = scene, primary
         self.colors: dict[str, str] = {}  # by material, the colour attribute that it reads
 
     def add(self, material: Any, density: Density = _unknown) -> str:
-        """The key of a bpy.types.Material, read once. density: of the first mesh that has it, as of `Values.bumps`."""
+        """Returns the key of a bpy.types.Material, exported once.
+
+        density: of the first mesh that uses it, as for `Values.bumps`.
+        """
         key = material.name_full
         if key not in self._scene.materials:
             made = Material(material.name, number=material.pass_index)
@@ -97,7 +100,7 @@ class _Reader:
             coat.setdefault("clearcoatNormalTexture", replace(picture, strength=1.0))
 
     def _lets_in(self) -> bool:
-        """Whether light gets inside: through glass, as through what is clear."""
+        """Whether light enters the material, by transmission or transparency."""
         return self._more.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0) > 0
 
     def _warn(self, what: str) -> None:
@@ -187,7 +190,7 @@ class _Reader:
             found["metallicRoughnessTexture"] = picture
 
     def _reflection(self, source: Look, transmits: bool) -> None:
-        """Cycles takes the index of refraction by which normal incidence reflects so many times as much."""
+        """Exports the specular level as an index of refraction: Cycles scales the reflectance at normal incidence."""
         ior = number(constant(source.input("IOR")) or 1.5)
         level = self._values.read(source.input("Specular IOR Level", "Specular"), NEUTRAL, "specular level")
         factor = number(level.factor) / NEUTRAL if level.image is None else 1.0
@@ -319,7 +322,10 @@ class _Reader:
         self._slot(color, "KHR_materials_diffuse_transmission", "diffuseTransmissionColorTexture", None, as_color=True)
 
     def _mix(self, source: Source) -> None:
-        """With a Transparent BSDF it is alpha; with one of its ends the other; else the nearer one."""
+        """Exports a Mix Shader: with a Transparent BSDF as alpha; with a factor of 0 or 1 as one input.
+
+        Else as an approximation.
+        """
         if (which := told_by_ray(source.at(0))) is not None:
             self._warn("of shaders that are for different rays the camera's is shown to all")
             shown = followed(source.at(1 + which))[0]
@@ -359,7 +365,7 @@ class _Reader:
             found["baseColorTexture"] = picture
 
     def _sum(self, source: Source) -> None:
-        """With a Transparent BSDF what is added to it shows what is behind as well: it shines, and the rest is clear."""
+        """Exports an Add Shader with a Transparent BSDF: the emission is kept and the rest is transparent."""
         parts = [followed(source.at(i))[0] for i in (0, 1)]
         clear = [each is not None and each.node.type == "BSDF_TRANSPARENT" for each in parts]
         if any(clear):
@@ -374,7 +380,7 @@ class _Reader:
             self._principled(look)
 
     def _slot(self, value: Value, extension: str, name: str, channel: int | None, as_color: bool = False) -> None:
-        """A picture of an extension, in the channel that glTF reads."""
+        """Adds an image to an extension, in the channel that glTF reads."""
         if value.image is None:
             return
         if channel is None or (value.channel == channel and not value.inverted):

@@ -1,4 +1,4 @@
-"""The colour of a black body as Blender has it: linear sRGB of luminance 1, from 800 to 12,000 K."""
+"""The colour of a black body as in Blender: linear sRGB of luminance 1, from 800 to 12,000 K."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ KELVINS = [kelvin for kelvin, _ in TABLE]
 
 
 def blackbody(kelvin: float) -> list[float]:
-    """By the table, between whose rows a colour goes evenly with the inverse of the temperature."""
+    """Returns the colour from the table, interpolated linearly in the inverse temperature."""
     if kelvin <= KELVINS[0] or kelvin >= KELVINS[-1]:
         return list(TABLE[0 if kelvin <= KELVINS[0] else -1][1])
     at = bisect.bisect(KELVINS, kelvin)

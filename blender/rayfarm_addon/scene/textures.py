@@ -1,4 +1,4 @@
-"""What a socket of a material is made of: a number, a picture, or both multiplied."""
+"""The value of a material's socket: a constant, an image, or their product."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ GREY = -1  # in the place of a channel: what Blender takes for a colour's number
 
 @dataclass
 class Value:
-    """factor: a number or a list of three. image: bpy.types.Image; use: how it lies, without its file's name. channel: of it.
+    """A socket's value.
 
-    vertex: the colour attribute that multiplies it; "": the active one.
+    factor: a number or a list of three. image: bpy.types.Image; use: its mapping, without the file's name. channel: of the image.
+    vertex: the colour attribute that multiplies it; "" for the active one.
     """
 
     factor: Any
@@ -36,31 +37,31 @@ class Value:
 
 
 def number(value: Any) -> float:
-    """A number; of a colour its mean."""
+    """Returns a number; the mean of a colour."""
     return sum(value) / len(value) if isinstance(value, list) else float(value)
 
 
 def as_list(value: Any) -> list[float]:
-    """A colour; of a number grey."""
+    """Returns a colour; grey for a number."""
     return value if isinstance(value, list) else [float(value)] * 3
 
 
 def one_minus(value: Value) -> Value:
-    """A number's complement."""
+    """Returns 1 minus the value."""
     if value.image is None:
         return Value(1 - number(value.factor))
     return replace(value, inverted=not value.inverted)
 
 
 class Values:
-    """Reads sockets of one material. primary: the names of UV maps that come first on their meshes."""
+    """Reads the sockets of one material. primary: names of the UV maps that are first on their meshes."""
 
     def __init__(self, scene: Scene, name: str, primary: set[str]) -> None:
         self._scene, self._name, self._primary = scene, name, primary
         self._painter = Painter(name, self._use)
 
     def read(self, at: Any, default: Any, what: str) -> Value:
-        """What is behind a socket; where that cannot be told, its own number and a warning."""
+        """Returns the value behind a socket; its own number, with a warning, if that is unsupported."""
         if at is None:
             return Value(default)
         plain = constant(at)
@@ -83,7 +84,7 @@ class Values:
         return Value(default if own is None else [float(c) for c in own][:3] if hasattr(own, "__len__") else float(own))
 
     def bumps(self, source: Source | Heights, density: Callable[[int], tuple[float, float] | None]) -> Value | None:
-        """The normal map of a Bump node whose height is a picture. density: as of `stretched`."""
+        """Returns the normal map of a Bump node whose height is an image. density: as from `stretched`."""
         numbers = [constant(source.input(name)) for name in ("Strength", "Distance")]
         if any(not isinstance(each, float) for each in numbers):
             return None
@@ -159,7 +160,7 @@ class Values:
         return Value(factor, told.image, told.use, told.channel, False, vertex)
 
     def _use(self, source: Source) -> TextureUse | None:
-        """How an image or a pattern lies on the surface; None where that is not by UVs."""
+        """Returns the mapping of an image or pattern on the surface; None if it is not by UVs."""
         node = source.node
         is_image = node.type == "TEX_IMAGE"
         if is_image and node.projection != "FLAT":
@@ -201,7 +202,7 @@ class _Lies:
         self.offset, self.rotation, self.scale = (0.0, 0.0), 0.0, (1.0, 1.0)
 
     def map(self, source: Source) -> bool:
-        """Takes a Mapping in; False where it is no turn, stretch and shift within the plane."""
+        """Applies a Mapping node; False if it is no rotation, scale and translation in the plane."""
         if source.node.vector_type != "POINT" or self.offset != (0.0, 0.0) or self.rotation or self.scale != (1.0, 1.0):
             return False
         location, turn, scale = (constant(source.input(name)) for name in ("Location", "Rotation", "Scale"))

@@ -1,4 +1,4 @@
-"""Hair curves as thin tubes: a ring of a few corners about each point, whose normals make it look round."""
+"""Converts hair curves to thin tubes: a ring of a few corners about each point, with normals that make it look round."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ MOST_POINTS = 1_000_000
 
 
 def tubes(points: F32, radii: F32, first: npt.NDArray[np.int32]) -> tuple[F32, F32, npt.NDArray[np.int32]]:
-    """(V, 3) positions, (V, 3) normals and (T, 3) triangles of strands.
+    """Returns (V, 3) positions, (V, 3) normals and (T, 3) triangles of strands.
 
-    points: (P, 3), radii: (P,), strand by strand; first: (S + 1,) where each strand begins, and the end. Strands of one point are
-    nowhere.
+    points: (P, 3), radii: (P,), strand by strand; first: (S + 1,) start of each strand, and the end. Strands of one point are
+    omitted.
     """
     strand = np.repeat(np.arange(len(first) - 1), np.diff(first))
     is_last = np.zeros(len(points), bool)

@@ -1,4 +1,4 @@
-"""What of a surface is otherwise here than in Cycles, in sentences: of the add-on's materials and of those of a .blend."""
+"""Warnings about surfaces that differ from Cycles, for the add-on's materials and for those of .blend files."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Warn = Callable[[str], None]
 
 
 def tell_surface(look: Any, warn: Warn) -> None:
-    """Of a principled surface, or of one that stands for it."""
+    """Warns about differences of a principled surface, or of one expressed as such."""
 
     def number(name: str, default: float) -> float:
         found = constant(look.input(name))
@@ -65,7 +65,7 @@ def tell_surface(look: Any, warn: Warn) -> None:
 
 
 def tell_shader(source: Source, warn: Warn) -> None:
-    """Of a shader that a principled surface stands for."""
+    """Warns about differences of a shader that is replaced by a principled surface."""
     facets = OTHER_FACETS.get(getattr(source.node, "distribution", ""))
     rough = constant(source.input("Roughness"))
     if source.node.type == "BSDF_SHEEN":
@@ -80,7 +80,7 @@ def tell_shader(source: Source, warn: Warn) -> None:
 
 
 def tell_pictures(tree: Any, warn: Warn) -> None:
-    """Of the pictures that a material's nodes show."""
+    """Warns about differences of the images in a material's nodes."""
     for node in tree.nodes:
         image = node.image if node.type == "TEX_IMAGE" else None
         if image is None or not any(entry.is_linked for entry in node.outputs):
@@ -92,7 +92,7 @@ def tell_pictures(tree: Any, warn: Warn) -> None:
 
 
 def has_film(look: Any) -> bool:
-    """Whether its film is seen: before Blender 5, not on a metal."""
+    """Whether its thin film is visible: before Blender 5, not on a metal."""
     if constant(look.input("Metallic")) != 1.0:
         return True
     try:

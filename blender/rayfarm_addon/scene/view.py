@@ -1,6 +1,6 @@
-"""From a projection matrix to the view that a farm is asked for.
+"""Converts a projection matrix to the view of a request.
 
-What is not about the line of sight (a shifted lens, a border, a viewport that looks through a camera) is asked for with a shift.
+Projections that are not centred (a shifted lens, a border, a viewport through a camera) are requested with a shift.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LEAST_SHIFT = 1e-6  # of a picture's height: what is less is rounding's
 
 @dataclass(frozen=True)
 class Lens:
-    """What blurs: radius of the lens and distance of what is sharp, in the scene's unit; and where seeing begins."""
+    """The depth of field and clipping: lens radius, focus distance and near distance, in scene units."""
 
     aperture: float = 0.0
     focus: float | None = None
@@ -33,7 +33,7 @@ class Lens:
 
 @dataclass(frozen=True)
 class Shot:
-    """What to ask for. x, y: where what is wanted begins in it, from the upper left corner; w, h: its size."""
+    """A view to request, and the part of it that is needed: x, y from the upper left corner; w, h: its size."""
 
     view: dict[str, Any]
     width: int
@@ -45,16 +45,19 @@ class Shot:
 
     @property
     def is_whole(self) -> bool:
-        """Whether nothing is cut off."""
+        """Whether the whole picture is needed."""
         return (self.x, self.y, self.w, self.h) == (0, 0, self.width, self.height)
 
     def cut(self, picture: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """What is wanted of (height, width, ...), rows from the top."""
+        """Returns the needed part of a (height, width, ...) picture, rows from the top."""
         return picture[self.y : self.y + self.h, self.x : self.x + self.w]
 
 
 def view_of(place: F64, projection: F64, share: float, lens: Lens) -> dict[str, Any]:
-    """A view as the API takes it. place: from the camera to Blender's world. share: how much higher it is than the projection."""
+    """Returns a view for the API. place: camera to Blender's world.
+
+    share: ratio of the requested height to that of the projection.
+    """
     eye, forward, above = place[:3, 3], -_unit(place[:3, 2]), _unit(place[:3, 1])
     # Far enough that float32 tells the two apart.
     target = eye + forward * max(1.0, float(np.abs(eye).max()))
@@ -74,9 +77,11 @@ def view_of(place: F64, projection: F64, share: float, lens: Lens) -> dict[str, 
 def shot_of(
     place: F64, projection: F64, size: tuple[int, int], lens: Lens = Lens(), border: tuple[int, int, int, int] | None = None
 ) -> Shot:
-    """border: of the picture's pixels that are wanted, x0, y0, x1, y1 from the lower left corner; None: all.
+    """Returns the Shot for a projection. border: the needed pixels, x0, y0, x1, y1 from the lower left corner.
 
-    Raises ValueError where the lens is shifted too far.
+    None for all.
+
+    Raises ValueError if the lens is shifted too far.
     """
     width, height = size
     x0, y0, x1, y1 = border or (0, 0, width, height)

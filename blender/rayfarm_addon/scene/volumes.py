@@ -1,6 +1,6 @@
-"""Blender's nodes of volumes as one homogeneous medium: what it absorbs and scatters over a metre, and which way.
+"""Converts Blender's volume nodes to one homogeneous medium: absorption and scattering coefficients per metre, and anisotropy.
 
-Source of the formulas: intern/cycles/kernel/svm/closure.h. What varies in space, or shines, is named.
+Source of the formulas: intern/cycles/kernel/svm/closure.h. Heterogeneous and emissive volumes give a warning.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ OTHER_PHASES = {"RAYLEIGH": "Rayleigh's", "MIE": "Mie's", "DRAINE": "Draine's", 
 
 @dataclass
 class Medium:
-    """sigma_a, sigma_s: a metre's. g: the mean cosine of scattering, -1 to 1."""
+    """A homogeneous medium. sigma_a, sigma_s: per metre. g: mean cosine of the scattering angle, -1 to 1."""
 
     sigma_a: list[float] = field(default_factory=lambda: [0.0] * 3)
     sigma_s: list[float] = field(default_factory=lambda: [0.0] * 3)
     g: float = 0.0
 
     def is_nothing(self) -> bool:
-        """Whether light passes as through a vacuum."""
+        """Whether the medium has no effect."""
         return max(*self.sigma_a, *self.sigma_s) <= NONE
 
 
 def volume_of(tree: Any) -> Source | None:
-    """What feeds the volume of a material's or the world's nodes."""
+    """Returns the source of the volume output of a material's or the world's nodes."""
     for engine in ("CYCLES", "ALL", "EEVEE"):
         output = tree.get_output_node(engine)
         if output is not None:
@@ -43,7 +43,7 @@ def volume_of(tree: Any) -> Source | None:
 
 
 def medium_of(source: Source | None, warn: Warn) -> Medium | None:
-    """The medium of a volume shader; None of what is none that is read, which is told."""
+    """Returns the medium of a volume shader; None, with a warning, if it is unsupported."""
     return None if source is None else _read(source, warn, 0)
 
 
@@ -77,7 +77,7 @@ def _below(at: At, warn: Warn, depth: int) -> Medium | None:
 
 
 def _sum(parts: list[Medium | None], weights: list[float]) -> Medium | None:
-    """Media that fill the same place: their coefficients add up, and their directions by how much each scatters."""
+    """Returns the sum of media in one place: coefficients add up, and g is the mean weighted by scattering."""
     found = [(part, weight) for part, weight in zip(parts, weights, strict=True) if part is not None]
     if not found:
         return None
@@ -122,7 +122,7 @@ def _density(source: Source, warn: Warn) -> float:
 
 
 def _direction(source: Source, warn: Warn) -> float:
-    """The mean cosine."""
+    """Returns the mean cosine of the scattering angle."""
     phase = getattr(source.node, "phase", "HENYEY_GREENSTEIN")
     if phase in OTHER_PHASES:
         warn(f"its volume scatters as Henyey and Greenstein have it, not {OTHER_PHASES[phase]} way")

@@ -1,4 +1,4 @@
-"""What light does inside of Blender's things, in the extensions that the farm reads: subsurface scattering, and media."""
+"""Exports subsurface scattering and interior media as material extensions that the farm reads."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ LEAST, CLEAR = 1e-3, 0.999
 
 
 def subsurface(look: Any) -> dict[str, Any] | None:
-    """The extension of a surface that lets diffuse light in; None of others.
+    """Returns the extension of a surface with subsurface scattering; None for others.
 
-    Cycles takes a radius for 4 pi mean free paths; for skin, for how far light diffuses in a medium of its colour: both of even
-    scattering, of which such as g has it takes 1 / (1 - g) times as much. Source: intern/cycles/kernel/closure/bssrdf.h and
-    kernel/integrator/subsurface_random_walk.h.
+    Cycles interprets a radius as 4 pi mean free paths, or for skin as the diffusion length in a medium of its colour: both for
+    isotropic scattering, of which a medium with anisotropy g needs 1 / (1 - g) times as much. Source:
+    intern/cycles/kernel/closure/bssrdf.h and kernel/integrator/subsurface_random_walk.h.
     """
     weight = _number(look, "Subsurface Weight", 0.0)
     if weight <= LEAST:
@@ -41,7 +41,10 @@ def subsurface(look: Any) -> dict[str, Any] | None:
 
 
 def albedo_of(color: float, ior: float) -> float:
-    """The reduced single-scattering albedo of a half space that looks so beneath a boundary: Jensen et al. 2001, eq. 15."""
+    """Returns the reduced single-scattering albedo of a half space with that colour beneath a boundary: Jensen et al. 2001, eq.
+
+    15.
+    """
     inner = -1.440 / ior**2 + 0.710 / ior + 0.668 + 0.0636 * ior
     low, high = 0.0, 1.0
     for _ in range(40):
@@ -55,9 +58,9 @@ def albedo_of(color: float, ior: float) -> float:
 
 
 def filled(tree: Any, lets_in: bool, warn: Warn) -> dict[str, Any] | None:
-    """The extension of a material with a volume; None of those without one.
+    """Returns the extension of a material with a volume; None without one.
 
-    lets_in: whether the surface, if there is any, lets light through.
+    lets_in: whether the surface, if there is any, transmits light.
     """
     source = volume_of(tree)
     if source is None:
@@ -73,17 +76,17 @@ def filled(tree: Any, lets_in: bool, warn: Warn) -> dict[str, Any] | None:
 
 
 def has_volumes(scene: Scene) -> bool:
-    """Whether light is scattered somewhere that is no surface."""
+    """Whether the scene has scattering volumes."""
     return bool(scene.world.medium) or any(scatters(each.gltf.get("extensions", {})) for each in scene.materials.values())
 
 
 def scatters(extensions: dict[str, Any]) -> bool:
-    """Whether a material's inside scatters light."""
+    """Whether a material's interior scatters light."""
     return max(extensions.get(MEDIUM, {}).get("sigmaS", [0.0])) > 0
 
 
 def world_medium(tree: Any, warn: Warn) -> dict[str, Any] | None:
-    """What fills the world, as a scene file has it; None where it is clear."""
+    """Returns the world's medium for the scene file; None if it is clear."""
     found = medium_of(volume_of(tree), warn)
     if found is None or found.is_nothing():
         return None
@@ -100,7 +103,7 @@ def _number(look: Any, name: str, default: float) -> float:
 
 
 def _own(look: Any, name: str, default: float) -> float:
-    """The plain number of a socket that something feeds."""
+    """Returns a socket's own number, although something is connected to it."""
     value = getattr(getattr(look.input(name), "socket", None), "default_value", None)
     return float(value) if isinstance(value, int | float) else default
 

@@ -1,6 +1,6 @@
-"""Blender's world as the light from all around that a job asks for.
+"""Exports Blender's world as the environment light of a job.
 
-Blender looks at the middle of a panorama along its +X, the farm along its -Z, which is Blender's +Y.
+The middle of a panorama is along +X in Blender, and along -Z at the farm, which is Blender's +Y.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ QUARTER = -90.0  # from the farm's middle to Blender's
 
 
 def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
-    """The light of a bpy.types.World, or of none.
+    """Returns the light of a bpy.types.World, or of none.
 
-    bake: photographs a world, as of ui/baking.py, where the farm has no words for it; None where there is no time for that.
+    bake: renders an unsupported world to an image, see ui/baking.py; None if there is no time for that.
     """
     if world is None:
         return World([0.0] * 3)
@@ -81,7 +81,10 @@ def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
 
 
 def _is_known(scene: Scene, top: Source) -> bool:
-    """Whether it is a colour, or a picture that lies as the farm lays it; a world for some rays alone is told below."""
+    """Whether the world is supported directly: a colour, or an image with the farm's mapping.
+
+    A world that depends on the kind of ray is also accepted, with a warning elsewhere.
+    """
     if top.node.type == "MIX_SHADER" and told_by_ray(top.at(0)) is not None:
         return True
     if top.node.type != "BACKGROUND" or constant(top.input("Strength")) is None:
@@ -114,7 +117,7 @@ def _tell(scene: Scene, world: Any) -> None:
 
 
 def _background(scene: Scene, source: Source | None) -> Source | None:
-    """What lights, where the camera is shown something else."""
+    """Returns the shader that lights the scene, if camera rays see another one."""
     if source is not None and source.node.type == "MIX_SHADER" and (which := told_by_ray(source.at(0))) is not None:
         scene.warn("World: the camera sees what lights, though in Blender it sees something else.")
         return followed(source.at(2 - which))[0]
@@ -122,7 +125,7 @@ def _background(scene: Scene, source: Source | None) -> Source | None:
 
 
 def _painted(scene: Scene, at: At | None, strength: float) -> World | None:
-    """The light of pictures of all directions that nodes change, texel by texel; None where there are others."""
+    """Returns the light of panoramas changed by nodes, evaluated texel by texel; None if it has other images."""
 
     def turn_of(source: Source) -> Any:
         node = source.node
@@ -153,7 +156,7 @@ def _image(scene: Scene, source: Source, strength: float) -> World:
 
 
 def _turn(scene: Scene, source: Source) -> float:
-    """Degrees by which the surroundings are turned about up."""
+    """Returns the rotation of the environment about the up axis, in degrees."""
     found, _ = followed(source.input("Vector"))
     if found is None or found.node.type == "TEX_COORD":
         return 0.0
@@ -169,7 +172,7 @@ def _turn(scene: Scene, source: Source) -> float:
 
 
 def _sky(scene: Scene, node: Any, strength: float) -> World:
-    """The farm's own sky, as bright as Blender's: with the same air, dust and ozone it is much the same."""
+    """Returns the farm's own sky model at Blender's brightness: nearly the same for equal air, dust and ozone."""
     scene.warn(
         "World: its sky is the farm's own clear sky with the sun at the same place; it differs by some percent, and more "
         "below the horizon."

@@ -1,1 +1,1 @@
-"""What Blender registers: the engine, settings, panels."""
+"""The classes registered in Blender: engine, settings and panels."""

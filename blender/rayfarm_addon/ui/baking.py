@@ -1,4 +1,4 @@
-"""Worlds that the farm has no words for, photographed by Cycles in a Blender of its own: while one renders it can do no more."""
+"""Bakes unsupported worlds with Cycles in a separate Blender process, since a Blender that is rendering cannot do so itself."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _known: dict[str, tuple[bytes, Any]] = {}
 
 
 def photographed(world: Any) -> tuple[bytes, dict[str, Any] | None] | None:
-    """The EXR file of a world's picture, and the sun that is not in it, as of `skies.photographed`; None where that fails."""
+    """Returns the EXR file of a world's panorama and the sun left out of it, see `skies.photographed`; None if that fails."""
     key = _digest(world.node_tree)
     if key not in _known:
         made = _made(world)
@@ -61,7 +61,7 @@ def _blender() -> list[str]:
 
 
 def _digest(tree: Any) -> str:
-    """What tells nodes apart that look alike, and stays where nothing changed."""
+    """Returns a digest of the nodes that is stable while nothing changes."""
     said: list[Any] = []
     for node in tree.nodes:
         said.append((node.bl_idname, node.name, node.mute))

@@ -1,4 +1,4 @@
-"""The farm that this Blender speaks to: one client and one memory of what was sent, shared by pictures and viewports."""
+"""The farm that this Blender uses: one client and one upload cache, shared by renderings and viewports."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _notes: list[str] = []
 
 
 class Connection:
-    """A farm, as one person and into one project. Raises FarmError where the address is none."""
+    """A connection to a farm with one user's token and one project. Raises FarmError for an invalid address."""
 
     def __init__(self, url: str, token: str, project: str) -> None:
         self.client = Client(url, token)
@@ -25,7 +25,7 @@ class Connection:
 
 
 def connect(url: str, token: str, project: str = "") -> Connection:
-    """The connection of this address; made once. Raises FarmError."""
+    """Returns the connection for this address, created once. Raises FarmError."""
     key = url, token, project
     with _lock:
         if key not in _known:
@@ -34,7 +34,7 @@ def connect(url: str, token: str, project: str = "") -> Connection:
 
 
 def close() -> None:
-    """Blender ends, or the add-on goes: what was only looked at is deleted, by whoever answers at once."""
+    """Deletes scenes that were only viewed, on farms that respond at once; called when Blender or the add-on ends."""
     with _lock:
         known = list(_known.values())
         _known.clear()
@@ -46,10 +46,10 @@ def close() -> None:
 
 
 def note(sentences: list[str]) -> None:
-    """What of the scene is not taken over, for the panel."""
+    """Stores the warnings about the scene for the panel."""
     _notes[:] = sentences
 
 
 def notes() -> list[str]:
-    """As told last."""
+    """Returns the warnings stored last."""
     return list(_notes)

@@ -1,4 +1,4 @@
-"""A picture of the farm in a region of Blender's window, by its gpu module, through the scene's colour management."""
+"""Draws a farm's picture in a region of Blender's window with the gpu module, through the scene's colour management."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Corners = tuple[float, float, float, float]
 
 
 class Canvas:
-    """Keeps the texture of the picture that was shown last. Used in the main thread, while Blender draws."""
+    """Keeps the texture of the last picture. Used in the main thread, while Blender draws."""
 
     def __init__(self) -> None:
         self._shown: Shown | None = None
@@ -23,13 +23,13 @@ class Canvas:
         self._texture: Any = None
 
     def show(self, shown: Shown, cut: Corners) -> None:
-        """The picture is this one now. cut: the part of it that fills the region, as shares from the lower left corner."""
+        """Sets the picture. cut: the part of it that fills the region, as fractions from the lower left corner."""
         if shown is not self._shown:
             self._shown, self._texture = shown, None
         self._cut = cut
 
     def draw(self, engine: Any, scene: Any, region: Any) -> None:
-        """Fills the region."""
+        """Draws the picture over the whole region."""
         if self._shown is None:
             return
         # Not at the top: there is no gpu module that works where Blender has no window.

@@ -1,4 +1,4 @@
-"""The render engine: F12 and Ctrl-F12 are jobs of the farm, whose tiles come into Blender's own image."""
+"""The render engine: F12 and Ctrl-F12 are jobs of the farm, whose tiles are shown in Blender's own image."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ class RayfarmEngine(bpy.types.RenderEngine):
     _viewport: Viewport | None = None
 
     def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
-        """Tells Blender which passes there will be."""
+        """Registers the render passes with Blender."""
         for each in (COMBINED, *wanted(scene, renderlayer)):
             self.register_pass(scene, renderlayer, each.name, len(each.ids), each.ids, each.kind)
 
     def render(self, depsgraph: Any) -> None:
-        """A picture, in a thread of Blender's own that may wait."""
+        """Renders a picture; called in a Blender thread that may block."""
         try:
             self._render(depsgraph)
         except (FarmError, ValueError) as error:
@@ -99,7 +99,7 @@ class RayfarmEngine(bpy.types.RenderEngine):
                 return
 
     def _show(self, tile: Grown, picture: Picture, layer: str) -> None:
-        """Puts what is wanted of a tile into Blender's image."""
+        """Copies the needed part of a tile to Blender's image."""
         shot = picture.shot
         h, w = tile.words.shape
         x0, x1 = max(tile.x, shot.x), min(tile.x + w, shot.x + shot.w)
@@ -130,11 +130,11 @@ class RayfarmEngine(bpy.types.RenderEngine):
         self.error_set(sentence)
 
     def view_update(self, context: Any, depsgraph: Any) -> None:
-        """Something changed that the viewport shows."""
+        """Called when something shown in the viewport has changed."""
         self._looking(context, depsgraph).update(depsgraph)
 
     def view_draw(self, context: Any, depsgraph: Any) -> None:
-        """Draws the newest picture, and goes on with what is to be read."""
+        """Draws the newest picture, and continues the export."""
         self._looking(context, depsgraph).draw(context, depsgraph)
 
     def _looking(self, context: Any, depsgraph: Any) -> Viewport:

@@ -1,4 +1,4 @@
-"""The panels among the render properties, and the button that tests the connection."""
+"""The panels in the render properties, and the button that tests the connection."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class RAYFARM_OT_test_connection(bpy.types.Operator):
     _timer: Any = None
 
     def execute(self, context: Any) -> set[str]:
-        """Waits for the answer: for scripts."""
+        """Tests the connection and waits for the answer; for scripts."""
         self._ask(*farm_of(context))
         return self._tell()
 
     def invoke(self, context: Any, event: Any) -> set[str]:
-        """Asks in a thread, so that Blender's window goes on."""
+        """Tests the connection in a thread, so that Blender's window stays responsive."""
         self._thread = threading.Thread(target=self._ask, args=farm_of(context), daemon=True)
         self._thread.start()
         self._timer = context.window_manager.event_timer_add(LOOK_S, window=context.window)
@@ -40,7 +40,7 @@ class RAYFARM_OT_test_connection(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> set[str]:
-        """Looks whether the answer is there."""
+        """Checks whether the answer has arrived."""
         if event.type != "TIMER" or self._thread is None or self._thread.is_alive():
             return {"PASS_THROUGH"}
         context.window_manager.event_timer_remove(self._timer)
@@ -67,7 +67,7 @@ class _Panel:
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        """Only where the scene is rendered by Rayfarm."""
+        """Whether the scene's engine is Rayfarm."""
         return context.scene.render.engine in cls.COMPAT_ENGINES
 
 
@@ -77,7 +77,7 @@ class RAYFARM_PT_farm(_Panel, bpy.types.Panel):
     bl_label = "Farm"
 
     def draw(self, context: Any) -> None:
-        """Blender shows it."""
+        """Draws the panel; called by Blender."""
         column = self.layout.column()
         column.use_property_split = True
         column.use_property_decorate = False
@@ -96,7 +96,7 @@ class RAYFARM_PT_sampling(_Panel, bpy.types.Panel):
     bl_label = "Sampling"
 
     def draw(self, context: Any) -> None:
-        """Blender shows it."""
+        """Draws the panel; called by Blender."""
         settings = context.scene.rayfarm
         column = self.layout.column()
         column.use_property_split = True
@@ -122,11 +122,11 @@ class RAYFARM_PT_motion_blur(_Panel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012 -- so Blender wants it
 
     def draw_header(self, context: Any) -> None:
-        """The tick before the name."""
+        """Draws the check box in front of the panel's name."""
         self.layout.prop(context.scene.render, "use_motion_blur", text="")
 
     def draw(self, context: Any) -> None:
-        """Blender shows it."""
+        """Draws the panel; called by Blender."""
         render = context.scene.render
         column = self.layout.column()
         column.use_property_split = True
@@ -143,11 +143,11 @@ class RAYFARM_PT_notes(_Panel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        """Only where there is something."""
+        """Whether there are warnings."""
         return context.scene.render.engine in cls.COMPAT_ENGINES and bool(connection.notes())
 
     def draw(self, context: Any) -> None:
-        """Blender shows it."""
+        """Draws the panel; called by Blender."""
         column = self.layout.column()
         width = max(context.region.width // 8, 24)
         for sentence in connection.notes():
@@ -162,7 +162,7 @@ class RAYFARM_PT_passes(_Panel, bpy.types.Panel):
     bl_context = "view_layer"
 
     def draw(self, context: Any) -> None:
-        """Blender shows it."""
+        """Draws the panel; called by Blender."""
         layer = context.view_layer
         column = self.layout.column()
         for name in ("use_pass_z", "use_pass_position", "use_pass_normal", "use_pass_object_index", "use_pass_material_index"):

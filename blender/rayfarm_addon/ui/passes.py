@@ -1,4 +1,4 @@
-"""Blender's passes: which of the farm's planes each is, and its values in Blender's axes."""
+"""Maps Blender's passes to the farm's AOVs, with values in Blender's axes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FAR = 1e10  # Cycles' depth of nothing
 
 
 class Pass(NamedTuple):
-    """name, ids and kind as Blender registers them. plane: the farm's. channels: of its EXR. option: of the view layer."""
+    """A pass. name, ids and kind as registered in Blender. plane: the farm's. channels: of its EXR. option: of the view layer."""
 
     name: str
     ids: str
@@ -48,18 +48,18 @@ PASSES = (
 
 
 def wanted(scene: Any, layer: Any) -> list[Pass]:
-    """The passes that are switched on, beside Combined."""
+    """Returns the enabled passes, except Combined."""
     return [each for each in PASSES if (scene.rayfarm.albedo if each.option == "albedo" else getattr(layer, each.option, False))]
 
 
 def planes_of(passes: list[Pass]) -> tuple[str, ...]:
-    """What to ask the farm for. With materials come objects, which tell some of them apart."""
+    """Returns the planes to request. The material plane needs the object plane, which distinguishes some materials."""
     planes = [each.plane for each in passes]
     return tuple(dict.fromkeys(planes + (["object"] if "material" in planes else [])))
 
 
 def values(each: Pass, channels: Mapping[str, F32], shot: Shot, ids: Ids) -> F32:
-    """(h * w, channels) as Blender takes a pass: rows from the bottom."""
+    """Returns a pass's values for Blender, (h * w, channels): rows from the bottom."""
     if each.plane == "depth":
         found = _depth(channels, shot)
     else:
@@ -78,7 +78,7 @@ def values(each: Pass, channels: Mapping[str, F32], shot: Shot, ids: Ids) -> F32
 
 
 def _depth(channels: Mapping[str, F32], shot: Shot) -> F32:
-    """Along the line of sight, as Cycles tells it; the farm tells it along the ray."""
+    """Returns the depth along the line of sight, as in Cycles; the farm's is along the ray."""
     depth = channels["Depth.Z"]
     share = np.ones_like(depth)
     if "projection" not in shot.view:

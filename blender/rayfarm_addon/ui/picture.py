@@ -1,4 +1,4 @@
-"""Blender's scene at a frame as what is asked of a farm."""
+"""Converts Blender's scene at a frame to a request for a farm."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LARGEST = 16_384  # along each side
 
 @dataclass(frozen=True)
 class Picture:
-    """What to ask, what of the answer is wanted, and what is not as in Blender."""
+    """A request, the part of the result that is needed, and the warnings."""
 
     asked: Asked
     shot: Shot
@@ -38,13 +38,13 @@ class Picture:
 
 
 def requested(settings: Any, spp: int) -> dict[str, Any]:
-    """The part of a request that a person sets."""
+    """Returns the part of a request that comes from the user's settings."""
     found = {"spp": spp, "max_depth": settings.depth, "seed": settings.seed, "filter": settings.filter}
     return found | ({"clamp_indirect": settings.clamp} if settings.clamp > 0 else {})
 
 
 def light_of(world: World) -> Light:
-    """The world as a request has it."""
+    """Returns the world as the Light of a request."""
     image = None if world.image is None else (world.image.name, world.image.content)
     return Light(world.color, image, world.sky is not None, world.strength, world.rotation)
 
@@ -61,9 +61,9 @@ def _border(render: Any, size: tuple[int, int]) -> tuple[int, int, int, int] | N
 def picture_of(
     depsgraph: Any, place_of: Callable[[Any], F64], go_to: Callable[[float], None], planes: tuple[str, ...], title: str
 ) -> Picture:
-    """The picture of a frame. place_of: where a camera stands. go_to: moves Blender to a frame, or between two.
+    """Returns the Picture of a frame. place_of: a camera's transform. go_to: moves Blender to a frame, or between two.
 
-    Raises ValueError where there is nothing to ask for.
+    Raises ValueError if there is nothing to render.
     """
     blender = depsgraph.scene
     render, settings = blender.render, blender.rayfarm
@@ -123,6 +123,6 @@ def picture_of(
 
 
 def split(frame: float) -> tuple[int, float]:
-    """A frame as Blender takes it: a whole number and a rest."""
+    """Returns a frame as Blender needs it: an integer and a fraction."""
     whole = math.floor(frame + 1e-9)
     return whole, max(frame - whole, 0.0)

@@ -1,4 +1,4 @@
-"""Tells Blender of the engine and its panels, and of Blender's own panels which are for this engine too."""
+"""Registers the engine and its panels, and enables Blender's own panels for this engine."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _panels() -> list[type]:
 
 
 def register() -> None:
-    """All of it."""
+    """Registers all classes and panels."""
     for each in CLASSES:
         bpy.utils.register_class(each)
     settings.register()
@@ -47,7 +47,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """None of it."""
+    """Unregisters all classes and panels."""
     atexit.unregister(unregister)
     connection.close()
     for panel in _panels():

@@ -1,6 +1,6 @@
-"""What a person sets: of the farm in the add-on's preferences, of pictures in the scene.
+"""The user's settings: of the farm in the add-on's preferences, of pictures in the scene.
 
-The token never goes into a .blend file, which people give away.
+The token is never stored in a .blend file, since those are shared.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ LOCAL = "http://127.0.0.1:8000"
 
 
 def package() -> str:
-    """By which Blender knows the add-on: with the repository's name before it where it came as an extension."""
+    """Returns the add-on's package name in Blender, prefixed by the repository's name for an extension."""
     return __package__.rpartition(".")[0]
 
 
@@ -31,7 +31,7 @@ class RayfarmPreferences(bpy.types.AddonPreferences):
     )
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Blender shows it under the add-on."""
+        """Draws the preferences; called by Blender."""
         column = self.layout.column()
         column.prop(self, "url")
         column.prop(self, "token")
@@ -71,7 +71,7 @@ class RayfarmSceneSettings(bpy.types.PropertyGroup):
 
 
 def farm_of(context: bpy.types.Context) -> tuple[str, str]:
-    """The address and the token; the environment's where the preferences have none."""
+    """Returns the address and the token; from the environment variables where the preferences have none."""
     import os
 
     known = context.preferences.addons.get(package())
@@ -84,10 +84,10 @@ CLASSES = (RayfarmPreferences, RayfarmSceneSettings)
 
 
 def register() -> None:
-    """After the classes."""
+    """Adds the scene settings; called after the classes are registered."""
     bpy.types.Scene.rayfarm = PointerProperty(type=RayfarmSceneSettings)
 
 
 def unregister() -> None:
-    """Before the classes go."""
+    """Removes the scene settings; called before the classes are unregistered."""
     del bpy.types.Scene.rayfarm

@@ -1,4 +1,4 @@
-"""The viewport in "rendered" mode: reads what changed a few milliseconds at a time, and draws the newest picture of the farm."""
+"""The viewport in "rendered" mode: exports changes for a few milliseconds at a time, and draws the farm's newest picture."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ SETTLED_S = 0.15  # after the last change, so that a hand that moves something d
 
 
 class Changes:
-    """What of Blender's data changed since it was last read."""
+    """The changes of Blender's data since the last export."""
 
     def __init__(self) -> None:
         self.all = True
         self.names: set[tuple[str, str]] = set()  # of objects and their data whose meshes are others
 
     def take(self, depsgraph: Any) -> bool:
-        """Takes in what the dependency graph tells; whether the scene must be read again."""
+        """Records the updates of the dependency graph; returns whether the scene must be exported again."""
         matters = self.all
         for update in depsgraph.updates:
             id = update.id
@@ -47,7 +47,7 @@ class Changes:
         return matters
 
     def touch(self, thing: Any, data: Any) -> bool:
-        """Whether an object's mesh is to be read again."""
+        """Whether an object's mesh must be exported again."""
         if self.all or thing.is_from_instancer:
             return self.all or bool(self.names)
         told = {("Object", thing.name_full)}
@@ -56,7 +56,7 @@ class Changes:
         return not told.isdisjoint(self.names)
 
     def clear(self) -> None:
-        """All of it was read."""
+        """Forgets the changes, after they were exported."""
         self.all = False
         self.names.clear()
 
@@ -66,7 +66,7 @@ def _moved(update: Any) -> bool:
 
 
 class Viewport:
-    """One viewport's: lives as long as its engine."""
+    """The state of one viewport; lives as long as its engine."""
 
     def __init__(self, engine: Any, url: str, token: str, project: str, title: str) -> None:
         self._engine = engine
@@ -94,7 +94,7 @@ class Viewport:
         bpy.app.timers.register(self._ticking, first_interval=LOOK_S)
 
     def tick(self) -> float | None:
-        """From Blender's timer: draws again where there is something to draw or to read. None ends it."""
+        """Called by Blender's timer: requests a redraw if there is something to draw or to export. None ends the timer."""
         watching = self._watching
         if watching is None:
             return None
@@ -108,13 +108,13 @@ class Viewport:
         return LOOK_S
 
     def update(self, depsgraph: Any) -> None:
-        """Something changed: read it when the hand rests."""
+        """Schedules an export once changes have paused."""
         if self._changes.take(depsgraph):
             self._reading, self._waits = None, True
             self._begin_at = 0.0 if not self._known else time.monotonic() + SETTLED_S
 
     def read(self, depsgraph: Any) -> None:
-        """Goes on with what is to be read, for a tick."""
+        """Continues the export for one tick."""
         if self._watching is None:
             return
         now = time.monotonic()
@@ -140,7 +140,7 @@ class Viewport:
                 self._error = ""
 
     def look(self, context: Any, depsgraph: Any) -> None:
-        """Tells the farm how the viewport looks at the scene, where that is another than before."""
+        """Sends the viewport's view to the farm, if it has changed."""
         if self._watching is None:
             return
         region, space = context.region, context.space_data
@@ -167,7 +167,7 @@ class Viewport:
             self._shots[number] = shot
 
     def draw(self, context: Any, depsgraph: Any) -> None:
-        """The newest picture, and a line on how it goes."""
+        """Draws the newest picture and a status line."""
         self.read(depsgraph)
         self.look(context, depsgraph)
         text = self._error
@@ -180,7 +180,7 @@ class Viewport:
         self._canvas.draw(self._engine, depsgraph.scene, context.region)
 
     def cut(self, shown: Shown) -> tuple[float, float, float, float]:
-        """Where of a picture the viewport is, as shares of it: left, low, right, high, from the lower left corner."""
+        """Returns the viewport's part of a picture as fractions: left, low, right, high, from the lower left corner."""
         shot = self._shots.get(shown.id)
         if shot is None:
             return 0.0, 0.0, 1.0, 1.0
@@ -189,7 +189,7 @@ class Viewport:
         return left, low / shot.height, right, (low + shot.h) / shot.height
 
     def end(self) -> None:
-        """Nobody looks any more."""
+        """Ends the live view."""
         if self._watching is not None:
             self._watching.end()
             self._watching = None

@@ -1,12 +1,12 @@
-"""Scattering, one model a file, each with eval_x beside pdf_x (or both as eval_and_pdf_x) and sample_x.
+"""BSDF models, one a file, each with eval_x and pdf_x (or both as eval_and_pdf_x) and sample_x.
 
 All work in a local frame whose z is the shading normal on the viewer's side: wo points to the viewer (z > 0), wi to the
-light, below (z < 0) where the model transmits; both are unit. eval_x gives f(wo, wi) |cos wi| per channel; sample_x gives
-(wi, eval / pdf, pdf), with a weight of 0 where nothing is scattered. Discrete (specular) models have only sample_x: no other
-direction can find their peak.
+light, below (z < 0) where the model transmits; both are unit. eval_x returns f(wo, wi) |cos wi| per channel; sample_x returns
+(wi, eval / pdf, pdf), with a weight of 0 where nothing is scattered. Discrete (specular) models have only sample_x, since no
+other direction can find their peak.
 
 models        diffuse, mirror, glass, metallic_roughness (the fast ones), conductor, blinn_phong, layered (all of glTF)
-lobes         clearcoat, sheen, rough_glass, iridescence (a film's reflectance): what layered.py is put together from
-foundations   microfacet (GGX), fresnel, energy and glass_energy (what is scattered more than once), layer_balance (what
-              layers leave to those below), albedo_tables (makes the .npy files)
+lobes         clearcoat, sheen, rough_glass, iridescence (reflectance of a thin film): the components of layered.py
+foundations   microfacet (GGX), fresnel, energy and glass_energy (multiple scattering), layer_balance (what layers transmit
+              to those below), albedo_tables (generates the .npy files)
 """

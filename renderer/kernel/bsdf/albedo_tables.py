@@ -1,7 +1,7 @@
-"""Makes the tables of directional albedo that the microfacet models are energy-compensated by: .npy files beside this one.
+"""Generates the directional albedo tables for the energy compensation of microfacet models: .npy files in this folder.
 
-`python -m renderer.kernel.bsdf.albedo_tables` writes them again; a test compares them with what this makes. They are kept
-as files because every host must render by the same bits, and numpy's sines differ in theirs from host to host.
+`python -m renderer.kernel.bsdf.albedo_tables` writes them; a test compares them with this generator. They are stored
+as files because all hosts must render the same bits, and numpy's trigonometric functions differ between hosts.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ CHARLIE_LAMBDA = (25.3245, 3.32435, 0.16801, -1.27393, -4.85967), (21.5473, 3.82
 
 
 def ggx_albedo(cosine: float, alpha: float, steps: int = 192) -> tuple[float, float]:
-    """(A, B): a GGX mirror whose microfacets reflect by Schlick scatters F0 A + F90 B of the light from this direction, once.
+    """Returns (A, B): the single-scattering albedo of GGX with Schlick's Fresnel from this direction is F0 A + F90 B.
 
-    The mean of G2 / G1 times Schlick's two parts over visible normals, by midpoints in the square that those are sampled from.
+    The mean of G2 / G1 times Schlick's two terms over visible normals, by midpoints in the square from which those are sampled.
     """
     wo = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
     h = _visible_normals(wo, alpha, alpha, steps, steps // 2)
@@ -67,7 +67,10 @@ def ggx_albedo(cosine: float, alpha: float, steps: int = 192) -> tuple[float, fl
 
 
 def _visible_normals(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns: int, distribution: str = "ggx") -> F64:
-    """(steps, turns, 3) microfacet normals by the area that wo sees of them; steps / 2 turns: the half circle where y > 0."""
+    """Returns microfacet normals, (steps, turns, 3), distributed as visible from wo.
+
+    Steps / 2 turns for the half circle y > 0.
+    """
     if distribution == "beckmann":
         return _visible_beckmann(wo, alpha_x, alpha_y, steps, turns)
     u, v = np.meshgrid((np.arange(steps) + 0.5) / steps, (np.arange(turns) + 0.5) / steps, indexing="ij")
@@ -82,7 +85,10 @@ def _visible_normals(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns:
 
 
 def _visible_beckmann(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns: int) -> F64:
-    """The same of Beckmann's: slopes along wo's azimuth by the inverse of their tabulated distribution, across it Gaussian."""
+    """Returns `_visible_normals` of Beckmann's distribution.
+
+    Slopes along wo's azimuth by the tabulated inverse of their distribution; slopes across it are Gaussian.
+    """
     x, y = wo[0] * alpha_x, wo[1] * alpha_y
     sine = float(np.hypot(x, y))
     cosine, turn = (x / sine, y / sine) if sine > 0 else (1.0, 0.0)
@@ -106,7 +112,7 @@ def _visible_beckmann(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns
 
 
 def _lambda(tangent: float | F64, distribution: str) -> F64:
-    """Smith's Lambda by the tangent of the direction times alpha."""
+    """Returns Smith's Lambda from the tangent of the direction's angle times alpha."""
     tangent = np.asarray(tangent, np.float64)
     if distribution == "ggx":
         return np.asarray((np.sqrt(1 + tangent**2) - 1) / 2)
@@ -123,7 +129,7 @@ def _smith_lambda(cosine: float | F64, alpha: float, distribution: str = "ggx") 
 
 
 def brushed_albedo(wo: F64, alpha_x: float, alpha_y: float, steps: int = 64, distribution: str = "ggx") -> tuple[float, float]:
-    """(A, B) as `ggx_albedo`, of microfacets with two alphas, for light from the direction wo."""
+    """Returns (A, B), see `ggx_albedo`, for anisotropic microfacets with two alphas, for light from direction wo."""
     h = _visible_normals(wo, alpha_x, alpha_y, steps, steps, distribution)
     cosine_h = np.clip(h @ wo, 0, 1)
     wi = 2 * cosine_h[..., None] * h - wo
@@ -142,7 +148,7 @@ def brushed_albedo(wo: F64, alpha_x: float, alpha_y: float, steps: int = 64, dis
 
 
 def brushed_node(i: int, j: int, k: int, n: int, distribution: str = "ggx") -> tuple[float, float]:
-    """One node of `brushed_table`."""
+    """Returns (A, B) for one node of `brushed_table`."""
     r, q, t, a = (index / (nodes - 1) for index, nodes in zip((i, j, k, n), BRUSHED_NODES, strict=True))
     alpha_x = max(r * r, _SMALLEST)
     alpha_y = alpha_x * max(q * q, 1e-2 * _SMALLEST)
@@ -156,7 +162,7 @@ def brushed_node(i: int, j: int, k: int, n: int, distribution: str = "ggx") -> t
 
 
 def brushed_means(plane: F64, j: int) -> list[float]:
-    """The means over the hemisphere of a plane of the table, (cosines, azimuths, 2), at the ratio's node j."""
+    """Returns the means over the hemisphere of a plane of the table, (cosines, azimuths, 2), at node j of the ratio of alphas."""
     least = (j / (BRUSHED_NODES[1] - 1)) ** 2  # the lesser alpha over the greater
     turn = (np.arange(256) + 0.5) / 256 * np.pi / 2
     alpha = np.sqrt(np.cos(turn) ** 2 + (least * np.sin(turn)) ** 2)
@@ -166,7 +172,7 @@ def brushed_means(plane: F64, j: int) -> list[float]:
 
 
 def brushed_table(distribution: str = "ggx") -> F64:
-    """BRUSHED_NODES and (A, B), the third axis one longer: its last row holds the means over the hemisphere."""
+    """Returns (A, B) at BRUSHED_NODES, with one more row on the third axis for the means over the hemisphere."""
     table = np.array([brushed_node(i, j, k, n, distribution) for i, j, k, n in np.ndindex(BRUSHED_NODES)]).reshape(
         *BRUSHED_NODES, 2
     )
@@ -175,7 +181,10 @@ def brushed_table(distribution: str = "ggx") -> F64:
 
 
 def glass_albedo(cosine: float, alpha: float, eta: float, steps: int = 128, distribution: str = "ggx") -> float:
-    """What a rough boundary reflects and transmits of light from this direction, once. eta: index beyond over index here."""
+    """Returns the single-scattering albedo of a rough boundary, reflection and transmission together, for one direction.
+
+    eta: index beyond the boundary over index on this side.
+    """
     wo = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
     h = _visible_normals(wo, alpha, alpha, steps, steps // 2, distribution)
     cosine_h = np.clip(h @ wo, 0, 1)
@@ -195,7 +204,10 @@ def glass_albedo(cosine: float, alpha: float, eta: float, steps: int = 128, dist
 
 
 def glass_table(distribution: str = "ggx") -> F64:
-    """(GLASS_SIZE, GLASS_SIZE + 1, GLASS_SIZE): by bend, roughness, cosine; the middle axis' last row holds the means."""
+    """Returns the table (GLASS_SIZE, GLASS_SIZE + 1, GLASS_SIZE), by index, roughness and cosine.
+
+    The last row of the middle axis holds the means over the hemisphere.
+    """
     node = np.arange(GLASS_SIZE) / (GLASS_SIZE - 1)
     bend = (2 * node - 1) * MOST_BEND
     table = np.array(
@@ -215,9 +227,9 @@ def glass_table(distribution: str = "ggx") -> F64:
 
 
 def facets_pass(cosine: float, eta: float, alpha: float, distribution: str = "ggx", steps: int = 96) -> tuple[float, float]:
-    """(reflected, let through) of the light from this direction that facets scatter once, shadowed by G1(wo) G1(wi).
+    """Returns (reflected, transmitted): the fractions of light from one direction after single scattering.
 
-    eta: index beyond over index here. The rest is lost between facets.
+    Shadowed by G1(wo) G1(wi). eta: index beyond the boundary over index on this side. The rest is lost between facets.
     """
     wo = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
     h = _visible_normals(wo, alpha, alpha, steps, steps // 2, distribution)
@@ -238,9 +250,9 @@ def facets_pass(cosine: float, eta: float, alpha: float, distribution: str = "gg
 
 
 def coat_table(distribution: str = "ggx") -> F64:
-    """COAT_NODES, the last axis one longer: the share of light from outside that a coat's facets let through.
+    """Returns the fraction of light from outside transmitted by a coat's facets, at COAT_NODES.
 
-    The last entry of the last axis is the share of diffuse light from within that they throw back.
+    The last axis has one more entry, the fraction of diffuse light from inside that the facets reflect back.
     """
     bends, roughnesses, cosines = (np.linspace(0, 1, nodes) for nodes in COAT_NODES)
     found = np.empty((len(bends), len(roughnesses), len(cosines) + 1))
@@ -255,7 +267,7 @@ def coat_table(distribution: str = "ggx") -> F64:
 
 
 def sheen_albedo(cosine: float, alpha: float, steps: int = 256) -> float:
-    """What a white Charlie sheen scatters of the light from this direction, by midpoints over the other directions."""
+    """Returns the albedo of white Charlie sheen for one direction, by midpoints over the outgoing directions."""
     z, turn = np.meshgrid((np.arange(steps) + 0.5) / steps, (np.arange(steps) + 0.5) / steps * np.pi, indexing="ij")
     r = np.sqrt(1 - z * z)
     h = np.stack([r * np.cos(turn) + np.sqrt(1 - cosine**2), r * np.sin(turn), z + cosine], -1)
@@ -277,16 +289,16 @@ def _charlie_lambda(cosine: float | F64, alpha: float) -> F64:
 
 
 def sheen_table() -> F64:
-    """(SIZE + 1, SIZE), as `ggx_table`; the last row holds the means."""
+    """Returns the table (SIZE + 1, SIZE), laid out as `ggx_table`; the last row holds the means."""
     node = np.arange(SIZE) / (SIZE - 1)
     table = np.array([[sheen_albedo(max(t * t, _SMALLEST), max(r * r, _SMALLEST)) for t in node] for r in node])
     return np.concatenate([table, [[mean_over_hemisphere(row) for row in table]]])
 
 
 def ggx_table() -> F64:
-    """(SIZE + 1, SIZE, 2): [i, j] is (A, B) at roughness i / (SIZE - 1) and cosine (j / (SIZE - 1))**2.
+    """Returns the table (SIZE + 1, SIZE, 2): [i, j] is (A, B) at roughness i / (SIZE - 1) and cosine (j / (SIZE - 1))**2.
 
-    The last row of the first axis is not a roughness: it holds the means over the hemisphere, by roughness.
+    The last row of the first axis holds the means over the hemisphere, by roughness.
     """
     node = np.arange(SIZE) / (SIZE - 1)
     table = np.array([[ggx_albedo(max(t * t, _SMALLEST), max(r * r, _SMALLEST)) for t in node] for r in node])
@@ -295,7 +307,7 @@ def ggx_table() -> F64:
 
 
 def mean_over_hemisphere(values: F64) -> float:
-    """The cosine-weighted mean of a function that is linear between its values at even nodes of sqrt(cosine)."""
+    """Returns the cosine-weighted mean of a function that is linear between values at even nodes of sqrt(cosine)."""
     steps = 16 * (len(values) - 1)
     t = (np.arange(steps) + 0.5) / steps
     # cosine = t**2, and 2 cosine d cosine = 4 t**3 dt
@@ -303,12 +315,12 @@ def mean_over_hemisphere(values: F64) -> float:
 
 
 def table_path(name: str) -> Path:
-    """Where the table of that name is kept."""
+    """Returns the path of the table file of that name."""
     return Path(__file__).with_name(f"{name}.npy")
 
 
 def main() -> None:
-    """Writes the tables."""
+    """Writes all tables."""
     np.save(table_path("ggx_albedo"), ggx_table().astype(np.float32))
     np.save(table_path("brushed_albedo"), brushed_table().astype(np.float32))
     np.save(table_path("glass_albedo"), glass_table().astype(np.float32))

@@ -1,6 +1,6 @@
-"""The Beckmann distribution of microfacets: Gaussian slopes, anisotropic.
+"""The anisotropic Beckmann distribution of microfacets: Gaussian slopes.
 
-h is a microfacet's normal, with z > 0; directions have z > 0 unless said otherwise. Lambda and the visible normals are exact up
+h is a microfacet's normal, with z > 0; directions have z > 0 unless stated otherwise. Lambda and the visible normals are exact up
 to the error of `erf`. Sources: Walter et al., "Microfacet Models for Refraction through Rough Surfaces" (2007); Heitz,
 "Understanding the Masking-Shadowing Function" (JCGT 3(2), 2014); Jakob, "An Improved Visible Normal Sampling Routine for the
 Beckmann Distribution" (2014).
@@ -31,7 +31,7 @@ _STEPS = 16  # of Newton's method within a bracket
 
 @subroutine
 def beckmann_density(h, alpha_x, alpha_y):
-    """D(h): microfacet area per steradian of h and area of the surface."""
+    """Returns D(h): microfacet area per steradian of h and unit area of the surface."""
     x, y = h[0] / alpha_x, h[1] / alpha_y
     z2 = max(h[2] * h[2], _LEAST)
     return exp(-(x * x + y * y) / z2) * _INV_PI / (alpha_x * alpha_y * z2 * z2)
@@ -39,7 +39,7 @@ def beckmann_density(h, alpha_x, alpha_y):
 
 @subroutine
 def beckmann_lambda(w, alpha_x, alpha_y):
-    """Smith's Lambda, masked over visible area. w may be below the horizon."""
+    """Returns Smith's Lambda for direction w, which may be below the horizon."""
     x, y = w[0] * alpha_x, w[1] * alpha_y
     sine = math.sqrt(x * x + y * y)
     height = abs(w[2])
@@ -51,9 +51,9 @@ def beckmann_lambda(w, alpha_x, alpha_y):
 
 @subroutine
 def _visible_slope(tangent, u):
-    """A slope x <= 1 / tangent by the density (1 - x tangent) exp(-x**2); tangent: of the direction on a surface of alpha 1.
+    """Samples a slope x <= 1 / tangent with density proportional to (1 - x tangent) exp(-x**2).
 
-    Newton's method on b = erf(x), within a bracket.
+    tangent: of the direction's angle to the normal, on a surface of alpha 1. Newton's method on b = erf(x), within a bracket.
     """
     low, high = _LEAST - _ONE, _ONE - _LEAST
     whole = _ONE
@@ -80,7 +80,7 @@ def _visible_slope(tangent, u):
 
 @subroutine
 def sample_visible_beckmann(wo, alpha_x, alpha_y, u):
-    """A microfacet normal by the area that wo sees of it."""
+    """Samples a microfacet normal from the distribution of normals visible from wo."""
     out_of_line()
     v = (wo[0] * alpha_x, wo[1] * alpha_y, wo[2])
     sine = math.sqrt(v[0] * v[0] + v[1] * v[1])

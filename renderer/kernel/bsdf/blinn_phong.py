@@ -1,8 +1,8 @@
-"""Blinn and Phong's empirical model: a diffuse part kd, and a highlight ks (n.h)**shininess that reflects ks of light facing.
+"""The empirical Blinn-Phong model: diffuse reflectance kd, and a highlight ks (n.h)**shininess normalised at normal incidence.
 
-Blinn, "Models of Light Reflection for Computer Synthesized Pictures" (1977). The highlight's factor is the exact one for
+Blinn, "Models of Light Reflection for Computer Synthesized Pictures" (1977). The highlight's factor is exact for
 light along the normal, (s + 2)(s + 4) / (8 pi (2**(-s / 2) + s)) (Giesen, "Phong Normalization Factor Derivation", 2009); at
-other angles less is reflected. Where kd + ks is above 1, both are scaled down to it (scene/packing.py).
+other angles less is reflected. Where kd + ks exceeds 1, both are scaled down to a sum of 1 (scene/packing.py).
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ _LEAST = np.float32(1e-6)
 
 @device
 def _choice(kd, ks):
-    """The chance of the highlight: its share of the weights."""
+    """Returns the probability of sampling the highlight: its share of the weights."""
     highlight = vec.luminance(ks)
     return highlight / max(highlight + vec.luminance(kd), _LEAST)
 
 
 @device
 def eval_and_pdf_blinn_phong(kd, ks, shininess, wo, wi):
-    """(f |cos|, pdf)."""
+    """Returns (f |cos|, pdf), per steradian."""
     if wi[2] <= _ZERO or wo[2] <= _ZERO:
         return (_ZERO, _ZERO, _ZERO), _ZERO
     h = vec.normalize(vec.add(wo, wi))
@@ -52,7 +52,7 @@ def eval_and_pdf_blinn_phong(kd, ks, shininess, wo, wi):
 
 @device
 def sample_blinn_phong(kd, ks, shininess, wo, choose, u):
-    """(wi, weight, pdf): about the mirror direction or about the normal, by the weights of the two."""
+    """Samples (wi, weight, pdf): about the mirror direction or about the normal, chosen by the weights of the two."""
     if choose < _choice(kd, ks):
         z = power(_ONE - u[0], _ONE / (shininess + _ONE))
         radius = math.sqrt(max(_ONE - z * z, _ZERO))

@@ -1,7 +1,7 @@
-"""The single-scatter albedo of brushed surfaces, whose two alphas differ, from tables (albedo_tables.py): GGX and Beckmann.
+"""Single-scattering albedo of anisotropic GGX and Beckmann surfaces, from tables (albedo_tables.py).
 
-It depends on the azimuth as well: along the groove's cross direction, where facets tilt most, far more light is lost at
-grazing angles than along the groove. No isotropic surface loses as much in one direction and as little in the other.
+It depends on the azimuth as well: across the grooves, where facets tilt most, far more light is lost at grazing angles than along
+them. An isotropic surface cannot match both.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TABLE = np.concatenate([np.load(table_path(name)) for name in ("brushed_albedo", "beckmann_albedo")])
 _LAST_ROUGHNESS, _LAST_RATIO, _LAST_COSINE, _LAST_AZIMUTH = (np.float32(nodes - 1) for nodes in BRUSHED_NODES)
-# How many entries (A, B) the table has for a node of all but the roughness; the means follow the cosines' nodes.
+# Number of entries (A, B) for one roughness; the means follow the nodes of the cosine.
 _RATIOS, _COSINES, _AZIMUTHS = (np.uint32(entries) for entries in _TABLE.shape[1:4])
-_BECKMANN = np.uint32(BRUSHED_NODES[0])  # where its roughnesses begin
+_BECKMANN = np.uint32(BRUSHED_NODES[0])  # index of Beckmann's first roughness
 _MEANS = np.uint32(BRUSHED_NODES[2])
 _FIRST = np.uint32(0)
 _LEAST = np.float32(1e-6)
@@ -32,7 +32,7 @@ _LEAST = np.float32(1e-6)
 
 @device
 def _node(x, last):
-    """(The node below x of 0 ... 1, how far x is beyond it.) Lanes that hold nothing may be NaN: they too stay in the table."""
+    """Returns (the table node below x in 0 ... 1, the fraction beyond it). NaN, as in unused lanes, gives a valid node."""
     x = min(_ONE, max(_ZERO, x)) * last
     i = to_int(min(last - _ONE, x))
     return i, x - to_float(i)
@@ -45,14 +45,14 @@ def _share(side, t):
 
 @device
 def _entry(roughness, ratio, cosine, azimuth):
-    """(A, B) at a node."""
+    """Returns (A, B) at a node of the table."""
     number = ((roughness * _RATIOS + ratio) * _COSINES + cosine) * _AZIMUTHS + azimuth
     return columns(_TABLE, number, 2, 0, 2)
 
 
 @device
 def _first(beckmann):
-    """The number of the distribution's first roughness in the table."""
+    """Returns the index of the distribution's first roughness in the table."""
     first = _FIRST
     if beckmann is not None:  # noqa: SIM102
         if beckmann != _ZERO:
@@ -62,7 +62,7 @@ def _first(beckmann):
 
 @device
 def _is_tabled(beckmann, alpha_x, alpha_y):
-    """Whether this table has the surface's albedo: all but those of GGX that are equally rough in both directions."""
+    """Whether this table holds the surface's albedo: for all surfaces except isotropic GGX."""
     tabled = alpha_x > alpha_y
     if beckmann is not None:
         tabled = tabled | (beckmann != _ZERO)
@@ -106,9 +106,10 @@ def _mean_lookup(first, alpha_x, alpha_y):
 
 @device
 def brushed_albedo(beckmann, w, roughness, alpha_x, alpha_y):
-    """(A, B) as `ggx_albedo` gives them, towards w in the frame whose x axis has alpha_x >= alpha_y.
+    """Returns (A, B), see `ggx_albedo`, for direction w in the frame whose x axis has alpha_x >= alpha_y.
 
-    beckmann: as in facets.py; roughness: the root of both alphas where they are the same."""
+    beckmann: as in facets.py; roughness: the square root of both alphas where they are equal.
+    """
     brushed = _is_tabled(beckmann, alpha_x, alpha_y)
     a = b = nil(w[2])
     if any_of(not_(brushed)):
@@ -121,7 +122,7 @@ def brushed_albedo(beckmann, w, roughness, alpha_x, alpha_y):
 
 @device
 def brushed_mean_albedo(beckmann, roughness, alpha_x, alpha_y):
-    """(A, B), their means over the cosine-weighted hemisphere."""
+    """Returns the means of (A, B) over the cosine-weighted hemisphere."""
     brushed = _is_tabled(beckmann, alpha_x, alpha_y)
     a = b = nil(roughness)
     if any_of(not_(brushed)):

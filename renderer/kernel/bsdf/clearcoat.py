@@ -1,4 +1,4 @@
-"""A varnish of index 1.5 over a material: KHR_materials_clearcoat. GGX about a normal of its own, given in the base's frame."""
+"""A clearcoat of index 1.5 over a material: KHR_materials_clearcoat. GGX about its own normal, given in the base's frame."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ _LEAST_COSINE = np.float32(0.01)
 
 @subroutine
 def clearcoat_albedo(roughness, cosine):
-    """What it reflects of light from one direction."""
+    """Returns the clearcoat's albedo for one direction."""
     a, b = ggx_albedo(cosine, roughness)
     return _F0 * a + b
 
 
 @subroutine
 def clearcoat_mean_albedo(roughness):
-    """The same over the cosine-weighted hemisphere."""
+    """Returns the clearcoat's mean albedo over the cosine-weighted hemisphere."""
     a, b = ggx_mean_albedo(roughness)
     return _F0 * a + b
 
 
 @device
 def _frame(n, wo):
-    """The frame of the normal n; where wo would see it from below, the base's."""
+    """Returns the frame of the normal n, or the base's where wo lies below n's horizon."""
     if vec.dot(n, wo) < _LEAST_COSINE:
         n = (_ZERO, _ZERO, _ONE)
     s, t = vec.basis(n)
@@ -45,7 +45,7 @@ def _frame(n, wo):
 
 @subroutine
 def eval_and_pdf_clearcoat(roughness, normal, wo, wi):
-    """(f |cos|, pdf) of one channel."""
+    """Returns (f |cos|, pdf) of one channel."""
     s, t, n = _frame(normal, wo)
     o = vec.to_local(s, t, n, wo)
     i = vec.to_local(s, t, n, wi)
@@ -62,7 +62,7 @@ def eval_and_pdf_clearcoat(roughness, normal, wo, wi):
 
 @subroutine
 def sample_clearcoat(roughness, normal, wo, u):
-    """A direction; below the base's horizon, light meets the base."""
+    """Samples a direction wi, which may be below the base's horizon."""
     s, t, n = _frame(normal, wo)
     o = vec.to_local(s, t, n, wo)
     alpha = max(roughness * roughness, MIN_ALPHA)

@@ -1,4 +1,4 @@
-"""Metals by their measured index of refraction eta + i k, smooth or rough."""
+"""Conductors with a complex index of refraction eta + i k, smooth or rough."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _BLACK = (_ZERO, _ZERO, _ZERO)
 
 @device
 def fresnel_rgb(cosine, eta, k):
-    """Reflectance of the three channels."""
+    """Returns the Fresnel reflectance of the three channels."""
     return (
         fresnel_conductor(cosine, eta[0], k[0]),
         fresnel_conductor(cosine, eta[1], k[1]),
@@ -38,14 +38,14 @@ def fresnel_rgb(cosine, eta, k):
 
 @device
 def _albedo(beckmann, w, roughness, alpha_x, alpha_y):
-    """The chance of the microfacets: the rest is light that they scatter more than once."""
+    """Returns the probability of sampling the microfacets, their single-scattering albedo; the rest is multiple scattering."""
     a, b = brushed_albedo(beckmann, w, roughness, alpha_x, alpha_y)
     return a + b
 
 
 @device
 def _above(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
-    """(f |cos|, pdf) of directions above the horizon."""
+    """Returns (f |cos|, pdf) for directions above the horizon."""
     h = vec.normalize(vec.add(wo, wi))
     lambda_o = facet_lambda(beckmann, wo, alpha_x, alpha_y)
     lambda_i = facet_lambda(beckmann, wi, alpha_x, alpha_y)
@@ -67,9 +67,10 @@ def _above(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
 
 @device
 def eval_and_pdf_conductor(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
-    """(f |cos|, pdf). beckmann: as in facets.py; mean_fresnel: over the hemisphere, cosine-weighted.
+    """Returns (f |cos|, pdf). beckmann: as in facets.py; mean_fresnel: the cosine-weighted mean over the hemisphere.
 
-    roughness: the root of both alphas where they are the same."""
+    roughness: the square root of both alphas where they are equal.
+    """
     none = nil(wi[2])
     f, pdf = (none, none, none), none
     below = (wi[2] <= _ZERO) | (wo[2] <= _ZERO)
@@ -81,7 +82,7 @@ def eval_and_pdf_conductor(beckmann, eta, k, mean_fresnel, roughness, alpha_x, a
 
 @device
 def sample_conductor(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, choose, u):
-    """(wi, weight, pdf)."""
+    """Samples a rough conductor: (wi, weight, pdf)."""
     mirrored = choose < _albedo(beckmann, wo, roughness, alpha_x, alpha_y)
     wi = wo
     if any_of(mirrored):
@@ -96,5 +97,5 @@ def sample_conductor(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y
 
 @device
 def sample_smooth_conductor(eta, k, wo):
-    """(wi, weight) of the mirror that an even metal is."""
+    """Samples a smooth conductor: (wi, weight), wi being the mirror direction."""
     return (-wo[0], -wo[1], wo[2]), fresnel_rgb(wo[2], eta, k)

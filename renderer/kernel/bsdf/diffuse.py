@@ -1,4 +1,4 @@
-"""Lambert's ideal diffuse reflection."""
+"""Ideal diffuse reflection (Lambert)."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ _INV_PI = np.float32(1.0 / math.pi)
 
 @device
 def eval_diffuse(albedo, wo, wi):
-    """f |cos|: albedo / pi times the cosine."""
+    """Returns f |cos|: albedo / pi times the cosine."""
     return vec.scale(albedo, max(_ZERO, wi[2]) * _INV_PI)
 
 
 @device
 def pdf_diffuse(wo, wi):
-    """Per steradian."""
+    """Returns the pdf of `sample_diffuse`, per steradian."""
     return square_to_cosine_hemisphere_pdf(wi)
 
 
 @device
 def sample_diffuse(albedo, wo, u):
-    """(wi, weight, pdf)."""
+    """Samples (wi, weight, pdf) in proportion to the cosine."""
     wi = square_to_cosine_hemisphere(u)
     return wi, albedo, square_to_cosine_hemisphere_pdf(wi)

@@ -1,9 +1,9 @@
-"""The light that GGX mirrors scatter more than once: what single scattering loses, given back without a direction of its own.
+"""Multiple scattering between GGX microfacets: compensates the energy that single scattering loses with a diffuse-like lobe.
 
 Kulla & Conty, "Revisiting Physically Based Shading at Imageworks" (SIGGRAPH course, 2017): a lobe in proportion to
 (1 - E(wo)) (1 - E(wi)), which is reciprocal, and makes a white metal of any roughness reflect exactly all light. E is the
-single-scatter albedo of a perfect mirror's microfacets. It is kept split for Schlick's Fresnel: F0 A + F90 B is the albedo
-of any other, and E = A + B. Tables: albedo_tables.py.
+single-scattering albedo of perfectly reflecting microfacets. It is stored split for Schlick's Fresnel: the albedo for F0 and F90
+is F0 A + F90 B, and E = A + B. Tables: albedo_tables.py.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def _between(a, b, t):
 
 @device
 def _node(x):
-    """(The node below x of 0 ... 1, how far x is beyond it.) Lanes that hold nothing may be NaN: they too stay in the table."""
+    """Returns (the table node below x in 0 ... 1, the fraction beyond it). NaN, as in unused lanes, gives a valid node."""
     x = min(_ONE, max(_ZERO, x)) * _LAST
     i = to_int(min(_MOST, x))
     return i, x - to_float(i)
@@ -45,14 +45,14 @@ def _node(x):
 
 @device
 def _pair(number, t):
-    """(A, B) between a node, counted over the whole table, and the next."""
+    """Returns (A, B) interpolated between node `number` of the flat table and the next."""
     a, b, next_a, next_b = columns(_TABLE, number, 2, 0, 4)
     return _between(a, next_a, t), _between(b, next_b, t)
 
 
 @subroutine
 def ggx_albedo(cosine, roughness):
-    """(A, B) towards one direction; roughness is the square root of alpha, 0 ... 1."""
+    """Returns (A, B) for one direction; roughness is the square root of alpha, 0 ... 1."""
     i, s = _node(roughness)
     j, t = _node(math.sqrt(max(_ZERO, cosine)))
     smoother_a, smoother_b = _pair(i * _COSINES + j, t)
@@ -62,18 +62,21 @@ def ggx_albedo(cosine, roughness):
 
 @subroutine
 def ggx_mean_albedo(roughness):
-    """(A, B), their means over the cosine-weighted hemisphere."""
+    """Returns the means of (A, B) over the cosine-weighted hemisphere."""
     i, s = _node(roughness)
     return _pair(i + _MEANS, s)
 
 
 @device
 def schlick_mean(f0, f90):
-    """Schlick's reflectance of one channel over the cosine-weighted hemisphere."""
+    """Returns the cosine-weighted mean over the hemisphere of Schlick's reflectance, of one channel."""
     return f0 + (f90 - f0) * _MEAN_WEIGHT
 
 
 @device
 def multiple_scattering(mean_fresnel, mean_albedo):
-    """What of the light that single scattering loses comes out later, if each bounce keeps mean_fresnel (Fdez-Aguera 2019)."""
+    """Returns the fraction of the light lost by single scattering that leaves after further bounces (Fdez-Aguera 2019).
+
+    mean_fresnel: share of the light that each bounce keeps.
+    """
     return mean_fresnel * mean_fresnel * mean_albedo / (_ONE - mean_fresnel * (_ONE - mean_albedo))

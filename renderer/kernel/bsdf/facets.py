@@ -1,7 +1,7 @@
-"""Either distribution of microfacets: GGX (microfacet.py) or Beckmann's (beckmann.py).
+"""Dispatch between the two distributions of microfacets: GGX (microfacet.py) and Beckmann (beckmann.py).
 
-`beckmann` is 0 or 1, of a single path; or None, where every path's is GGX and Beckmann's is not compiled. The question for None
-stands alone, since Numba leaves out what such a question excludes.
+`beckmann` is 0 or 1, for a single path; or None, where all paths use GGX and Beckmann is not compiled. The test for None is a
+statement of its own, so that Numba prunes the branch.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _ONE = np.float32(1.0)
 
 @device
 def facet_density(beckmann, h, alpha_x, alpha_y):
-    """D(h)."""
+    """Returns D(h), microfacet area per steradian of h and unit area of the surface."""
     if beckmann is not None:  # noqa: SIM102
         if beckmann != _ZERO:
             return beckmann_density(h, alpha_x, alpha_y)
@@ -30,7 +30,7 @@ def facet_density(beckmann, h, alpha_x, alpha_y):
 
 @device
 def facet_lambda(beckmann, w, alpha_x, alpha_y):
-    """Smith's Lambda."""
+    """Returns Smith's Lambda for direction w."""
     if beckmann is not None:  # noqa: SIM102
         if beckmann != _ZERO:
             return beckmann_lambda(w, alpha_x, alpha_y)
@@ -39,7 +39,7 @@ def facet_lambda(beckmann, w, alpha_x, alpha_y):
 
 @device
 def sample_visible_facet(beckmann, wo, alpha_x, alpha_y, u):
-    """A microfacet normal by the area that wo sees of it."""
+    """Samples a microfacet normal from the distribution of normals visible from wo."""
     if beckmann is not None:  # noqa: SIM102
         if beckmann != _ZERO:
             return sample_visible_beckmann(wo, alpha_x, alpha_y, u)
@@ -48,6 +48,6 @@ def sample_visible_facet(beckmann, wo, alpha_x, alpha_y, u):
 
 @device
 def pdf_visible_facet(beckmann, wo, h, alpha_x, alpha_y):
-    """The density of `sample_visible_facet`, per steradian of h. A reflected direction's is this over 4 wo.h."""
+    """Returns the pdf of `sample_visible_facet`, per steradian of h; that of the reflected direction is this over 4 wo.h."""
     masking = _ONE + facet_lambda(beckmann, wo, alpha_x, alpha_y)
     return max(vec.dot(wo, h), _ZERO) * facet_density(beckmann, h, alpha_x, alpha_y) / (masking * wo[2])

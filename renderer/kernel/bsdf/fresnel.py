@@ -20,7 +20,10 @@ _FOUR = np.float32(4.0)
 
 @device
 def fresnel_dielectric(cosine, eta):
-    """(reflectance of unpolarised light, cosine of refraction). eta: index beyond over index here; total reflection: (1, 0)."""
+    """Returns (reflectance of unpolarised light, cosine of the refracted angle); (1, 0) for total reflection.
+
+    eta: index beyond the boundary over index on this side.
+    """
     sine2 = max(_ZERO, _ONE - cosine * cosine) / (eta * eta)
     total = sine2 >= _ONE
     refracted = math.sqrt(_ONE - sine2)
@@ -32,7 +35,10 @@ def fresnel_dielectric(cosine, eta):
 
 @device
 def mean_fresnel_dielectric(eta):
-    """Reflectance over the cosine-weighted hemisphere (d'Eon & Irving's fit, as Kulla & Conty 2017 have it; good to 1e-3)."""
+    """Returns the mean reflectance over the cosine-weighted hemisphere; error below 1e-3.
+
+    A fit by d'Eon & Irving, in the form of Kulla & Conty 2017.
+    """
     dense = max(eta, _ONE / eta)
     outside = (dense - _ONE) / (np.float32(4.08567) + np.float32(1.00071) * dense)
     return where(eta >= _ONE, outside, _ONE - (_ONE - outside) * eta * eta)
@@ -40,7 +46,10 @@ def mean_fresnel_dielectric(eta):
 
 @device
 def fresnel_conductor(cosine, eta, k):
-    """Reflectance of unpolarised light, of one channel, at a conductor of index eta + i k (Born & Wolf 14.4; Lagarde 2013)."""
+    """Returns the reflectance of unpolarised light, one channel, at a conductor of index eta + i k (Born & Wolf 14.4.
+
+    Lagarde 2013).
+    """
     cosine2 = cosine * cosine
     sine2 = _ONE - cosine2
     eta2 = eta * eta
@@ -57,13 +66,13 @@ def fresnel_conductor(cosine, eta, k):
 
 @device
 def schlick_weight(cosine):
-    """(1 - cosine)**5, the part of f90 in Schlick's approximation (1994)."""
+    """Returns (1 - cosine)**5, the weight of f90 in Schlick's approximation (1994)."""
     m = max(_ZERO, _ONE - cosine)
     return (m * m) * (m * m) * m
 
 
 @device
 def schlick(f0, f90, cosine):
-    """Reflectance of three channels, from f0 facing to f90 (a number) grazing."""
+    """Returns Schlick's reflectance of three channels, from f0 at normal incidence to f90 (a number) at grazing incidence."""
     w = schlick_weight(cosine)
     return f0[0] + (f90 - f0[0]) * w, f0[1] + (f90 - f0[1]) * w, f0[2] + (f90 - f0[2]) * w

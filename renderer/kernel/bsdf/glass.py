@@ -16,10 +16,10 @@ _ONE = np.float32(1.0)
 
 @device
 def sample_glass(tint, eta, wo, u):
-    """(wi, weight, transmitted): reflects with Fresnel's probability, so that the weights are 1 and tint / eta**2.
+    """Samples reflection or refraction with Fresnel's probability: (wi, weight, transmitted).
 
-    The tint colours what passes. Radiance is squeezed into a smaller cone on the denser side: the factor 1 / eta**2, which
-    leaving the glass undoes (pbrt 4ed, 9.5.2).
+    The weight is 1 for reflection and tint / eta**2 for refraction. The factor 1 / eta**2 is the compression of radiance into a
+    smaller cone on the denser side, which leaving the glass reverses (pbrt 4ed, 9.5.2).
     """
     reflectance, refracted = fresnel_dielectric(wo[2], eta)
     reflected = u < reflectance

@@ -1,4 +1,4 @@
-"""The single-scatter albedo of rough boundaries between dielectrics, from a table (albedo_tables.py)."""
+"""Single-scattering albedo of rough boundaries between dielectrics, from a table (albedo_tables.py)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MOST_BEND = np.float32(MOST_BEND)
 
 @device
 def _node(x):
-    """(the node below x, how far x is beyond it)."""
+    """Returns (the table node below x, the fraction beyond it)."""
     x = min(max(x, _ZERO), _LAST)
     i = min(np.int64(x), _MOST)
     return i, x - np.float32(i)
@@ -35,7 +35,7 @@ def _mix(a, b, t):
 
 @device
 def _plane_of(beckmann, eta):
-    """(the plane of the table below eta, how far eta is beyond it)."""
+    """Returns (the table plane below eta, the fraction beyond it)."""
     k, r = _node(_bend(eta))
     return k + (GLASS_SIZE if beckmann != _ZERO else 0), r
 
@@ -54,7 +54,7 @@ def _plane(k, i, j, s, t):
 
 @subroutine
 def glass_albedo(beckmann, cosine, roughness, eta):
-    """What is reflected and transmitted, once, of light from one direction."""
+    """Returns the single-scattering albedo, reflection and transmission together, for one direction."""
     out_of_line()
     k, r = _plane_of(beckmann, eta)
     i, s = _node(roughness * _LAST)
@@ -64,7 +64,7 @@ def glass_albedo(beckmann, cosine, roughness, eta):
 
 @subroutine
 def glass_mean_albedo(beckmann, roughness, eta):
-    """Its mean over the cosine-weighted hemisphere."""
+    """Returns the mean of `glass_albedo` over the cosine-weighted hemisphere."""
     out_of_line()
     k, r = _plane_of(beckmann, eta)
     i, s = _node(roughness * _LAST)

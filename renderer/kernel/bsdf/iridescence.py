@@ -2,7 +2,7 @@
 
 Belcour & Barla, "A Practical Extension to Microfacet Theory for the Modeling of Varying Iridescence" (SIGGRAPH 2017): Airy
 summation of the film's reflections, integrated over the eye's sensitivities in Fourier space. The base under the film is
-known by its F0, as the extension has it.
+given by its F0, as in the extension.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ def _gauss(k, path, turns):
 
 @device
 def _sensitivity(path, turns):
-    """Linear Rec.709 response to a wave whose path is `path` metres times 2 pi longer, its phase shifted by so many turns.
+    """Returns the linear Rec.709 response to a wave with an optical path difference of `path` / (2 pi) metres and a phase shift.
 
-    turns: one for each channel, as the base's phase jump is each channel's own.
+    turns: phase shift in turns, one for each channel, since the base's phase jump depends on the channel.
     """
     x = _gauss(0, path, turns[0]) + _gauss(3, path, turns[0])
     y = _gauss(1, path, turns[1])
@@ -56,14 +56,14 @@ def _sensitivity(path, turns):
 
 @device
 def _index(f0, outside):
-    """The index of refraction whose boundary with `outside` reflects f0."""
+    """Returns the index of refraction whose boundary with `outside` has the reflectance f0 at normal incidence."""
     root = math.sqrt(min(f0, _MOST_F0))
     return outside * (_ONE + root) / (_ONE - root)
 
 
 @device
 def _film_to_base(f0, film, cosine):
-    """(reflectance at the film's lower side, phase jump in turns) of one channel."""
+    """Returns (reflectance at the film's lower side, phase jump in turns) of one channel."""
     index = _index(f0, _ONE)
     ratio = (index - film) / (index + film)
     r0 = ratio * ratio
@@ -72,7 +72,7 @@ def _film_to_base(f0, film, cosine):
 
 @device
 def _airy(r12, r23, t121, first, second):
-    """Of one channel: the mean, and the weights of the first two orders of interference."""
+    """Returns one channel's mean reflectance with the weights of the first two orders of interference."""
     r123 = r12 * r23
     root = math.sqrt(max(r123, _ZERO))
     stay = t121 * t121 * r23 / (_ONE - r123)
@@ -84,8 +84,8 @@ def _airy(r12, r23, t121, first, second):
 
 @subroutine
 def film_reflectance(f0, film_ior, thickness, cosine):
-    """Reflectance of three channels, 0 ... 1; thickness in nanometres, f0 of the bare base."""
-    # A film that fades away takes the air's index, and so leaves the bare surface.
+    """Returns the reflectance of three channels, 0 ... 1; thickness in nanometres, f0 of the base without film."""
+    # As the thickness fades to 0 the film's index becomes that of air, which leaves the bare surface.
     fade = min(max(thickness * _FADE, _ZERO), _ONE)
     fade = fade * fade * (np.float32(3.0) - _TWO * fade)
     film = _ONE + (film_ior - _ONE) * fade

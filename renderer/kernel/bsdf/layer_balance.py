@@ -1,4 +1,4 @@
-"""What each layer of the glTF surface takes of light, and what it leaves to those below.
+"""Albedo and transmission of the layers of the glTF surface.
 
 m is a layered material's row (renderer/arrays/rows.py) with its textures looked up.
 """
@@ -36,14 +36,14 @@ _ONE = np.float32(1.0)
 _FIFTH = np.float32(0.2)
 _LEAST = np.float32(1e-6)
 _LEAST_LOSS = np.float32(1e-3)
-# Two layers that both take more light at grazing angles leave more together than the product of their means. For two by
-# Schlick, the covariance of what they take is this times the products of (mean - facing): 21**2 (1 / 66 - 1 / 441).
+# Two layers that both reflect more at grazing angles transmit more together than the product of their means. For two with
+# Schlick's Fresnel, the covariance is this times the products of (mean - f0): 21**2 (1 / 66 - 1 / 441).
 _COVARIANCE = np.float32(21.0**2 * (1.0 / 66.0 - 1.0 / 441.0))
 
 
 @device
 def rgb(m, column):
-    """Three columns from `column` on."""
+    """Returns the three values from `column` on."""
     return m[column], m[column + 1], m[column + 2]
 
 
@@ -54,7 +54,7 @@ def _mix(a, b, t):
 
 @device
 def dielectric_f0(m):
-    """Its reflectance facing, specular factor included."""
+    """Returns the dielectric's reflectance at normal incidence, specular factor included."""
     return vec.scale(rgb(m, rows.F0), m[rows.SPECULAR])
 
 
@@ -74,7 +74,7 @@ def _scattered_again(mean_fresnel, mean_albedo):
 
 @subroutine
 def fresnels(m, cosine):
-    """Reflectance of (metal, dielectric) at a microfacet."""
+    """Returns the Fresnel reflectances of (metal, dielectric) at a microfacet, iridescence included."""
     base = rgb(m, rows.BASE)
     f0 = dielectric_f0(m)
     metal = schlick(base, _ONE, cosine)
@@ -88,45 +88,48 @@ def fresnels(m, cosine):
 
 @device
 def mean_cosine(a, b):
-    """The cosine at which Schlick's term is what the microfacets show of it: those that are seen do not all lie flat."""
+    """Returns the effective cosine at which Schlick's weight equals its mean over the visible microfacets."""
     return _ONE - power(b / max(a + b, _LEAST), _FIFTH)
 
 
 @subroutine
 def _dielectric_albedo(m, cosine, a, b, again, loss):
-    """What the dielectric's microfacets take of light from one direction, all told: of the channel that they take most of."""
+    """Returns the albedo of the dielectric's microfacets for one direction, multiple scattering included: the largest channel."""
     film = m[rows.IRIDESCENCE]
     bare = vec.maximum(dielectric_f0(m)) * a + m[rows.SPECULAR] * b
     if film > _ZERO:
-        _, reflected = fresnels(m, mean_cosine(a, b))  # the film's share is in there
+        _, reflected = fresnels(m, mean_cosine(a, b))  # includes the film
         bare = vec.maximum(reflected) * (a + b)
     return min(bare + again * loss, _ONE)
 
 
 @subroutine
 def coat_passing(m, cosine):
-    """What the clearcoat leaves of light from one direction."""
+    """Returns the fraction of light that the clearcoat transmits, for one direction."""
     return _ONE - m[rows.CLEARCOAT] * clearcoat_albedo(m[rows.CLEARCOAT_ROUGHNESS], cosine)
 
 
 @subroutine
 def sheen_passing(m, cosine):
-    """What the sheen leaves."""
+    """Returns the fraction of light that the sheen transmits, for one direction."""
     color = vec.maximum(rgb(m, rows.SHEEN_COLOR))
     return _ONE - color * sheen_albedo(cosine, m[rows.SHEEN_ROUGHNESS]) if color > _ZERO else _ONE
 
 
 @device
 def turned(m, w):
-    """w in the frame of the anisotropy, whose x axis is the direction that highlights are drawn out along."""
+    """Returns w in the anisotropy's frame, whose x axis is the direction along which highlights are stretched."""
     c, s = m[rows.ROTATION], m[rows.ROTATION + 1]
     return c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]
 
 
 @device
 def base_view(m, w):
-    """The base towards one direction above: (a, b, loss, mean loss, scattered again by metal, by dielectric, what passes into the
-    dielectric, what is left by coat, by sheen)."""
+    """Returns the base layer's terms for one direction w above the horizon.
+
+    They are: (a, b, loss, mean loss, multiple scattering of the metal, of the dielectric, transmission into the dielectric,
+    transmission of the coat, of the sheen).
+    """
     cosine = w[2]
     a, b = brushed_albedo(m[HAS_BECKMANN], turned(m, w), m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
     mean_a, mean_b = brushed_mean_albedo(m[HAS_BECKMANN], m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
@@ -156,7 +159,7 @@ def base_view(m, w):
 
 @subroutine
 def mean_passing(m):
-    """What all layers together leave of light from all directions, for the diffuse base: their means, and covariances."""
+    """Returns the mean transmission of all layers to the diffuse base: the product of their means, with covariances."""
     mean_a, mean_b = brushed_mean_albedo(m[HAS_BECKMANN], m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])
     mean = mean_a + mean_b
     a, b = brushed_albedo(m[HAS_BECKMANN], (_ZERO, _ZERO, _ONE), m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y])

@@ -1,17 +1,17 @@
-"""The whole glTF surface: clearcoat over sheen over the mixture of metal, dielectric and glass, each as its extension says.
+"""The complete glTF surface: clearcoat over sheen over a mixture of metal, dielectric and glass, as defined by the extensions.
 
-    clearcoat        GGX of a varnish, ior 1.5, about its own normal
+    clearcoat        GGX of index 1.5 about its own normal
     sheen            Charlie
     metal            microfacets, Schlick by the base colour                  share: metallic
     glass            rough or smooth boundary, or thin pane           share: (1 - metallic) transmission
-    dielectric       the same by f0 and f90 over a diffuse base,           share: the rest
+    dielectric       microfacets by f0 and f90 over a diffuse base,        share: the rest
                      of which diffuse_transmission goes below
     iridescence      a thin film that replaces both Fresnels
 
-Layers take light from what is below them, both ways. The diffuse base is coupled to them exactly (metallic_roughness.py);
-of what is narrow, min(T(wo), T(wi)) is left, T = 1 - albedo of the layer: reciprocal, and never too much.
+Layers attenuate what is below them, both ways. The diffuse base is coupled to them exactly (metallic_roughness.py); narrow lobes
+are attenuated by min(T(wo), T(wi)), T = 1 - albedo of the layer, which is reciprocal and conserves energy.
 
-A layered material comes as its row (renderer/arrays/rows.py), textures looked up, by `resolve` in kernel/material/layers.py.
+A layered material is given as its row (renderer/arrays/rows.py), textures looked up, by `resolve` in kernel/material/layers.py.
 """
 
 from __future__ import annotations
@@ -79,7 +79,10 @@ def _glass_is_smooth(m):
 
 @subroutine
 def _choices(m, wo):
-    """The chances of (clearcoat, sheen, microfacets, diffuse above, diffuse below, glass), by what each scatters towards wo."""
+    """Returns the sampling probabilities of the lobes, by their albedo for wo.
+
+    They are: (clearcoat, sheen, microfacets, diffuse above, diffuse below, glass).
+    """
     a, b, loss, _, again_metal, again, passing, coat, sheen = base_view(m, wo)
     metallic = m[rows.METALLIC]
     glass = (_ONE - metallic) * m[rows.TRANSMISSION]
@@ -104,7 +107,7 @@ def _choices(m, wo):
 
 @device
 def _glass(m, eta, wo, wi):
-    """(f |cos|, pdf) of rough white glass."""
+    """Returns (f |cos|, pdf) of rough white glass."""
     o = turned(m, wo)
     i = turned(m, wi)
     if m[IS_PANE] != _ZERO:
@@ -115,7 +118,10 @@ def _glass(m, eta, wo, wi):
 
 @subroutine
 def eval_and_pdf_layered(m, eta, wo, wi):
-    """(f |cos|, pdf per steradian), smooth glass left out. m: (LAYER_SLOTS,), resolved; eta: beyond over here."""
+    """Returns (f |cos|, pdf per steradian), without smooth glass.
+
+    m: (LAYER_SLOTS,), from `resolve`; eta: index beyond the surface over index on this side.
+    """
     if wo[2] <= _ZERO or wi[2] == _ZERO:
         return _BLACK, _ZERO
     choose_coat, choose_sheen, choose_specular, choose_diffuse, choose_through, choose_glass = _choices(m, wo)
@@ -175,7 +181,7 @@ def eval_and_pdf_layered(m, eta, wo, wi):
 
 @subroutine
 def _sample_smooth_glass(m, eta, wo, chance, choose):
-    """(wi, weight, radiance scale) of one of the two directions that smooth glass has."""
+    """Samples reflection or refraction at smooth glass: (wi, weight, radiance scale)."""
     if m[IS_PANE] != _ZERO:
         f0 = vec.maximum(dielectric_f0(m))
         reflectance = f0 + (m[rows.SPECULAR] - f0) * schlick_weight(wo[2])
@@ -196,7 +202,7 @@ def _sample_smooth_glass(m, eta, wo, chance, choose):
 
 @subroutine
 def sample_layered(m, eta, wo, choose, u):
-    """(wi, weight, pdf, radiance scale); pdf is 0 where smooth glass was chosen."""
+    """Samples (wi, weight, pdf, radiance scale); pdf is 0 where smooth glass was chosen."""
     coat, sheen, specular, diffuse, through, glass = _choices(m, wo)
     scale = _ONE
     above = True
@@ -228,7 +234,7 @@ def sample_layered(m, eta, wo, choose, u):
             scale = eta * eta if i[2] < _ZERO else _ONE
         wi = _turned_back(m, i)
         above = wi[2] > _ZERO
-    if (wi[2] > _ZERO) != above:  # light that meets the surface again
+    if (wi[2] > _ZERO) != above:  # light that hits the surface again
         return wi, _BLACK, _ZERO, _ONE
     f, pdf = eval_and_pdf_layered(m, eta, wo, wi)
     if pdf <= _ZERO:

@@ -1,9 +1,9 @@
 """glTF's metallic-roughness surface: GGX over a diffuse base, Schlick's Fresnel, energy-compensated and reciprocal.
 
-The metal reflects by its base colour; the dielectric by f0 (three channels) and f90, which KHR_materials_ior and _specular
-tell. Light that the dielectric's microfacets let in is scattered diffusely: the base gets (1 - E(wo)) (1 - E(wi)) / (1 - mean)
-of it, E the microfacets' whole albedo, so that a white base reflects exactly what they leave (Kelemen & Szirmay-Kalos 2001).
-alpha is roughness squared. Source of the model: the glTF 2.0 specification, appendix B.
+The metal reflects by its base colour; the dielectric by f0 (three channels) and f90, from KHR_materials_ior and
+KHR_materials_specular. Light that the dielectric's microfacets transmit is scattered diffusely: the base receives
+(1 - E(wo)) (1 - E(wi)) / (1 - mean) of it, E being the microfacets' total albedo, so that a white base reflects exactly what they
+transmit (Kelemen & Szirmay-Kalos 2001). alpha is roughness squared. Source of the model: the glTF 2.0 specification, appendix B.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _FOUR = np.float32(4.0)
 _INV_PI = np.float32(1.0 / math.pi)
-_LEAST_LOSS = np.float32(1e-3)  # of mirrors so smooth that nothing is lost but at grazing angles
+_LEAST_LOSS = np.float32(1e-3)  # lower bound for mirrors that lose energy only at grazing angles
 _LEAST = np.float32(1e-6)
 _MIN_CHOICE = np.float32(0.125)  # a highlight may be far brighter than its share of the surface's albedo
 _BLACK = (_ZERO, _ZERO, _ZERO)
@@ -35,8 +35,11 @@ _BLACK = (_ZERO, _ZERO, _ZERO)
 
 @device
 def _view(base, metallic, roughness, f0, f90, wo):
-    """All that does not depend on the light's direction: (f0 of the mixture, its f90, light lost by single scattering towards
-    wo, its mean, what becomes of it, passing the dielectric from wo over the mean, chance of the microfacets)."""
+    """Returns the terms that do not depend on the light's direction.
+
+    They are: (f0 of the mixture, its f90, energy lost by single scattering for wo, its mean, factor of multiple scattering,
+    transmission into the dielectric from wo over its mean, probability of sampling the microfacets).
+    """
     a, b = ggx_albedo(wo[2], roughness)
     mean_a, mean_b = ggx_mean_albedo(roughness)
     mean = mean_a + mean_b
@@ -45,7 +48,7 @@ def _view(base, metallic, roughness, f0, f90, wo):
     mixed_90 = metallic + f90 * dielectric
     loss = max(_ONE - a - b, _ZERO)
     mean_loss = max(_ONE - mean, _LEAST_LOSS)
-    # Of the dielectric, the channel that reflects most stands for all: the base below keeps its colour.
+    # For the dielectric the largest channel is used for all, so the base below keeps its colour.
     brightest = vec.maximum(f0)
     again = multiple_scattering(schlick_mean(brightest, f90), mean)
     later = dielectric * again
@@ -64,7 +67,7 @@ def _view(base, metallic, roughness, f0, f90, wo):
 
 @device
 def _above(base, metallic, roughness, f0, f90, view, wo, wi):
-    """(f |cos|, pdf) from a `_view`, of directions above the horizon."""
+    """Returns (f |cos|, pdf) from a `_view`, for directions above the horizon."""
     mixed, mixed_90, loss_o, multiple, again, passing_o, choice = view
     alpha = max(roughness * roughness, MIN_ALPHA)
     h = vec.normalize(vec.add(wo, wi))
@@ -84,7 +87,7 @@ def _above(base, metallic, roughness, f0, f90, view, wo, wi):
 
 @device
 def _scatter(base, metallic, roughness, f0, f90, view, wo, wi):
-    """(f |cos|, pdf) from a `_view`."""
+    """Returns (f |cos|, pdf) from a `_view`; 0 for wi below the horizon."""
     none = nil(wi[2])
     f, pdf = (none, none, none), none
     below = (wi[2] <= _ZERO) | (wo[2] <= _ZERO)
@@ -96,14 +99,14 @@ def _scatter(base, metallic, roughness, f0, f90, view, wo, wi):
 
 @device
 def eval_and_pdf_metallic_roughness(base, metallic, roughness, f0, f90, wo, wi):
-    """(f |cos|, pdf per steradian) together: they share most of their terms."""
+    """Returns (f |cos|, pdf per steradian) together, since they share most of their terms."""
     view = _view(base, metallic, roughness, f0, f90, wo)
     return _scatter(base, metallic, roughness, f0, f90, view, wo, wi)
 
 
 @device
 def sample_metallic_roughness(base, metallic, roughness, f0, f90, wo, choose, u):
-    """(wi, weight, pdf); `choose` picks microfacets or diffuse light, u the direction."""
+    """Samples (wi, weight, pdf); `choose` selects microfacets or the diffuse base, u the direction."""
     view = _view(base, metallic, roughness, f0, f90, wo)
     mirrored = choose < view[6]
     wi = wo

@@ -9,5 +9,5 @@ __all__ = ["sample_mirror"]
 
 @device
 def sample_mirror(reflectance, wo):
-    """(wi, weight): the one direction that a mirror has."""
+    """Returns (wi, weight) of the mirror direction."""
     return (-wo[0], -wo[1], wo[2]), reflectance

@@ -1,14 +1,14 @@
-"""Rough plastic: diffuse paint under a rough dielectric coat, microfacets once scattered.
+"""Rough plastic: a diffuse base under a rough dielectric coat, with single scattering between microfacets.
 
-Light goes through the coat's facets on its way in and out. With T(w) the share of light from w that they let through, and R
-the share of diffuse light from within that they throw back, paint of reflectance d scatters
+Light is transmitted by the coat's facets on its way in and out. With T(w) the transmitted share of light from w, and R
+the share of diffuse light from inside that the facets reflect back, a base of reflectance d scatters
 
     f(wo, wi) = d / (1 - R d') T(wo) T(wi) / (pi eta**2),   d' = d where nonlinear, else 1.
 
-Source: W. Jakob, Mitsuba 3, src/bsdfs/roughplastic.cpp, whose separable shadowing, G1(wo) G1(wi), this has too. Table of T and R:
+Source: W. Jakob, Mitsuba 3, src/bsdfs/roughplastic.cpp, with the same separable shadowing, G1(wo) G1(wi). Table of T and R:
 albedo_tables.py.
 
-A material comes as its row (renderer/arrays/rows.py), textures looked up, by `resolve` in kernel/material/layers.py.
+A material is given as its row (renderer/arrays/rows.py), textures looked up, by `resolve` in kernel/material/layers.py.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _BENDS_PER_UNIT = np.float32((_BENDS - 1) / MOST_BEND)
 
 @device
 def _node(x, nodes):
-    """(the node below x, how far x is beyond it)."""
+    """Returns (the table node below x, the fraction beyond it)."""
     x = min(max(x, _ZERO), np.float32(nodes - 1))
     i = min(np.int64(x), nodes - 2)
     return i, x - np.float32(i)
@@ -56,7 +56,7 @@ def _mix(a, b, t):
 
 @device
 def _place(m):
-    """(plane of the index of refraction, its fraction, row of the roughness, its fraction) in the table."""
+    """Returns (plane of the index of refraction, its fraction, row of the roughness, its fraction) in the table."""
     ior = m[rows.IOR]
     k, r = _node((ior - _ONE) / (ior + _ONE) * _BENDS_PER_UNIT, _BENDS)
     i, s = _node(m[rows.ROUGHNESS] * np.float32(_ROUGHNESSES - 1), _ROUGHNESSES)
@@ -71,7 +71,7 @@ def _at(k, r, i, s, j):
 
 @subroutine
 def _passing(m, cosine):
-    """T: the share of light from outside that facets let through, once scattered."""
+    """Returns T: the share of light from outside that the facets transmit."""
     out_of_line()
     k, r, i, s = _place(m)
     j, t = _node(math.sqrt(max(cosine, _ZERO)) * np.float32(_COSINES - 1), _COSINES)
@@ -80,21 +80,21 @@ def _passing(m, cosine):
 
 @device
 def _inner(m):
-    """R: the share of diffuse light from within that facets throw back."""
+    """Returns R: the share of diffuse light from inside that the facets reflect back."""
     k, r, i, s = _place(m)
     return _at(k, r, i, s, _COSINES)
 
 
 @device
 def _tint(m):
-    """What the coat's reflection is multiplied by."""
+    """Returns the colour factor of the coat's reflection."""
     scale = m[rows.SPECULAR]
     return m[rows.SPECULAR_COLOR] * scale, m[rows.SPECULAR_COLOR + 1] * scale, m[rows.SPECULAR_COLOR + 2] * scale
 
 
 @device
 def _paint(m, inner):
-    """d / (1 - R d') / eta**2."""
+    """Returns d / (1 - R d') / eta**2."""
     base = m[rows.BASE], m[rows.BASE + 1], m[rows.BASE + 2]
     squeeze = _ONE / (m[rows.IOR] * m[rows.IOR])
     if m[HAS_NONLINEAR] != _ZERO:
@@ -108,7 +108,7 @@ def _paint(m, inner):
 
 @device
 def _choice(m, passing, paint):
-    """The chance of the coat's facets."""
+    """Returns the probability of sampling the coat's facets."""
     mirrored = (_ONE - passing) * vec.luminance(_tint(m))
     below = passing * vec.luminance(paint)
     return max(mirrored / max(mirrored + below, _LEAST), _MIN_CHOICE)
@@ -116,7 +116,7 @@ def _choice(m, passing, paint):
 
 @subroutine
 def eval_and_pdf_plastic(m, wo, wi):
-    """(f |cos|, pdf per steradian)."""
+    """Returns (f |cos|, pdf per steradian)."""
     if wo[2] <= _ZERO or wi[2] <= _ZERO:
         return _BLACK, _ZERO
     alpha, beckmann = m[ALPHA_X], m[HAS_BECKMANN]
@@ -136,7 +136,7 @@ def eval_and_pdf_plastic(m, wo, wi):
 
 @subroutine
 def sample_plastic(m, wo, choose, u):
-    """(wi, weight, pdf); `choose` picks the coat or the paint, u the direction."""
+    """Samples (wi, weight, pdf); `choose` selects the coat or the diffuse base, u the direction."""
     if choose < _choice(m, _passing(m, wo[2]), _paint(m, _inner(m))):
         h = sample_visible_facet(m[HAS_BECKMANN], wo, m[ALPHA_X], m[ALPHA_X], u)
         wi = vec.sub(vec.scale(h, _TWO * vec.dot(wo, h)), wo)

@@ -1,7 +1,7 @@
 """A rough boundary between two dielectrics, and a rough thin pane.
 
 Walter et al., "Microfacet Models for Refraction through Rough Surfaces" (2007), with visible normals. eta is the index beyond
-over the index on the viewer's side. What the microfacets scatter more than once leaves without a direction of its own, on
+the surface over the index on the viewer's side. Multiple scattering between microfacets is compensated by a diffuse-like lobe on
 both sides (glass_energy.py).
 """
 
@@ -20,7 +20,7 @@ from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
 
 __all__ = ["SMOOTH_GLASS", "eval_and_pdf_pane", "eval_and_pdf_rough_glass", "sample_pane", "sample_rough_glass"]
 
-SMOOTH_GLASS = np.float32(0.03)  # roughness below which glass and metal are taken for smooth
+SMOOTH_GLASS = np.float32(0.03)  # roughness below which glass and metal are treated as smooth
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -34,9 +34,10 @@ _TINY = np.float32(1e-12)
 
 @subroutine
 def eval_and_pdf_rough_glass(beckmann, eta, roughness, alpha_x, alpha_y, wo, wi):
-    """(f |cos|, pdf) of white glass, above and below; radiance is squeezed by 1 / eta**2 on its way in.
+    """Returns (f |cos|, pdf) of white glass, above and below; refracted radiance has the factor 1 / eta**2.
 
-    beckmann: as in facets.py; roughness: the isotropic twin's, for the energy."""
+    beckmann: as in facets.py; roughness: of the equivalent isotropic surface, for energy compensation.
+    """
     if wo[2] <= _ZERO or wi[2] == _ZERO:
         return _ZERO, _ZERO
     once, density = _scattered_once(beckmann, eta, alpha_x, alpha_y, wo, wi)
@@ -54,7 +55,7 @@ def eval_and_pdf_rough_glass(beckmann, eta, roughness, alpha_x, alpha_y, wo, wi)
 
 @device
 def _lost(beckmann, eta, roughness):
-    """(what is scattered more than once, over the hemisphere; which part of it is reflected in the end)."""
+    """Returns (mean energy lost by single scattering over the hemisphere, the share of it that is finally reflected)."""
     lost = max(_ONE - glass_mean_albedo(beckmann, roughness, eta), _LEAST_LOSS)
     beyond = max(_ONE - glass_mean_albedo(beckmann, roughness, _ONE / eta), _LEAST_LOSS)
     # Reciprocal for any two sides, since (1 - mean Fresnel) over eta**2 is the same from both.
@@ -90,7 +91,7 @@ def _scattered_once(beckmann, eta, alpha_x, alpha_y, wo, wi):
 
 @subroutine
 def sample_rough_glass(beckmann, eta, roughness, alpha_x, alpha_y, wo, choose, u):
-    """A direction, above or below; zero where a microfacet sends light into the surface."""
+    """Samples a direction above or below; zero where a microfacet sends light into the surface."""
     albedo = glass_albedo(beckmann, wo[2], roughness, eta)
     if choose >= albedo:
         w = square_to_cosine_hemisphere(u)
@@ -115,7 +116,10 @@ def _pane_reflectance(f0, f90, cosine):
 
 @subroutine
 def eval_and_pdf_pane(beckmann, f0, f90, alpha_x, alpha_y, wo, wi):
-    """(f |cos|, pdf) of a white thin pane: what its microfacets do not reflect passes, mirrored at the pane's plane."""
+    """Returns (f |cos|, pdf) of a white thin pane.
+
+    Light that its microfacets do not reflect is transmitted, mirrored at the pane's plane.
+    """
     if wo[2] <= _ZERO or wi[2] == _ZERO:
         return _ZERO, _ZERO
     up = (wi[0], wi[1], abs(wi[2]))
@@ -131,7 +135,7 @@ def eval_and_pdf_pane(beckmann, f0, f90, alpha_x, alpha_y, wo, wi):
 
 @subroutine
 def sample_pane(beckmann, f0, f90, alpha_x, alpha_y, wo, choose, u):
-    """A direction, above or below; zero where light meets the surface again."""
+    """Samples a direction above or below; zero where light hits the surface again."""
     h = sample_visible_facet(beckmann, wo, alpha_x, alpha_y, u)
     cosine = vec.dot(wo, h)
     wi = vec.sub(vec.scale(h, _TWO * cosine), wo)

@@ -1,8 +1,8 @@
-"""Sheen: fibres that stand up and shine at grazing angles; KHR_materials_sheen's Charlie distribution.
+"""Sheen of upright fibres, which reflect at grazing angles: the Charlie distribution of KHR_materials_sheen.
 
 Estevez & Kulla, "Production Friendly Microfacet Sheen BRDF" (2017), without their softened terminator, which is not
-reciprocal. alpha is roughness squared. Rather than Zeltner's linearly transformed cosines, which Cycles has, as these are
-not reciprocal either, and glTF asks for Charlie.
+reciprocal. alpha is roughness squared. Zeltner's linearly transformed cosines, which Cycles uses, are not reciprocal either, and
+glTF requires Charlie.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _FOUR = np.float32(4.0)
 _INV_2PI = np.float32(0.5 / math.pi)
-_MIN_ROUGHNESS = np.float32(0.26)  # smoother sheen would reflect more at grazing angles than arrives
-_LEAST_COSINE = np.float32(1e-4)  # closer to the horizon too
+_MIN_ROUGHNESS = np.float32(0.26)  # smoother sheen would reflect more than 1 at grazing angles
+_LEAST_COSINE = np.float32(1e-4)  # lower bound of the cosine, for the same reason
 _SMOOTH = tuple(np.float32(c) for c in CHARLIE_LAMBDA[0])
 _ROUGH = tuple(np.float32(c) for c in CHARLIE_LAMBDA[1])
 _TABLE = np.load(table_path("sheen_albedo"))
@@ -54,7 +54,7 @@ def _charlie_lambda(cosine, alpha):
 
 @subroutine
 def eval_sheen(roughness, wo, wi):
-    """f |cos| of white sheen."""
+    """Returns f |cos| of white sheen."""
     if wi[2] <= _ZERO or wo[2] <= _ZERO:
         return _ZERO
     rough = max(roughness, _MIN_ROUGHNESS)
@@ -69,13 +69,13 @@ def eval_sheen(roughness, wo, wi):
 
 @device
 def pdf_sheen(wi):
-    """Per steradian."""
+    """Returns the pdf of `sample_sheen`, per steradian."""
     return square_to_hemisphere_pdf(wi)
 
 
 @device
 def sample_sheen(u):
-    """A direction for sheen: uniform over the hemisphere, as the lobe is wide and its weight lies near the horizon."""
+    """Samples the hemisphere uniformly, since the lobe is wide with most of its weight near the horizon."""
     return square_to_hemisphere(u)
 
 
@@ -86,7 +86,7 @@ def _between(a, b, t):
 
 @subroutine
 def sheen_albedo(cosine, roughness):
-    """What white sheen scatters of the light from one direction."""
+    """Returns the albedo of white sheen for one direction."""
     x = min(max(roughness, _MIN_ROUGHNESS), _ONE) * _LAST
     y = math.sqrt(min(max(cosine, _ZERO), _ONE)) * _LAST
     i = min(np.int64(x), _MOST)
@@ -99,7 +99,7 @@ def sheen_albedo(cosine, roughness):
 
 @subroutine
 def sheen_mean_albedo(roughness):
-    """Its mean over the cosine-weighted hemisphere."""
+    """Returns the mean albedo of white sheen over the cosine-weighted hemisphere."""
     x = min(max(roughness, _MIN_ROUGHNESS), _ONE) * _LAST
     i = min(np.int64(x), _MOST)
     return _between(_TABLE[SIZE, i], _TABLE[SIZE, i + 1], x - np.float32(i))

@@ -1,1 +1,1 @@
-"""One path at a time: the path tracer with all that comparisons ask for, Whitted, ambient occlusion; and what the pool shares."""
+"""Integrators that follow one path at a time, for comparisons and replays, and functions shared with the pool."""

@@ -1,4 +1,7 @@
-"""Ambient occlusion: how much of a white world each surface sees, materials and lights left aside (Zhukov et al., 1998)."""
+"""Ambient occlusion: the share of a white environment that each surface sees, without materials and lights.
+
+Zhukov et al., 1998.
+"""
 
 from __future__ import annotations
 
@@ -29,10 +32,10 @@ _WHITE = (_ONE, _ONE, _ONE)
 
 @template
 def trace_ao(scene, stack, o, d, time, nest, options, stream, log, first):
-    """As `trace_path` of path.py: 1 where nothing is within options.ao_distance in a cosine-weighted direction.
+    """Traces one ambient occlusion sample, see `trace_path`: 1 where no surface is within options.ao_distance.
 
-    What the camera sees of the world itself is white. An expectation of 1 for a convex body, of 1 - D^2 / 4 within the unit
-    sphere at distance D up to 2.
+    The direction is cosine-weighted. Camera rays that miss return 1. The expectation is 1 for a convex body, and 1 - D^2 / 4
+    inside the unit sphere at distance D up to 2.
     """
     forget_first_hit(first)
     path = camera_path(o, d, None)

@@ -1,8 +1,8 @@
-"""Bounces of a path by kind, each with a limit of its own beside that of all segments.
+"""Limits on a path's bounces by kind, in addition to the limit on its segments; for one path or for eight lanes.
 
-A bounce is diffuse where its density is at most that of a cosine lobe at its middle, 1 / pi per steradian; glossy where it is
-greater, or where the direction is the only one: a mirror's. Smooth transmission has a count of its own (`is_counted` of
-state.py), and vertices in a medium have none. Both counts are kept in one float32. Of one path, or of eight.
+A bounce is diffuse if its pdf is at most the maximum of a cosine lobe, 1 / pi per steradian; glossy if it is greater, or if the
+direction is discrete, as for a mirror. Smooth transmission has a count of its own (`is_counted` of state.py), and vertices in a
+medium have none. Both counts are packed in one float32.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _PER_GLOSSY = np.float32(1.0 / 2048.0)
 
 @device
 def bounced(counts, reflected, pdf):
-    """The counts after a bounce that `is_counted`. pdf: of the material's whole density; 0: of a single direction."""
+    """Returns the counts after a bounce that `is_counted`. pdf: of the whole material; 0 for a discrete direction."""
     is_glossy = (pdf > _DIFFUSE) | ((pdf == _ZERO) & reflected)
     is_diffuse = (pdf > _ZERO) & not_(is_glossy)
     return counts + where(is_glossy, _GLOSSY, where(is_diffuse, _ONE, _ZERO))
@@ -33,6 +33,6 @@ def bounced(counts, reflected, pdf):
 
 @device
 def spent(counts, options):
-    """Whether the path ends at the next surface, whose emission it still sees."""
+    """Whether a limit is reached: the path ends at the next surface, after adding its emission."""
     glossy = to_float(to_int(counts * _PER_GLOSSY))
     return (counts - glossy * _GLOSSY >= options.diffuse_depth) | (glossy >= options.glossy_depth)

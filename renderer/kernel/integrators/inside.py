@@ -1,4 +1,7 @@
-"""One path in media: its flights, its vertices there, and what it does beneath a surface. Only scenes with media have this."""
+"""Paths in participating media, one at a time: free flights, medium vertices, subsurface walks.
+
+Compiled only for scenes with media.
+"""
 
 from __future__ import annotations
 
@@ -34,19 +37,19 @@ _MEDIUM, _DIFFUSE = np.int32(MEDIUM), np.int32(DIFFUSE)
 
 
 class Drift(NamedTuple):
-    """How a path's segment ends in the medium that it is in."""
+    """The end of a path segment in its medium."""
 
-    scatters: bool  # there; else the path reaches what its ray meets
+    scatters: bool  # in the medium; else the path reaches the surface
     distance: float
-    albedo: Any  # what is scattered of what the medium takes, rgb
+    albedo: Any  # single scattering albedo, rgb
     g: float
 
 
 @device
 def fly(scene, path, reach, stream, row):
-    """(the path with what is left of it, its Drift) on the way to what its ray meets, so far away: infinitely, if it is nothing.
+    """Samples the free flight to the next surface, at distance `reach`: (path with its new throughput, Drift).
 
-    row: how many vertices and passed surfaces it had before: each flight has numbers of its own.
+    reach: infinite for a miss. row: number of vertices and passed surfaces before it, which selects the flight's random numbers.
     """
     sigma_t, sigma_s, g = coefficients(scene, path.nest)
     u = draw4(stream, np.uint32(FLIGHT_BLOCK + row))
@@ -61,9 +64,9 @@ def fly(scene, path, reach, stream, row):
 
 @device
 def vertex_in_medium(scene, path, drift, layers):
-    """The path's vertex where its Drift ends. layers: as of `vertex_at` in state.py.
+    """Returns the path's vertex at the end of its Drift. layers: as for `vertex_at` in state.py.
 
-    It is a surface in the point that faces the viewer, of no object and material, and is lit from all sides.
+    It is represented by a surface at the point that faces the viewer, without object and material, lit from all sides.
     """
     wo = vec.neg(path.d)
     s, t = vec.basis(wo)
@@ -77,7 +80,7 @@ def vertex_in_medium(scene, path, drift, layers):
 
 @device
 def may_go_within(scene, vertex):
-    """Whether some light goes through the inside of the vertex's surface."""
+    """Whether the vertex's surface has subsurface scattering."""
     if vertex.material.kind == MEDIUM:
         return False
     return scene.material_flags[vertex.surface.material] & SCATTERS_WITHIN != 0
@@ -85,9 +88,9 @@ def may_go_within(scene, vertex):
 
 @device
 def scattered_within(scene, stack, vertex, path, stream, number, time):
-    """(the vertex where the path is to scatter, the path): the same one, or where it comes out of the body, or with nothing left.
+    """Returns (the vertex at which the path scatters, the path): unchanged, or the exit of a subsurface walk.
 
-    number: how many vertices it had before; time: of the shutter.
+    The throughput is 0 where the walk was absorbed. number: count of earlier vertices; time: shutter time.
     """
     material, n = vertex.material, vertex.frame[2]
     known = material.kind, material.base, material.layers, vertex.wo

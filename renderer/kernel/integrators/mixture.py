@@ -1,8 +1,8 @@
-"""Directions by a mixture of two densities: half follow the material, half aim at a target, a light or a thing worth seeing.
+"""Direction sampling from a mixture: one half follows the material, the other aims at guide targets such as lights.
 
 As in Shirley, Black & Hollasch, "Ray Tracing: The Rest of Your Life": no shadow rays, one direction a bounce, weighed by the
-density of the whole mixture. Targets are chosen evenly; each one's density is asked for, so their number should be small
-(renderer/scene/guides.py). What no target covers, the material's half still finds.
+mixture's density. Targets are chosen uniformly, and each one's density is evaluated, so their number should be small
+(renderer/scene/guides.py). Light outside all targets is found by the material's half.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def _ball(scene, number):
 
 @device
 def _one_minus_cos(square, radius):
-    """Of the half angle of the cone that a sphere at distance**2 `square` fills; 2, all directions, from inside."""
+    """Returns 1 - cos of the half angle subtended by a sphere at squared distance `square`; 2, all directions, from inside."""
     if square <= radius * radius:
         return _TWO
     sine2 = radius * radius / square
@@ -48,7 +48,10 @@ def _one_minus_cos(square, radius):
 
 @device
 def target_density(scene, primitive, p, d):
-    """The density per steradian with which `aim` at a primitive gives the unit direction d at p; 0 where d passes it by."""
+    """Returns the density, per steradian, with which `aim` samples the unit direction d from p towards a primitive.
+
+    0 if d misses it.
+    """
     triangles = len(scene.triangle)
     if primitive >= triangles:
         center, radius = _ball(scene, primitive - triangles)
@@ -80,9 +83,12 @@ def target_density(scene, primitive, p, d):
 
 @device
 def aim(scene, primitive, p, u):
-    """A direction from p towards a primitive: (unit direction, density per steradian); a density of 0 where there is none.
+    """Samples a direction from p towards a primitive: (unit direction, density per steradian).
 
-    Triangles by area, spheres by the solid angle that they fill, all directions alike from inside them."""
+    Density 0 where there is none.
+
+    Triangles are sampled by area, spheres by solid angle, and uniformly over all directions from inside.
+    """
     triangles = len(scene.triangle)
     if primitive >= triangles:
         center, radius = _ball(scene, primitive - triangles)
@@ -109,9 +115,10 @@ def aim(scene, primitive, p, u):
 
 @subroutine
 def mixture_bounce(scene, p, frame, material, wo, choose, u):
-    """As `sample_material`, by the mixture: (wi, weight, pdf, radiance scale), the pdf 0 since lights count fully where met.
+    """Samples a direction from the mixture: (wi, weight, pdf, radiance scale), as `sample_material`.
 
-    p: the point; frame: its shading frame (s, t, n). What a material scatters into single directions it keeps for its own half.
+    The pdf is 0, so that emission that is hit counts fully. p: the point; frame: its shading frame (s, t, n). Discrete directions
+    come only from the material's half.
     """
     out_of_line()
     s, q, n = frame
@@ -135,7 +142,7 @@ def mixture_bounce(scene, p, frame, material, wo, choose, u):
     f, own = eval_material(material, wo, wi)
     total = _ZERO
     for i in range(count):
-        # At its rim, rounding may say of a direction aimed at a target that it passes it by.
+        # By rounding, a direction aimed at a target's rim may seem to miss it.
         total += aimed_density if i == aimed else target_density(scene, scene.guide[i], p, d)
     density = _HALF * own + _HALF * total / np.float32(count)
     if not density > _ZERO:

@@ -1,8 +1,8 @@
-"""The path tracer that comparisons ask for: it finds light by any strategy, and can make mistakes on purpose.
+"""The single-path path tracer: finds light by any strategy, and can make deliberate errors for comparison.
 
 Unidirectional paths with next-event estimation, multiple importance sampling, and Russian roulette, after Veach, "Robust Monte
-Carlo Methods for Light Transport Simulation" (1997); pbrt 4ed, 13.4 has the same steps. They are followed one at a time, so
-that the steps are told here in their order; pictures come from renderer/kernel/pool/, which makes the same samples.
+Carlo Methods for Light Transport Simulation" (1997); pbrt 4ed, 13.4 has the same steps. Paths are followed one at a time, which
+shows the steps in order; frames are rendered by renderer/kernel/pool/, which computes the same samples.
 """
 
 from __future__ import annotations
@@ -62,11 +62,11 @@ _NO = np.bool_(False)
 
 @template
 def trace_path(scene, stack, o, d, time, nest, options, stream, log, first):
-    """The path of one sample of one pixel, from the ray o + t d on, d unit: (radiance, number of rays).
+    """Traces one sample of one pixel along the ray o + t d, d unit: (radiance, number of rays).
 
-    first: (FIRST_HIT_SLOTS,), filled with what `first_hit` of transport.py reads.
-    time: of the shutter, 0 ... 1; None where nothing moves. nest: the camera's (kernel/medium/nesting.py); None where there are
-    no media. options: renderer.kernel.options.Options; log: rows for record.py, none in pictures.
+    first: (FIRST_HIT_SLOTS,), filled for `first_hit` of transport.py.
+    time: shutter time, 0 ... 1; None for a scene without motion. nest: media that contain the camera (kernel/medium/nesting.py);
+    None for a scene without media. options: renderer.kernel.options.Options; log: rows for record.py, none for frames.
     """
     forget_first_hit(first)
     path, number, passed, rays = camera_path(o, d, nest), 0, 0, 0
@@ -86,15 +86,17 @@ def trace_path(scene, stack, o, d, time, nest, options, stream, log, first):
 
 @template
 def _follow(scene, stack, path, number, passed, time, options, stream, log, first):
-    """The path to its end, from the ray on to its vertex of that number, having passed so many surfaces without effect, by their
-    alpha: (path, whether it splits, the branch that begins there beside it, how many surfaces that has passed, rays).
+    """Follows the path to its end: (path, whether it splits, second branch, surfaces that branch has passed, number of rays).
+
+    number: index of the first vertex to come; passed: number of surfaces that the ray has passed through by alpha. The second
+    branch starts at the vertex where the path splits.
     """
     rays = 0
     other, passed_before, splits = path, 0, False
     lit = _has_lights(scene, options)
     layers = local_floats(LAYER_SLOTS)
     while True:
-        # Wanted further down only; but since they wait for nothing, the processor makes them while the ray is traced.
+        # Needed only below, but independent of the ray: the processor computes them during the traversal.
         for_bounce = draw4(stream, np.uint32(2 * number + 2))
         for_light = draw4(stream, np.uint32(2 * number + 1))
         root = camera_root(scene.bvh) if number == 0 else _ROOT
@@ -174,7 +176,7 @@ def _follow(scene, stack, path, number, passed, time, options, stream, log, firs
 
 @template
 def _past(scene, surface, path):
-    """The path beyond a surface that it passes as if it were not there."""
+    """Returns the path beyond a surface that it passes through unchanged."""
     if scene.has.media is not None:
         path = with_nest(path, crossed(scene, path.nest, surface.material, surface.front))
     return with_origin(path, onward(surface))
@@ -182,7 +184,7 @@ def _past(scene, surface, path):
 
 @template
 def _keep_first(first, vertex, path, distance, passed):
-    """Writes down the path's first vertex: what scatters in a medium has no normal."""
+    """Records the path's first vertex; one in a medium has no normal."""
     normal = vertex.frame[2]
     if vertex.material.kind == MEDIUM:
         normal = _BLACK
@@ -193,7 +195,7 @@ def _keep_first(first, vertex, path, distance, passed):
 
 @template
 def _has_lights(scene, options):
-    """Whether there is anything that next-event estimation would find."""
+    """Whether the scene has anything that next-event estimation can sample."""
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
     if options.sampling != MIS and options.sampling != LIGHT:
         lit = len(scene.punctual_kind) > 0
@@ -202,14 +204,17 @@ def _has_lights(scene, options):
 
 @device
 def _add(path, light, segments, options):
-    """The path with the light that comes to it over so many further segments."""
+    """Returns the path with light added, clamped if indirect.
+
+    segments: number of further segments over which the light arrives.
+    """
     brought = limited(vec.mul(path.throughput, light), path.depth + segments, options.clamp)
     return with_radiance(path, vec.add(path.radiance, brought))
 
 
 @template
 def _add_environment(scene, path, number, options):
-    """The environment's light that the ray meets, weighed against what next-event estimation finds of it."""
+    """Adds the environment's radiance for a ray that missed, with its MIS weight against next-event estimation."""
     if path.pdf >= _ZERO:
         emitted, light_pdf = environment_seen(scene, path.d, path.pdf > _ZERO)
         weight = heuristic_weight(options.heuristic, path.pdf, light_pdf) if path.pdf > _ZERO else _ONE
@@ -219,7 +224,7 @@ def _add_environment(scene, path, number, options):
 
 @template
 def _add_suns(scene, path, number, options, time):
-    """The light of the suns whose disks the ray meets, weighed as that of the environment."""
+    """Adds the radiance of suns whose disks the ray hits, with their MIS weights."""
     if scene.has.lights is not None and path.pdf >= _ZERO:
         for k in range(len(scene.sun)):
             judged = path.pdf > _ZERO
@@ -231,7 +236,7 @@ def _add_suns(scene, path, number, options, time):
 
 @template
 def _add_emission(scene, surface, path, number, options, time):
-    """The light that a surface emits, weighed against what next-event estimation finds of it."""
+    """Adds a surface's emission, with its MIS weight against next-event estimation."""
     if shines(surface) and path.pdf >= _ZERO:
         front = met_from_front(scene, surface.light, path.vertex, path.d, surface.front, time)
         emitted = emission(scene, surface.material, surface.uv, surface.uv1, front, time)
@@ -248,7 +253,7 @@ def _add_emission(scene, surface, path, number, options, time):
 
 @template
 def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, time):
-    """Next-event estimation: the path with the light that a point of a light sends to its vertex, and the shadow rays cast."""
+    """Adds direct light by next-event estimation: (path, number of shadow rays)."""
     surface, material = vertex.surface, vertex.material
     s, t, n = vertex.frame
     rays = 0
@@ -280,8 +285,9 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, ti
 
 @template
 def _bounce(scene, vertex, path, number, options, numbers, branches):
-    """The path after its vertex has scattered it, as one of so many branches, in a direction by its BSDF or by the strategy
-    asked for; and whether it goes on.
+    """Scatters the path at its vertex by the BSDF or the selected strategy: (path, whether it continues).
+
+    branches: number of branches into which the vertex splits the path.
     """
     material, wo = vertex.material, vertex.wo
     u = (numbers[0], numbers[1])
@@ -295,5 +301,5 @@ def _bounce(scene, vertex, path, number, options, numbers, branches):
     if scene.has.media is not None and material.kind == MEDIUM:
         most = IN_MEDIA
     chance = survival(path.throughput, path.worth, np.float32(path.depth), options, most)
-    goes_on = not (vec.maximum(path.throughput) <= _ZERO or numbers[3] >= chance)  # no number lives on
+    goes_on = not (vec.maximum(path.throughput) <= _ZERO or numbers[3] >= chance)  # NaN propagates, so the film can count it
     return with_throughput(path, vec.scale(path.throughput, _ONE / chance)), goes_on

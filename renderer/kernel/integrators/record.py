@@ -1,7 +1,7 @@
-"""The protocol of one path, for a person who looks into a pixel: a row of numbers for each thing that its ray met.
+"""The record of one path for inspection of a pixel: a row of numbers for each thing that its ray hit.
 
-The integrators write it where they are given rows to write to. Pictures are rendered with none, by the same machine code:
-what is recorded is what the film got, to the bit.
+Integrators write it when they are given rows. Frames are rendered without rows by the same machine code, so the record matches
+the film to the bit.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _record(log, row, kind, distance, point, normal, path):
 
 @device
 def record_surface(log, row, surface, through, distance, path):
-    """The surface that a path's ray met, and whether it passed it; the path's throughput is that on arrival."""
+    """Records the surface hit by the path's ray, and whether the path passed through it, with the throughput on arrival."""
     log[row, OBJECT] = 1 + surface.object
     log[row, MATERIAL] = 1 + surface.material
     _record(log, row, PASSED if through else SURFACE, distance, surface.point, surface.shading, path)
@@ -72,7 +72,7 @@ def record_surface(log, row, surface, through, distance, path):
 
 @device
 def record_medium(log, row, point, distance, path):
-    """The point in a medium where a path is scattered, so far along its ray; its throughput is that on arrival."""
+    """Records a scattering point in a medium at `distance` along the ray, with the throughput on arrival."""
     log[row, OBJECT] = 0
     log[row, MATERIAL] = 0
     _record(log, row, np.int64(IN_MEDIUM), distance, point, path.d, path)
@@ -80,7 +80,7 @@ def record_medium(log, row, point, distance, path):
 
 @device
 def record_miss(log, row, path):
-    """The environment, which a path's ray met."""
+    """Records that the path's ray missed all surfaces and reached the environment."""
     log[row, OBJECT] = 0
     log[row, MATERIAL] = 0
     _record(log, row, np.int64(MISSED), _FAR, path.o, path.d, path)
@@ -88,7 +88,7 @@ def record_miss(log, row, path):
 
 @subroutine
 def record_light(log, row, column, radiance):
-    """The radiance so far: from column EMITTED on with the vertex's own light, from DIRECT on with the lights it sees."""
+    """Records the accumulated radiance: from column EMITTED on with the vertex's emission, from DIRECT on with direct light."""
     out_of_line()
     for i in range(3):
         for j in range(column, DIRECT + 3, 3):
@@ -97,7 +97,7 @@ def record_light(log, row, column, radiance):
 
 @subroutine
 def record_beside(log, radiance):
-    """What the branch has brought that begins beside the recorded one, at its first vertex (splitting.py)."""
+    """Records the radiance of the second branch, which splits from the recorded path at its first vertex (splitting.py)."""
     out_of_line()
     for row in range(len(log)):
         if log[row, KIND] == SURFACE or log[row, KIND] == IN_MEDIUM:

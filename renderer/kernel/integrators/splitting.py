@@ -1,8 +1,8 @@
-"""Splitting: a path's first vertex scatters it into several branches, which go on side by side (Arvo & Kirk, "Particle Transport
-and Image Synthesis", 1990). Of one path, or of eight.
+"""Path splitting: the first vertex scatters a path into several branches, for one path or for eight lanes.
 
-Most of a picture's noise is what lies behind the first vertex, and the way there need not be gone twice for it. The branches
-are samples of one strategy: together they are weighed against light sampling (Veach 1997, 9.2).
+Arvo & Kirk, "Particle Transport and Image Synthesis", 1990. Most of the noise arises after the first vertex, and its cost is
+shared by the branches. The branches are samples of one strategy and are weighed together against light sampling (Veach 1997,
+9.2).
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ _ALL = np.uint32(0xFFFFFFFF)
 
 @device
 def of_branch(weight, pdf, branches):
-    """One branch's part of what a vertex passes on, and the density of directions that all of them have. branches: a float."""
+    """Returns (a branch's share of a vertex's weight, the density of all branches' directions together). branches: a float."""
     return vec.scale(weight, _ONE / branches), branches * pdf
 
 
 @device
 def turned(numbers):
-    """A second branch's numbers at the vertex where it begins, of those of the first: evenly between them."""
+    """Returns the second branch's random numbers at the splitting vertex, stratified against those of the first."""
     x, y, choose = opposite(numbers)
     return x, y, choose, numbers[3]
 
 
 @device
 def beside(stream):
-    """Where a second branch's numbers come from behind that vertex: as those of another pixel, far away."""
+    """Returns the random number stream of a second branch after the splitting vertex: that of a distant pixel."""
     return Stream(stream.sampler, stream.seed, u32(stream.pixel ^ _ALL), stream.sample)

@@ -1,4 +1,4 @@
-"""What a path is while it is followed: what it carries from vertex to vertex, and the vertex that it stands at."""
+"""The state of a path that is being followed, and its vertices."""
 
 from __future__ import annotations
 
@@ -44,40 +44,40 @@ MAX_AGAIN = 64  # segments that do not count, of one path: each has about an eve
 
 
 class Path(NamedTuple):
-    """A path on its way to the next thing that its ray o + t d meets. Vectors are tuples of float32 in world space."""
+    """A path with its next ray o + t d. Vectors are tuples of float32 in world space."""
 
-    o: tuple[float, float, float]  # off the last vertex's surface, or off one that was passed
+    o: tuple[float, float, float]  # off the last vertex's surface, or off one passed through
     d: tuple[float, float, float]  # unit
     vertex: tuple[float, float, float]  # the last one; the camera's point to begin with
-    normal: tuple[float, float, float]  # that the vertex is lit from the side of; zero: from both
-    pdf: float  # with which its BSDF gave d; 0: of a delta distribution, or the camera's; below 0: light is not counted where met
+    normal: tuple[float, float, float]  # lights on its side count; zero: on both sides
+    pdf: float  # pdf of d by the BSDF; 0: discrete, or from the camera; below 0: emission that is hit does not count
     throughput: tuple[float, float, float]
     radiance: tuple[float, float, float]  # found so far
-    worth: float  # what a unit of its throughput is worth to the pixel: of roulette.py
-    depth: int  # segments behind it that count
+    worth: float  # factor from its throughput to its importance for the pixel (roulette.py)
+    depth: int  # counted segments so far
     counts: float  # its bounces by kind (depths.py)
-    nest: Any  # the media that it is in (kernel/medium/nesting.py); None where there are none
+    nest: Any  # media that contain it (kernel/medium/nesting.py); None for a scene without media
 
 
 class Vertex(NamedTuple):
-    """Where a path scatters."""
+    """A vertex where a path scatters."""
 
     surface: Surface
-    frame: tuple[Any, Any, Any]  # (s, t, n), orthonormal, to shade in
+    frame: tuple[Any, Any, Any]  # shading frame (s, t, n), orthonormal
     material: Material
     wo: tuple[float, float, float]  # unit, towards the viewer, in the frame
-    normal: tuple[float, float, float]  # as in Path: of the side that lights count on
+    normal: tuple[float, float, float]  # as in Path
 
 
 @device
 def camera_path(o, d, nest):
-    """A path that leaves the camera's point o in the unit direction d."""
+    """Returns a path that starts at the camera's point o in the unit direction d."""
     return Path(o, d, o, _EVERY_SIDE, _ZERO, _WHITE, _BLACK, _ONE, _NONE, _ZERO, nest)
 
 
 @device
 def with_origin(path, o):
-    """The path, its ray starting at o."""
+    """Returns the path with its ray's origin at o."""
     return Path(
         o,
         path.d,
@@ -95,7 +95,7 @@ def with_origin(path, o):
 
 @device
 def with_throughput(path, throughput):
-    """The path with another throughput."""
+    """Returns the path with another throughput."""
     return Path(
         path.o,
         path.d,
@@ -113,7 +113,7 @@ def with_throughput(path, throughput):
 
 @device
 def with_radiance(path, radiance):
-    """The path with another radiance."""
+    """Returns the path with another radiance."""
     return Path(
         path.o,
         path.d,
@@ -131,7 +131,7 @@ def with_radiance(path, radiance):
 
 @device
 def with_nest(path, nest):
-    """The path in other media."""
+    """Returns the path in another nest of media."""
     return Path(
         path.o,
         path.d,
@@ -149,7 +149,7 @@ def with_nest(path, nest):
 
 @device
 def beyond(scene, vertex, nest):
-    """The nest of what goes through the vertex's surface; None where there are no media."""
+    """Returns the nest of media beyond the vertex's surface; None for a scene without media."""
     if scene.has.media is not None and vertex.material.kind != MEDIUM:
         nest = crossed(scene, nest, vertex.surface.material, vertex.surface.front)
     return nest
@@ -157,10 +157,10 @@ def beyond(scene, vertex, nest):
 
 @device
 def vertex_at(scene, surface, path, stream, number, layers, time):
-    """The path's vertex on a surface, and the path, which sees one colour from here on where the material spreads them.
+    """Returns (the path's vertex on a surface, the path, reduced to one colour channel if the material is dispersive).
 
-    number: how many vertices it had before; layers: (LAYER_SLOTS,) float32, in which the rarer materials' textures are looked up;
-    time: of the shutter, 0 ... 1; None where nothing moves.
+    number: count of earlier vertices; layers: (LAYER_SLOTS,) float32, filled with the rarer materials' parameters; time: shutter
+    time, 0 ... 1; None for a scene without motion.
     """
     towards_viewer = vec.neg(path.d)
     frame = shading_frame(scene, surface, towards_viewer, time)
@@ -174,11 +174,11 @@ def vertex_at(scene, surface, path, stream, number, layers, time):
 
 @device
 def is_counted(surface, reflected, d, pdf, options):
-    """Whether a segment of direction d counts as depth, its vertex having scattered it with that pdf. Of one path, or of eight.
+    """Whether a segment of direction d, sampled with that pdf, counts towards the depth. For one path or for eight lanes.
 
-    Smooth transmission, the only one whose pdf is 0, counts only where `transmission_depth` is 0. A ray that meets its own facet
-    again, as bent normals make some do, has not left the vertex, and is not counted. Else what is white would darken towards its
-    rims, the more so the fewer bounces there may be.
+    Smooth transmission, the only one with pdf 0 that is not reflected, counts only if `transmission_depth` is 0. A ray that hits
+    its own facet again, which bent normals can cause, has not left the vertex and is not counted; otherwise white objects would
+    darken towards their silhouettes at low depths.
     """
     has_left = leaves(surface, reflected, d)
     is_clear = (pdf == _ZERO) & not_(reflected)
@@ -187,9 +187,9 @@ def is_counted(surface, reflected, d, pdf, options):
 
 @device
 def scattered(scene, vertex, path, number, wi, weight, pdf, eta2, branches, options):
-    """The path after its vertex has scattered it into wi, of its frame.
+    """Returns the path after its vertex has scattered it into the local direction wi.
 
-    weight, pdf, eta2: as `sample_material` gives them, of one of so many branches. number: how many vertices it had before.
+    weight, pdf, eta2: as from `sample_material`; number: count of earlier vertices.
     """
     s, t, n = vertex.frame
     d = vec.to_world(s, t, n, wi)

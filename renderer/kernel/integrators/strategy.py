@@ -1,4 +1,4 @@
-"""How a path finds light: MIS weights, each strategy alone to compare it with, and two mistakes to show what they do."""
+"""Strategies to find light: MIS weights, single strategies for comparison, and two deliberate errors for demonstration."""
 
 from __future__ import annotations
 
@@ -21,17 +21,18 @@ _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _TWO_PI = np.float32(2.0 * math.pi)
 _EIGHT_PI = np.float32(8.0 * math.pi)
-_LEAST_PDF, _MOST_PDF = np.float32(1e-18), np.float32(1e18)  # whose squares float32 still holds
-_LEFT_TO_LIGHTS = np.float32(-1.0)  # in a density's place: light sampling alone counts what the direction meets
+_LEAST_PDF, _MOST_PDF = np.float32(1e-18), np.float32(1e18)  # bounds whose squares fit float32
+_LEFT_TO_LIGHTS = np.float32(-1.0)  # in place of a pdf: the emission hit next is left to light sampling
 _CUTOFF = np.float32(1000.0)
-_FARTHEST = np.float32(1e30)  # squared: beyond lies the environment, to which no distance is meant
+_FARTHEST = np.float32(1e30)  # squared; farther points are the environment
 
 
 @device
 def power_heuristic(a, b):
-    """The weight of a sample whose own density is a and the other strategy's b (Veach 1997): with b's, they sum to 1.
+    """Returns the MIS weight of a sample with own density a > 0 and the other strategy's density b.
 
-    a > 0."""
+    Power heuristic with exponent 2 (Veach 1997).
+    """
     a = min(max(a, _LEAST_PDF), _MOST_PDF)
     b = min(b, _MOST_PDF)
     return a * a / (a * a + b * b)
@@ -39,7 +40,7 @@ def power_heuristic(a, b):
 
 @device
 def heuristic_weight(heuristic, a, b):
-    """As `power_heuristic`, by whichever heuristic is asked for; balance is a / (a + b)."""
+    """Returns the MIS weight by the selected heuristic: power, or balance, a / (a + b)."""
     if heuristic == BALANCE:
         a = min(max(a, _LEAST_PDF), _MOST_PDF)
         return a / (a + min(b, _MOST_PDF))
@@ -48,8 +49,9 @@ def heuristic_weight(heuristic, a, b):
 
 @device
 def share_of_light(options, light_pdf, scatter_pdf, alone):
-    """The weight of a light's sample under any strategy. scatter_pdf: times the number of directions that would have found it;
-    alone: whether only light sampling finds it.
+    """Returns the weight of a light sample under the selected strategy.
+
+    scatter_pdf: density of BSDF sampling times the number of branches; alone: whether rays cannot hit the light.
     """
     if alone or options.sampling == LIGHT:
         return _ONE
@@ -58,10 +60,10 @@ def share_of_light(options, light_pdf, scatter_pdf, alone):
 
 @subroutine
 def _uniform_bounce(material, wo, choose, u):
-    """A direction that does not ask what the material does with it: (wi, weight, radiance scale).
+    """Samples a direction independently of the material: (wi, weight, radiance scale).
 
-    Uniform over the hemisphere; over the sphere where light may pass. Single directions, which no such sample would find, are
-    then taken from the material by the toss of a coin.
+    Uniform over the hemisphere, or over the sphere where the material transmits; there, with probability 1/2, a discrete
+    direction of the material is taken instead, since uniform sampling cannot find it.
     """
     out_of_line()
     both = transmits(material)
@@ -80,9 +82,9 @@ def _uniform_bounce(material, wo, choose, u):
 
 @device
 def special_bounce(material, sampling, wo, choose, u):
-    """As `sample_material`, of the strategy: its pdf is what the next vertex's light is weighed with.
+    """Samples a direction by the selected strategy, as `sample_material`; its pdf determines the weight of light hit next.
 
-    0: it counts fully; less than 0: not at all, as light sampling has counted it.
+    pdf 0: the light counts fully; negative: not at all, since light sampling has counted it.
     """
     if sampling == UNIFORM and not is_specular(material):
         wi, weight, thinned = _uniform_bounce(material, wo, choose, u)
@@ -98,9 +100,10 @@ def special_bounce(material, sampling, wo, choose, u):
 
 @subroutine
 def mistaken(mistake, a, b):
-    """What other renderers' errors make of a light at b seen from a: a factor. The environment keeps its 1.
+    """Returns the factor by which a deliberate error changes the light of point b at a; 1 for the environment.
 
-    LIGHT_CUTOFF drops what is farther than sqrt(1000), ATTENUATION multiplies radiance, which has no distance, by 1/d^2.
+    LIGHT_CUTOFF drops lights farther than sqrt(1000); ATTENUATION multiplies radiance by 1/d^2, although radiance is constant
+    along a ray.
     """
     way = vec.sub(b, a)
     square = vec.dot(way, way)

@@ -1,4 +1,4 @@
-"""What the integrators share: what a path keeps of its first hit, and what happens to its light between two vertices."""
+"""Functions shared by integrators: the first hit's record, and transport of light between two vertices."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ __all__ = [
 ]
 
 _ZERO = np.float32(0.0)
-_INDIRECT = np.float32(3)  # segments from which on light counts as indirect
-PASSING_BLOCK = 1 << 16  # the first block of numbers for surfaces that may be passed; vertices use those below,
-COLOR_BLOCK = 1 << 17  # and from here on those that spread colours
-TIME_BLOCK = 1 << 18  # whose first number is the sample's time
+_INDIRECT = np.float32(3)  # number of segments from which on light is indirect
+PASSING_BLOCK = 1 << 16  # first random number block of transparent surfaces; vertices use lower ones,
+COLOR_BLOCK = 1 << 17  # first block of dispersive surfaces
+TIME_BLOCK = 1 << 18  # block whose first number is the sample's shutter time
 
 
 # What the film wants of a path's first hit, in an array of the caller's: as values that every turn of the integrator's loop
@@ -57,14 +57,14 @@ def _kept(first, column):
 
 @device
 def forget_first_hit(first):
-    """Makes the array, (FIRST_HIT_SLOTS,) float32, that of a path which hits nothing: all 0."""
+    """Clears the first-hit array, (FIRST_HIT_SLOTS,) float32: all 0, as for a path that hits nothing."""
     for k in range(FIRST_HIT_SLOTS):
         first[k] = _ZERO
 
 
 @device
 def keep_first_hit(first, surface, albedo, normal, depth):
-    """Writes down the first hit. normal: that it is shaded with, on the viewer's side; depth: its distance."""
+    """Writes the first hit. normal: the shading normal on the viewer's side; depth: distance along the ray."""
     _keep(first, _ALBEDO, albedo)
     _keep(first, _NORMAL, normal)
     _keep(first, _POSITION, surface.point)
@@ -75,16 +75,17 @@ def keep_first_hit(first, surface, albedo, normal, depth):
 
 @device
 def first_hit(first):
-    """What has been written: (albedo, normal, position, depth, 1 + object's number, 1 + material's number)."""
+    """Returns the recorded (albedo, normal, position, depth, 1 + object number, 1 + material number)."""
     ids = load_int(first, _OBJECT), load_int(first, _MATERIAL)
     return _kept(first, _ALBEDO), _kept(first, _NORMAL), _kept(first, _POSITION), first[_DEPTH], ids[0], ids[1]
 
 
 @device
 def _is_passed(scene, surface, stream, row, time):
-    """Whether the path goes through the surface as if it were not there, which its alpha gives the chance of.
+    """Whether the path passes through the surface, chosen randomly by its alpha.
 
-    row: how many surfaces the path has met before, passed or not: each has a chance of its own."""
+    row: number of surfaces hit before, passed or not; it selects the random number.
+    """
     if not is_transparent(scene, surface.material):
         return False
     u = draw1(stream, np.uint32(PASSING_BLOCK + row))
@@ -93,7 +94,7 @@ def _is_passed(scene, surface, stream, row, time):
 
 @subroutine
 def absorbed(throughput, a, start, end):
-    """What is left of a throughput on the way from start to end, where a length of 1 takes exp(-a): Beer's law."""
+    """Returns the throughput after absorption from start to end: Beer's law. a: absorption coefficient, rgb per unit length."""
     out_of_line()
     way = vec.sub(end, start)
     distance = math.sqrt(vec.dot(way, way))
@@ -102,19 +103,19 @@ def absorbed(throughput, a, start, end):
 
 @device
 def _attenuated(scene, material, throughput, start, end):
-    """What is left of the throughput on the way from start to end, through the inside of a material: Beer's law."""
+    """Returns the throughput after absorption inside a material, from start to end: Beer's law."""
     if scene.has.layers is None or scene.material_flags[material] & ABSORBING == 0:
         return throughput
     if scene.has.media is not None:
-        return throughput  # flights have seen to it
+        return throughput  # included in the free flights
     return absorbed(throughput, absorption(scene, material), start, end)
 
 
 @device
 def reach(scene, surface, path, options, stream, row, time):
-    """What becomes of a path that meets a surface: (whether it passes it, its throughput there).
+    """Returns (whether the path passes through the surface that it hit, its throughput there).
 
-    row: how many surfaces it has met before; time: of the shutter, 0 ... 1; None where nothing moves.
+    row: number of surfaces hit before; time: shutter time, 0 ... 1; None for a scene without motion.
     """
     through = is_lamp(scene, surface.material)
     if scene.has.textures is not None and options.transparent and not through:
@@ -127,7 +128,7 @@ def reach(scene, surface, path, options, stream, row, time):
 
 @device
 def one_color(scene, surface, material, throughput, stream, segment):
-    """As `disperse`, with a number of the segment's own."""
+    """Returns `disperse`, (material, throughput), with a random number of this segment."""
     if scene.has.layers is None or scene.material_flags[surface.material] & DISPERSIVE == 0:
         return material, throughput
     u = draw1(stream, np.uint32(np.uint32(COLOR_BLOCK) + segment))
@@ -136,8 +137,10 @@ def one_color(scene, surface, material, throughput, stream, segment):
 
 @device
 def limited(light, segments, limit):
-    """The light of a path of so many segments, if it is indirect with its greatest channel no greater than the limit, its hue
-    kept; limit 0: none. Of one path, or of eight."""
+    """Returns the light of a path, clamped if it is indirect: scaled so that its largest channel is at most `limit`.
+
+    segments: number of the path's segments; limit 0: no clamping. For one path or for eight lanes.
+    """
     if limit > _ZERO:
         most = vec.maximum(light)
         bright = (segments >= _INDIRECT) & (most > limit)

@@ -1,4 +1,4 @@
-"""What lies between two points: how much of the light gets through."""
+"""Visibility and transmittance between two points."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _BLACK = (_ZERO, _ZERO, _ZERO)
 
 @subroutine
 def _through(scene, stack, start, end, time):
-    """The product of what each surface between the two points leaves of the light."""
+    """Returns the product of the surfaces' transparencies, 1 - alpha, between the two points."""
     out_of_line()
     left = _ONE
     o = start
@@ -48,9 +48,9 @@ def _through(scene, stack, start, end, time):
 
 @subroutine
 def light_left(scene, stack, start, end, nest, time):
-    """What is left of light, rgb 0 ... 1, between two points: surfaces let some pass by their alpha, media take theirs.
+    """Returns the transmittance, rgb 0 ... 1, between two points, through transparent surfaces and media.
 
-    nest: that the first point is in (kernel/medium/nesting.py); time: as of `closest_hit`.
+    nest: media that contain the first point (kernel/medium/nesting.py); time: as for `closest_hit`.
     """
     out_of_line()
     left = (_ONE, _ONE, _ONE)
@@ -79,10 +79,10 @@ def light_left(scene, stack, start, end, nest, time):
 
 @device
 def transmittance(scene, stack, start, end, transparent, time=None):
-    """The fraction of light, 0 ... 1, that passes from `start` to `end` in a straight line.
+    """Returns the fraction of light, 0 ... 1, that passes from `start` to `end` in a straight line.
 
-    transparent: whether anything in the scene lets light pass by its alpha; if not, one look is enough.
-    time: as of `closest_hit`.
+    transparent: whether any material in the scene is transparent by its alpha; if not, a single shadow ray is traced.
+    time: as for `closest_hit`.
     """
     if scene.has.textures is not None and transparent:
         return _through(scene, stack, start, end, time)

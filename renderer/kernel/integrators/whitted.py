@@ -1,10 +1,10 @@
-"""Ray tracing after Whitted, "An Improved Illumination Model for Shaded Display" (1980), to compare with path tracing.
+"""Ray tracing after Whitted, "An Improved Illumination Model for Shaded Display" (1980), for comparison with path tracing.
 
-Mirror and glass are followed, and nothing else: what is diffuse or glossy is lit by the lights directly, and by a constant
-for all the light that it would get from other surfaces. Where Whitted splits a ray at glass, the sampler chooses.
+Only mirrors and glass are followed: diffuse and glossy surfaces receive direct light, and a constant in place of indirect light.
+Where Whitted splits a ray at glass, the sampler chooses one direction.
 
-With one light sample a light is looked at in its middle: shadows are sharp, and only the choice among several lights is
-random. With more, in as many points, so that shadows are soft. The environment has no middle.
+With one light sample a light is sampled at its centre: shadows are sharp, and only the choice among lights is random. With
+more, at as many random points, for soft shadows. The environment has no centre.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ _HALF = np.float32(0.5)
 _QUARTER = np.float32(0.25)
 _INF = np.float32(np.inf)
 _ROOT = np.int32(0)
-_POLISHED = np.float32(0.15)  # roughness up to which a metal is taken for a mirror
+_POLISHED = np.float32(0.15)  # roughness up to which a metal is treated as a mirror
 
 
 @device
 def _is_polished(material):
-    """Whether it is a metal so smooth that what it shows are reflections."""
+    """Whether the material is a metal smooth enough to show mirror reflections."""
     if material.kind == METALLIC_ROUGHNESS:
         return material.metallic > _HALF and material.roughness <= _POLISHED
     return material.kind == CONDUCTOR and material.roughness <= _POLISHED
@@ -70,10 +70,10 @@ def _edge2(scene, i, j):
 
 @device
 def _middle(scene, light):
-    """The numbers with which `sample_one_light` gives a light's middle.
+    """Returns the random numbers for which `sample_one_light` gives a light's centre.
 
-    A triangle's is that of its longest edge, as if it were half of a rectangle. A sphere's is the point nearest to what it
-    lights, in the direction of its centre.
+    For a triangle it is the middle of its longest edge, as if it were half of a rectangle; for a sphere the point nearest to the
+    lit point.
     """
     primitive = scene.light_primitive[light]
     if primitive >= len(scene.triangle):
@@ -91,7 +91,7 @@ def _middle(scene, light):
 
 @device
 def _look_at_light(scene, p, normal, middle, choice, u, time):
-    """As `sample_light`; with `middle`, a light is looked at in its middle, from outside."""
+    """Returns `sample_light`; if `middle` is set, the light's centre is sampled."""
     chance = scene.environment_frame[3]
     if not middle or choice < chance or len(scene.light_primitive) == 0:
         return sample_light(scene, p, normal, choice, u, time)
@@ -112,7 +112,7 @@ def _is_within(scene, light, p):
 
 @device
 def _is_mirror(material):
-    """Whether its reflections are followed, and no lights are looked for."""
+    """Whether the material's reflections are followed instead of sampling lights."""
     return is_specular(material) or _is_polished(material)
 
 
@@ -123,14 +123,14 @@ def _add(path, light):
 
 @template
 def trace_whitted(scene, stack, o, d, time, nest, options, stream, log, first):
-    """As renderer.kernel.integrators.path.trace_path. options.max_depth counts the segments between camera and last surface.
+    """Traces one sample, see `trace_path`. options.max_depth counts the segments from the camera to the last surface.
 
-    What scatters within media is left out.
+    Scattering in media is ignored.
     """
     forget_first_hit(first)
     path = camera_path(o, d, None)
     rays = 0
-    number = 0  # of the vertex that the ray is on its way to
+    number = 0  # index of the next vertex
     passed = 0
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
     layers = local_floats(LAYER_SLOTS)
@@ -202,7 +202,7 @@ def trace_whitted(scene, stack, o, d, time, nest, options, stream, log, first):
 
 @template
 def _add_direct(scene, stack, vertex, path, number, options, stream, time):
-    """The path with the light that the lights send to its vertex, and the shadow rays that were cast."""
+    """Adds direct light at the path's vertex: (path, number of shadow rays)."""
     surface = vertex.surface
     s, t, n = vertex.frame
     rays = 0

@@ -1,14 +1,15 @@
-"""What lights without a body send into each direction: IES profiles, pictures of all directions, pictures that are thrown.
+"""Directional emission maps of lights without a surface: IES profiles, panoramic images and projected images.
 
-A light's intensity is multiplied by its map. The map's own frame is f, in which the light shines, r, to the right of that, and
-u = r x f, which is up for whoever looks along f. Of a direction w to what is lit, a map is looked up by two coordinates:
+A light's intensity is multiplied by its map. The map has a frame of its own: f is the direction in which the light shines, r
+points to the right of f, and u = r x f points up for a viewer that looks along f. A direction w from the light to the lit point
+is turned into two map coordinates, by the kind of the map:
 
-SPHERE: the angles of w about f, from r towards u, and with f, 0 ... pi. Of a photometric web (IES LM-63, type C) that is the
-    horizontal angle, from the plane C0 at r, and the vertical one.
-WINDOW: where w meets the plane at the distance 1, to the right and up. What is looked up is an intensity.
-SCREEN: likewise, but what is looked up is the irradiance that it gives that plane: an intensity of that over cos^3.
+SPHERE: the azimuth of w about f, from r towards u, and the angle between w and f, 0 ... pi. For a photometric web (IES LM-63,
+    type C) these are the horizontal angle, from the plane C0 at r, and the vertical angle.
+WINDOW: the point where w meets the plane at distance 1, to the right and up. The texel is an intensity.
+SCREEN: the same point, but the texel is the irradiance on that plane; it is multiplied by 1 / cos^3 to give an intensity.
 
-Between texels it is bilinear; beyond a map's edges there is no light.
+Texels are interpolated bilinearly; outside a map's edges the result is 0.
 """
 
 from __future__ import annotations
@@ -35,9 +36,9 @@ _EVEN = (_ONE, _ONE, _ONE)
 
 @subroutine
 def emission_towards(scene, number, p, w):
-    """(3,) what the map of punctual light `number` multiplies its light by at p; 1 of a light without one.
+    """Returns the factor, rgb, of the emission map of punctual light `number` towards the point p; 1 for a light without a map.
 
-    w: the unit direction from p to the point of the light that shines on it.
+    w: unit direction from p to the sampled point of the light.
     """
     out_of_line()
     frame = row(scene.emission_frame, number, 4)
@@ -47,7 +48,7 @@ def emission_towards(scene, number, p, w):
 
 @subroutine
 def moving_emission_towards(scene, number, p, w, time):
-    """`emission_towards` at a time of the shutter."""
+    """Returns `emission_towards` at the shutter time `time`, 0 ... 1."""
     out_of_line()
     count = len(scene.key_punctual) // len(scene.punctual)
     step, share = step_at(time, count)
@@ -65,16 +66,19 @@ def _mixed(a, b, k, share):
 
 @device
 def _emission(scene, frame, place, shines, extent, p, w):
-    """As `emission_towards`, of a light by its rows. frame: r, and the number of the map, below 0 for none."""
+    """Returns the map's factor, rgb, for a light given by its columns; see `emission_towards`.
+
+    frame: the map's axis r and the map's number, below 0 for a light without a map.
+    """
     if frame[3] < _ZERO:
         return _EVEN
-    # As spots do: by the direction from the centre, so that an extent does not blur the map; disks by each direction's own.
+    # Measured from the centre, as for spots, so that an extent does not blur the map; for disks from the sampled point.
     towards = vec.neg(w) if extent < _ZERO else vec.sub(p, place)
     square = vec.dot(shines, shines)
     if not square > _ZERO:
         return _DARK
     forward = vec.scale(shines, _ONE / math.sqrt(square))
-    right = vec.sub(frame[0:3], vec.scale(forward, vec.dot(frame[0:3], forward)))  # between two keys it leans
+    right = vec.sub(frame[0:3], vec.scale(forward, vec.dot(frame[0:3], forward)))  # interpolated keys are not orthogonal
     square = vec.dot(right, right)
     if not square > _ZERO:
         return _DARK
@@ -86,16 +90,16 @@ def _emission(scene, frame, place, shines, extent, p, w):
 
 @subroutine
 def look_up_emission(maps, windows, texels, number, local):
-    """(3,) what map `number` has in the direction `local`: its components along r, u and f, of any length but 0.
+    """Returns the value, rgb, of map `number` in the direction `local`: its components along r, u and f, of any length but 0.
 
-    maps, windows, texels: as CompiledScene has `emission_map`, `emission_window` and `emission`.
+    maps, windows, texels: the arrays `emission_map`, `emission_window` and `emission` of CompiledScene.
     """
     first, width, height, kind = row(maps, number, 4)
     window = row(windows, number, 8)
     x, y, z = local
     gain = _ONE
     if kind == SPHERE:
-        across, down = atan2(y, x), atan2(math.sqrt(x * x + y * y), z)  # an arc cosine is inexact about the axis
+        across, down = atan2(y, x), atan2(math.sqrt(x * x + y * y), z)  # an arc cosine is inaccurate near the axis
     else:
         if not z > _ZERO:
             return _DARK

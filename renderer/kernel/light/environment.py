@@ -1,9 +1,10 @@
-"""Light from infinitely far: an equirectangular image, or one colour as an image of one texel, and a sun's disk before it.
+"""Light from infinitely far: an equirectangular image, or one colour stored as an image of one texel, plus a sun disk.
 
-Directions are chosen texel by texel in proportion to luminance times solid angle, and uniformly in solid angle within the
-texel: a constant environment is sampled without any noise, and an image's density is constant over each texel. Lookups are
-bilinear; where that spills light into a black texel, only BSDF sampling finds it, which MIS weighs correctly. A sun has a
-disk of its own, since no image's texels are as fine: a share of the samples falls on it, and the density is that of both.
+Directions are sampled texel by texel in proportion to luminance times solid angle, and uniformly in solid angle within the
+texel: a constant environment is sampled without noise, and the density of an image is constant over each texel. Lookups are
+bilinear; where the interpolation spills light into a black texel, only BSDF sampling finds it, and MIS weighs it correctly. The
+sun is a separate disk, since image texels are too coarse for it: a fixed share of the samples is taken on the disk, and the
+density is that of the mixture.
 """
 
 from __future__ import annotations
@@ -42,7 +43,10 @@ _INV_2PI = np.float32(0.5 / math.pi)
 
 @device
 def choose(cdf, u):
-    """The i with cdf[i] <= u < cdf[i + 1], and u stretched from that interval to [0, 1). Skips what has probability 0."""
+    """Returns (i, u rescaled to [0, 1), probability of i) for the i with cdf[i] <= u < cdf[i + 1], by binary search.
+
+    Entries with probability 0 are never chosen.
+    """
     low = as_wide(_FIRST, u)
     count = np.uint32(len(cdf) - 1)
     while count > _NEXT:
@@ -56,7 +60,7 @@ def choose(cdf, u):
 
 @device
 def _stretched(cdf, i, u):
-    """Where u stands in interval i of the flat table, 0 <= u < 1, and how wide that is."""
+    """Returns (position of u within interval i of the flat table, in [0, 1), width of the interval)."""
     low = lookup(cdf, i)
     width = lookup(cdf, u32(i + _NEXT)) - low
     return min(where(width > _ZERO, (u - low) / width, _ZERO), _BELOW_ONE), width
@@ -64,8 +68,9 @@ def _stretched(cdf, i, u):
 
 @device
 def choose_from(cdf, start, row, u):
-    """What `choose` gives for that row of a table of cdfs, to the bit, for u in [0, 1): `start` tells where to begin
-    (renderer/scene/cutpoints.py).
+    """Returns bit for bit what `choose` returns for row `row` of a table of cdfs, for u in [0, 1).
+
+    start: guide table with the position where the search begins (renderer/scene/cutpoints.py).
     """
     i = as_wide(_FIRST, u)
     if cdf.shape[-1] > 2:
@@ -76,9 +81,9 @@ def choose_from(cdf, start, row, u):
 
 @device
 def _interval(cdf, start, row, u):
-    """The interval of a row that holds u: eight places are looked at together.
+    """Returns the index of the interval of a cdf row that contains u; compares eight entries at a time.
 
-    Chen & Asau, "On Generating Random Variates from an Empirical Distribution", 1974.
+    Guide table method: Chen & Asau, "On Generating Random Variates from an Empirical Distribution", 1974.
     """
     length, parts = cdf.shape[-1], start.shape[-1]
     before = np.int64(row) * length
@@ -99,7 +104,10 @@ def _interval(cdf, start, row, u):
 
 @subroutine
 def _uv(frame, d):
-    """The image's coordinates of a world direction, both in [0, 1]. The middle column looks along -z, the top row along +y."""
+    """Returns the image coordinates of a world direction, both in [0, 1].
+
+    The middle column looks along -z, the top row along +y.
+    """
     x = d[0] * frame[0] - d[2] * frame[1]
     z = d[0] * frame[1] + d[2] * frame[0]
     return _HALF + atan2(x, -z) * _INV_2PI, acos(d[1]) * _INV_PI
@@ -107,7 +115,7 @@ def _uv(frame, d):
 
 @device
 def _place(environment, frame, d):
-    """`_uv`, which nobody needs to know in an even sky."""
+    """Returns `_uv`, or (1/2, 1/2) without computing it where the image has a single texel."""
     if environment.shape[0] * environment.shape[1] == 1:
         middle = as_wide(_HALF, d[0])
         return middle, middle
@@ -116,7 +124,10 @@ def _place(environment, frame, d):
 
 @device
 def _on_sun(frame, d):
-    """Whether the sun's disk lies in direction d. By the chord: a cosine in float32 is off by a hundredth of the disk."""
+    """Whether direction d lies on the sun's disk.
+
+    Compares the squared chord, since the cosine in float32 has an error of a hundredth of the disk.
+    """
     on_sun = as_wide(False, d[0])
     if frame[7] > _ZERO:
         x, y, z = d[0] - frame[4], d[1] - frame[5], d[2] - frame[6]
@@ -126,14 +137,14 @@ def _on_sun(frame, d):
 
 @device
 def environment_radiance(environment, frame, d):
-    """The radiance that comes from direction d."""
+    """Returns the radiance, rgb, that arrives from direction d: image and sun."""
     u, v = _place(environment, frame, d)
     return _with_sun(frame, _image_radiance(environment, u, v), _on_sun(frame, d))
 
 
 @device
 def environment_light(scene, d, judged):
-    """(radiance that comes from direction d, the density with which `sample_environment` gives d; 0 unless `judged`)."""
+    """Returns (radiance from direction d, pdf of d under `sample_environment`, per steradian; 0 unless `judged`)."""
     frame = scene.environment_frame
     u, v = _place(scene.environment, frame, d)
     on_sun = _on_sun(frame, d)
@@ -161,7 +172,7 @@ def _image_radiance(environment, u, v):
     left, upper = floor(x), floor(y)
     s = x - to_float(left)
     t = y - to_float(upper)
-    # From -1 on, which without a sign is the greatest number; so is, nearly, what NaN becomes.
+    # Unsigned comparison: -1 wraps to the largest number, and NaN converts to nearly that.
     x0, x1 = u32(left), u32(left + _NEXT)
     y0, y1 = u32(upper), u32(upper + _NEXT)
     x0 = where(x0 < width, x0, np.uint32(width - _NEXT))
@@ -183,7 +194,7 @@ def _image_radiance(environment, u, v):
 
 @device
 def _sine(turns):
-    """sin of 2 pi turns, 0 <= turns <= 1/4, with the relative precision that small angles need."""
+    """Returns sin(2 pi turns) for 0 <= turns <= 1/4, with the relative precision that small angles need."""
     x = _TWO_PI * turns
     small = x - x * x * x * _SIXTH * (_ONE - x * x * _TWENTIETH)
     is_large = turns > _SMALL
@@ -195,23 +206,27 @@ def _sine(turns):
 
 @device
 def _row_extent(number, height):
-    """What cos(theta) falls by over a row of texels. As a difference of cosines, it would be lost at the poles."""
+    """Returns the difference of cos(theta) over a row of texels, computed as a product.
+
+    The difference of the two cosines would cancel near the poles.
+    """
     step = _HALF / np.float32(height)
     return _TWO * _sine((to_float(_from_pole(number, height)) + _HALF) * step) * _sine(_HALF * step)
 
 
 @device
 def _from_pole(number, height):
-    """How many rows lie between that row and the nearer pole."""
+    """Returns the number of rows between that row and the nearer pole."""
     opposite = u32(np.uint32(height - 1) - number)
     return where(number < opposite, number, opposite)
 
 
 @device
 def sample_environment(scene, choice, u):
-    """A direction in proportion to the environment's light: (unit direction, pdf per steradian).
+    """Samples a direction in proportion to the environment's light: (unit direction, pdf per steradian).
 
-    choice tells, if there is a sun, whether it is the sun's."""
+    choice: in [0, 1); selects between the sun's disk and the image. u: two numbers in [0, 1).
+    """
     of_sun = choice < scene.environment_frame[11]
     pdf = nil(choice)
     d = pdf, pdf, pdf
@@ -238,7 +253,10 @@ def _sample_sun(scene, u):
 
 @device
 def _sample_beside_sun(scene, u):
-    """A direction that the image chooses; it may be on the sun all the same."""
+    """Samples a direction from the image: (direction, pdf).
+
+    The pdf includes the sun's share where the direction lies on the disk.
+    """
     frame = scene.environment_frame
     d, pdf = _sample_image(scene, u)
     pdf = pdf * (_ONE - frame[11])
@@ -293,6 +311,9 @@ def _image_pdf(scene, u, v):
 
 @device
 def _texel(place, count):
-    """Which of `count` texels that lie in a row from 0 to 1 is there: the last one beyond its end, one of them for NaN."""
+    """Returns the index of the texel, of `count` over [0, 1], that contains `place`.
+
+    Values out of range and NaN give a valid index.
+    """
     number = u32(to_int(place * np.float32(count)))
     return where(number < np.uint32(count), number, np.uint32(count - 1))

@@ -1,4 +1,4 @@
-"""A sample of a light: its fields, and how samples of several lanes are put together."""
+"""LightSample, the result of sampling a light, and the selection between samples lane by lane."""
 
 from __future__ import annotations
 
@@ -17,18 +17,21 @@ _ONE = np.float32(1.0)
 
 
 class LightSample(NamedTuple):
-    """A direction that light comes from. Vectors are tuples of float32 in world space; or all of it is of eight lanes."""
+    """A sampled direction towards a light.
 
-    direction: tuple[float, float, float]  # unit, from the point lit
-    end: tuple[float, float, float]  # what must be seen from the point lit
-    radiance: tuple[float, float, float]  # that would arrive unoccluded
-    pdf: float  # per steradian, the choice of the light included; 0: nothing sampled
-    alone: bool  # whether only light sampling finds it (no ray meets it), so that there is nothing to weigh it against
+    Vectors are tuples of float32 in world space; each number may be a vector of eight lanes.
+    """
+
+    direction: tuple[float, float, float]  # unit, from the shaded point
+    end: tuple[float, float, float]  # the point that must be visible from the shaded point
+    radiance: tuple[float, float, float]  # arriving at the shaded point without occlusion
+    pdf: float  # per steradian, includes the probability of choosing the light; 0: no sample
+    alone: bool  # whether rays cannot hit the light, so that MIS does not apply
 
 
 @device
 def nothing(p):
-    """No sample at p."""
+    """Returns an empty sample, with pdf 0, in the lane type of p."""
     zero, one = nil(p[0]), as_wide(_ONE, p[0])
     black = zero, zero, zero
     return LightSample((zero, zero, one), black, black, zero, as_wide(False, p[0]))
@@ -36,7 +39,7 @@ def nothing(p):
 
 @device
 def either(choice, a, b):
-    """`where` of samples."""
+    """Returns sample a where `choice` is true, else b, lane by lane."""
     return LightSample(
         where3(choice, a.direction, b.direction),
         where3(choice, a.end, b.end),
@@ -48,7 +51,7 @@ def either(choice, a, b):
 
 @device
 def if_found(found, sample, p):
-    """The sample, or nothing where there is none; there mostly is."""
+    """Returns the sample where `found` is true, else an empty one; does nothing when all lanes have found one."""
     if any_of(not_(found)):
         sample = either(found, sample, nothing(p))
     return sample
@@ -56,6 +59,6 @@ def if_found(found, sample, p):
 
 @device
 def emitted(scene, material, uv, uv1, vertex_alpha, front, time):
-    """What rays that meet the light there receive on average: those that its alpha lets pass receive nothing of it."""
+    """Returns the emitted radiance times the opacity: the expectation over rays that alpha lets pass through the light."""
     radiance = emission(scene, material, uv, uv1, front, time)
     return vec.scale(radiance, opacity(scene, material, uv, uv1, vertex_alpha, time))

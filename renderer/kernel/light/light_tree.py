@@ -1,8 +1,9 @@
-"""One light of many, chosen at the point lit: a walk down a tree of lights, at each node by what either child could send there.
+"""Chooses one of many lights for a shading point, by descending a light tree with importance-weighted children.
 
-Conty Estevez & Kulla, "Importance Sampling of Many Lights with Adaptive Tree Splitting", 2018; pbrt 4ed, 12.6.3. Eight
-children a node are judged at once, lane by lane; renderer/arrays/light_rows.py tells what a node keeps of them. Lights
-are numbered in the tree's order, so that a light's number tells its way down, and its chance can be had for any point.
+Conty Estevez & Kulla, "Importance Sampling of Many Lights with Adaptive Tree Splitting", 2018; pbrt 4ed, 12.6.3. The
+importances of a node's eight children are computed together, one per lane; renderer/arrays/light_rows.py describes the node's
+rows. Lights are numbered in tree order, so the number of a light determines its path from the root, and its probability can be
+computed for any shading point.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ _FIRST = np.uint32(0)
 _STEP = np.uint32(1)
 _LANES = np.uint32(LIGHT_WIDTH - 1)
 _LAST = np.uint32(1 << (LIGHT_WIDTH - 1))
-_ANY = np.int32(-1)  # ~ the first light
+_ANY = np.int32(-1)  # complement of light 0
 
 
 @device
@@ -76,17 +77,19 @@ def _dot(x, y, z, a, b, c):
 
 @device
 def _importances(node, base, p, n):
-    """f32x8: about the irradiance that each child's lights give at p, facing n (zero: all sides). 0 only where they give none.
+    """Returns the importances of a node's eight children, f32x8: estimated irradiance at p on a surface with normal n.
 
-    A child's lights lie in a sphere of radius r, whose middle is at the distance d and at the height h over the plane that n
-    stands on. The paper divides by d**2, but by r**2 where d is less, and takes the cosine of the sphere's highest point: no part
-    of it counts less than what is best, so that near and wide children are chosen too often. Here it is as if all lay about three
-    tenths of r from the middle, those below the horizon counting three tenths: half of the variance in a room with a thousand
-    lamps. And it takes no root but that of d**2, which need not be exact.
+    n: zero for light from all sides. An importance is 0 only where the child's lights contribute nothing.
 
-    Where what shines has a direction, the paper's bound of its cosine stands, sines and cosines multiplied by d. Every fused
-    multiply-add is spelled out: left to the compiler, what is chosen and what its chance is found to be might differ in the last
-    bit.
+    The lights of a child lie in a sphere of radius r, with its centre at distance d and at height h above the tangent plane at p.
+    The paper divides by d**2, but by r**2 where d is less, and takes the cosine of the sphere's highest point, an upper bound
+    that overestimates near and large children. This function places the lights about 0.3 r from the centre and weighs those below
+    the horizon by 0.3, which halves the variance in a room with a thousand lamps. The only root needed is that of d**2, which may
+    be approximate.
+
+    Where the emitters are directional, the paper's bound of the cosine is used, with sines and cosines multiplied by d. Each
+    fused multiply-add is explicit: if the compiler chose them, the sampled probability and the evaluated one could differ in the
+    last bit.
     """
     zero, one, inner = splat(_ZERO), splat(_ONE), splat(_INNER)
     near, radius = _row(node, base, NEAR), _row(node, base, RADIUS)
@@ -104,9 +107,9 @@ def _importances(node, base, p, n):
     irradiance = _row(node, base, INTENSITY) * (inverse * inverse) * received
 
     cos_spread, emitted = _row(node, base, COS_SPREAD), one
-    if bits(less(zero - one, cos_spread)) != _FIRST:  # else they shine to all sides, as balls and bulbs do
+    if bits(less(zero - one, cos_spread)) != _FIRST:  # else all emitters are omnidirectional
         among = less_equal(square, radius * radius)
-        bound = sqrt(maximum(fma(zero - radius, radius, square), zero))  # `radius` is the sine: p sees the sphere under it
+        bound = sqrt(maximum(fma(zero - radius, radius, square), zero))  # `radius` acts as the sine of the angle subtended at p
         along = _dot(x, y, z, _row(node, base, AXIS), _row(node, base, AXIS + 1), _row(node, base, AXIS + 2))
         across = sqrt(maximum(fma(zero - along, along, square), zero))
         along = maximum(along, along * _row(node, base, MIRROR))
@@ -121,10 +124,10 @@ def _importances(node, base, p, n):
 
 @device
 def descend(node, base, p, n, choice):
-    """A step down the tree, from the node that lies at `base`: (the child, the chance of it, what is left of the choice).
+    """Takes one step down the tree from the node at offset `base`: (child, its probability, `choice` rescaled to [0, 1)).
 
-    The child is a node's number, or ~ a light's. The chance is 0 where no child reaches p: the way ends there, at any light.
-    Nothing here is a branch.
+    The child is a node's number, or ~ the number of a light. The probability is 0 where no child reaches p; the child is then the
+    complement of light 0, which ends the descent. The function is free of branches.
     """
     weights = _importances(node, base, p, n)
     sums = running_sum(weights)
@@ -137,14 +140,16 @@ def descend(node, base, p, n, choice):
     chance = select(none, _ZERO, weight / extract(totals, _FIRST))
     child = select(none, _ANY, load_int(node, base + _CHILD + np.uintp(lane)))
     before = select(lane > _FIRST, extract(sums, (lane - _STEP) & _LANES), _ZERO)
-    # Below 0 only where the compiler fuses this.
+    # The difference is negative only if the compiler fuses it.
     return child, chance, min(max(extract(at, _FIRST) - before, _ZERO) / weight, _BELOW_ONE)
 
 
 @subroutine
 def choose_from_tree(node, p, n, choice):
-    """The light that `choice` in [0, 1) picks: (its number, its chance). The chance is 0 where the way ends at a node none of
-    whose children reaches p."""
+    """Returns (light number, its probability) for `choice` in [0, 1).
+
+    The probability is 0 where a node is met none of whose children reaches p.
+    """
     out_of_line()
     chance = _ONE
     base = np.uintp(0)
@@ -158,7 +163,7 @@ def choose_from_tree(node, p, n, choice):
 
 @subroutine
 def tree_chance(node, p, n, light):
-    """The chance with which `choose_from_tree` picks `light`, to the bit."""
+    """Returns the probability with which `choose_from_tree` picks `light`, with the same rounding."""
     out_of_line()
     chance = _ONE
     base = np.uintp(0)

@@ -1,7 +1,7 @@
-"""Builds the tree of lights: every light a leaf, split so that both sides stay small, dim and narrow.
+"""Builds the light tree: each light is a leaf, and splits minimise the power, extent and orientation of both sides.
 
-Conty Estevez & Kulla 2018, section 4.4: the surface area orientation heuristic, binned. A node's eight children come of seven
-such splits.
+Conty Estevez & Kulla 2018, section 4.4: the surface area orientation heuristic, binned. The eight children of a node result from
+seven binary splits.
 """
 
 from __future__ import annotations
@@ -39,14 +39,17 @@ _PI = np.float32(math.pi)
 _HALF_PI = np.float32(math.pi / 2)
 _INV_2PI = np.float32(0.5 / math.pi)
 _INF = np.float32(np.inf)
-_SLACK = np.float32(1e-3)  # what float32 cannot tell of small angles, in radians
+_SLACK = np.float32(1e-3)  # float32 error of small angles, in radians
 _ROUNDING = np.float32(1e-5)
 _WIDER = np.float32(1.0 + 1e-5)
 
 
 @device
 def _orientation(spread, reach):
-    """M_omega of Conty Estevez & Kulla: the solid angle reached, weighted by the cosine beyond the spread."""
+    """Returns M_omega of Conty Estevez & Kulla: the solid angle reached, weighted by the cosine beyond the spread.
+
+    spread, reach: radians.
+    """
     spread = min(spread, _PI)
     whole = min(spread + reach, _PI)
     sine, cosine = sincos_turns(spread * _INV_2PI)
@@ -56,9 +59,10 @@ def _orientation(spread, reach):
 
 @device
 def _cost(count, power, low, high, axis_sum, spread, reach):
-    """What it costs to keep these lights together: power, extent and orientation.
+    """Returns the split heuristic's cost of a group of lights: power times orientation times the squared diagonal of its box.
 
-    Their axes' mean has length R; spread evenly over a cap of half angle a, it would be (1 + cos a) / 2.
+    The spread of the axes is estimated from the length R of their mean: axes uniform over a cap of half angle a have
+    R = (1 + cos a) / 2.
     """
     if count == _ZERO:
         return _ZERO
@@ -70,7 +74,7 @@ def _cost(count, power, low, high, axis_sum, spread, reach):
 
 @builder
 def _fit(center, radius, axis, spread, reach, intensity, both, order, begin, end, row, lane):
-    """Fills a lane of a node's rows with the bounds of the lights order[begin:end]."""
+    """Writes the bounds of the lights order[begin:end] into lane `lane` of a node's rows."""
     low = np.empty(3, np.float32)
     high = np.empty(3, np.float32)
     mean = np.zeros(3, np.float32)
@@ -124,7 +128,10 @@ def _fit(center, radius, axis, spread, reach, intensity, both, order, begin, end
 
 @builder
 def _best_split(center, radius, axis, spread, reach, intensity, both, order, begin, end):
-    """(axis, plane) that parts order[begin:end] at the least cost; axis -1 where none parts them."""
+    """Finds the binned split of order[begin:end] with the least cost: (axis, plane, box minimum, box extent).
+
+    axis is -1 where no plane separates the lights; plane counts bins.
+    """
     best = _INF
     best_axis = -1
     best_plane = _ZERO
@@ -175,7 +182,7 @@ def _best_split(center, radius, axis, spread, reach, intensity, both, order, beg
                 low[b, k] = min(low[b, k], center[i, k] - max(_ZERO, radius[i]))
                 high[b, k] = max(high[b, k], center[i, k] + max(_ZERO, radius[i]))
                 total_axis[b, k] += sign * axis[i, k]
-        for way in range(2):  # the costs of all right sides, then of left sides
+        for way in range(2):  # costs of all right sides, then of all left sides
             side_low[:] = _INF
             side_high[:] = -_INF
             side_axis[:] = _ZERO
@@ -204,7 +211,7 @@ def _best_split(center, radius, axis, spread, reach, intensity, both, order, beg
 
 @builder
 def _part(center, radius, axis, spread, reach, intensity, both, distant, order, begin, end):
-    """Reorders order[begin:end] into two parts: where the second one begins."""
+    """Reorders order[begin:end] into two parts; returns the index where the second part begins."""
     if begin < distant < end:
         return distant
     dimension, plane, least, extent = _best_split(center, radius, axis, spread, reach, intensity, both, order, begin, end)
@@ -230,10 +237,10 @@ def _sum(intensity, order, begin, end):
 
 @device
 def _to_part(border, strength, parts):
-    """Which part becomes two: the strongest of those of more lights than a node has children, or else of the others. -1 where
-    each is one light.
+    """Returns the index of the part to split next, or -1 where each part is a single light.
 
-    By strength, for lights that are often chosen to lie near the root; large ones first, for the last nodes to be full.
+    Chooses the strongest part among those with more lights than a node has children, else the strongest of the others. Splitting
+    by strength keeps frequently sampled lights near the root; splitting large parts first fills the last nodes.
     """
     for fitting in (LIGHT_WIDTH, 1):
         chosen = -1
@@ -247,9 +254,10 @@ def _to_part(border, strength, parts):
 
 @builder
 def build(center, radius, axis, spread, reach, intensity, both, distant, order, node):
-    """Parts `order`, whose first `distant` lights are infinitely far, and fills `node`: returns the nodes' count.
+    """Builds the tree: reorders `order`, fills `node` and returns the number of nodes.
 
-    The other arrays are those of renderer/scene/light_tree.py's LightBounds and LightTree.
+    The first `distant` lights of `order` are infinitely far and are kept apart from the others. The other arrays are those of
+    LightBounds and LightTree (renderer/scene/light_tree.py).
     """
     todo = np.empty((len(order) + 1, 3), np.int64)
     todo[0, 0], todo[0, 1], todo[0, 2] = 0, 0, len(order)

@@ -1,8 +1,8 @@
-"""Light sampling: a light is chosen (the environment by a set probability, few others by power, many by a tree), then a point
-or direction.
+"""Light sampling: chooses a light, then a point on it or a direction.
 
-Triangles are sampled uniformly by area, environments by their light; spheres, parallelograms and lights without a body have
-files of their own.
+The environment is chosen with a fixed probability; other lights by power where they are few, by a light tree where they are
+many. Triangles are sampled uniformly by area and environments by radiance; spheres, parallelograms and punctual lights have
+modules of their own.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
-FAR = np.float32(1e18)  # where an environment's light begins
+FAR = np.float32(1e18)  # distance of the environment
 _LEAST = np.float32(1e-30)
 _FIRST = np.uint32(0)
 _NEXT = np.uint32(1)
@@ -62,7 +62,7 @@ def _vertex_alpha(scene, number, b, c):
 
 @device
 def _sample_triangle(scene, number, area, p, u, time):
-    """A point of a triangle, uniformly: a LightSample, its pdf without the choice of the light."""
+    """Samples a point uniformly on a triangle: a LightSample whose pdf excludes the probability of choosing the light."""
     b, c = square_to_triangle(u)
     q, error, normal = triangle_point(scene.position, scene.triangle, number, b, c)
     if time is not None and len(scene.key_position) > 0:
@@ -89,7 +89,10 @@ def _sample_triangle(scene, number, area, p, u, time):
 
 @device
 def _sample_parallelogram(scene, light, number, area, p, n, u, time):
-    """As `_sample_triangle`, of the light whose first triangle has that number. n: as of `on_parallelogram`."""
+    """Samples a point on parallelogram `light`, whose first triangle is `number`: a LightSample as from `_sample_triangle`.
+
+    n: see `on_parallelogram`.
+    """
     q, error, normal, density = on_parallelogram(scene, light, p, n, u)
     d = vec.sub(q, p)
     square = vec.dot(d, d)
@@ -105,13 +108,13 @@ def _sample_parallelogram(scene, light, number, area, p, n, u, time):
 
 @device
 def choose_light(scene, p, n, choice):
-    """One of the lights but the environment: (its number, the chance of it); chance 0 where none lights p."""
+    """Chooses a light other than the environment: (light number, probability); the probability is 0 where no light reaches p."""
     return _choose_light(scene, p, n, choice, as_wide(True, choice))
 
 
 @device
 def _choose_light(scene, p, n, choice, wanted):
-    """`choose_light` for the lanes where it is `wanted`; any light in the others."""
+    """Returns `choose_light` in the lanes where `wanted`; any valid light in the others."""
     if scene.has.lights is not None and len(scene.light_node) > 0:
         light, chance = each_lane(choose_from_tree, wanted, (scene.light_node, p, n, choice))
         return u32(light), chance
@@ -121,13 +124,13 @@ def _choose_light(scene, p, n, choice, wanted):
 
 @device
 def sample_one_light(scene, light, p, n, u, time=None):
-    """Towards p from the light of that number: a LightSample, its pdf without the choice of the light.
+    """Samples light number `light` from p: a LightSample whose pdf excludes the probability of choosing the light.
 
-    n: the normal at p; zero where it is lit from all sides; None to spread a lamp's points evenly. time: of the shutter, 0 ... 1;
-    None where nothing moves.
+    n: the normal at p; zero for light from all sides; None to sample parallelograms uniformly. time: shutter time, 0 ... 1; None
+    for a scene without motion.
     """
     primitive = u32(lookup(scene.light_primitive, light))
-    beyond = u32(primitive - np.uint32(len(scene.triangle)))  # a triangle's is far beyond all spheres
+    beyond = u32(primitive - np.uint32(len(scene.triangle)))  # wraps to a large number for triangles
     is_triangle, is_sphere = primitive < np.uint32(len(scene.triangle)), beyond < np.uint32(len(scene.sphere))
     sample = nothing(p)
     if any_of(is_triangle):
@@ -163,7 +166,7 @@ def _is_parallelogram(scene, light):
 
 @device
 def _sample_alone(scene, number, wanted, p, u, time):
-    """As `sample_punctual`, for the lanes where it is `wanted`, and with what the light's map makes of it."""
+    """Returns `sample_punctual`, moving or not, in the lanes where `wanted`, with the radiance multiplied by the emission map."""
     if time is not None and len(scene.key_punctual) > 0:
         sample = each_lane(sample_moving_punctual, wanted, (scene.punctual_kind, scene.key_punctual, number, p, u, time))
     else:
@@ -183,7 +186,7 @@ def _emission(scene, number, wanted, p, w, time):
 
 @device
 def nearby_choice(scene, choice):
-    """Whether a choice in [0, 1) falls on the lights but the environment, and what is left of it to choose among them."""
+    """Returns (whether `choice`, in [0, 1), selects a light other than the environment, `choice` rescaled to [0, 1) for them)."""
     environment_chance = scene.environment_frame[3]
     nearby = not_(choice < environment_chance)
     if environment_chance > _ZERO:
@@ -193,9 +196,10 @@ def nearby_choice(scene, choice):
 
 @device
 def sample_light(scene, p, n, choice, u, time=None):
-    """Light towards the point p with normal n: a LightSample. `choice` picks the light, u the place on it.
+    """Samples the light at the point p with normal n: a LightSample. `choice` selects the light, u the point on it.
 
-    n is zero where the point is lit from all sides. time: as of `sample_one_light`."""
+    n: zero for light from all sides. time: as for `sample_one_light`.
+    """
     light, chance = as_wide(_FIRST, choice), nil(choice)
     if len(scene.light_primitive) > 0:
         nearby, rest = nearby_choice(scene, choice)
@@ -206,7 +210,7 @@ def sample_light(scene, p, n, choice, u, time=None):
 
 @device
 def sample_by_power(scene, p, n, choice, u, time):
-    """As `sample_light`, where no tree chooses."""
+    """Returns `sample_light` for scenes without a light tree: lights are chosen by power."""
     light, chance = as_wide(_FIRST, choice), nil(choice)
     if len(scene.light_primitive) > 0:
         nearby, rest = nearby_choice(scene, choice)
@@ -217,7 +221,10 @@ def sample_by_power(scene, p, n, choice, u, time):
 
 @device
 def sample_chosen(scene, p, n, choice, u, light, chance, time):
-    """As `sample_light`, where another light than the environment would be that one, chosen with that chance; 0: none is."""
+    """Samples the environment where `choice` selects it, else the given light: a LightSample; see `sample_light`.
+
+    light, chance: the light chosen beforehand and its probability; 0 where there is none.
+    """
     environment_chance = scene.environment_frame[3]
     from_far = choice < environment_chance
     nearby = not_(from_far)
@@ -234,7 +241,10 @@ def sample_chosen(scene, p, n, choice, u, light, chance, time):
 
 @device
 def _sample_nearby(scene, p, n, u, light, chance, wanted, time):
-    """The part of `sample_chosen` that is not the environment's, where `wanted`."""
+    """Samples the given light for `sample_chosen`, in the lanes where `wanted`.
+
+    The pdf includes the probability of the choice.
+    """
     sample = nothing(p)
     if len(scene.light_primitive) > 0 and any_of(wanted & (chance != _ZERO)):
         found = sample_one_light(scene, light, p, n, u, time)
@@ -246,8 +256,7 @@ def _sample_nearby(scene, p, n, u, light, chance, wanted, time):
 
 @device
 def environment_seen(scene, w, judged):
-    """(radiance from the environment's direction w, the density with which `sample_light` gives w, per steradian: 0 unless
-    `judged`)."""
+    """Returns (environment's radiance from direction w, pdf of w under `sample_light`, per steradian; 0 unless `judged`)."""
     chance = scene.environment_frame[3]
     radiance, pdf = environment_light(scene, w, judged & (chance > _ZERO))
     return radiance, chance * pdf
@@ -255,15 +264,18 @@ def environment_seen(scene, w, judged):
 
 @device
 def sun_seen(scene, which, p, n, w, judged, by_camera, time=None):
-    """Of the sun at that place of scene.sun: (radiance that comes from its direction w to p with normal n, the density with
-    which `sample_light` gives w, per steradian: 0 unless `judged`). by_camera: whether p is the camera's."""
+    """Returns (radiance of one sun from direction w, pdf of w under `sample_light`, per steradian; 0 unless `judged`).
+
+    which: index in scene.sun. p, n: the shaded point and its normal. by_camera: whether the ray starts at the camera, which does
+    not see suns of kind SUN_UNSEEN.
+    """
     light = np.uint32(scene.sun[which])
     number = np.int64(scene.light_primitive[light]) - len(scene.triangle) - len(scene.sphere)
     told = row(scene.punctual, number, 12)
     place, value, extent = as_wide3(told[0:3], w[0]), as_wide3(told[6:9], w[0]), as_wide(told[9], w[0])
     if time is not None and len(scene.key_punctual) > 0:
         place, value, extent = each_lane(moving_sun, w[0] == w[0], (scene.punctual_kind, scene.key_punctual, number, time))
-    away = vec.sub(w, place)  # by the chord: a cosine in float32 is off by a hundredth of the disk
+    away = vec.sub(w, place)  # squared chord, since a float32 cosine has an error of a hundredth of the disk
     on_disk = vec.dot(away, away) < _TWO * extent
     if scene.punctual_kind[number] == SUN_UNSEEN:
         on_disk = on_disk & not_(by_camera)
@@ -281,9 +293,10 @@ def sun_seen(scene, which, p, n, w, judged, by_camera, time=None):
 
 @device
 def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
-    """The density with which `sample_light` gives the point `hit` of a light at p with normal n, per steradian.
+    """Returns the pdf, per steradian, with which `sample_light` samples the point `hit` of a light from p with normal n.
 
-    cosine: under which p sees the light's surface. 0 unless `judged`. time: as of `sample_one_light`."""
+    cosine: of the angle between the ray and the light's normal. The result is 0 unless `judged`. time: as for `sample_one_light`.
+    """
     if scene.has.lights is not None and len(scene.light_node) > 0:
         chance = each_lane(tree_chance, judged, (scene.light_node, p, n, light))
     else:
@@ -301,7 +314,7 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
         if len(scene.light_parallelogram) > 0:
             pdf = pdf * on_parallelogram_pdf(scene, light, p, n, hit)
     beyond = u32(primitive - triangles)
-    is_sphere = beyond < np.uint32(len(scene.sphere))  # a path that is not judged may stand at a light without a body
+    is_sphere = beyond < np.uint32(len(scene.sphere))  # a lane that is not judged may hold a punctual light
     if any_of(is_sphere):
         number = where(is_sphere, beyond, _FIRST)
         pdf = where(is_sphere, sphere_light_pdf(scene, number, p, square, cosine, chance, time), pdf)
@@ -310,10 +323,10 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
 
 @device
 def _area(scene, light, primitive, is_triangle, time):
-    """Of lights that are triangles; anything of the others."""
+    """Returns the area of triangle lights, at the shutter time; undefined for other lights."""
     area = lookup(scene.light_area, light)
     if time is not None and len(scene.key_position) > 0:
-        paired = _is_parallelogram(scene, light)  # which stands still, and is twice its first triangle
+        paired = _is_parallelogram(scene, light)  # does not move; its area is twice that of its first triangle
         area = where(paired, area, each_lane(_moving_area, is_triangle & not_(paired), (scene, primitive, time)))
     return area
 

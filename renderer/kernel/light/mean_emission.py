@@ -1,4 +1,4 @@
-"""How bright a textured triangle is on average: what its chance among the lights should follow."""
+"""Mean emission of textured triangles, used for the probability with which each is chosen as a light."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from renderer.kernel.sampling.warp import square_to_triangle
 
 __all__ = ["mean_texels"]
 
-_STEPS = 8  # a side: 64 points of a triangle
+_STEPS = 8  # per axis: 64 points a triangle
 
 
 @builder

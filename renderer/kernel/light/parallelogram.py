@@ -1,9 +1,10 @@
-"""Lamps that are parallelograms: points in proportion to the light that they would send.
+"""Sampling of parallelogram lights in proportion to their approximate contribution to the shaded point.
 
-What a point of a lamp brings to another, the cosine there over the fourth power of the distance (the cosine at the lamp is the
-lamp's plane's distance over the point's), is interpolated between the four corners, and points are drawn in proportion to that: a
-warp of the unit square, as in Hart et al., "Practical Product Sampling by Fitting and Composing Warps", 2020. Unlike uniform
-points of a solid angle these leave no noise of the receiver's cosine, and take no trigonometric functions.
+The contribution of a light's point is proportional to the receiver's cosine over the fourth power of the distance: the cosine at
+the light is the distance of its plane divided by that of the point. It is evaluated at the four corners and interpolated
+bilinearly, and points are sampled from that density by a warp of the unit square, as in Hart et al., "Practical Product Sampling
+by Fitting and Composing Warps", 2020. Unlike uniform sampling of the solid angle this leaves no noise from the receiver's
+cosine, and needs no trigonometric functions.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ def _edges(shape):
 
 @device
 def _brought(shape, p, n):
-    """What the corners bring to p, up to a common factor: numbers of 0 ... 1 times the distance of the nearest."""
+    """Returns the relative contributions of the four corners to p: each 0 ... 1 times the distance of the nearest corner."""
     u, v = _edges(shape)
     to_corner = vec.sub((shape[0], shape[1], shape[2]), p)
     along = vec.add(to_corner, u)
@@ -52,10 +53,10 @@ def _brought(shape, p, n):
 
 @device
 def on_parallelogram(scene, light, p, n, u):
-    """A point of that light to light p from, where the normal is n: (point, error, cross product of the edges, density).
+    """Samples a point of parallelogram `light` as seen from p: (point, position error, cross product of the edges, density).
 
-    density: of the point, in units of one over the area; 0 where all of the light is below p's horizon. n: zero where p is lit
-    from all sides; None for points that are spread evenly.
+    density: relative to uniform sampling by area; 0 where the whole light is below the horizon of p. n: the normal at p; zero for
+    light from all sides; None to sample uniformly.
     """
     shape = row(scene.light_parallelogram, light, PARALLELOGRAM)
     x, y, density = u[0], u[1], as_wide(_ONE, u[0])
@@ -70,7 +71,7 @@ def on_parallelogram(scene, light, p, n, u):
 
 @device
 def on_parallelogram_pdf(scene, light, p, n, point):
-    """The density of `on_parallelogram`, for a light that is one or another; 1 for the others."""
+    """Returns the density of `on_parallelogram` at `point`, relative to uniform; 1 for lights that are no parallelograms."""
     shape = row(scene.light_parallelogram, light, PARALLELOGRAM)
     from_corner = vec.sub(point, (shape[0], shape[1], shape[2]))
     x = vec.dot(from_corner, (shape[9], shape[10], shape[11]))

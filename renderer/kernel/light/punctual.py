@@ -1,7 +1,7 @@
-"""Lights without a body: points, spots and distant ones, in the units of renderer/scene/description.py's Light.
+"""Punctual lights: point, spot and distant lights, in the units of Light (renderer/scene/description.py).
 
-With an extent they are spheres, disks and cones of constant radiance, which soften shadows. No ray ever meets them, but for
-suns, which are distant ones of an angle.
+With an extent they are spheres, disks and cones of constant radiance, which soften shadows. Rays do not intersect them, except
+for suns, which are distant lights with an angle.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ __all__ = [
 ]
 
 POINT, SPOT, DIRECTIONAL, SPOT_SMOOTH, SPOT_LINEAR, SPOT_SMOOTH_ANGLE = range(6)
-SUN, SUN_UNSEEN = 6, 7  # distant lights that rays meet; the camera's do not meet the latter
+SUN, SUN_UNSEEN = 6, 7  # distant lights that rays hit; camera rays do not hit the latter
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -47,12 +47,14 @@ _NOWHERE = (_ZERO, _ZERO, _ZERO)
 
 @device
 def spot_falloff(kind, cosine, scale, offset):
-    """What a spot sends at an angle to its axis, 0 ... 1, by how far that is within the edge, 0 ... 1:
+    """Returns a spot's relative intensity, 0 ... 1, from its position x between the outer edge (0) and the inner edge (1):
 
-    SPOT: the square, by the cosine (KHR_lights_punctual, "Inner and Outer Cone Angles").
-    SPOT_SMOOTH: a smooth step of it, by the cosine (Cycles' spot_light_attenuation; pbrt 4ed, 12.2.1).
-    SPOT_LINEAR: as it is, by the angle (Mitsuba's plugin spot).
-    SPOT_SMOOTH_ANGLE: a smooth step of it, by the angle (UsdLuxShapingAPI, shaping:cone:softness).
+    SPOT: x**2, with x linear in the cosine (KHR_lights_punctual, "Inner and Outer Cone Angles").
+    SPOT_SMOOTH: smoothstep of x, with x linear in the cosine (Cycles' spot_light_attenuation; pbrt 4ed, 12.2.1).
+    SPOT_LINEAR: x, linear in the angle (Mitsuba's plugin spot).
+    SPOT_SMOOTH_ANGLE: smoothstep of x, linear in the angle (UsdLuxShapingAPI, shaping:cone:softness).
+
+    cosine: of the angle to the spot's axis; x = cosine or angle * scale + offset, clamped.
     """
     by = acos(cosine) if kind == SPOT_LINEAR or kind == SPOT_SMOOTH_ANGLE else cosine  # noqa: SIM109 -- kernels compare kinds one by one
     inside = min(max(by * scale + offset, _ZERO), _ONE)
@@ -65,7 +67,7 @@ def spot_falloff(kind, cosine, scale, offset):
 
 @device
 def _sphere_towards(axis, distance, radius, u):
-    """A direction to a sphere seen from outside, uniform in its solid angle: (direction, distance to its near side, pdf)."""
+    """Samples a direction to a sphere seen from outside, uniform in solid angle: (direction, distance to its near side, pdf)."""
     sine2 = (radius / distance) * (radius / distance)
     one_minus_cos = sine2 / (_ONE + math.sqrt(max(_ZERO, _ONE - sine2)))
     local = square_to_cone(u, one_minus_cos)
@@ -82,14 +84,14 @@ def _is_distant(kind):
 
 @device
 def disk_cone(square, radius):
-    """1 - cos of the half angle under which a disk is seen that faces a point at distance**2 `square` from its middle."""
+    """Returns 1 - cos of the half angle subtended by a disk that faces the point; square: squared distance of its centre."""
     sine2 = radius * radius / (square + radius * radius)
     return sine2 / (_ONE + math.sqrt(max(_ZERO, _ONE - sine2)))
 
 
 @subroutine
 def sample_punctual(kinds, rows, number, p, u):
-    """Light of punctual light `number` towards p: (direction, end, radiance, pdf), as in a LightSample.
+    """Samples punctual light `number` from p: (direction, end, radiance, pdf), as in a LightSample.
 
     Without an extent the pdf is 1 and the radiance is the irradiance at normal incidence.
     """
@@ -98,7 +100,10 @@ def sample_punctual(kinds, rows, number, p, u):
 
 @subroutine
 def sample_moving_punctual(kinds, keys, number, p, u, time):
-    """`sample_punctual` at a time of the shutter; keys: (J, 12), as many of each light."""
+    """Returns `sample_punctual` at a shutter time.
+
+    keys: (J, 12), the same number of keys for each light, interpolated linearly.
+    """
     count = len(keys) // len(kinds)
     step, share = step_at(time, count)
     a, b = row(keys, number * count + step, 12), row(keys, number * count + step + 1, 12)
@@ -113,9 +118,9 @@ def sample_moving_punctual(kinds, keys, number, p, u, time):
 
 @subroutine
 def moving_sun(kinds, keys, number, time):
-    """A sun at a time of the shutter: (direction to it, radiance, 1 - cos of its half angle).
+    """Returns a sun at a shutter time: (direction to it, radiance, 1 - cos of its half angle).
 
-    keys: as of `sample_moving_punctual`.
+    keys: as for `sample_moving_punctual`.
     """
     count = len(keys) // len(kinds)
     step, share = step_at(time, count)
@@ -130,7 +135,7 @@ def _mixed(a, b, k, share):
 
 @device
 def _sample(kind, light, p, u):
-    """Of a light by its row."""
+    """Samples a punctual light given by its row of 12 numbers; see `sample_punctual`."""
     place, shines, value = light[0:3], light[3:6], light[6:9]
     extent = light[9]
     if _is_distant(kind):
@@ -148,7 +153,7 @@ def _sample(kind, light, p, u):
     distance = math.sqrt(square)
     axis = vec.scale(d, _ONE / distance)
     strength = _ONE
-    if extent < _ZERO:  # a disk that faces p, which a spot shines from into each direction by that direction
+    if extent < _ZERO:  # a disk that faces p; a spot's falloff depends on each sample's direction
         cone = disk_cone(square, extent)
         s, t = vec.basis(axis)
         local = square_to_cone(u, cone)
@@ -156,14 +161,14 @@ def _sample(kind, light, p, u):
         if kind != POINT:
             strength = spot_falloff(kind, -vec.dot(w, shines), light[10], light[11])
         return w, vec.add(p, vec.scale(w, distance / local[2])), vec.scale(value, strength), square_to_cone_pdf(cone)
-    if kind != POINT:  # by the direction from the centre, so that an extent does not blur the cone
+    if kind != POINT:  # from the centre, so that an extent does not blur the cone
         strength = spot_falloff(kind, -vec.dot(axis, shines), light[10], light[11])
     if extent == _ZERO:
         return axis, place, vec.scale(value, strength / square), _ONE
     if distance > extent:
         w, far, pdf = _sphere_towards(axis, distance, extent, u)
         return w, vec.add(p, vec.scale(w, far)), vec.scale(value, strength), pdf
-    # Inside, the same radiance comes from everywhere: on the sphere the two agree, and nothing grows without bound.
+    # Inside, constant radiance from all directions: continuous at the sphere's surface, and bounded.
     w = square_to_sphere(u)
     along = vec.dot(d, w)
     far = along + math.sqrt(max(_ZERO, along * along + extent * extent - square))

@@ -1,4 +1,4 @@
-"""Spheres that shine: sampled by the solid angle that they fill, whole or as disks that face the point they light."""
+"""Sphere lights, sampled by solid angle, either as whole spheres or as disks that face the shaded point."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INV_4PI = np.float32(0.25 / math.pi)
 _ERROR = np.float32(32 * 2.0**-24)
-_CLOSE = np.float32(1.001)  # squared distance in radii: nearer, rounding could take a point on the sphere for one outside
+_CLOSE = np.float32(1.001)  # squared distance in radii; nearer points may be on the sphere, by rounding
 _LEAST = np.float32(1e-30)
 _FIRST = np.uint32(0)
 _FACING = np.uint32(FACING)
@@ -31,14 +31,14 @@ _FACING = np.uint32(FACING)
 
 @device
 def _cone(square, radius):
-    """1 - cos of the half angle under which a sphere is seen from outside, at distance**2 `square`."""
+    """Returns 1 - cos of the half angle subtended by a sphere seen from outside, with its centre at squared distance `square`."""
     sine2 = radius * radius / square
     return sine2 / (_ONE + math.sqrt(max(_ZERO, _ONE - sine2)))
 
 
 @device
 def _sample_cap(to_center, square, radius, u):
-    """What is seen of a sphere from outside, uniform in its solid angle: (the sphere's normal there, pdf)."""
+    """Samples the visible cap of a sphere seen from outside, uniformly in solid angle: (sphere's normal at the sample, pdf)."""
     one_minus_cos = _cone(square, radius)
     local = square_to_cone(u, one_minus_cos)
     axis = vec.scale(to_center, _ONE / math.sqrt(square))
@@ -56,14 +56,17 @@ def _sample_cap(to_center, square, radius, u):
 
 @device
 def _sphere(scene, number, time):
-    """(centre, radius)."""
+    """Returns (centre, radius) of sphere `number` at the shutter time."""
     x, y, z, radius = ball_at(scene, number, time)
     return (x, y, z), radius
 
 
 @device
 def sample_sphere(scene, number, p, u, time):
-    """A point of a sphere, uniform in the solid angle seen from p (from inside or close by, by area): as `_sample_triangle`."""
+    """Samples a point of a sphere, uniformly in solid angle from p; by area where p is inside or close: a LightSample.
+
+    The pdf excludes the probability of choosing the light.
+    """
     center, radius = _sphere(scene, number, time)
     to_center = vec.sub(center, p)
     square = vec.dot(to_center, to_center)
@@ -93,7 +96,7 @@ def sample_sphere(scene, number, p, u, time):
 
 @device
 def faces_viewer(scene, number):
-    """Whether a sphere is seen as a disk through its middle that faces whoever looks, as Cycles' soft falloff has it."""
+    """Whether a sphere light acts as a disk through its centre that faces the shaded point, as with Cycles' soft falloff."""
     facing = as_wide(False, number)
     if scene.has.textures is not None:
         facing = u32(lookup(scene.material_flags, u32(lookup(scene.sphere_material, number)))) & _FACING != _FIRST
@@ -102,7 +105,7 @@ def faces_viewer(scene, number):
 
 @device
 def sample_facing(scene, number, p, u, time):
-    """As `sample_sphere`, of one that faces p."""
+    """Samples a sphere light that acts as a disk facing p; the result is as from `sample_sphere`."""
     center, radius = _sphere(scene, number, time)
     to_center = vec.sub(center, p)
     square = vec.dot(to_center, to_center)
@@ -123,9 +126,10 @@ def sample_facing(scene, number, p, u, time):
 
 @device
 def met_from_front(scene, light, p, w, front, time):
-    """Whether a ray from the vertex p in direction w that met a light met the side that shines. front: whether it is outside.
+    """Whether a ray from the vertex p in direction w that hit a light hit its emitting side.
 
-    Of a sphere that faces p it has to meet the disk, which lies behind one side of the sphere, and before the other.
+    front: whether it hit the front side. For a sphere that acts as a facing disk the ray must pass through the disk; only one of
+    the sphere's two intersections counts.
     """
     if scene.has.textures is not None and len(scene.sphere) > 0:
         number = u32(u32(lookup(scene.light_primitive, light)) - np.uint32(len(scene.triangle)))
@@ -138,14 +142,17 @@ def met_from_front(scene, light, p, w, front, time):
             square, along, off = vec.dot(d, d), vec.dot(d, w), vec.cross(d, w)
             on_disk = (along > _ZERO) & (vec.dot(off, off) * square < radius * radius * along * along)
             outside = square > radius * radius
-            first = (front & outside) | not_(front | outside)  # else the disk was counted before
+            first = (front & outside) | not_(front | outside)  # else the disk has been counted already
             front = (facing & on_disk & first) | (front & not_(facing))
     return front
 
 
 @device
 def sphere_light_pdf(scene, number, p, square, cosine, chance, time):
-    """Of a sphere that is chosen by that chance, where it is at distance**2 `square`."""
+    """Returns the pdf, per steradian, of a sphere light's point at squared distance `square`.
+
+    chance: probability of choosing the light. cosine: of the angle between the ray and the sphere's normal.
+    """
     center, radius = _sphere(scene, number, time)
     to_center = vec.sub(center, p)
     center2 = vec.dot(to_center, to_center)

@@ -1,1 +1,1 @@
-"""What a surface is made of: its row of numbers, its textures looked up, and which model scatters."""
+"""Materials: parameter rows, texture lookups, normal maps, and dispatch to the BSDF models."""

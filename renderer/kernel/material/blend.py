@@ -1,8 +1,7 @@
-"""How a layer of a texture is laid on what is beneath it, in linear light.
+"""Blend operations between texture layers, in linear light.
 
-The operations are those that importers name (Assimp's aiTextureOp), and those that painting programs add to them (W3C,
-"Compositing and Blending Level 1", section 10.1). A weight mixes the result with what was there before, so that a layer of
-weight 0 changes nothing by any of them.
+The operations are those of importers (Assimp's aiTextureOp) and of painting programs (W3C, "Compositing and Blending Level 1",
+section 10.1). A weight interpolates between the value below and the result, so a layer of weight 0 has no effect.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ MULTIPLY, ADD, SUBTRACT, DIVIDE, SCREEN, SIGNED_ADD, DARKEN, LIGHTEN, DIFFERENCE
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
-_LEAST_DIVISOR = np.float32(1.0 / 255.0)  # one step of 8 bits, so that black divides too
+_LEAST_DIVISOR = np.float32(1.0 / 255.0)  # one 8-bit step, avoids division by zero
 
 
 @device
@@ -47,6 +46,6 @@ def _operate(operation, below, layer):
 
 @device
 def blended(operation, below, layer, weight, most):
-    """One channel of a layer, laid on `below` by a number of OPERATIONS; the result is kept within 0 ... `most`."""
+    """Returns one channel of a layer blended onto `below` by operation number `operation`, clamped to 0 ... `most`."""
     mixed = below + weight * (_operate(operation, below, layer) - below)
     return min(max(mixed, _ZERO), most)

@@ -1,7 +1,7 @@
-"""Images looked up eight at a time: what texture.py makes of one place, for textures of one layer that lie still.
+"""Texture lookups for eight lanes: the vector form of texture.py for static textures with one layer.
 
-A lookup is some two hundred instructions, most of them to find four texels and what their codes mean; here only these reads are
-done lane by lane.
+A lookup takes some two hundred instructions, most of them for addressing and decoding; only the reads of texels are done lane by
+lane.
 """
 
 from __future__ import annotations
@@ -33,17 +33,20 @@ _CODES = np.uint32(256)
 
 @device
 def is_rare(scene, number):
-    """Which of eight textures have others on them, or texels of 16 bits a channel: `image_colors` reads neither."""
+    """Returns a mask of the textures that `image_colors` does not support: those with layers or with 16 bits a channel.
+
+    number: u32x8.
+    """
     encoding, _, above = columns(scene.texture, number, TEXTURE_COLUMNS, ENCODING, 3)
     return not_((above == _NO_LAYER) & (encoding < _SIXTEEN_BITS))
 
 
 @device
 def _wrapped(i, size, mode):
-    """The texels that stand at places i (int32) of endless rows."""
+    """Returns the texel indices for positions i (int32x8) under the wrap modes."""
     outside = i >= size
     if any_of(outside):
-        at, width = to_float(i), to_float(size)  # below 2**24, so that nothing here is rounded but the quotient
+        at, width = to_float(i), to_float(size)  # below 2**24, so only the quotient is rounded
         period = where(mode == _MIRROR, width + width, width)
         rest = at - to_float(floor(at / period)) * period
         rest = where(rest < _ZERO, rest + period, where(rest >= period, rest - period, rest))
@@ -67,7 +70,10 @@ def _mix(a, b, t):
 
 @device
 def image_colors(scene, number, uv, uv1):
-    """Linear RGB, 0 ... 1, of the images of eight textures (u32x8) where uv or uv1, two f32x8 each, lies in them."""
+    """Returns the linear RGB, 0 ...
+
+    1, of eight textures (u32x8), looked up at uv or uv1 (two f32x8 each), as each texture selects.
+    """
     first, width, height, by_x, by_y, srgb, second = columns(scene.texture, number, TEXTURE_COLUMNS, 0, 7)
     nearest = columns(scene.texture, number, TEXTURE_COLUMNS, NEAREST, 1)[0] != _NO
     m = columns(scene.texture_transform, number, TRANSFORM_COLUMNS, 0, 6)

@@ -1,4 +1,4 @@
-"""The rarer materials' rows with their textures looked up: what the models of bsdf/ that have many properties read."""
+"""Looks up the textured parameters of the material kinds with many properties."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _HALF = np.float32(0.5)
 
 
 class Textures(NamedTuple):
-    """What a surface's textures are looked up with: the scene's arrays, the material's number, both coordinates, and when."""
+    """The inputs of a surface's texture lookups: the scene's arrays, the material's number, both uv coordinates, and the time."""
 
     has: Has  # the scene's, as are the arrays
     slots: Any  # material_texture
@@ -58,9 +58,10 @@ def _multiply(m, column, color):
 
 @subroutine
 def resolve(kind, material, textures, base, metallic, roughness, pane, m):
-    """Fills m (LAYER_SLOTS,) with the row of the material; base, metallic and roughness are looked up already.
+    """Fills m (LAYER_SLOTS,) with the material's parameters; base, metallic and roughness are looked up already.
 
-    pane: whether its glass does not refract. COAT_NORMAL is set to the shading normal. Of a conductor, only what it has.
+    pane: whether its glass is thin, without refraction. COAT_NORMAL is set to the shading normal. For a conductor only the
+    parameters from ANISOTROPY on, and its alphas, are filled.
     """
     out_of_line()
     for column in range(rows.ANISOTROPY if kind == CONDUCTOR else 0, rows.COLUMNS):
@@ -89,8 +90,10 @@ def _resolve_layers(textures, base, metallic, pane, m):
 
 @device
 def _leave_to_inside(m):
-    """What goes through the inside of the light that would be scattered diffusely (kernel/medium/subsurface.py) goes below the
-    surface without coming out there. SUBSURFACE becomes its share of all diffuse light.
+    """Moves the subsurface share of diffuse light to the light that is transmitted, with the colour scaled so that it does not
+    leave.
+
+    It is handled by kernel/medium/subsurface.py. SUBSURFACE becomes the share of all diffuse light that enters the interior.
     """
     below = m[rows.DIFFUSE_TRANSMISSION]
     inside = (_ONE - below) * m[rows.SUBSURFACE]
@@ -119,7 +122,7 @@ def _look_up(textures, m):
 
 @subroutine
 def _turn(textures, m):
-    """The anisotropy's texture: where it points, and how strong it is."""
+    """Applies the anisotropy texture to the anisotropy's rotation and strength."""
     if textures.slots[textures.material, rows.ANISOTROPY_TEXTURE] >= 0:
         r, g, b, _ = _texel(textures, rows.ANISOTROPY_TEXTURE)
         x = _TWO * r - _ONE
@@ -134,7 +137,7 @@ def _turn(textures, m):
 
 @device
 def _spread(m, roughness):
-    """Both alphas (KHR_materials_anisotropy), and the roughness of the isotropic surface that loses about as much light."""
+    """Sets both alphas (KHR_materials_anisotropy), and the roughness of the isotropic surface with about the same energy loss."""
     alpha = max(roughness * roughness, MIN_ALPHA)
     strength = m[rows.ANISOTROPY]
     along = alpha + (_ONE - alpha) * strength * strength
@@ -145,7 +148,7 @@ def _spread(m, roughness):
 
 @subroutine
 def _film_means(m):
-    """FILM_MEAN, by midpoints in the square of the cosine."""
+    """Sets FILM_MEAN, the cosine-weighted mean Fresnel reflectance of thin films, by the midpoint rule in the squared cosine."""
     for k in range(6):
         m[FILM_MEAN + k] = _ZERO
     for i in range(_NODES):

@@ -1,4 +1,4 @@
-"""What a surface is made of, and the one place where the models are told apart.
+"""Material evaluation: texture lookups, and the only place that dispatches to the BSDF models.
 
 To add a model: a file in bsdf/, a number in rows.py, a branch in `eval_material` and `sample_material` (or in rare.py), the list
 of renderer/kernel/pool/surfaces.py for its vertices, and its name in renderer/scene/parameters.py and packing.py.
@@ -68,22 +68,22 @@ _BLACK = (_ZERO, _ZERO, _ZERO)
 _NONE = np.uint32(0)
 _TRANSPARENT = np.uint32(rows.TRANSPARENT)
 _NO_TEXTURE = np.uint32(2**32 - 1)
-_MATCHED = np.float32(5e-3)  # indices of refraction that are closer do not bend light
-_SPREAD = np.float32(0.025)  # of the index over the channels, KHR_materials_dispersion
+_MATCHED = np.float32(5e-3)  # indices of refraction closer to 1 than this do not refract
+_SPREAD = np.float32(0.025)  # spread of the index over the channels, KHR_materials_dispersion
 
 
 class Material(NamedTuple):
-    """A material at a point, its textures looked up. float32, but for the kind."""
+    """A material at a surface point, with its textures looked up. Fields are float32, except the kind."""
 
     kind: int
     base: tuple[float, float, float]
     metallic: float
     roughness: float
-    f0: tuple[float, float, float]  # of the dielectric, facing,
-    f90: float  # and grazing
+    f0: tuple[float, float, float]  # of the dielectric at normal incidence,
+    f90: float  # and at grazing incidence
     eta: float  # index of refraction beyond the surface over the one on the viewer's side
     two_sided: bool
-    layers: Any  # (LAYER_SLOTS,), of the rarer kinds; else not filled
+    layers: Any  # (LAYER_SLOTS,) for kinds from CONDUCTOR on; else not filled
     has: Has  # of its scene
 
 
@@ -104,9 +104,9 @@ def _texture(scene, number, slot):
 
 @device
 def texture_factors(scene, number, uv, uv1, time):
-    """What the textures of material `number` make of its colour, its metallic part and its roughness: factors.
+    """Returns the factors from the textures of material `number`: (colour, metallic, roughness).
 
-    time: of the shutter, 0 ... 1, here and below; None where nothing moves.
+    time: shutter time, 0 ... 1, in this module; None for a scene without motion.
     """
     color, metallic, roughness = (_ONE, _ONE, _ONE), _ONE, _ONE
     texture = _texture(scene, number, rows.BASE_TEXTURE)
@@ -121,9 +121,9 @@ def texture_factors(scene, number, uv, uv1, time):
 
 @device
 def fetch_material(scene, surface, frame, layers, time):
-    """The material of a surface, at the point hit.
+    """Returns the Material of a surface at the hit point.
 
-    frame: from `shading_frame`; layers: (LAYER_SLOTS,) float32 to write to, which the Material then refers to.
+    frame: from `shading_frame`; layers: (LAYER_SLOTS,) float32, written here and referenced by the Material.
     """
     number = surface.material
     row = scene.material
@@ -149,9 +149,9 @@ def fetch_material(scene, surface, frame, layers, time):
 
 @device
 def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, frame, layers, time):
-    """Fills the properties, (LAYER_SLOTS,) float32, of a material of the rarer kinds.
+    """Fills `layers`, (LAYER_SLOTS,) float32, for a material of kind CONDUCTOR or above.
 
-    base, metallic, roughness: looked up already; shading: the surface's normal; frame: from `shading_frame`.
+    base, metallic, roughness: looked up already; shading: the shading normal; frame: from `shading_frame`.
     """
     kind, flags = scene.material_kind[number], scene.material_flags[number]
     pane = flags & rows.THIN != 0 or abs(_value(scene.material, number, rows.IOR) - _ONE) < _MATCHED
@@ -169,13 +169,13 @@ def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, f
 
 @device
 def transmits(material):
-    """Whether light from behind it is scattered towards the viewer, so that lights on both sides count."""
+    """Whether the material transmits light, so that lights on both sides of the surface contribute."""
     return material.kind == GLASS or material.two_sided
 
 
 @subroutine
 def _channel(throughput, u):
-    """A channel, chosen by what the path carries of it, and the weight that makes up for the two that are dropped."""
+    """Chooses a colour channel in proportion to the throughput: (channel, weight that compensates for the two dropped ones)."""
     total = throughput[0] + throughput[1] + throughput[2]
     at = u * total
     if at < throughput[0]:
@@ -187,9 +187,10 @@ def _channel(throughput, u):
 
 @device
 def colored_index(scene, number, throughput, u):
-    """(index of refraction, throughput) of dispersive material `number`, as the one colour sees it that u chooses.
+    """Chooses a wavelength channel for dispersive material `number`: (index of refraction, throughput of that channel alone).
 
-    It is chosen by what the path carries of each, which is not nothing, so that a path stays with it at the surfaces to come.
+    The channel is chosen by u in proportion to the throughput; channels at 0 are never chosen, so a path keeps its channel at
+    later surfaces.
     """
     channel, weight = _channel(throughput, u)
     ior = scene.material[number, rows.IOR]
@@ -204,7 +205,7 @@ def colored_index(scene, number, throughput, u):
 
 @device
 def disperse(scene, surface, material, throughput, u):
-    """(material, throughput) as one colour sees it, where the material spreads colours; else as they were."""
+    """Returns (material, throughput) for one colour channel where the material is dispersive; else both unchanged."""
     if scene.material_flags[surface.material] & rows.DISPERSIVE == 0 or vec.maximum(throughput) <= _ZERO:
         return material, throughput
     ior, throughput = colored_index(scene, surface.material, throughput, u)
@@ -234,13 +235,13 @@ def is_transparent(scene, number):
 
 @device
 def is_lamp(scene, number):
-    """Whether material `number` gives its light to what meets it, and stops nothing."""
+    """Whether material `number` emits light and lets rays pass unchanged."""
     return scene.has.textures is not None and scene.material_flags[number] & rows.LAMP != 0
 
 
 @device
 def opacity(scene, number, uv, uv1, vertex_alpha, time):
-    """The chance, 0 ... 1, that light meets material `number` there rather than pass as if it were not."""
+    """Returns the probability, 0 ... 1, that a ray hits material `number` there rather than passes through."""
     chance = as_wide(_ONE, number)
     if scene.has.textures is not None:
         transparent = u32(lookup(scene.material_flags, number)) & _TRANSPARENT != _NONE
@@ -252,7 +253,7 @@ def opacity(scene, number, uv, uv1, vertex_alpha, time):
 
 @device
 def _alpha(scene, number, uv, uv1, vertex_alpha, time):
-    """The opacity of a material that may be transparent."""
+    """Returns the opacity of a material that may be transparent: alpha, or 0 or 1 for a masked material."""
     alpha = _value(scene.material, number, rows.OPACITY) * vertex_alpha
     texture = _texture(scene, number, rows.BASE_TEXTURE)
     if texture >= 0:
@@ -264,7 +265,7 @@ def _alpha(scene, number, uv, uv1, vertex_alpha, time):
 
 @device
 def absorption(scene, number):
-    """What the inside of material `number` takes from light: per unit length, rgb; (0, 0, 0) where it has no inside."""
+    """Returns the absorption coefficient inside material `number`, rgb per unit length; (0, 0, 0) for one without an interior."""
     if scene.material_flags[number] & rows.ABSORBING == 0:
         return _BLACK
     return _rgb(scene.material, number, rows.ABSORPTION)
@@ -272,7 +273,7 @@ def absorption(scene, number):
 
 @device
 def emission(scene, number, uv, uv1, front, time):
-    """The radiance that leaves the given side of material `number` at these texture coordinates."""
+    """Returns the radiance emitted from the given side of material `number` at these texture coordinates."""
     shines = front | (_value(scene.material, number, rows.DOUBLE_SIDED) != _ZERO)
     radiance = where3(shines, _rgb(scene.material, number, rows.EMISSION), _BLACK)
     if scene.has.textures is not None:
@@ -291,7 +292,7 @@ def _texels(scene, texture, uv, uv1, time):
 
 @device
 def is_specular(material):
-    """Whether it scatters into single directions only, which light sampling cannot find."""
+    """Whether the material scatters only into discrete directions, which light sampling cannot find."""
     if material.kind == CONDUCTOR:
         return material.roughness <= SMOOTH_GLASS
     return material.kind == MIRROR or material.kind == GLASS
@@ -299,7 +300,7 @@ def is_specular(material):
 
 @device
 def eval_material(material, wo, wi):
-    """(f |cos|, pdf) of a pair of local directions; wi may be below where the material `transmits`."""
+    """Returns (f |cos|, pdf) for local unit directions; wi may be below the surface where the material `transmits`."""
     if material.kind == METALLIC_ROUGHNESS:
         return eval_and_pdf_metallic_roughness(
             material.base, material.metallic, material.roughness, material.f0, material.f90, wo, wi
@@ -313,8 +314,10 @@ def eval_material(material, wo, wi):
 
 @device
 def sample_material(material, wo, choose, u):
-    """A local direction: (wi, weight, pdf, radiance scale). pdf is 0 where a single direction was taken; scale is 1 but in
-    refraction: the eta**2 by which it thinned the radiance; Russian roulette undoes it.
+    """Samples a local direction: (wi, weight, pdf, radiance scale).
+
+    pdf is 0 for a discrete direction. The radiance scale is eta**2 for a refraction, by which it reduced the radiance and which
+    Russian roulette compensates; else 1.
     """
     if material.kind == DIFFUSE:
         wi, weight, pdf = sample_diffuse(material.base, wo, u)

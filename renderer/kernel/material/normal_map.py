@@ -1,4 +1,4 @@
-"""The frame that a surface is shaded in: its shading normal, bent by the normal map, and where the tangent points."""
+"""Shading frames: the shading normal perturbed by a normal map, and the tangent."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _LEAST_TANGENT = np.float32(1e-4)
 
 @subroutine
 def _tangents(n, tangent):
-    """(s, t) unit and orthogonal to n, s along the tangent (xyz and the bitangent's sign)."""
+    """Returns unit vectors (s, t) orthogonal to n, s along the tangent (xyz and the bitangent's sign)."""
     along = (tangent[0], tangent[1], tangent[2])
     s = vec.sub(along, vec.scale(n, vec.dot(n, along)))
     square = vec.dot(s, s)
@@ -42,7 +42,7 @@ def _tangents(n, tangent):
 
 @subroutine
 def _read_normal(color, strength, s, t, n):
-    """The unit normal that a texel's linear values tell in the frame (s, t, n)."""
+    """Returns the unit normal encoded by a texel's linear values in the frame (s, t, n); n where they are all 1/2."""
     x = (_TWO * color[0] - _ONE) * strength
     y = (_TWO * color[1] - _ONE) * strength
     z = _TWO * color[2] - _ONE
@@ -55,16 +55,16 @@ def _read_normal(color, strength, s, t, n):
 
 @subroutine
 def map_normal(color, strength, s, t, n, geometric, wo):
-    """As `_read_normal`, kept where the viewer can see it lit."""
+    """Returns the normal of `_read_normal`, adjusted to be consistent with the geometric normal and the view direction wo."""
     return consistent_normal(_read_normal(color, strength, s, t, n), geometric, wo)
 
 
 @device
 def shading_frame(scene, surface, wo, time):
-    """(s, t, n), orthonormal: n on the viewer's side, s along the tangent where that counts.
+    """Returns the orthonormal shading frame (s, t, n): n on the viewer's side, s along the tangent where the material needs it.
 
-    Left-handed where the texture is mirrored. wo: unit, towards the viewer, in world space. time: of the shutter, 0 ... 1; None
-    where nothing moves.
+    Left-handed where the texture is mirrored. wo: unit, towards the viewer, in world space. time: shutter time, 0 ... 1; None for
+    a scene without motion.
     """
     n = surface.shading
     flags = scene.material_flags[surface.material]
@@ -78,8 +78,8 @@ def shading_frame(scene, surface, wo, time):
 
 @device
 def bent_frame(scene, material, front, tangent, uv, uv1, geometric, n, wo, time):
-    """As `shading_frame`, where a normal map or a tangent counts, from what it asks of the Surface."""
-    # Seen from behind, the whole frame is turned over: the map's bumps are then dents.
+    """Returns `shading_frame` for a material with a normal map or tangents, from the required fields of the Surface."""
+    # Seen from behind, the frame is inverted: bumps of the map become dents.
     sign = _ONE if front else -_ONE
     s, t = _tangents(n, (tangent[0] * sign, tangent[1] * sign, tangent[2] * sign, tangent[3] * sign))
     if scene.material_flags[material] & NORMAL_MAPPED == 0:
@@ -93,7 +93,7 @@ def bent_frame(scene, material, front, tangent, uv, uv1, geometric, n, wo, time)
 
 @device
 def coat_normal(scene, material, shading, uv, uv1, frame, time):
-    """The clearcoat's unit normal in the shading frame: its own map's, or the surface's (shading) without the base's map."""
+    """Returns the clearcoat's unit normal in the shading frame: from its own normal map, else the surface's normal `shading`."""
     s, t, n = frame
     normal = shading
     texture = scene.material_texture[material, CLEARCOAT_NORMAL_TEXTURE]

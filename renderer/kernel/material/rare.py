@@ -1,4 +1,4 @@
-"""How the rarer kinds scatter, from their properties: those of many of them, and vertices within a medium."""
+"""Scattering of the rarer material kinds, from their looked-up parameters, and of vertices within a medium."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _WHITE = (_ONE, _ONE, _ONE)
 
 @device
 def _conductor(m):
-    """A conductor's properties: eta, k, mean Fresnel, roughness and both alphas."""
+    """Returns a conductor's parameters: eta, k, mean Fresnel reflectance, roughness and both alphas."""
     return (
         (m[rows.ETA], m[rows.ETA + 1], m[rows.ETA + 2]),
         (m[rows.K], m[rows.K + 1], m[rows.K + 2]),
@@ -42,7 +42,7 @@ def _conductor(m):
 
 @device
 def _turned(m, w, sign):
-    """w turned about the normal by the anisotropy's angle: into its frame (1) or back (-1)."""
+    """Returns w rotated about the normal by the anisotropy's angle: into the anisotropy's frame (sign 1) or back (-1)."""
     c, s = m[rows.ROTATION], sign * m[rows.ROTATION + 1]
     return c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]
 
@@ -57,7 +57,7 @@ def _kd_ks(m):
 
 @subroutine
 def eval_rare(has, kind, m, eta, wo, wi):
-    """As `eval_material`, of the rarer kinds, from their looked-up properties m."""
+    """Returns `eval_material`, (f |cos|, pdf), for the rarer kinds from their looked-up parameters m."""
     out_of_line()
     if has.layers is not None and kind == LAYERED:
         return eval_and_pdf_layered(m, eta, wo, wi)
@@ -79,7 +79,7 @@ def eval_rare(has, kind, m, eta, wo, wi):
 
 @subroutine
 def sample_rare(has, kind, m, eta, wo, choose, u):
-    """As `sample_material`, of the rarer kinds, from their looked-up properties m."""
+    """Returns `sample_material`, (wi, weight, pdf, radiance scale), for the rarer kinds from their looked-up parameters m."""
     out_of_line()
     if has.layers is not None and kind == LAYERED:
         return sample_layered(m, eta, wo, choose, u)

@@ -1,6 +1,4 @@
-"""Texture lookups: bilinear between texels or the nearest one, three ways to repeat, sRGB decoded before it is mixed; and stacks
-of textures.
-"""
+"""Texture lookups: bilinear or nearest filtering, three wrap modes, sRGB decoding before filtering, and layered textures."""
 
 from __future__ import annotations
 
@@ -22,15 +20,15 @@ _SRGB = np.where(_CODES <= 0.04045, _CODES / 12.92, ((_CODES + 0.055) / 1.055) *
 DECODED = np.concatenate([_LINEAR, _SRGB])  # both
 _HALF = np.float32(0.5)
 _CODES_16 = np.float32(1 / 65535)
-# The bits of a half, moved to where float32 has them, are its value by 2**(127 - 15).
+# A half's bits, shifted to float32's positions, give its value times 2**(15 - 127).
 _HALVES = np.float32(2.0**112 / HALF_GAIN)
 _UNSIGNED, _TO_MANTISSA = np.int32(0x7FFF), np.int32(13)
-LARGE = np.float32(1e6)  # texels: beyond, float32 has none left to mix
+LARGE = np.float32(1e6)  # in texels; beyond it float32 has no fraction bits left for filtering
 
 
 @device
 def _wrap(i, size, mode):
-    """The texel that stands at place i of an endless row."""
+    """Returns the texel index for position i under the wrap mode."""
     if 0 <= i < size:
         return i
     if mode == CLAMP:
@@ -61,7 +59,10 @@ def _code(texel, row, column):
 
 @device
 def _decoded_16(texel, first, place, encoding):
-    """Linear RGBA of a texel of 16 bits a channel. place: of its first row, if each took one."""
+    """Returns the linear RGBA of a texel with 16 bits a channel, which takes two rows.
+
+    place: its row if each texel took one; first: the texture's first row.
+    """
     row = first + np.int64(2) * (place - first)
     r, g, b, a = _code(texel, row, 0), _code(texel, row, 2), _code(texel, row + 1, 0), _code(texel, row + 1, 2)
     if encoding == LINEAR_16:
@@ -76,7 +77,7 @@ def _from_half(code):
 
 @subroutine
 def _mixed_16(texel, first, a, b, c, d, s, t, encoding):
-    """The mean of four texels of 16 bits a channel, which are rare."""
+    """Returns the bilinear interpolation of four texels with 16 bits a channel; out of line, since they are rare."""
     out_of_line()
     above = _mix(_decoded_16(texel, first, a, encoding), _decoded_16(texel, first, b, encoding), s)
     below = _mix(_decoded_16(texel, first, c, encoding), _decoded_16(texel, first, d, encoding), s)
@@ -85,7 +86,10 @@ def _mixed_16(texel, first, a, b, c, d, s, t, encoding):
 
 @device
 def _placed(transform, keys, number, u, v, time):
-    """The coordinates in the image of row `number`, of which it is 1 wide and high."""
+    """Returns the image coordinates of (u, v) under the texture's transform, interpolated between keys.
+
+    The image spans [0, 1].
+    """
     if keys is not None and time is not None and len(keys) > 0:
         count = len(keys) // len(transform)
         step, share = step_at(time, count)
@@ -99,7 +103,7 @@ def _placed(transform, keys, number, u, v, time):
 
 @device
 def _between(keys, k, column, share, u, v):
-    """What a row of the matrix between keys k and k + 1 makes of (u, v, 1)."""
+    """Returns a row of the matrix interpolated between keys k and k + 1, multiplied by (u, v, 1)."""
     a, b, c = keys[k, column], keys[k, column + 1], keys[k, column + 2]
     a += share * (keys[k + 1, column] - a)
     b += share * (keys[k + 1, column + 1] - b)
@@ -109,7 +113,7 @@ def _between(keys, k, column, share, u, v):
 
 @device
 def _look_up_image(texture, transform, texel, number, uv, uv1, keys, time):
-    """Linear RGBA, 0 ... 1, of the image of row `number` alone."""
+    """Returns the linear RGBA, 0 ... 1, of row `number`'s image, without layers."""
     first = np.int64(texture[number, 0])
     width = np.int64(texture[number, 1])
     height = np.int64(texture[number, 2])
@@ -123,7 +127,7 @@ def _look_up_image(texture, transform, texel, number, uv, uv1, keys, time):
     y *= np.float32(height)
     if not (abs(x) < LARGE and abs(y) < LARGE):  # also NaN
         x = y = _HALF
-    if texture[number, NEAREST] != 0:  # the mix below is then of one texel alone
+    if texture[number, NEAREST] != 0:  # the interpolation below then uses one texel
         x = np.float32(floor(x))
         y = np.float32(floor(y))
     else:
@@ -146,8 +150,9 @@ def _look_up_image(texture, transform, texel, number, uv, uv1, keys, time):
 
 @subroutine
 def _stacked(texture, transform, texel, number, uv, uv1, keys, time, color):
-    """The layers above row `number`, laid on its colour one after the other. The alpha stays the lowest's: layers paint a
-    surface and do not change where it is.
+    """Returns the colour with the layers above row `number` blended onto it in order.
+
+    The alpha is that of the lowest layer.
     """
     out_of_line()
     gain = transform[number, GAIN]
@@ -167,13 +172,13 @@ def _stacked(texture, transform, texel, number, uv, uv1, keys, time, color):
 
 @subroutine
 def lookup(texture, transform, texel, number, uv, uv1, keys, time):
-    """Linear RGBA of texture `number` with its layers, 0 ... 1 but for light, where layers may add up to more.
+    """Returns the linear RGBA of texture `number` with its layers: 0 ... 1, except for emission, where layers may sum to more.
 
-    It knows whether it looks at the first or at the second coordinates; (0, 0) is then the image's upper left corner.
-    keys, time: where textures lie while the shutter is open, as CompiledScene has it, and when in it that is asked, 0 ... 1; None
-    where nothing moves.
+    The texture selects the first or the second coordinates; (0, 0) is the image's upper left corner.
+    keys, time: transforms while the shutter is open, as in CompiledScene, and the shutter time, 0 ... 1; None for a scene without
+    motion.
     """
-    color = _look_up_image(texture, transform, texel, np.int64(number), uv, uv1, keys, time)  # of one type: compiled once
+    color = _look_up_image(texture, transform, texel, np.int64(number), uv, uv1, keys, time)  # one type: compiled once
     if texture[number, ABOVE] >= 0:
         return _stacked(texture, transform, texel, number, uv, uv1, keys, time, color)
     return color
@@ -181,5 +186,5 @@ def lookup(texture, transform, texel, number, uv, uv1, keys, time):
 
 @device
 def sample_texture(scene, number, uv, uv1, time):
-    """`lookup` in a scene's textures."""
+    """Returns `lookup` in a scene's textures."""
     return lookup(scene.texture, scene.texture_transform, scene.texel, number, uv, uv1, scene.key_texture, time)

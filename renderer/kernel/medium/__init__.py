@@ -1,1 +1,1 @@
-"""What light passes through: where a path is, how far it goes, how it is scattered there; and the insides of skin and marble."""
+"""Participating media: nesting of media along a path, free flights, phase functions, and subsurface scattering."""

@@ -1,4 +1,4 @@
-"""Which media a camera stands in: what its surroundings look like from inside tells."""
+"""Finds the media that contain the camera, from the surfaces that a ray leaves."""
 
 from __future__ import annotations
 
@@ -21,13 +21,17 @@ _INF = np.float32(np.inf)
 _ROOT = np.int32(0)
 _WORLD, _NEXT = np.uint32(0), np.uint32(1)
 _MIDDLE = (_HALF, _HALF)
-# As good as any, and along no wall that anybody builds.
+# An arbitrary direction, not parallel to typical walls.
 _UPWARDS = (np.float32(0.36), np.float32(0.8), np.float32(0.48))
 
 
 @subroutine
 def _nest_at(scene, stack, o, time):
-    """What a point lies in: the media of the surfaces that a ray from there leaves without having entered them."""
+    """Returns the nest of media that contains point o.
+
+    These are the media of the surfaces that a fixed ray from o leaves from inside without having entered them; at most MAX_PASSED
+    surfaces are visited.
+    """
     out_of_line()
     nest, on_the_way, depth = _WORLD, _WORLD, _WORLD
     for _ in range(MAX_PASSED):
@@ -38,7 +42,7 @@ def _nest_at(scene, stack, o, time):
         medium = u32(scene.material_medium[surface.material])
         if medium != NO_MEDIUM:
             if surface.front:
-                on_the_way = entered(on_the_way, u32(medium + _NEXT))  # that none is told from the world's
+                on_the_way = entered(on_the_way, u32(medium + _NEXT))  # plus 1, since 0 is the world's medium
             elif holds(on_the_way, u32(medium + _NEXT)):
                 on_the_way = left(on_the_way, u32(medium + _NEXT))
             else:
@@ -50,9 +54,9 @@ def _nest_at(scene, stack, o, time):
 
 @device
 def nest_of_camera(scene, stack, camera, samples):
-    """The nest that all paths of a picture begin in: that of where its middle's ray begins, in the middle of the shutter.
+    """Returns the nest in which all paths of an image begin: at the origin of the central ray, in the middle of the shutter.
 
-    None where there are no media. samples: number of samples in the batch; 0: no ray is traced.
+    None for a scene without media. samples: number of samples in the batch; 0: no ray is traced.
     """
     nest = _WORLD
     if scene.has.media is not None:

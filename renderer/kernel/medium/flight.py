@@ -1,8 +1,8 @@
-"""How far light goes in a homogeneous medium before it is scattered or taken: exponentially far. Of one path, or of eight.
+"""Free flights in homogeneous media: distances sampled exponentially, for one path or for eight lanes.
 
-Media go by wavelengths, so one channel's distance is sampled, and weighed against the density that all of them have together
-(single-sample multiple importance sampling, Veach 1997, 9.2.4). Each is chosen by what the path carries of it: then all that a
-path carries never becomes more from flight to flight.
+Coefficients depend on the wavelength, so a distance is sampled for one channel and weighed by the mixture density of all channels
+(single-sample multiple importance sampling, Veach 1997, 9.2.4). The channel is chosen in proportion to the path's throughput;
+then the sum of the throughput never grows from flight to flight.
 """
 
 from __future__ import annotations
@@ -21,33 +21,33 @@ __all__ = ["FLIGHT_BLOCK", "Flight", "carried", "flight_distance", "free_flight"
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
-FLIGHT_BLOCK = 1 << 19  # the first block of numbers for flights: those of other things lie below (integrators/transport.py)
+FLIGHT_BLOCK = 1 << 19  # first random number block of flights; lower blocks are in integrators/transport.py
 
 
 class Flight(NamedTuple):
-    """How a flight ends."""
+    """The end of a free flight."""
 
-    scatters: bool  # in the medium; else it reaches what the ray meets
+    scatters: bool  # in the medium; else it reaches a surface
     distance: float
-    throughput: tuple[float, float, float]  # there
+    throughput: tuple[float, float, float]  # at the end
 
 
 @device
 def _left(sigma, distance):
-    return where(sigma > _ZERO, exp(-sigma * distance), _ONE)  # infinitely far, too
+    return where(sigma > _ZERO, exp(-sigma * distance), _ONE)  # also for an infinite distance
 
 
 @device
 def left_after(sigma_t, distance):
-    """What is left of light after so far: Beer's law."""
+    """Returns the transmittance over a distance, rgb: Beer's law."""
     return _left(sigma_t[0], distance), _left(sigma_t[1], distance), _left(sigma_t[2], distance)
 
 
 @device
 def flight_distance(sigma_t, throughput, u):
-    """How far light flies that nothing is in the way of: infinitely, where the channel that u chooses is not taken.
+    """Samples the distance of a flight without obstacles; infinite where the channel chosen by u[1] has a coefficient of 0.
 
-    sigma_t: what is scattered or absorbed per unit length, rgb.
+    sigma_t: extinction coefficient per unit length, rgb. u: two numbers in [0, 1).
     """
     red, green, blue = throughput
     at = u[1] * (red + green + blue)
@@ -57,9 +57,10 @@ def flight_distance(sigma_t, throughput, u):
 
 @device
 def carried(sigma_t, sigma_s, throughput, distance, scatters):
-    """The throughput after a flight of `flight_distance`, or of less where it reaches a surface before: it does not scatter then.
+    """Returns the throughput after a flight that scatters after `distance`, or reaches a surface there.
 
-    sigma_s: what is scattered per unit length, rgb; without any, nothing is left to chance.
+    sigma_t, sigma_s: extinction and scattering coefficients per unit length, rgb; without scattering the result is deterministic.
+    scatters: whether the flight ends in the medium. The result is 0 where the density or the throughput is not positive.
     """
     red, green, blue = throughput
     total = red + green + blue
@@ -70,13 +71,13 @@ def carried(sigma_t, sigma_s, throughput, distance, scatters):
     density = (red * ends[0] * left[0] + green * ends[1] * left[1] + blue * ends[2] * left[2]) / total
     density = where(vec.maximum(sigma_s) > _ZERO, density, _ONE)
     passed = vec.mul(throughput, where3(scatters, vec.mul(sigma_s, left), left))
-    over = (density <= _ZERO) | (total <= _ZERO)  # no number lives on, so that the film is told of it
+    over = (density <= _ZERO) | (total <= _ZERO)  # NaN propagates, so the film can count it
     return where3(over, (none, none, none), vec.scale(passed, _ONE / density))
 
 
 @device
 def free_flight(sigma_t, sigma_s, throughput, reach, u):
-    """A Flight that carries that throughput and has the way `reach` to the next surface, infinite where there is none."""
+    """Samples a Flight with that throughput; reach: distance to the next surface, infinite where there is none."""
     distance = flight_distance(sigma_t, throughput, u)
     scatters = (vec.maximum(sigma_s) > _ZERO) & (distance < reach)
     distance = where(scatters, distance, reach)

@@ -1,7 +1,7 @@
-"""The phase function of Henyey & Greenstein, "Diffuse Radiation in the Galaxy" (1941): by which angle a medium scatters.
+"""The phase function of Henyey & Greenstein, "Diffuse Radiation in the Galaxy" (1941).
 
-Directions are in a frame whose third axis points back to where the light comes from on its way to be scattered, as the viewer's
-direction does at a surface: onwards is -z. Of one path, or of eight.
+The third axis of the local frame points against the direction of travel, as the viewer's direction does at a surface: forward
+scattering is -z. For one path or for eight lanes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _INV_4PI = np.float32(0.25 / math.pi)
 
 @device
 def pdf_henyey_greenstein(g, wi):
-    """Per steradian; g: the mean of the cosine, -1 < g < 1."""
+    """Returns the pdf of direction wi, per steradian; g: mean cosine of the scattering angle, -1 < g < 1."""
     narrow = _ONE - g
     square = narrow * narrow + _TWO * g * (_ONE + wi[2])  # 1 + g**2 - 2 g cosine
     return _INV_4PI * (_ONE - g * g) / (square * math.sqrt(square))
@@ -32,13 +32,13 @@ def pdf_henyey_greenstein(g, wi):
 
 @device
 def eval_henyey_greenstein(g, wi):
-    """The phase function, per steradian: it is sampled by itself."""
+    """Returns the phase function, per steradian; equals its pdf, since it is sampled exactly."""
     return pdf_henyey_greenstein(g, wi)
 
 
 @device
 def sample_henyey_greenstein(g, u):
-    """wi. The usual inverse, with the division by g taken out of it: it holds for g = 0 as well."""
+    """Samples a direction wi, in the local frame, by the inverse CDF, rearranged without the division by g: valid for g = 0."""
     k = (_ONE - g - _TWO * u[0]) / (_ONE - g + _TWO * g * u[0])
     cosine = min(max(_HALF * g - k - _HALF * g * k * k, -_ONE), _ONE)
     radius = math.sqrt(max(_ONE - cosine * cosine, _ZERO))

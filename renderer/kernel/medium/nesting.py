@@ -1,6 +1,6 @@
-"""Which medium a path is in, and what lies around that: the rows of three media in one word, ten bits each, the innermost lowest.
+"""Nested media of a path: the numbers of up to three media in a uint32, ten bits each, the innermost lowest.
 
-Beyond the third is the world's medium, which has the number 0. Of one path, or of eight.
+Beyond the third is the world's medium, number 0. For one path or for eight lanes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NO_MEDIUM = np.uint32(0xFFFFFFFF)
 
 @device
 def entered(nest, medium):
-    """The nest of who was in that one, and goes into the medium."""
+    """Returns the nest after a path in `nest` has entered the medium; a fourth medium drops the outermost."""
     return u32(u32(u32(nest << _DIGITS) | medium) & _THREE)
 
 
@@ -43,7 +43,7 @@ def holds(nest, medium):
 
 @device
 def left(nest, medium):
-    """The nest of who comes out of the medium: what was entered last goes on, where bodies overlap."""
+    """Returns the nest after a path has left the medium; where bodies overlap, those entered later stay in the nest."""
     first, second, third = _parts(nest)
     without_third = where(third == medium, u32(nest & _TWO), nest)
     without_second = where(second == medium, u32(u32(third << _DIGITS) | first), without_third)
@@ -52,13 +52,13 @@ def left(nest, medium):
 
 @device
 def beneath(nest, depth, medium):
-    """The nest with the medium so far down, 0 ... 2, where it has none yet; as it is beyond that."""
+    """Returns the nest with the medium added at an empty depth, 0 ... 2; unchanged for greater depths."""
     return u32(nest | u32(medium << u32(_DIGITS * depth))) if depth < _DEEPEST else nest
 
 
 @device
 def crossed(scene, nest, material, front):
-    """The nest beyond a surface of that material, which is met from its front or from its back."""
+    """Returns the nest after crossing a surface of that material; front: whether the surface was hit from its front."""
     inside = u32(lookup(scene.material_medium, material))
     beyond = where(front, entered(nest, inside), left(nest, inside))
     return where(inside == NO_MEDIUM, nest, beyond)
@@ -66,6 +66,6 @@ def crossed(scene, nest, material, front):
 
 @device
 def coefficients(scene, nest):
-    """Of the innermost medium: (sigma_a + sigma_s and sigma_s, rgb per unit length, g)."""
+    """Returns the innermost medium's (sigma_a + sigma_s, sigma_s, g): rgb per unit length, and the mean cosine."""
     ar, ag, ab, sr, sg, sb, g, _ = row(scene.medium, u32(nest & _ONE), MEDIUM_COLUMNS)
     return (ar + sr, ag + sg, ab + sb), (sr, sg, sb), g

@@ -1,9 +1,9 @@
-"""Light that goes through the inside of skin, wax or marble: a random walk from where it enters to where it leaves.
+"""Subsurface scattering by a random walk from the point of entry to the point of exit.
 
-Chiang, Kutz & Burley, "Practical and Controllable Subsurface Scattering for Production Path Tracing" (2016): the inside is a
-medium whose albedo follows from the colour that the surface is to have. By van de Hulst's approximation of what a half-space of
-it sends back ("Multiple Light Scattering", 1980), solved for the albedo (d'Eon, "A Hitchhiker's Guide to Multiple Scattering").
-Light enters and leaves as Lambert's surface would scatter it.
+Chiang, Kutz & Burley, "Practical and Controllable Subsurface Scattering for Production Path Tracing" (2016): the interior is a
+medium whose single scattering albedo follows from the surface's colour. The mapping is van de Hulst's approximation of the
+diffuse reflectance of a half-space ("Multiple Light Scattering", 1980), solved for the albedo (d'Eon, "A Hitchhiker's Guide to
+Multiple Scattering"). Light enters and leaves by Lambertian scattering.
 """
 
 from __future__ import annotations
@@ -37,24 +37,24 @@ _TWO = np.float32(2.0)
 _FOUR = np.float32(4.0)
 _ROOT = np.int32(0)
 _BLACK = (_ZERO, _ZERO, _ZERO)
-# Van de Hulst: a half-space of similarity s sends (1 - s) (1 - _A s) / (1 + _B s) of diffuse light back.
+# Van de Hulst: a half-space of similarity s reflects (1 - s) (1 - _A s) / (1 + _B s) of diffuse light.
 _A, _B = np.float32(0.139), np.float32(1.17)
-_STEPS = 1024  # of a walk at most: of a white body, one in twenty-five finds no way out until then
+_STEPS = 1024  # limit of a walk; in a white body one in twenty-five finds no exit within it
 _PI_STEPS = np.float32(math.pi * _STEPS)
-_ONWARDS = 16  # steps after which which way light came from is forgotten
-WALK_BLOCK = 1 << 20  # the first block of numbers for walks: those of flights lie below
-_BLOCKS = np.uint32(2 * _STEPS)  # of each vertex: for its steps, and for what ends them
+_ONWARDS = 16  # steps after which the initial direction no longer matters
+WALK_BLOCK = 1 << 20  # first random number block of walks, above those of flights
+_BLOCKS = np.uint32(2 * _STEPS)  # for each vertex: one per step, and one per step for Russian roulette
 _ROULETTE = np.uint32(_STEPS)
 _LEAST = np.float32(1e-6)
 _YES, _NO = np.bool_(True), np.bool_(False)
 
 
 class Within(NamedTuple):
-    """What becomes of a path at a surface some of whose light goes through its inside."""
+    """The outcome at a surface with subsurface scattering: whether a path enters it, and where it leaves."""
 
     enters: bool  # else it scatters at the surface
-    surface: Surface  # where it comes out, seen from outside
-    throughput: tuple[float, float, float]  # there, or at the surface; 0 where it is absorbed, or finds no way out
+    surface: Surface  # at the exit, seen from outside
+    throughput: tuple[float, float, float]  # at the exit, or at the surface; 0 where the walk was absorbed
 
 
 @device
@@ -67,18 +67,19 @@ def _albedo(color, g):
 
 @device
 def albedo_of(color, g):
-    """The share of light that the inside of a surface of that colour, rgb 0 ... 1, scatters and does not absorb.
+    """Returns the single scattering albedo of the interior of a surface of that colour, rgb 0 ... 1.
 
-    g: the mean cosine by which it scatters."""
+    g: mean cosine of the scattering angle.
+    """
     return _albedo(color[0], g), _albedo(color[1], g), _albedo(color[2], g)
 
 
 @device
 def _entrance(kind, share, color, m, wo):
-    """(what goes inside of the light from wo, the chance by which a path does). share: of diffuse light; m: as of `go_within`.
+    """Returns (the share of the light from wo that enters, the probability with which a path enters).
 
-    The chance goes by the root of what may come back from inside, beside what the layers above reflect: these are the better
-    found the more paths look for them.
+    share: of diffuse light; m: as for `go_within`. The probability is proportional to the root of the light that may return from
+    the interior, against the root of what stays outside, so that the layers' reflections keep enough paths.
     """
     if kind == rows.DIFFUSE:
         return share, share
@@ -96,8 +97,10 @@ def _share_in_the_end(sigma_t, sigma_s):
 
 @device
 def _in_the_end(sigma_t, sigma_s):
-    """What will come out of the light of a walk that has gone all steps in vain: as much as diffusion brings back from where such
-    walks are on average, sqrt(pi / 3 steps) free paths deep. White bodies would else be a little gray.
+    """Returns the share of light, rgb, that still leaves the body after a walk has used all its steps.
+
+    Equals what diffusion returns from the mean depth of such walks, sqrt(pi / 3 steps) free paths. Without it white bodies would
+    be slightly gray.
     """
     return (
         _share_in_the_end(sigma_t[0], sigma_s[0]),
@@ -108,15 +111,16 @@ def _in_the_end(sigma_t, sigma_s):
 
 @subroutine
 def _walk(scene, stack, surface, normal, color, throughput, stream, first, time):
-    """Through the body, from a surface which was met from outside: (where it comes out, the throughput there).
+    """Walks through a body from a surface hit from outside: (surface of the exit, throughput there).
 
-    normal: that it scatters about where it enters; color: the body's, textures looked up; first: the walk's first block.
-    Whatever else is in the body is passed as if it were not there. What finds no way out in all steps comes out where it entered.
+    normal: about which the entering direction is sampled; color: the body's, textures looked up; first: the walk's first block of
+    random numbers. Surfaces of other objects inside the body are ignored. A walk that finds no exit in all steps leaves where it
+    entered.
     """
     out_of_line()
     g = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_ANISOTROPY, 1)[0]
     radius = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_RADIUS, 3)
-    least = _FOUR * surface.error  # what is shorter, roundings do not tell apart
+    least = _FOUR * surface.error  # shorter distances are below the rounding error
     sigma_t = _ONE / max(radius[0], least), _ONE / max(radius[1], least), _ONE / max(radius[2], least)
     sigma_s = vec.mul(albedo_of(color, g), sigma_t)
     entry = draw4(stream, first)
@@ -126,7 +130,7 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
     entry_surface, own, worth = surface, surface.object, _TWO / vec.maximum(throughput)
     for step in range(1, _STEPS):
         if step == _ONWARDS:
-            # Who is scattered evenly, but so much less often, gets as far in the end (Wyman, Patterson & Wilson 1989).
+            # Similarity relation: isotropic scattering with sigma_s (1 - g) (Wyman, Patterson & Wilson 1989).
             evenly = vec.scale(sigma_s, _ONE - g)
             sigma_t = vec.add(vec.sub(sigma_t, sigma_s), evenly)
             sigma_s, g = evenly, _ZERO
@@ -139,7 +143,7 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
                 break
             so_far += hit.t
             beyond = vec.add(o, vec.scale(d, _TWO * hit.t))
-            surface = surface_at(scene, beyond, vec.neg(d), hit)  # as who looks at it from where the path is going
+            surface = surface_at(scene, beyond, vec.neg(d), hit)  # seen from the far side of the surface
             if surface.object == own:
                 return surface, carried(sigma_t, sigma_s, throughput, so_far, _NO)
             o = departure(surface, True, d)
@@ -161,18 +165,18 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
 
 @subroutine
 def go_within(scene, stack, surface, normal, kind, color, m, wo, throughput, stream, number, time):
-    """Whether a path goes inside at the surface that it meets, and where it comes out: a Within.
+    """Decides whether a path enters the surface, and walks to its exit: a Within.
 
-    normal, wo: of the frame that it would be scattered in, and the viewer's direction in it; kind, color: its material's, m its
-    (LAYER_SLOTS,) properties where that is layered; stream: the path's numbers; number: how many vertices it had before; time: of
-    the shutter.
+    normal, wo: the shading normal, and the viewer's direction in its frame; kind, color: the material's; m: its (LAYER_SLOTS,)
+    properties where it is layered; stream: the path's random numbers; number: count of the path's earlier vertices; time: shutter
+    time.
     """
     out_of_line()
     first = np.uint32(np.uint32(WALK_BLOCK) + np.uint32(number) * _BLOCKS)
     share = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE, 1)[0]
     inside, chance = _entrance(kind, share, color, m, wo)
     if draw4(stream, first)[2] >= chance:
-        # Layers have left out what goes inside (kernel/material/layers.py), Lambert's surface has not.
+        # Layered materials exclude the light that enters (kernel/material/layers.py); the diffuse model does not.
         left = _ONE if kind == rows.DIFFUSE else _ONE / (_ONE - chance)
         return Within(_NO, surface, vec.scale(throughput, left))
     out, left = _walk(scene, stack, surface, normal, color, vec.scale(throughput, inside / chance), stream, first, time)

@@ -1,1 +1,1 @@
-"""Passes over a mesh's vertices and triangles while a scene is compiled: what must not take a temporary array for every step."""
+"""Kernels over a mesh's vertices and triangles for scene compilation, without a temporary array per step."""

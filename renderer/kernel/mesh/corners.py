@@ -1,4 +1,4 @@
-"""Corners of faces that are one vertex. All arrays are the caller's."""
+"""Merging of face corners into vertices. All arrays are allocated by the caller."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ from renderer.jit import builder
 
 __all__ = ["join_at_points"]
 
-_MOST_KINDS = 64  # that a corner is compared with: where more meet in one point, some that agree stay apart
+_MOST_KINDS = 64  # limit of comparisons per corner; beyond it, equal corners at one point may stay separate
 
 
 @builder
 def join_at_points(point, words, last, before, first, kind):
-    """Numbers corners by their points and by the words that they have there, and says of each number its first corner: how many
-    there are.
+    """Numbers the distinct (point, words) pairs of corners and records the first corner of each; returns their count.
 
-    point: (C,), numbers below P. words: (C, W) u32. last: (P,) i32, all -1. before, first, kind: (C,) i32.
+    point: (C,), numbers below P. words: (C, W) u32, compared bitwise. last: (P,) i32, all -1. before, first, kind: (C,) i32;
+    `kind` receives each corner's number and `first` the first corner of each number. A corner is compared with at most
+    _MOST_KINDS others at its point.
     """
     count = 0
     for i in range(len(point)):

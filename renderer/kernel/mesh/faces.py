@@ -1,4 +1,4 @@
-"""What is asked of every triangle: whether it has an area, which box holds it."""
+"""Per-triangle queries of a mesh: whether a triangle has an area, and the bounding box."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["find_corners", "find_solid"]
 
 @device
 def _edges(position, triangle, i):
-    """The edges from corner a to b and to c."""
+    """Returns the edge vectors from corner a to b and from a to c, float64."""
     a, b, c = triangle[i, 0], triangle[i, 1], triangle[i, 2]
     x, y, z = np.float64(position[a, 0]), np.float64(position[a, 1]), np.float64(position[a, 2])
     return (position[b, 0] - x, position[b, 1] - y, position[b, 2] - z), (
@@ -23,11 +23,11 @@ def _edges(position, triangle, i):
 
 @entry
 def find_solid(position, triangle, first, end, solid):
-    """Marks which of the triangles first ... end - 1 have an area: how many."""
+    """Marks in `solid` which of the triangles first ... end - 1 have an area; returns their number."""
     count = 0
     for i in range(first, end):
         u, v = _edges(position, triangle, i)
-        # Compared and not subtracted: a fused multiply-add would find an area in its own rounding.
+        # Compared, not subtracted: with a fused multiply-add the rounding error would count as an area.
         solid[i] = u[1] * v[2] != u[2] * v[1] or u[2] * v[0] != u[0] * v[2] or u[0] * v[1] != u[1] * v[0]
         count += solid[i]
     return count

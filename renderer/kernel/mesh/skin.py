@@ -1,4 +1,4 @@
-"""A mesh's vertices where the joints of its skin carry them: in the kernels' own code, so that every host has the same bits."""
+"""Skinning of a mesh's vertices, compiled like the kernels so that the result is the same to the bit on every host."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ __all__ = ["carry"]
 
 @entry
 def carry(matrix, joint, weight, point, normal, tangent, placed, turned, bent):
-    """Fills placed (V, 3), turned and bent (V, 3) with points, normals and tangents, float32, moved by the mean of their joints.
+    """Fills placed, turned and bent, (V, 3) float32, with points, normals and tangents transformed by the weighted mean of their
+    joints.
 
-    matrix: (J, 4, 4) f64, of each joint; joint, weight: (V, K), which joints move a vertex and by how much, in any scale: where
-    all weights are 0, none does. normal, turned and tangent, bent may have no rows. Normals are left as long as they come out.
+    matrix: (J, 4, 4) f64, one for each joint; joint, weight: (V, K), the joints of a vertex and their weights, in any scale; a
+    vertex whose weights are all 0 stays where it is. normal with turned, and tangent with bent, may have no rows. Normals are
+    transformed by the cofactor matrix and not normalised.
     """
     for i in range(len(point)):
         total = 0.0
         for k in range(weight.shape[1]):
             total += np.float64(weight[i, k])
-        x, y, z, t = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)  # the mean's columns
+        x, y, z, t = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)  # columns of the mean matrix
         if total > 0.0:
             x = y = z = (0.0, 0.0, 0.0)
             for k in range(weight.shape[1]):
@@ -46,7 +48,7 @@ def carry(matrix, joint, weight, point, normal, tangent, placed, turned, bent):
 
 @device
 def _added(column, share, matrix, joint, k):
-    """A column of the mean with one joint's part in it."""
+    """Returns a column of the mean matrix with one joint's weighted column added."""
     return (
         column[0] + share * matrix[joint, 0, k],
         column[1] + share * matrix[joint, 1, k],

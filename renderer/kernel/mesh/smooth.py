@@ -1,4 +1,4 @@
-"""A mesh's distinct points, and normals for meshes that have none. All arrays are the caller's."""
+"""Distinct points of a mesh, and computed normals for meshes that have none. All arrays are allocated by the caller."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from renderer.jit import builder, device
 
 __all__ = ["measure_corners", "number_points", "round_corners", "sort_corners"]
 
-_FINE = 1e4  # normals that agree to so many parts of 1 are the same
-_MOST_KINDS = 64  # that a corner is compared with: where more meet in one point, some that agree stay apart
+_FINE = 1e4  # normals are compared after rounding to 1 / _FINE
+_MOST_KINDS = 64  # limit of comparisons per corner; beyond it, equal corners at one point may stay separate
 
 
 @device
 def _mixed(value):
-    """SplitMix64's finalizer (Steele, Lea & Flood 2014)."""
+    """Returns SplitMix64's finalizer of a u64 (Steele, Lea & Flood 2014)."""
     value ^= value >> np.uint64(30)
     value *= np.uint64(0xBF58476D1CE4E5B9)
     value ^= value >> np.uint64(27)
@@ -24,10 +24,10 @@ def _mixed(value):
 
 @builder
 def number_points(bits, salt, slot, first, number):
-    """Numbers the rows of bits (V, 3) u32 by what they hold, and says of each number its first row: how many there are.
+    """Numbers the distinct rows of bits (V, 3) u32 by hashing and records the first row of each; returns their count.
 
-    salt: u64, which decides nothing but where in `slot` something lies, so that no file can choose that. slot: a power of two of
-    at least 2 V, all -1. first, number: (V,) i32.
+    salt: u64, varies the hash so that a file cannot force collisions; the result does not depend on it. slot: the hash table, a
+    power of two of at least 2 V, all -1. first, number: (V,) i32.
     """
     mask = np.uint64(len(slot) - 1)
     count = 0
@@ -49,7 +49,7 @@ def number_points(bits, salt, slot, first, number):
 
 @builder
 def sort_corners(triangle, number, start, order):
-    """Fills order (3 T,) with the corners of each point, in their order, and start (P + 1,), all 0, with where they begin."""
+    """Fills order (3 T,) with the corners grouped by point, and start (P + 1,), all 0 before, with each group's first index."""
     for i in range(len(triangle)):
         for k in range(3):
             start[number[triangle[i, k]] + 1] += 1
@@ -67,7 +67,10 @@ def sort_corners(triangle, number, start, order):
 
 @builder
 def measure_corners(position, triangle, unit, across, along):
-    """Of each triangle its unit normal, 0 without an area; of each corner how far its edges reach across and along each other."""
+    """Computes each triangle's unit normal, 0 without an area, and each corner's cross and dot product of its edges.
+
+    across: (3 T,), length of the cross product; along: (3 T,), dot product.
+    """
     corner = np.empty((3, 3), np.float64)
     for i in range(len(triangle)):
         for k in range(3):
@@ -88,11 +91,12 @@ def measure_corners(position, triangle, unit, across, along):
 
 @builder
 def round_corners(unit, angle, start, order, vertex, limit, most, normal, kind, kept):
-    """Gives each corner its normal: the mean, by their angles, of the faces at its point within the crease angle of its own.
-    Numbers corners that agree in vertex and normal, and says of each number its normal and its first corner: how many there are.
+    """Computes each corner's normal: the mean, weighted by angle, of the adjacent faces within the crease angle of its own face.
 
-    limit: the cosine of the crease angle. most: corners at a point that each looks at. vertex, kind, kept: (3 T,) i32; kind is
-    all -1. normal: (3 T, 3) f32.
+    Numbers the distinct (vertex, normal) pairs, records the normal and the first corner of each, and returns their count.
+
+    limit: the cosine of the crease angle. most: largest number of corners at a point that are considered. vertex, kind, kept:
+    (3 T,) i32; kind is all -1. normal: (3 T, 3) f32.
     """
     some = np.empty(_MOST_KINDS, np.int64)
     count = 0
@@ -122,7 +126,7 @@ def round_corners(unit, angle, start, order, vertex, limit, most, normal, kind, 
 
 @device
 def _bends_little(unit, order, begin, degree, limit):
-    """Whether all faces at a point lie within the crease angle of each other: then its corners have one normal."""
+    """Whether all faces at a point are within the crease angle of each other, so that its corners share one normal."""
     for r in range(degree):
         a = order[begin + r] // 3
         for k in range(r + 1, degree):
@@ -134,7 +138,7 @@ def _bends_little(unit, order, begin, degree, limit):
 
 @device
 def _blended(unit, angle, order, begin, degree, r, limit, most):
-    """The normal of a point's r-th corner."""
+    """Returns the normal of the r-th corner at a point, float32."""
     here = order[begin + r]
     face = here // 3
     x, y, z = unit[face, 0], unit[face, 1], unit[face, 2]

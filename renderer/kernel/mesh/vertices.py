@@ -1,4 +1,4 @@
-"""A mesh's vertices carried into the world."""
+"""Transforms a mesh's points and normals into world space."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ __all__ = ["place_all_normals", "place_all_points", "place_normals", "place_poin
 
 @entry
 def place_points(point, transform, first, end, placed):
-    """Rows first ... end - 1 of `placed`: points through a 4x4 transform. Their largest coordinate; NaN if one is."""
+    """Transforms points first ...
+
+    end - 1 by a 4x4 matrix into `placed`; returns the largest absolute coordinate, NaN if one is NaN.
+    """
     largest = 0.0
     for i in range(first, end):
         x, y, z = np.float64(point[i, 0]), np.float64(point[i, 1]), np.float64(point[i, 2])
@@ -24,7 +27,10 @@ def place_points(point, transform, first, end, placed):
 
 @entry
 def place_normals(normal, matrix, first, end, placed, length):
-    """Rows first ... end - 1 of `placed`: normals through a 3x3 matrix, made unit; `length`: what they were long before that."""
+    """Transforms normals first ...
+
+    end - 1 by a 3x3 matrix into `placed`, normalised; stores their previous lengths in `length`.
+    """
     for i in range(first, end):
         x, y, z = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])
         nx = matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z
@@ -36,7 +42,7 @@ def place_normals(normal, matrix, first, end, placed, length):
 
 @entry
 def place_all_points(point, transform, start, placed):
-    """As `place_points`, of many meshes: rows start[m] ... start[m + 1] - 1 through transform[m]."""
+    """Transforms the points of many meshes: rows start[m] ... start[m + 1] - 1 by transform[m]; see `place_points`."""
     largest = 0.0
     for m in range(len(transform)):
         value = place_points(point, transform[m], start[m], start[m + 1], placed)
@@ -46,6 +52,6 @@ def place_all_points(point, transform, start, placed):
 
 @entry
 def place_all_normals(normal, matrix, start, placed, length):
-    """As `place_normals`, of many meshes."""
+    """Transforms the normals of many meshes: rows start[m] ... start[m + 1] - 1 by matrix[m]; see `place_normals`."""
     for m in range(len(matrix)):
         place_normals(normal, matrix[m], start[m], start[m + 1], placed, length)

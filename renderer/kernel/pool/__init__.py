@@ -1,5 +1,5 @@
-"""The path tracer for pictures, many paths at once: a pool of paths in rows, and stages that take eight of them at a time.
+"""The path tracer for frames: a pool of paths in rows, and stages that process eight paths at a time.
 
-A stage goes through a list of rows' numbers (lists.py); which rows stand beside each other leaves no trace in a sample, whose
-numbers follow from its pixel and its own number alone. trace.py is the driver.
+A stage processes a list of row numbers (lists.py). The grouping of rows does not affect a sample, whose random numbers depend
+only on its pixel and its sample number. trace.py is the driver.
 """

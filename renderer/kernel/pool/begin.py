@@ -1,4 +1,4 @@
-"""Stage 0: camera rays, for rows that are free."""
+"""Stage 0: generates camera rays in free rows."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NUMBER, _PLACE, _X, _Y = (SAMPLE + np.uintp(k) for k in (1, 2, 3, 4))
 
 
 class Next(NamedTuple):
-    """Which sample of a batch is the next to be begun; pixel by pixel, row by row."""
+    """The next sample of the batch to be started; pixel by pixel, row by row."""
 
     x: Any
     y: Any
@@ -35,7 +35,7 @@ class Next(NamedTuple):
 
 @device
 def _number(pool, lists, count, following, width, height, batch):
-    """Gives each of the first `count` done rows a sample: the next one that is left."""
+    """Assigns the next samples to the first `count` rows of the list DONE."""
     x, y, sample = following.x, following.y, following.sample
     for k in range(count):
         path = row(lists, DONE, k)
@@ -56,10 +56,10 @@ def _number(pool, lists, count, following, width, height, batch):
 
 @subroutine
 def begin(pool, lists, following, width, height, camera, options, batch, motion, nest):
-    """Begins paths in rows that are done, for as long as there are samples: which one is next.
+    """Starts paths in free rows while samples remain; returns the next sample to start.
 
-    motion: None where nothing moves while the shutter is open (renderer/arrays/has.py). nest: the media that the camera is in,
-    None where there are none.
+    motion: None for a scene without motion (renderer/arrays/has.py). nest: the media that contain the camera, None for a scene
+    without media.
     """
     out_of_line()
     left = ((height - following.y) * width - following.x) * batch.count - (following.sample - batch.first)

@@ -1,7 +1,7 @@
-"""Stage 1b, where there are media: which paths are scattered before they reach what their rays meet, and their vertices there.
+"""Stage 1b, for scenes with media: free flights of the active paths, and their vertices in media.
 
-To the stages that follow, such a vertex looks like a surface in the point that faces the viewer and is lit from all sides: so
-they choose its light, scatter it and split its path as they do with others.
+Later stages see such a vertex as a surface at the point that faces the viewer and is lit from all sides, so light sampling,
+scattering and splitting work as for other vertices.
 """
 
 from __future__ import annotations
@@ -63,12 +63,12 @@ _LEAST = np.float32(1e-30)
 _FLIGHTS = np.uint32(FLIGHT_BLOCK)
 _IN_MEDIUM, _OVER = np.float32(DRIFTING), np.float32(DONE)
 _WHICH = FRAME + np.uintp(7)
-_DRIFTS = WAY  # whether a ray, which is not under way, ends in its medium
+_DRIFTS = WAY  # whether the ray ends in its medium; shares columns with the traversal
 
 
 @device
 def _keep_first(pool, rows, first, point, albedo, distance, passed):
-    """Writes down what the film wants of paths that are scattered first in a medium: no normal, and no numbers."""
+    """Records the first hit of paths whose first vertex is in a medium: without normal, object and material."""
     none = nil(distance)
     distance = where(passed == _ZERO, distance, vec.length(vec.sub(point, few(pool, rows, PLACE, 3))))
     distance = distance + few(pool, rows, START, 1)[0]
@@ -91,8 +91,9 @@ def _keep_vertices(pool, rows, point, wo, g, which):
 
 @subroutine
 def fly(scene, pool, lists, options):
-    """Takes from the active paths what the media on their ways take. Those that are scattered there are taken off the lists of
-    what was met: they are done, or wait on DRIFTING.
+    """Samples free flights of the active paths and updates their throughput.
+
+    Paths that scatter in a medium are removed from the lists of hits; they are done, or listed on DRIFTING.
     """
     out_of_line()
     count = pad(lists, ACTIVE)
@@ -140,7 +141,7 @@ def fly(scene, pool, lists, options):
 
 @device
 def _take_off(pool, lists, which):
-    """Takes those that are scattered before off a list."""
+    """Removes paths that scatter in a medium from a list."""
     stays = np.uintp(0)
     for k in range(length(lists, which)):
         path = row(lists, which, k)
@@ -151,7 +152,7 @@ def _take_off(pool, lists, which):
 
 @subroutine
 def list_drifting(lists):
-    """Lists the vertices in media among those that light sampling serves, when surfaces have been looked at."""
+    """Adds the vertices in media to the list for light sampling, after surfaces were processed."""
     out_of_line()
     for k in range(length(lists, DRIFTING)):
         append(lists, LIT, row(lists, DRIFTING, k))

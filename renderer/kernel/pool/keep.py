@@ -1,4 +1,7 @@
-"""Stage 5: what paths that are over have found goes into the film's fixed point, pixel by pixel; at the end into its planes."""
+"""Stage 5: adds the radiance of terminated paths to the film's fixed-point sums per pixel.
+
+At the end, moves them to its planes.
+"""
 
 from __future__ import annotations
 
@@ -43,13 +46,14 @@ _SAMPLE, _PIXEL = SAMPLE + np.uintp(1), SAMPLE + np.uintp(2)
 
 @subroutine
 def keep(pool, lists, film, scale, width, batch, bad, bad_count):
-    """Adds the samples whose branches are all done to their pixels' sums, and leaves the rows that are free on the list DONE.
-    Those that are no numbers are listed: their count.
+    """Adds the samples whose branches have all terminated to their pixels' sums, and leaves the free rows on the list DONE.
+
+    Returns the number of bad samples (NaN or infinite), which are listed in `bad` and not added.
     """
     out_of_line()
     ox, oy, oz = batch.origin
     is_far = (ox | oy | oz) != 0
-    one = _ONE / scale  # which becomes 1 in the fixed point
+    one = _ONE / scale  # becomes 1 in fixed point
     free = np.uintp(0)
     for k in range(length(lists, DONE)):
         path = row(lists, DONE, k) % _PATHS
@@ -77,7 +81,7 @@ def keep(pool, lists, film, scale, width, batch, bad, bad_count):
             film[base + _16] += ox
             film[base + _17] += oy
             film[base + _18] += oz
-        if sample == 0:  # numbers cannot be averaged, so one sample has the say
+        if sample == 0:  # ids cannot be averaged, so the first sample decides
             film[base + np.uintp(_OBJECT)] += load_int(pool, at(path, _OBJECT_OF))
             film[base + np.uintp(_MATERIAL)] += load_int(pool, at(path, _MATERIAL_OF))
     cut(lists, DONE, free)
@@ -86,9 +90,9 @@ def keep(pool, lists, film, scale, width, batch, bad, bad_count):
 
 @subroutine
 def unfold(film, sums):
-    """Moves the pixels' sums to the planes of (CHANNELS, h, w): they are 0 again.
+    """Moves the pixels' sums to the planes, (CHANNELS, h, w), and resets them to 0.
 
-    Row by row, a plane at a time: the places of one pixel in all planes share the cache's sets.
+    Works row by row, one plane at a time, since one pixel's entries in all planes map to the same cache sets.
     """
     out_of_line()
     height, width = sums.shape[1], sums.shape[2]

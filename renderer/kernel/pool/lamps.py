@@ -1,7 +1,7 @@
-"""Stage 3: for each vertex that light sampling can serve, a point of a light.
+"""Stage 3: samples a light for each vertex that can use light sampling.
 
-Where a tree chooses among many lights, all vertices go down it together, a step each in turn: a step is a few long sums and
-roots, which the processor works out for several vertices at once.
+With a light tree, all vertices descend it together, one step each in turn: a step is a few long sums and roots, which the
+processor can overlap between vertices.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _LEFT, _CHANCE, _HERE = WAY, WAY + np.uintp(1), WAY + np.uintp(2)
 
 @device
 def _numbers(pool, rows, options):
-    """(a place on the light 2, the choice of one) of eight rows."""
+    """Returns the random numbers of eight rows: (two for the point on the light, one for the choice of the light)."""
     number = to_int(few(pool, rows, _NUMBER, 1)[0])
     u = draw4(stream_of(pool, rows, options), number * _TWO + _LIGHT_BLOCK)
     return u[0], u[1], u[2]
@@ -44,7 +44,7 @@ def _numbers(pool, rows, options):
 
 @device
 def _facing(scene, pool, path):
-    """The normal that lights count on the side of, of one row."""
+    """Returns one row's normal for light sampling; zero where lights on all sides count."""
     if scene.has.textures is not None:
         return three(pool, path + MAPPED + np.uintp(3))
     return three(pool, path + FRAME)
@@ -52,7 +52,7 @@ def _facing(scene, pool, path):
 
 @subroutine
 def _go_down(scene, pool, lists, options):
-    """Chooses each listed vertex' light by the tree: into _CHANCE and _HERE."""
+    """Chooses a light for each listed vertex by the light tree; writes columns _CHANCE and _HERE."""
     out_of_line()
     waiting = np.uintp(pad(lists, LIT))
     for k in range(0, np.int64(waiting), 8):
@@ -81,7 +81,7 @@ def _go_down(scene, pool, lists, options):
 
 @subroutine
 def choose_lamps(scene, pool, lists, options):
-    """Samples a light for each vertex that is to be lit."""
+    """Samples a light for each vertex on the list LIT; writes the groups LAMP and SHADOW."""
     out_of_line()
     by_tree = False
     if scene.has.lights is not None:

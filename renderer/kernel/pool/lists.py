@@ -1,7 +1,7 @@
-"""Lists of rows' numbers: what each stage has to do.
+"""Lists of row numbers: the work of each stage.
 
-A list is read eight numbers at a time, its last number repeated to the end of eight: what is done twice to a row is the same
-both times.
+A list is read eight numbers at a time, with its last number repeated to a multiple of eight; processing a row twice has the same
+result as once.
 """
 
 from __future__ import annotations
@@ -64,25 +64,25 @@ _ONE = np.uintp(1)
 
 @device
 def clear(lists, which):
-    """Makes a list empty."""
+    """Empties a list."""
     lists[np.uintp(which) * _SIZE] = np.uint32(0)
 
 
 @device
 def length(lists, which):
-    """How many numbers a list has."""
+    """Returns the length of a list."""
     return np.int64(lists[np.uintp(which) * _SIZE])
 
 
 @device
 def row(lists, which, k):
-    """The list's k-th number."""
+    """Returns a list's k-th row number."""
     return np.uintp(lists[np.uintp(which) * _SIZE + _ONE + np.uintp(k)])
 
 
 @device
 def append(lists, which, number):
-    """Puts a row's number on a list."""
+    """Appends a row number to a list."""
     base = np.uintp(which) * _SIZE
     count = np.uintp(lists[base]) + _ONE
     lists[base + count] = np.uint32(number)
@@ -91,19 +91,19 @@ def append(lists, which, number):
 
 @device
 def put(lists, which, count, number):
-    """Writes a number behind the first `count` of a list, whose length is not changed."""
+    """Writes a number at index `count` of a list, without changing its length."""
     lists[np.uintp(which) * _SIZE + _ONE + count] = np.uint32(number)
 
 
 @device
 def cut(lists, which, count):
-    """Gives a list the length that it has by now."""
+    """Sets the length of a list."""
     lists[np.uintp(which) * _SIZE] = np.uint32(count)
 
 
 @device
 def pad(lists, which):
-    """Repeats the last number, so that `eight` may be called up to the end; returns the list's length."""
+    """Repeats the last number, so that `eight` is valid up to the end; returns the list's length."""
     base = np.uintp(which) * _SIZE
     count = np.uintp(lists[base])
     if count > np.uintp(0):
@@ -115,5 +115,5 @@ def pad(lists, which):
 
 @device
 def eight(lists, which, k):
-    """The list's numbers from the k-th on, u32x8."""
+    """Returns eight numbers of a list from the k-th on, u32x8."""
     return load_ints(lists, np.uintp(which) * _SIZE + _ONE + np.uintp(k))

@@ -1,6 +1,6 @@
-"""What a vertex is made of where a scene has more than what is plain: textures, normal maps, alpha, insides, colours that part.
+"""Materials at vertices in scenes with textures, normal maps, alpha, absorption or dispersion.
 
-What is seldom met is looked up a path at a time, by the functions that one path alone is followed with.
+Rare features are looked up one path at a time, by the functions of the single-path integrators.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def _flagged(scene, material, flag):
 
 @subroutine
 def _one_surface(scene, d, t, primitive, u, v, instance, time):
-    """`triangle_at` of one ray, as numbers in tuples."""
+    """Returns `triangle_at` of one ray, as numbers in tuples."""
     out_of_line()
     s = triangle_at(scene, d, Hit(t, primitive, u, v, np.int32(instance), time))
     shape = s.point, s.error, s.geometric, s.shading, s.uv, s.front
@@ -79,7 +79,7 @@ def _one_by_one(scene, time):
 
 @device
 def surfaces_at(scene, d, hit):
-    """As `triangle_at`, for eight rays, some of which may have met triangles of instances, or such as move by themselves."""
+    """Returns `triangle_at` for eight rays, some of which may have hit triangles of instances or of moving meshes."""
     if scene.has.instances is not None and _one_by_one(scene, hit.time):
         every = hit.t == hit.t
         arguments = scene, d, hit.t, hit.primitive, hit.u, hit.v, hit.instance, hit.time
@@ -91,13 +91,16 @@ def surfaces_at(scene, d, hit):
 
 @device
 def lamps(scene, surface):
-    """Which surfaces give their light to what meets them, and stop nothing."""
+    """Returns a mask of the surfaces that emit light and let rays pass unchanged."""
     return _flagged(scene, surface.material, _LAMP)
 
 
 @device
 def passes(scene, surface, stream, row, options, time):
-    """Where the paths go through their surfaces as if these were not there. row: how many each has met before."""
+    """Returns a mask of the paths that pass through their surfaces, by alpha or as lamps.
+
+    row: surfaces hit before by each path.
+    """
     through = surface.error != surface.error
     if scene.has.textures is not None:
         through = lamps(scene, surface)
@@ -112,8 +115,8 @@ def passes(scene, surface, stream, row, options, time):
 
 @device
 def attenuated(scene, surface, through, throughput, pool, rows):
-    """The throughput after the way from the last vertex to the surface, through the inside of what it is the surface of."""
-    if scene.has.layers is not None and scene.has.media is None:  # else flights have seen to it
+    """Returns the throughput after absorption between the last vertex and the surface, inside the surface's material."""
+    if scene.has.layers is not None and scene.has.media is None:  # with media it is included in the free flights
         inside = not_(surface.front | through) & _flagged(scene, surface.material, _ABSORBING)
         if any_of(inside):
             taken = columns(scene.material, surface.material, COLUMNS, ABSORPTION, 3)
@@ -131,7 +134,7 @@ def _textures_move(scene, time):
 
 @device
 def _image_factors(scene, number, there, surface):
-    """The colours of images, white where there is none. number: of their textures."""
+    """Returns the colours of eight textures, white where `there` is false. number: the textures' numbers."""
     one = as_wide(_ONE, surface.error)
     color = one, one, one
     if any_of(there):
@@ -141,7 +144,7 @@ def _image_factors(scene, number, there, surface):
 
 @device
 def _texture_factors(scene, surface, textured, time):
-    """As `texture_factors`, of eight surfaces where they are `textured`."""
+    """Returns `texture_factors`, (colour, metallic, roughness), of eight surfaces where they are `textured`; else 1."""
     slots = surface.material * np.uint32(SLOTS)
     base = u32(lookup(scene.material_texture, slots + np.uint32(BASE_TEXTURE)))
     other = u32(lookup(scene.material_texture, slots + np.uint32(METALLIC_ROUGHNESS_TEXTURE)))
@@ -155,7 +158,7 @@ def _texture_factors(scene, surface, textured, time):
 
 @device
 def keep_matter(scene, pool, rows, surface, through, wo, stream, number, throughput, time):
-    """Looks up what the vertices are made of and writes it down: (colour, roughness, normal to scatter about, throughput)."""
+    """Looks up the vertices' materials and writes them to the rows: returns (colour, roughness, shading normal, throughput)."""
     n = surface.shading
     roughness = columns(scene.material, surface.material, COLUMNS, ROUGHNESS, 1)[0]
     base = columns(scene.material, surface.material, COLUMNS, BASE, 3)
@@ -186,6 +189,6 @@ def keep_matter(scene, pool, rows, surface, through, wo, stream, number, through
         write(pool, rows, AXES, (*s, *t, *surface.uv1))
         side = where3(_flagged(scene, surface.material, _TRANSMITS), (none, none, none), n)
         if any_of(through):
-            side = where3(through, few(pool, rows, MAPPED + np.uintp(3), 3), side)  # the last vertex's stays
+            side = where3(through, few(pool, rows, MAPPED + np.uintp(3), 3), side)  # keeps the last vertex's normal
         write(pool, rows, MAPPED, (*n, *side, none, none))
     return base, roughness, n, throughput

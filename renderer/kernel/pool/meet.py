@@ -1,4 +1,4 @@
-"""Stage 1: what each path's ray meets first; and the last but one: which lights are seen."""
+"""Stage 1: intersection of each path's ray; and the last stage but one: shadow rays."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _END, _WAITS, _GOES_ON = SHADOW + np.uintp(3), SHADOW + np.uintp(6), SHADOW + np
 
 @subroutine
 def meet(scene, alone, stack, pool, lists):
-    """Traces the active paths' rays, and lists the paths by what they met."""
+    """Traces the active paths' rays, and lists the paths by what they hit: nothing, a triangle or a sphere."""
     out_of_line()
     count = pad(lists, ACTIVE)
     for k in range(0, count, 8):
@@ -91,7 +91,7 @@ def meet(scene, alone, stack, pool, lists):
 
 @device
 def _light_through(scene, alone, pool, lists, options):
-    """Adds what reaches the vertices that wait for light, where it may pass surfaces by their alpha."""
+    """Adds the direct light of the rows on WAITING, with transmittance through transparent surfaces and media."""
     for k in range(length(lists, WAITING)):
         path = row(lists, WAITING, k)
         start, end, time = three(pool, at(path, SHADOW)), three(pool, at(path, _END)), time_of(scene.has.motion, pool, path)
@@ -110,7 +110,7 @@ def _light_through(scene, alone, pool, lists, options):
 
 @device
 def _left(scene, pool, rows):
-    """What is left of the light of eight shadow rays that meet nothing, and so stay in the medium that they begin in."""
+    """Returns the transmittance of eight unoccluded shadow rays, which stay in the medium where they start."""
     way = read(pool, rows, SHADOW)
     sigma_t, _, _ = coefficients(scene, as_ints(few(pool, rows, _BEGINS_IN, 1)[0]))
     return left_after(sigma_t, vec.length(vec.sub((way[3], way[4], way[5]), (way[0], way[1], way[2]))))
@@ -118,7 +118,7 @@ def _left(scene, pool, rows):
 
 @device
 def _light(scene, alone, stack, pool, lists, options):
-    """Adds what reaches the vertices that wait for light, where any surface stops it."""
+    """Adds the direct light of the rows on WAITING, in scenes where any surface occludes."""
     count = pad(lists, WAITING)
     for k in range(0, count, 8):
         rows = eight(lists, WAITING, k)
@@ -148,7 +148,7 @@ def _light(scene, alone, stack, pool, lists, options):
 
 @subroutine
 def bring_light(scene, alone, stack, pool, lists, options):
-    """Casts the shadow rays of the listed vertices that wait for light, and adds what it brings."""
+    """Traces the shadow rays of the rows on WAITING, and adds their direct light."""
     out_of_line()
     if scene.has.textures is not None and options.transparent:
         _light_through(scene, alone, pool, lists, options)
@@ -158,14 +158,14 @@ def bring_light(scene, alone, stack, pool, lists, options):
 
 @device
 def _go_on(pool, lists, which):
-    """Lists the vertices of a list by whether they wait for light, and whether their paths go on or are done."""
+    """Distributes the rows of a list to WAITING if they have a shadow ray, and to ACTIVE or DONE."""
     waiting, active, done = np.uintp(length(lists, WAITING)), np.uintp(length(lists, ACTIVE)), np.uintp(length(lists, DONE))
     for k in range(length(lists, which)):
         path = row(lists, which, k)
         put(lists, WAITING, waiting, path)
         put(lists, ACTIVE, active, path)
         put(lists, DONE, done, path)
-        goes_on = not (pool[at(path, _GOES_ON)] <= _ZERO)  # no number lives on
+        goes_on = not (pool[at(path, _GOES_ON)] <= _ZERO)  # NaN propagates, so the film can count it
         waiting += np.uintp(pool[at(path, _WAITS)] != _ZERO)
         active += np.uintp(goes_on)
         done += np.uintp(not goes_on)
@@ -176,9 +176,9 @@ def _go_on(pool, lists, which):
 
 @subroutine
 def see_lights(scene, alone, stack, pool, lists, options):
-    """Casts the shadow rays of the vertices that have one, and adds what lights them: how many.
+    """Traces the vertices' shadow rays and adds their direct light; returns the number of shadow rays.
 
-    Paths that go on join the active ones, the others are done.
+    Continuing paths are added to ACTIVE, terminated ones to DONE.
     """
     out_of_line()
     cut(lists, WAITING, np.uintp(0))

@@ -1,8 +1,7 @@
-"""How each kind of material answers, eight paths at a time: to the light that was chosen, and to the chance of where to go on.
+"""BSDF evaluation and sampling for each kind of material, eight paths at a time.
 
-An answer is (f |cos| and its pdf towards wi, of light sampling; the direction to go on in, its weight, pdf, and eta**2), as
-`eval_material` and `sample_material` of renderer/kernel/material/material.py give them. What scatters into single directions
-only is not asked the former.
+Each function returns (f |cos| and its pdf for the light direction wi; the sampled direction, its weight, pdf, and eta**2), as
+`eval_material` and `sample_material` of renderer/kernel/material/material.py. The first two are 0 for specular materials.
 """
 
 from __future__ import annotations
@@ -47,7 +46,10 @@ _CONDUCTOR, _GLASS = np.uint32(CONDUCTOR), np.uint32(GLASS)
 
 
 class Matter(NamedTuple):
-    """What a vertex is made of. Where a scene is plain, what is between `front` and `shading` is in the material's row alone."""
+    """The materials of eight vertices.
+
+    In a plain scene the fields between `front` and `shading` are read from the material's row.
+    """
 
     material: Any
     front: Any
@@ -57,9 +59,9 @@ class Matter(NamedTuple):
     eta: Any
     uv: Any
     uv1: Any
-    shading: Any  # the surface's normal
-    frame: Any  # that the vertex scatters in
-    time: Any  # of the shutter; None where nothing moves
+    shading: Any  # shading normal without a normal map
+    frame: Any  # shading frame
+    time: Any  # shutter time; None for a scene without motion
 
 
 @device
@@ -82,7 +84,7 @@ def _metallic_roughness(scene, m):
 
 @device
 def answer_diffuse(scene, m, wo, wi, choose, u):
-    """Lambert's."""
+    """Evaluates and samples the Lambertian model."""
     base = _base(scene, m)
     on, weight, pdf = sample_diffuse(base, wo, u)
     return eval_diffuse(base, wo, wi), pdf_diffuse(wo, wi), on, weight, pdf, nil(choose) + _ONE
@@ -90,7 +92,7 @@ def answer_diffuse(scene, m, wo, wi, choose, u):
 
 @device
 def _eta(scene, m):
-    """The index of refraction beyond the surface over that on the viewer's side."""
+    """Returns the index of refraction beyond the surface relative to that on the viewer's side."""
     if scene.has.layers is not None:
         eta = m.eta
     else:
@@ -101,14 +103,14 @@ def _eta(scene, m):
 
 @device
 def _indices(scene, m):
-    """A conductor's (eta, k)."""
+    """Returns a conductor's (eta, k), three channels each."""
     table = scene.material
     return columns(table, m.material, COLUMNS, rows.ETA, 3), columns(table, m.material, COLUMNS, rows.K, 3)
 
 
 @device
 def answer_specular(scene, m, wo, wi, choose, u):
-    """That of mirrors, smooth glass, and even metals."""
+    """Samples mirrors, smooth glass and smooth conductors; the evaluation is 0."""
     kind = u32(lookup(scene.material_kind, m.material))
     base, none = _base(scene, m), nil(choose)
     on, weight = sample_mirror(base, wo)
@@ -128,7 +130,7 @@ def answer_specular(scene, m, wo, wi, choose, u):
 
 @device
 def answer_metallic_roughness(scene, m, wo, wi, choose, u):
-    """That of GGX over a diffuse base."""
+    """Evaluates and samples the metallic-roughness model, GGX over a diffuse base."""
     base = _base(scene, m)
     metallic, roughness = _metallic_roughness(scene, m)
     f90 = columns(scene.material, m.material, COLUMNS, rows.SPECULAR, 1)[0]
@@ -140,7 +142,7 @@ def answer_metallic_roughness(scene, m, wo, wi, choose, u):
 
 @device
 def answer_conductor(scene, m, wo, wi, choose, u):
-    """A rough metal's, unless it is brushed or its facets are Beckmann's."""
+    """Evaluates and samples rough conductors with isotropic GGX facets."""
     eta, k = _indices(scene, m)
     mean = columns(scene.material, m.material, COLUMNS, rows.MEAN_FRESNEL, 3)
     roughness = _metallic_roughness(scene, m)[1]
@@ -152,7 +154,7 @@ def answer_conductor(scene, m, wo, wi, choose, u):
 
 @device
 def answer_in_medium(scene, m, wo, wi, choose, u):
-    """That of a vertex in a medium, whose g is in roughness' place."""
+    """Evaluates and samples the phase function of vertices in a medium; m.roughness holds g."""
     one = nil(choose) + _ONE
     phase = eval_henyey_greenstein(m.roughness, wi)
     on = sample_henyey_greenstein(m.roughness, u)
@@ -162,7 +164,7 @@ def answer_in_medium(scene, m, wo, wi, choose, u):
 
 @subroutine
 def _one_rare(scene, material, front, base, metallic, roughness, eta, uv, uv1, shading, s, t, n, time, wo, wi, choose, u):
-    """A path alone, of a material with many properties."""
+    """Evaluates and samples one path's material of a rarer kind."""
     out_of_line()
     layers = local_floats(LAYER_SLOTS)
     look_up_layers(scene, material, base, metallic, roughness, shading, uv, uv1, (s, t, n), layers, time)
@@ -174,7 +176,7 @@ def _one_rare(scene, material, front, base, metallic, roughness, eta, uv, uv1, s
 
 @device
 def answer_rare(scene, m, wo, wi, choose, u):
-    """That of a material with many properties, path by path."""
+    """Evaluates and samples materials of the rarer kinds, one path at a time."""
     s, t, n = m.frame
     known = (m.material, m.front, m.base, m.metallic, m.roughness, m.eta, m.uv, m.uv1, m.shading, s, t, n, m.time)
     return each_lane(_one_rare, choose == choose, (scene, *known, wo, wi, choose, u))

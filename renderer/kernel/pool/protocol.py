@@ -1,4 +1,4 @@
-"""The protocol of a path in the pool (integrators/record.py): of the one in the first row, when a sample is replayed."""
+"""The record of one path in the pool (integrators/record.py): of the path in the first row, when a sample is replayed."""
 
 from __future__ import annotations
 
@@ -91,8 +91,9 @@ def _is_on(lists, which):
 
 @device
 def followed(pool, lists, log):
-    """What the first row's path has met before: (its row in the protocol, the surfaces among it that it passed). Beyond the
-    protocol's end where there is none, or the path is over.
+    """Returns (the first row's next row in the record, the number of surfaces it has passed through).
+
+    The row is beyond the record's end if nothing is recorded, or the path has ended.
     """
     passed = pool[_PASSED]
     number = np.int64(pool[CARRIED + np.uintp(7)] + passed)
@@ -103,8 +104,9 @@ def followed(pool, lists, log):
 
 @subroutine
 def record_arrival(pool, lists, log, number, passed, before):
-    """Where the path's ray ended, which has been looked at just now. number, passed: of `followed`, before: the path's radiance,
-    all three until then.
+    """Records where the path's ray ended, after surfaces were processed.
+
+    number, passed: from `followed`; before: the path's radiance before that.
     """
     out_of_line()
     path = _path(pool, before)
@@ -114,7 +116,7 @@ def record_arrival(pool, lists, log, number, passed, before):
         record_medium(log, number, three(pool, PLACE), pool[HIT], path)
     else:
         through = pool[_PASSED] != passed
-        point = three(pool, RAY) if through else three(pool, PLACE)  # where it goes on from: beside what it passed
+        point = three(pool, RAY) if through else three(pool, PLACE)  # its next origin, off the surface it passed through
         record_surface(log, number, _surface(pool, point), through, pool[HIT], path)
     log[number, OWN_SHARE] = pool[HIT + np.uintp(7)]
     log[number, TIME] = pool[_TIME]
@@ -124,7 +126,7 @@ def record_arrival(pool, lists, log, number, passed, before):
 
 @subroutine
 def record_departure(pool, lists, log, number, lit):
-    """The light that was chosen for the vertex, and whether the path goes on from it. lit: as in scatter.py."""
+    """Records the light chosen for the vertex, and whether the path continues. lit: as in scatter.py."""
     out_of_line()
     scattered = False
     for which in range(SCATTERING):

@@ -1,4 +1,4 @@
-"""What a path's row holds while it is in the pool: groups of eight columns, each read and written for eight paths at once."""
+"""The layout of a path's row in the pool: groups of eight columns, each read and written for eight paths at once."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ __all__ = [
 ]
 
 _LINE = 64  # bytes
-PATHS = 128  # 64 to 256 are as fast
+PATHS = 128  # 64 to 256 are equally fast
 ROWS = 2 * PATHS  # a path's second branch has the row PATHS behind that of the first
-SPARE = np.uint32(ROWS)  # one row more, for what is to be written nowhere
-# Groups, by their first columns. Whole numbers are kept by their bits, but for depth, number and what was passed.
+SPARE = np.uint32(ROWS)  # an extra row, for writes to be discarded
+# Groups, by their first columns. Integers are stored as bits, except depth, number and surfaces passed.
 RAY = np.uintp(0)  # origin 3, direction 3, pdf, worth: as in integrators/state.py's Path
 CARRIED = np.uintp(8)  # radiance 3, depth, throughput 3, number of the vertex that the ray is on its way to
 HIT = np.uintp(
@@ -68,21 +68,21 @@ SHADOW = np.uintp(
     56
 )  # the shadow ray's start 3 and end 3, whether it is to be cast, whether the path goes on (above 0: by which chance)
 FIRST = np.uintp(64)  # first hit: albedo 3, distance, normal 3, 1 + object's number; place 3, 1 + material's number
-# Only where a scene has more than what is plain:
+# Only for scenes that are not plain:
 MATTER = np.uintp(80)  # colour 3, metallic, roughness, eta, first texture coordinates 2
 AXES = np.uintp(88)  # the frame to scatter in: s 3, t 3; second texture coordinates 2
 MAPPED = np.uintp(96)  # its n 3, and the normal that lights count on the side of 3
-# Of the ray that is on its way through the tree (ways.py), three groups:
+# Traversal state of the ray (ways.py), three groups:
 WAY = np.uintp(104)
 # Only where there are media: what the path is in (kernel/medium/nesting.py). Of a vertex in one, MATTER's roughness is the g.
 NEST = np.uintp(128)
 # Only where bounces by kind are limited (integrators/depths.py):
 COUNTS = np.uintp(129)
-ROW = np.uintp(136)  # no power of two, which would put all rows' groups into the same cache sets
+ROW = np.uintp(136)  # not a power of two, which would map all rows' groups to the same cache sets
 
 
 def line_floats(count: int) -> npt.NDArray[np.float32]:
-    """So many zeros, the first at the beginning of one of the cache's lines."""
+    """Returns that many zeros, float32, with the first aligned to a cache line."""
     memory = np.zeros(count + _LINE // 4, np.float32)
     first = -memory.ctypes.data % _LINE // 4
     return memory[first : first + count]
@@ -90,25 +90,25 @@ def line_floats(count: int) -> npt.NDArray[np.float32]:
 
 @device
 def at(row, column):
-    """The flat place of a column of one row."""
+    """Returns the flat index of a column of one row."""
     return np.uintp(row) * ROW + column
 
 
 @device
 def time_of(motion, pool, row):
-    """The time of one row's sample; None where nothing moves (motion: of renderer/arrays/has.py)."""
+    """Returns the shutter time of one row's sample; None for a scene without motion (motion: of renderer/arrays/has.py)."""
     return where_present(motion, pool[at(row, TIME)])
 
 
 @device
 def read(pool, rows, group):
-    """The group's eight columns, of eight rows (u32x8): eight f32x8."""
+    """Reads a group's eight columns of eight rows (u32x8): eight f32x8."""
     return gather(pool, rows, ROW, group, 8)
 
 
 @intrinsic(prefer_literal=True)
 def few(typingctx, pool, rows, column, count):
-    """`count` columns, a literal, of eight rows (u32x8): f32x8 each."""
+    """Reads `count` columns, a literal, of eight rows (u32x8): f32x8 each."""
 
     def codegen(context, builder, sig, args):
         data = context.make_array(sig.args[0])(context, builder, args[0]).data
@@ -122,11 +122,11 @@ def few(typingctx, pool, rows, column, count):
 
 @device
 def write(pool, rows, group, columns):
-    """The reverse of `read`."""
+    """Writes eight f32x8 to a group's eight columns of eight rows (u32x8)."""
     scatter(pool, rows, ROW, group, columns)
 
 
 @device
 def times_of(motion, pool, rows):
-    """As `time_of`, of eight rows (u32x8)."""
+    """Returns `time_of` for eight rows (u32x8)."""
     return where_present(motion, few(pool, rows, TIME, 1)[0])

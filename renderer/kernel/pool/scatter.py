@@ -1,4 +1,4 @@
-"""Stage 4: a vertex scatters: what its light sends on to the viewer, and the ray that the path goes on by. A list at a time."""
+"""Stage 4: evaluates the sampled light at each vertex, and samples the path's next direction. One list of vertices at a time."""
 
 from __future__ import annotations
 
@@ -92,14 +92,14 @@ _NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
 
 @device
 def stream_of(pool, rows, options):
-    """The numbers of eight rows' samples."""
+    """Returns the random number streams of eight rows' samples."""
     key, sample = few(pool, rows, SAMPLE, 2)
     return Stream(options.sampler, options.seed, as_ints(key), as_ints(sample))
 
 
 @device
 def _surface(place, frame):
-    """The surface, as far as scattering asks for it, from the groups of its rows."""
+    """Returns the surface, with the fields that scattering needs, from the groups of its rows."""
     front = (place[7] == _ONE) | (place[7] == _ONE + _TWO)
     return Surface(
         (place[0], place[1], place[2]),
@@ -121,7 +121,7 @@ def _surface(place, frame):
 
 @device
 def _matter(scene, pool, rows, surface):
-    """What the vertices are made of, as far as it was looked up."""
+    """Returns the vertices' materials, as far as they have been looked up."""
     n, none = surface.shading, nil(surface.error)
     s, t = vec.basis(n)
     base, metallic, roughness, eta, uv, uv1 = (none, none, none), none, none, none, (none, none), (none, none)
@@ -136,13 +136,16 @@ def _matter(scene, pool, rows, surface):
 
 @device
 def _splits(number, which):
-    """Whether a path with so many vertices before splits at the one that is on this list. Of one, or of eight."""
+    """Whether a path splits at its vertex. number: count of earlier vertices.
+
+    Which: the vertex's list. For one or eight lanes.
+    """
     return (number == _ZERO) & (which != _RARE_SPECULAR)
 
 
 @device
 def _splitting(pool, lists, which):
-    """Which list has those rows of a list that are split at their vertex: one that no stage needs meanwhile."""
+    """Lists the rows of a list that split at their vertex; returns that list, one that is free at this stage."""
     count = np.uintp(0)
     for k in range(length(lists, which)):
         path = row(lists, which, k)
@@ -154,7 +157,7 @@ def _splitting(pool, lists, which):
 
 @device
 def _keep_vertices(scene, pool, rows, stream, place, frame):
-    """Writes to the rows of second branches what they have in common with the first, but for where their numbers come from."""
+    """Copies the vertices to the rows of second branches, with random numbers of their own."""
     others = rows + _SECOND
     told = read(pool, rows, SAMPLE)
     write(pool, others, SAMPLE, (as_floats(beside(stream).pixel), *told[1:]))
@@ -167,17 +170,19 @@ def _keep_vertices(scene, pool, rows, stream, place, frame):
 
 @device
 def _list_branches(pool, lists, which):
-    """Lists the second branches of a list's rows among the active ones, if they go on."""
+    """Adds the second branches of a list's rows to the active list, if they continue."""
     for k in range(length(lists, which)):
         path = row(lists, which, k)
-        if not (pool[at(path + _PATHS, _GOES_ON)] <= _ZERO):  # no number lives on
+        if not (pool[at(path + _PATHS, _GOES_ON)] <= _ZERO):  # NaN propagates, so the film can count it
             pool[at(path, BRANCHES)] = _TWO
             append(lists, ACTIVE, path + _PATHS)
 
 
 @template
 def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit, second):
-    """answer: of models.py; is_lit: None where light sampling finds nothing; is_surface: None in a medium; lit, second: as in
+    """Scatters the vertices on one list, see `scatter`.
+
+    answer: from models.py; is_lit: None where light sampling finds nothing; is_surface: None in a medium; lit, second: as in
     `scatter`.
     """
     taken = _splitting(pool, lists, which) if second else which
@@ -234,7 +239,7 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
         throughput = vec.mul(throughput, weight)
         worth = worth_after(ray[7], number, weight, eta2)
         chance = survival(throughput, worth, depth, options, ON_SURFACES if is_surface is not None else IN_MEDIA)
-        # A throughput that is no number lives on, so that the film is told of it.
+        # A NaN throughput propagates, so the film can count it.
         goes_on = where(u[3] >= chance, -chance, chance)
         goes_on = where(number + _ONE - depth > _MOST_AGAIN + np.float32(options.transmission_depth), _AGAIN, goes_on)
         goes_on = where(vec.maximum(throughput) <= _ZERO, none, goes_on)
@@ -293,10 +298,10 @@ def _scatter_in_medium(scene, pool, lists, options, lit, second):
 
 @subroutine
 def scatter(scene, pool, lists, options, lit, second):
-    """Scatters every listed vertex: writes the path's next ray, and the shadow ray towards its light.
+    """Scatters all listed vertices: writes the path's next ray, and the shadow ray towards the sampled light.
 
-    lit: whether there is anything that light sampling would find in the scene. second: whether the vertices are not to be
-    scattered yet, and those that split only to begin their paths' second branches (integrators/splitting.py).
+    lit: whether light sampling can find anything in the scene. second: whether to start only the second branches of splitting
+    paths (integrators/splitting.py), without scattering the others.
     """
     out_of_line()
     if scene.has.layers is not None and length(lists, _RARE) > 0:
@@ -314,7 +319,7 @@ def scatter(scene, pool, lists, options, lit, second):
 
 
 def kinds_of_scattering(has: Any) -> list[Any]:
-    """What `scatter` calls, with its own arguments, for scenes that have that: what takes longest to compile first."""
+    """Returns the functions that `scatter` calls for scenes with these features; the slowest to compile first."""
     rare = [_scatter_rare] if has.layers is not None else []
     in_medium = [_scatter_in_medium] if has.media is not None else []
     return [*rare, *in_medium, _scatter_metallic_roughness, _scatter_conductor, _scatter_specular, _scatter_diffuse]

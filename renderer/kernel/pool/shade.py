@@ -1,4 +1,4 @@
-"""Shadow rays of many paths through the tree, a step each in turn, as walk.py: whether anything lies on their way."""
+"""Occlusion tests of many shadow rays, one traversal step of each in turn, as in walk.py."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _END = SHADOW + np.uintp(3)
 
 @device
 def _choose(node, stack, top):
-    """A child that waits on a ray's stack: (the child, the stack's new top, whether there is none)."""
+    """Pops a pending child from a ray's stack: (the child, the stack's new top, whether the stack was empty)."""
     left = np.uint32(load_int(stack, top))
     base = word(stack, top + _1) * _NODE
     child = load_int(node, base + _CHILDREN + np.uintp(lowest_bit(left | _LAST)))
@@ -41,8 +41,11 @@ def _choose(node, stack, top):
 
 @device
 def _send_on(bvh, pool, stack, lists, which, count):
-    """Sends the first `count` rays of a list, whose length no longer counts, on: those that are blocked, or have no child left on
-    their stacks, are at their end. A loop of its own, as in walk.py.
+    """Sends the first `count` rays of a cleared list to their next step.
+
+    Occluded rays and those with an empty stack are ended.
+
+    A loop of its own, as in walk.py.
     """
     for k in range(count):
         number = row(lists, which, k)
@@ -104,8 +107,9 @@ def _look_into_others(bvh, motion, alone, pool, stack, lists):
 
 @device
 def walk_in_shade(bvh, motion, alone, pool, stack, lists):
-    """Whether anything lies between the ends of each shadow ray on the list NODES, which have been set out (ways.py): into their
-    rows' column BLOCKED. motion, alone, stack: as in walk.py.
+    """Tests whether each shadow ray on the list NODES is occluded, and writes column BLOCKED.
+
+    The rays were prepared by `set_out` (ways.py). motion, alone, stack: as in walk.py.
     """
     while length(lists, NODES) + length(lists, PACKETS) + length(lists, OTHERS) > 0:
         _look_into_nodes(bvh, pool, stack, lists)

@@ -1,4 +1,4 @@
-"""Stage 2: where the rays end: in the environment, or on surfaces, which may shine and are made ready to scatter."""
+"""Stage 2: processes the ends of rays: adds environment light and emission, and prepares surfaces for scattering."""
 
 from __future__ import annotations
 
@@ -87,20 +87,20 @@ _WHICH, _LAMP_PDF = FRAME + np.uintp(7), LAMP + np.uintp(3)
 
 @device
 def _added(radiance, throughput, light, segments, mask, limit):
-    """The radiance with the light that comes to the path over so many segments, where the mask is set."""
+    """Returns the radiance with light added where the mask is set, clamped by the path's number of segments."""
     brought = limited(vec.mul(throughput, light), segments, limit)
     return where3(mask, vec.add(radiance, brought), radiance)
 
 
 @device
 def _weight(pdf, light_pdf):
-    """Of light that a path met: all counts where light sampling could not have found it."""
+    """Returns the MIS weight of light that a path hit; 1 where light sampling could not have found it."""
     return where(pdf > _ZERO, power_heuristic(pdf, light_pdf), _ONE)
 
 
 @device
 def _with_suns(scene, pool, rows, d, pdf, number, depth, throughput, radiance, limit):
-    """The radiance with what suns send to the paths that met nothing."""
+    """Returns the radiance with the suns' light added for paths that hit nothing."""
     if scene.has.lights is not None:
         for k in range(len(scene.sun)):
             p, n = few(pool, rows, PLACE, 3), few(pool, rows, FRAME, 3)
@@ -115,7 +115,7 @@ def _with_suns(scene, pool, rows, d, pdf, number, depth, throughput, radiance, l
 
 @subroutine
 def miss(scene, pool, lists, options, is_recorded):
-    """Adds the light of the environment and of suns to the paths that met nothing. They are done. is_recorded: as in `arrive`."""
+    """Adds environment and sun light to the paths that hit nothing, and ends them. is_recorded: as in `arrive`."""
     out_of_line()
     count = pad(lists, MISSED)
     for k in range(0, count, 8):
@@ -138,7 +138,7 @@ def miss(scene, pool, lists, options, is_recorded):
 
 @device
 def _keep_first(scene, pool, rows, first, surface, albedo, n, distance, passed):
-    """Writes down what the film wants of a path's first hit."""
+    """Records the first hits of the paths for the film."""
     if scene.has.textures is not None:
         distance = where(passed == _ZERO, distance, vec.length(vec.sub(surface.point, few(pool, rows, PLACE, 3))))
     distance = distance + few(pool, rows, START, 1)[0]
@@ -149,7 +149,7 @@ def _keep_first(scene, pool, rows, first, surface, albedo, n, distance, passed):
 
 @device
 def _emitted(scene, pool, rows, surface, lit, d, pdf, time):
-    """What the surfaces themselves send to their paths, weighed against what light sampling finds of it; by which share."""
+    """Returns (the surfaces' emission with its MIS weight, that weight)."""
     light = where(lit, surface.light, _FIRST_LIGHT)
     vertex, normal = few(pool, rows, PLACE, 3), few(pool, rows, FRAME, 3)
     if scene.has.textures is not None:
@@ -165,7 +165,7 @@ def _emitted(scene, pool, rows, surface, lit, d, pdf, time):
 
 @device
 def _list_of(scene, material, kind, roughness):
-    """Which list's stage scatters the vertex."""
+    """Returns the list whose stage scatters the vertex."""
     even = (kind == _CONDUCTOR) & (roughness <= SMOOTH_GLASS)
     which = where(kind == _DIFFUSE, _TO_DIFFUSE, where(kind == _METALLIC_ROUGHNESS, _TO_METALLIC_ROUGHNESS, _TO_SPECULAR))
     which = where((kind == _CONDUCTOR) & not_(even), _TO_CONDUCTOR, which)
@@ -178,7 +178,7 @@ def _list_of(scene, material, kind, roughness):
 
 @subroutine
 def _arrive(scene, pool, lists, which, options, is_recorded):
-    """Looks at the surfaces that the paths on one list met."""
+    """Processes the surfaces that the paths on one list have hit."""
     out_of_line()
     for k in range(0, pad(lists, which), 8):
         rows = eight(lists, which, k)
@@ -225,7 +225,7 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
             passed = where(through, passed + _ONE, passed)
             which_next = where(through, where(passed >= _MOST_PASSED, _OVER, _THROUGH), which_next)
             write(pool, rows, RAY, (*where3(through, onward(surface), o), *d, pdf, ray[7]))
-            point = where3(through, few(pool, rows, PLACE, 3), point)  # the last vertex stays
+            point = where3(through, few(pool, rows, PLACE, 3), point)  # keeps the last vertex
             if scene.has.media is not None:
                 nest, counts = few(pool, rows, NEST, 2)
                 nest = as_ints(nest)
@@ -248,9 +248,9 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
 
 @subroutine
 def arrive(scene, pool, lists, options, is_recorded):
-    """Looks at the surfaces that were met: adds their own light, and lists the paths by how they are scattered there.
+    """Processes the surfaces that were hit: adds emission, and lists the paths by their scattering model.
 
-    is_recorded: whether there is a protocol to be written.
+    is_recorded: whether a path is being recorded.
     """
     out_of_line()
     for which in range(SCATTERING):
@@ -266,7 +266,7 @@ def arrive(scene, pool, lists, options, is_recorded):
                 path = row(lists, which, k)
                 into = np.int64(pool[at(path, _WHICH)])
                 if into == RARE_SPECULAR:
-                    pool[at(path, _LAMP_PDF)] = _ZERO  # there is no light
+                    pool[at(path, _LAMP_PDF)] = _ZERO  # no light
                     into = RARE
                 elif into <= RARE and into != SPECULAR:
                     append(lists, LIT, path)

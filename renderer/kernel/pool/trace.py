@@ -1,4 +1,7 @@
-"""Renders a batch with a pool of paths: each stage takes all that are ready for it, and what is over makes room for the next."""
+"""Renders a batch with a pool of paths.
+
+Each stage processes all rows that are ready for it, and terminated paths free their rows for new ones.
+"""
 
 from __future__ import annotations
 
@@ -30,14 +33,14 @@ __all__ = ["Part", "Pool", "pool_for", "render_with_pool", "stages"]
 Part = tuple[Any, tuple[types.Type, ...]]  # a subroutine, and the types that it is called with
 
 _ZERO = np.float32(0.0)
-_BRANCHES, _SCATTERS = np.bool_(True), np.bool_(False)  # of a literal, Numba would compile all of a stage once more
+_BRANCHES, _SCATTERS = np.bool_(True), np.bool_(False)  # not literals, for which Numba would compile each stage again
 
 
 class Pool(NamedTuple):
-    """The scratch space of a batch."""
+    """The scratch memory of a batch."""
 
-    alone: Any  # the stack of a ray that goes through the tree by itself
-    stack: Any  # those of all rows' rays: ways.py
+    alone: Any  # traversal stack of a single ray
+    stack: Any  # traversal stacks of all rows: ways.py
     rows: Any  # ((ROWS + 1) * ROW,) f32: rows.py
     lists: Any  # (LISTS * LIST_SIZE,) u32: lists.py
     film: Any  # (pixels * SUMS,) i64, zeros before and after: keep.py
@@ -47,9 +50,9 @@ _kept = threading.local()
 
 
 def pool_for(width: int, height: int) -> Pool:
-    """For one batch of a tile of that size, in this thread: the one that its last batch left, where that is large enough.
+    """Returns the scratch memory for a batch of a tile of that size; reuses this thread's last one if it is large enough.
 
-    Memory that is new has to be cleared page by page, which takes as long as a sample a pixel.
+    New memory has to be cleared page by page, which takes as long as one sample a pixel.
     """
     pool: Pool | None = getattr(_kept, "pool", None)
     if pool is None or len(pool.film) < width * height * SUMS:
@@ -61,7 +64,7 @@ def pool_for(width: int, height: int) -> Pool:
 
 @template
 def render_with_pool(scene, pool, camera, options, batch, output):
-    """As `_render_tile` of renderer/kernel/accumulate.py."""
+    """Renders a batch with the pool; returns (number of bad samples, number of rays), as `_render_tile` of accumulate.py."""
     paths, lists, log = pool.rows, pool.lists, output.log
     height, width = output.sums.shape[1], output.sums.shape[2]
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
@@ -108,7 +111,9 @@ def render_with_pool(scene, pool, camera, options, batch, output):
 
 
 def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, batch: Any, output: Any) -> list[Part]:
-    """What `render_with_pool` calls, and can be compiled before it and in any order: what takes longest first.
+    """Returns the functions that `render_with_pool` calls, with argument types, for compilation in any order.
+
+    The slowest first.
 
     has: of the scene; scene: the type of a reference to it.
     """

@@ -1,12 +1,11 @@
-"""The rays of many paths through the tree, a step each in turn.
+"""Closest-hit traversal of many rays, one step of each in turn.
 
-A ray by itself waits: for its node, for the least of eight distances, for the branch that was guessed wrong. Here a pass takes
-one step of every ray that is to look into a node, another pass one of every ray that is to look into a packet. Steps of different
-rays do not depend on each other, and hardly anything in a step is a branch that cannot be foretold: what a ray does next decides
-which list its number is put on. So the processor works on several rays at once, and what one of them has to wait for is fetched
-meanwhile.
+A single ray waits for its node, for the minimum over eight distances, and for mispredicted branches. Here one pass advances all
+rays at a node by one step, and another all rays at a packet. Steps of different rays are independent and almost free of
+unpredictable branches: a ray's next step is chosen by appending its number to a list. The processor overlaps several rays, and
+data for one ray is fetched meanwhile.
 
-A ray meets boxes and primitives in the order and by the formulas of renderer/bvh/traverse.py, and so the same hit.
+Boxes and primitives are visited in the order and by the formulas of renderer/bvh/traverse.py, so the hits are the same.
 """
 
 from __future__ import annotations
@@ -56,9 +55,9 @@ __all__ = ["axes_of", "boxes", "go_on", "walk"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-_LANE = np.int32(WIDTH - 1)  # of a key: the lane
+_LANE = np.int32(WIDTH - 1)  # mask of the lane in a key
 _LEAF_KIND = np.int32(3)
-_NEARBY = 128  # nodes that the first cache holds: of fewer, nothing needs to be fetched beforehand
+_NEARBY = 128  # nodes that fit the L1 cache; smaller trees are not prefetched
 _1, _2 = np.uintp(1), np.uintp(2)
 _W = np.uintp(WIDTH)
 _NODE = np.uintp(NODE_SIZE)
@@ -72,7 +71,10 @@ _NODES, _PACKETS, _OTHERS, _ENDED = (np.uintp(k) for k in (NODES, PACKETS, OTHER
 
 @device
 def boxes(node, base, pool, path, t_max):
-    """The ray of a row (its flat place) against a node's eight boxes: (mask of those met, f32x8 distances)."""
+    """Intersects a row's ray with a node's eight boxes: (mask of boxes hit, f32x8 entry distances).
+
+    path: the row's flat offset.
+    """
     x, y, z = word(pool, path + PLANES), word(pool, path + PLANES + _1), word(pool, path + PLANES + _2)
     ix, iy, iz = three(pool, path + INVERSE)
     near_x, near_y, near_z = three(pool, path + NEAR)
@@ -83,7 +85,7 @@ def boxes(node, base, pool, path, t_max):
     y_far = fma(load(node, base + (y ^ _W)), splat(iy), splat(far_y))
     z_near = fma(load(node, base + z), splat(iz), splat(near_z))
     z_far = fma(load(node, base + (z ^ _W)), splat(iz), splat(far_z))
-    # As in renderer/bvh/traverse.py, NaN reaches the end: a ray that is no number meets nothing.
+    # As in renderer/bvh/traverse.py, NaN propagates: a ray with NaN hits nothing.
     entered = maximum(maximum(x_near, y_near), maximum(splat(_ZERO), z_near))
     left = minimum(minimum(x_far, y_far), minimum(splat(t_max), z_far))
     return less_equal(entered, left), entered
@@ -91,7 +93,7 @@ def boxes(node, base, pool, path, t_max):
 
 @device
 def go_on(bvh, pool, lists, number, path, child, top, over):
-    """Puts a ray on the list of what it does next; over: nothing."""
+    """Appends a ray to the list of its next step. over: whether its traversal has ended."""
     ask_for(bvh, child, _NEARBY)
     store_int(pool, path + CHILD, child)
     store_int(pool, path + TOP, np.int32(top))
@@ -101,9 +103,7 @@ def go_on(bvh, pool, lists, number, path, child, top, over):
 
 @device
 def _choose(node, stack, top, limit):
-    """The nearest child that waits on a ray's stack, and is not beyond the limit: (the child, the stack's new top, whether there
-    is none).
-    """
+    """Pops the nearest pending child within `limit` from a ray's stack: (child, the stack's new top, whether there is none)."""
     key = load_int(stack, top + _W)
     while key > limit:
         top -= LEVEL
@@ -118,10 +118,10 @@ def _choose(node, stack, top, limit):
 
 @device
 def _send_on(bvh, pool, stack, lists, which, count):
-    """Sends the first `count` rays of a list, whose length no longer counts, on to the nearest child that waits on their stacks.
+    """Sends the first `count` rays of a cleared list to the nearest pending child on their stacks.
 
-    A loop of its own: how many entries a ray drops cannot be foretold, and where the processor guesses wrong it loses this little
-    work, not what it has begun of the next rays' boxes and triangles.
+    A loop of its own: the number of stack entries dropped is unpredictable, and a misprediction here discards only this little
+    work, not the box and triangle tests of following rays.
     """
     for k in range(count):
         number = row(lists, which, k)
@@ -154,24 +154,23 @@ def _look_into_nodes(bvh, pool, stack, lists):
 
 @device
 def axes_of(pool, path):
-    """(rows of the axes, shear, origin) of a row's ray, for `meet_triangles`."""
+    """Returns (rows of the axes, shear, origin) of a row's ray, for `meet_triangles`."""
     k = path + AXES
     return (word(pool, k), word(pool, k + _1), word(pool, k + _2)), three(pool, path + SHEAR), three(pool, path + ORIGIN)
 
 
 @device
 def _keep(pool, place, nearer, value):
-    """Writes a float where it is of a nearer hit. As whole numbers: of floats, the compiler makes a branch."""
+    """Stores a float where `nearer` is true. Selects on integers, since for floats the compiler emits a branch."""
     store_int(pool, place, select(nearer, np.int32(as_ints(value)), load_int(pool, place)))
 
 
 @device
 def _test_packets(bvh, motion, alone, pool, stack, lists, count):
-    """Tests the first `count` listed rays against the triangles of their packets: what each triangle gives is held for
-    `_keep_nearest`.
+    """Intersects the first `count` listed rays with the triangles of their packets; stores the results for `_keep_nearest`.
 
-    Loops of their own again: to find the least of eight numbers, and what stands in its lane, is a chain of short steps, and the
-    instructions that wait for it would fill the room in which the processor looks for the next ray's.
+    A separate loop: the minimum over eight lanes and the lookup of its lane form a chain of short dependent steps, whose waiting
+    instructions would fill the reorder buffer and keep the processor from starting the next ray.
     """
     for k in range(count):
         number = row(lists, PACKETS, k)
@@ -187,13 +186,13 @@ def _test_packets(bvh, motion, alone, pool, stack, lists, count):
 
 @device
 def _keep_nearest(bvh, pool, stack, lists, count):
-    """Writes down the nearest hit of what is held of each ray, where it is nearer than the one that the ray has."""
+    """Updates each ray's hit with the nearest stored intersection, where it is nearer than the present hit."""
     for k in range(count):
         path, held = at(row(lists, PACKETS, k), np.uintp(0)), HELD + np.uintp(k) * HELD_SIZE
         leaf = ~load_int(pool, path + CHILD)
         best = pool[path + BEST]
         distance, lane = nearest_of(load(stack, held))
-        nearer = distance < best  # not where nothing is hit, whose distance is NaN
+        nearer = distance < best  # false for a miss, whose distance is NaN
         pool[path + BEST] = select(nearer, distance, best)
         _keep(pool, path + _U, nearer, stack[held + _W + np.uintp(lane)])
         _keep(pool, path + _V, nearer, stack[held + _W + _W + np.uintp(lane)])
@@ -215,7 +214,7 @@ def _look_into_packets(bvh, motion, alone, pool, stack, lists):
 
 @device
 def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
-    """A packet of spheres."""
+    """Intersects a row's ray with a packet of spheres, and updates its hit."""
     hit, t = meet_spheres(place_at(bvh, leaf, alone, time), three(pool, path + RAY), three(pool, path + _D), best)
     distance, lane = nearest(hit, t)
     if distance < best:
@@ -228,7 +227,7 @@ def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
 
 @device
 def _meet_instance(bvh, alone, pool, path, instance, best, time):
-    """An instance: its tree is walked by this ray alone."""
+    """Intersects a row's ray with an instance, whose tree is traversed by this ray alone, and updates its hit."""
     o, d = three(pool, path + RAY), three(pool, path + _D)
     found = closest_in_instance(bvh, alone, np.uintp(0), instance, o, d, best, time)
     if found[1] != NO_PRIMITIVE:
@@ -260,10 +259,10 @@ def _look_into_others(bvh, motion, alone, pool, stack, lists):
 
 @device
 def walk(bvh, motion, alone, pool, stack, lists):
-    """The nearest hits of the rays on the list NODES, which have been set out (ways.py): into their rows' group HIT, and how far
-    they are into BEST.
+    """Finds the closest hits of the rays on the list NODES; writes group HIT, and the distance to BEST.
 
-    motion: of renderer/arrays/has.py; alone: from `new_stack`, for rays that go by themselves; stack: from `new_ways`.
+    The rays were prepared by `set_out` (ways.py). motion: of renderer/arrays/has.py; alone: from `new_stack`, for rays traced
+    singly; stack: from `new_ways`.
     """
     while length(lists, NODES) + length(lists, PACKETS) + length(lists, OTHERS) > 0:
         _look_into_nodes(bvh, pool, stack, lists)

@@ -1,4 +1,4 @@
-"""What a ray carries on its way through the tree, as columns of its path's row, and how it is set out: eight rays at a time."""
+"""Traversal state of a ray, as columns of its path's row, and its initialisation for eight rays at a time."""
 
 from __future__ import annotations
 
@@ -39,25 +39,25 @@ __all__ = [
 
 # Columns. Whole numbers are kept by their bits.
 INVERSE = WAY  # 1 / direction 3
-NEAR = WAY + np.uintp(3)  # the constants of the near planes 3: a plane at x is met at x * inverse + constant
-TOP = WAY + np.uintp(6)  # where the ray's last entry on the stack begins
-CHILD = WAY + np.uintp(7)  # the node or leaf that it is to look into, as in renderer/bvh/layout.py
+NEAR = WAY + np.uintp(3)  # constants of the near planes 3: a plane at x is hit at x * inverse + constant
+TOP = WAY + np.uintp(6)  # offset of the ray's topmost stack entry
+CHILD = WAY + np.uintp(7)  # the node or leaf to visit next, as in renderer/bvh/layout.py
 FAR = WAY + np.uintp(8)  # the constants of the far planes 3
 PLANES = WAY + np.uintp(11)  # which rows of a node hold the near planes 3: their first elements; the far ones' differ by WIDTH
 AXES = WAY + np.uintp(14)  # of the watertight test (renderer/bvh/packet.py): which rows of a corner are x, y, z 3
 SHEAR = WAY + np.uintp(17)  # 3
 ORIGIN = WAY + np.uintp(20)  # by the same axes 3
-BEST = WAY + np.uintp(23)  # how far the nearest hit is so far,
-BLOCKED = BEST  # or of a shadow ray: whether something lies on its way
+BEST = WAY + np.uintp(23)  # distance of the nearest hit so far,
+BLOCKED = BEST  # for a shadow ray: whether it is occluded
 
 # The stack holds one entry a level and ray, those of all rays of one level side by side: rays are mostly on few levels. An entry:
 # the keys of a node's children, the next of them, the node. Of a shadow ray: the children that are left, the node.
-_ENTRY = 16  # words: a line of the cache
-LEVEL = np.uintp((ROWS + 1) * _ENTRY)  # between two levels' entries of a ray; not a power of two, whose lines share sets
-# Behind them, what a loop over rays holds for the one after it, two lines of the cache each: walk.py.
+_ENTRY = 16  # words: a cache line
+LEVEL = np.uintp((ROWS + 1) * _ENTRY)  # stride between levels; not a power of two, to avoid sharing cache sets
+# After the stacks, results passed from one loop over rays to the next, two cache lines each: walk.py.
 HELD, HELD_SIZE = LEVEL * np.uintp(MAX_LEVELS + 2), np.uintp(2 * _ENTRY)
 STACK_SIZE = int(HELD) + ROWS * int(HELD_SIZE)
-NEVER = np.int32(-(2**31))  # the key of what lies below a ray's first entry: chosen when nothing else is left
+NEVER = np.int32(-(2**31))  # key of the sentinel below a ray's first entry
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -67,7 +67,7 @@ _1, _2 = np.uintp(1), np.uintp(2)
 
 
 def new_ways() -> npt.NDArray[np.float32]:
-    """The stack of all rows' rays, with what each ray finds when nothing is left."""
+    """Returns the traversal stacks of all rows, with a sentinel below each ray's first entry."""
     stack = line_floats(STACK_SIZE)
     stack.view(np.int32)[WIDTH : int(LEVEL) : _ENTRY] = NEVER
     return stack
@@ -75,21 +75,21 @@ def new_ways() -> npt.NDArray[np.float32]:
 
 @device
 def three(pool, place):
-    """A vector at a flat place of the pool."""
+    """Returns three consecutive floats of the pool from a flat index on, as a vector."""
     return pool[place], pool[place + _1], pool[place + _2]
 
 
 @device
 def word(array, place):
-    """The whole number at a flat place, to be an index."""
+    """Returns the integer at a flat index, as an array index."""
     return np.uintp(np.uint32(load_int(array, place)))
 
 
 @device
 def _slab(o, d):
-    """What eight rays need of one axis: (1/d, the near plane's constant, the far plane's), f32x8 each.
+    """Returns (1/d, constant of the near plane, constant of the far plane) of one axis for eight rays, f32x8 each.
 
-    As renderer/bvh/traverse.py: a component near zero is taken as +-1e-18, and the constants have a slack.
+    As in renderer/bvh/traverse.py: components near zero become +-1e-18, and the constants include a rounding margin.
     """
     size = abs(d)
     inverse = _ONE / math.copysign(where(size < _TINY, _TINY, size), d)
@@ -100,21 +100,23 @@ def _slab(o, d):
 
 @device
 def whole(n, like):
-    """A whole number's bits in eight lanes."""
+    """Returns an integer's bits as f32x8 in all lanes."""
     return as_floats(as_wide(np.uint32(n), like))
 
 
 @device
 def _planes(inverse, axis):
-    """The bits of the first element of the nearer planes' row in a node."""
+    """Returns the bits of the offset of the near planes' row in a node, f32x8."""
     lower = np.uint32(2 * WIDTH * axis)
     return as_floats(where(inverse > _ZERO, as_wide(lower, inverse), np.uint32(lower + np.uint32(WIDTH))))
 
 
 @device
 def set_out(pool, rows, o, d, best, root):
-    """Puts eight rays at a node of the tree: their rows, u32x8, and where they begin and go, three f32x8 each; what
-    BEST, or BLOCKED, is to begin with, f32x8; the node's number by its bits, f32x8.
+    """Initialises the traversal of eight rays at a tree node.
+
+    rows: u32x8; o, d: origins and directions, three f32x8 each; best: initial value of BEST or BLOCKED, f32x8; root: the node's
+    number as bits, f32x8.
     """
     x = _slab(o[0], d[0])
     y = _slab(o[1], d[1])

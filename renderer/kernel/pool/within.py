@@ -1,6 +1,6 @@
-"""Stage 2b, where there are media: paths that may go on through the inside of the body whose surface they have met.
+"""Stage 2b, for scenes with media: subsurface walks of paths that hit a body with an interior.
 
-Each goes by itself, step by step, and comes out at a vertex that is Lambert's: the stages that follow see that one.
+Each path walks by itself, and leaves at a diffuse vertex, which the following stages process.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _put3(pool, place, vector):
 
 @device
 def _surface(pool, path):
-    """The surface that a row has met, as far as its inside asks for it."""
+    """Returns the surface that a row has hit, with the fields that the walk needs."""
     told = pool[path + PLACE + _7]
     front = (told == _ONE) | (told == _ONE + _TWO)
     uv = pool[path + MATTER + _6], pool[path + MATTER + _7]
@@ -68,7 +68,7 @@ def _surface(pool, path):
 
 @device
 def _keep(pool, path, surface, which):
-    """Writes down where a row's path comes out: a white vertex of Lambert's, seen along its normal."""
+    """Writes the exit of a row's walk: a white diffuse vertex, seen along its normal."""
     n = surface.shading
     s, t = vec.basis(n)
     _put3(pool, path + RAY + _3, vec.neg(n))
@@ -89,7 +89,9 @@ def _keep(pool, path, surface, which):
 
 @subroutine
 def scatter_within(scene, alone, pool, lists, options):
-    """Sends each listed path inside, or not; lists it by how it is scattered where it is then, and to be lit there."""
+    """Decides for each listed path whether it enters the surface, and lists it by its scattering model there, and for light
+    sampling.
+    """
     out_of_line()
     layers = local_floats(LAYER_SLOTS)
     for k in range(length(lists, WITHIN)):
@@ -110,7 +112,7 @@ def scatter_within(scene, alone, pool, lists, options):
         within = go_within(scene, alone, surface, n, kind, base, layers, wo, throughput, stream, vertices, time)
         _put3(pool, path + CARRIED + _4, within.throughput)
         if vec.maximum(within.throughput) <= _ZERO:
-            pool[path + SHADOW + _7] = _ZERO  # nothing is left of it
+            pool[path + SHADOW + _7] = _ZERO  # absorbed
             append(lists, DONE, number)
             continue
         into = _DIFFUSE if within.enters or kind == _LAMBERT else _RARE

@@ -1,1 +1,1 @@
-"""Numbers, and what is made of them: the samplers, square_to_* beside square_to_*_pdf, the pixel filters."""
+"""Sampling: random number generators, warps from the unit square with their densities, pixel filters."""

@@ -1,7 +1,7 @@
-"""Pixel filters by importance sampling: where a pixel's sample falls is distributed as the filter is shaped.
+"""Pixel filters by importance sampling: film samples are distributed as the filter function.
 
-So every sample counts fully, for one pixel alone, and tiles need no border (Ernst et al., "Filter Importance Sampling",
-2006). The filters are products of one function of x and of y; none is ever negative.
+Each sample has weight 1 and belongs to one pixel, and tiles need no border (Ernst et al., "Filter Importance Sampling", 2006).
+The filters are separable and non-negative.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["BLACKMAN_HARRIS", "BOX", "TENT", "blackman_harris", "filter_offset"]
 
 BLACKMAN_HARRIS, TENT, BOX = (np.int32(FILTERS.index(name)) for name in ("blackman-harris", "tent", "box"))
 
-RADIUS = 0.75  # of Blackman-Harris, in pixels: 1.5 wide, as Cycles has it by default
+RADIUS = 0.75  # of Blackman-Harris, in pixels: 1.5 wide, the default of Cycles
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
@@ -29,16 +29,16 @@ _NEXT = np.uint32(1)
 
 
 def blackman_harris(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """The four-term window of Harris (1978) over -RADIUS ... RADIUS, 1 in the middle, not normalised; 0 beyond."""
+    """Returns the four-term window of Harris (1978) over -RADIUS ... RADIUS, 1 in the middle, not normalised; 0 outside."""
     turn = 2 * np.pi * (np.asarray(x, np.float64) / (2 * RADIUS) + 0.5)
     value = 0.35875 - 0.48829 * np.cos(turn) + 0.14128 * np.cos(2 * turn) - 0.01168 * np.cos(3 * turn)
     return np.where(np.abs(x) <= RADIUS, value, 0.0)
 
 
 def _inverse() -> npt.NDArray[np.float32]:
-    """The distance from the middle beyond which lies the fraction t**2 of the window, at t = 0, 1/_INTERVALS ... 1.
+    """Returns the distance from the middle beyond which the fraction t**2 of the window lies, for t = 0, 1/_INTERVALS ... 1.
 
-    By the root of the fraction: the window's flat ends are then resolved as finely as its middle.
+    The table is indexed by the root of the fraction, which resolves the window's flat ends as finely as its middle.
     """
     x = np.linspace(0, RADIUS, 100_001)
     value = blackman_harris(x)
@@ -68,9 +68,9 @@ def _tent_offset(u):
 
 @device
 def filter_offset(kind, u):
-    """Where in its pixel's filter a sample lies along one axis, in pixels from the pixel's middle; u in [0, 1).
+    """Returns a sample's offset from the pixel's centre along one axis, in pixels; u in [0, 1).
 
-    Blackman-Harris: within 0.75; tent: within 1, its own inverse; box: within 0.5.
+    Range: 0.75 for Blackman-Harris; 1 for the tent, inverted analytically; 0.5 for the box.
     """
     if kind == BLACKMAN_HARRIS:
         return _blackman_harris_offset(u)

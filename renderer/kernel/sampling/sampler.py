@@ -1,11 +1,11 @@
-"""Where a path's random numbers come from: a function of (seed, pixel, sample number, block) and of nothing else.
+"""Samplers: the random numbers of a path as a function of (seed, pixel, sample number, block) alone.
 
-A block is four numbers that belong together. Counters may be uint32, or eight of them (u32x8). Two samplers give numbers:
+A block is a group of four numbers. Counters may be uint32, or eight of them (u32x8). There are two samplers:
 
-sobol: the first four dimensions of the Sobol' sequence under a linear scrambling that is the same everywhere (sobol.py), their
-digits shifted and their order Owen-scrambled by hashes of seed, pixel and block (Burley, "Practical Hash-based Owen
-Scrambling", JCGT 9(4), 2020). The samples 0 ... 2**k - 1 of a pixel fill every block evenly, and so does any other aligned run
-of 2**k; pixels and blocks are independent of each other. Places in a pixel are a lattice.
+sobol: the first four dimensions of the Sobol' sequence under a fixed linear scrambling (sobol.py), with a digital shift and an
+Owen-scrambled order from hashes of seed, pixel and block (Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020). The
+samples 0 ... 2**k - 1 of a pixel are stratified in each block, as is any other aligned run of 2**k samples; pixels and blocks are
+independent of each other. Film positions within a pixel form a lattice.
 independent: pcg4d of Jarzynski & Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020.
 """
 
@@ -51,10 +51,10 @@ _FOUR_FURTHER = np.uint32((4 * int(GOLDEN)) % 2**32)
 _SECOND = np.uint32((2 * int(GOLDEN)) % 2**32)
 _CAMERA = np.uint32(0)  # the camera's block
 _UNITS = np.float32(2.0**24)
-# Digits to turn over, found by search: take the first 1, 2, 4, ... 256 points and what they become by it. Of all ways to divide
+# Digits to flip, found by search: for the first 1, 2, 4, ... 256 points with their flipped copies, of all ways to divide
 # the square into as many equal rectangles, by powers of two, more than two thirds have one point in each.
 _TURNED = (np.uint32(0x600C07), np.uint32(0xFD9F6F), np.uint32(0x4A694C))
-_LATTICE = np.uint32(192955923)  # for all 2**k up to 2**21 points are at least 0.65 times as far apart as any lattice's can be
+_LATTICE = np.uint32(192955923)  # for all 2**k up to 2**21, least distance at least 0.65 times the best of any lattice
 
 
 @device
@@ -69,13 +69,13 @@ def _mad(x, y, z):
 
 @device
 def _unit(x):
-    """The upper 24 bits as a float32 in [0, 1)."""
+    """Returns the upper 24 bits as a float32 in [0, 1)."""
     return to_float(u32(x >> _DISCARD)) * _STEP
 
 
 @device
 def _mix(x):
-    """One to one on 32 bits, every bit of x in every bit of the result (lowbias32 of Wellons, 2018)."""
+    """Returns a bijective 32-bit hash in which each input bit affects each output bit (lowbias32 of Wellons, 2018)."""
     x = u32(u32(x ^ u32(x >> _SHIFT)) * MIX_1)
     x = u32(u32(x ^ u32(x >> _FIFTEEN)) * MIX_2)
     return u32(x ^ u32(x >> _SHIFT))
@@ -83,17 +83,17 @@ def _mix(x):
 
 @device
 def pixel_key(x, y):
-    """The pixel as a counter: the same whatever the frame's size or the tile.
+    """Returns a pixel's counter, a hash of (x, y) that is independent of the frame's size and of the tile.
 
-    Mixed one to one: y stands in the upper bits, and pcg4d's products carry a counter's bits upwards only, so that along a
-    column the numbers' low bits would not be even.
+    The hash is bijective. It is needed since y occupies the upper bits and pcg4d's products propagate bits upwards only: without
+    it the low bits of the numbers would be correlated along a column.
     """
     return _mix(u32(u32(y) << _SHIFT) | u32(x))
 
 
 @device
 def hash4(seed, pixel, sample, block):
-    """Four independent uint32 of four counters: pcg4d."""
+    """Returns four independent uint32 from four counters: pcg4d."""
     x = _lcg(u32(pixel))
     y = _lcg(u32(sample))
     z = _lcg(u32(block))
@@ -115,7 +115,7 @@ def hash4(seed, pixel, sample, block):
 
 @intrinsic
 def _reversed(typingctx, x):
-    """The bits of a uint32 from last to first."""
+    """Returns a uint32 with the order of its bits reversed."""
 
     def codegen(context, builder, sig, args):
         return called(builder, "bitreverse", args[0])
@@ -125,7 +125,7 @@ def _reversed(typingctx, x):
 
 @device
 def _scramble(x, seed):
-    """Owen's nested uniform scrambling of a number whose bits stand in reverse: each is flipped or not by those below it.
+    """Returns Owen's nested uniform scrambling of a bit-reversed number: a bit's flip depends on the bits below it.
 
     A hash whose bits depend on lower bits only (Laine & Karras 2011), with the constants of Vegdahl, "Building a Better LK
     Hash", 2021.
@@ -139,10 +139,11 @@ def _scramble(x, seed):
 
 @device
 def _fitting(index):
-    """The order, in reversed bits, of a block's points beside those of another in the order `index`.
+    """Returns the bit-reversed sample order of a block that is to be stratified jointly with one in the order `index`.
 
-    Of the ways to take each binary digit of the sample's number plus the same choice of those after it, one of those by which
-    most divisions of the four dimensions into 16, 32, 64 equal boxes, by powers of two, have a point in each.
+    The order is a linear map over GF(2) that adds to each binary digit of the sample number a fixed choice of the digits after
+    it. It is one of those for which most divisions of the four dimensions into 16, 32 or 64 equal boxes have one point in each
+    box.
     """
     near = u32(index ^ u32(index << _THREE))
     far = u32(u32(index << _FIVE) ^ u32(index << _SIX))
@@ -151,10 +152,11 @@ def _fitting(index):
 
 @device
 def sobol4(seed, pixel, sample, block):
-    """Four uint32, scrambled and shifted Sobol' points: dimensions 0 and 1 are a (0, 2)-sequence over the sample numbers.
+    """Returns four uint32, the scrambled and shifted Sobol' point.
 
-    Blocks 4, 8, 12, ... follow the order of those two before them (`_fitting`), so that where a path's first vertex sends it and
-    where its second does fill four dimensions; all others go in orders of their own.
+    Dimensions 0 and 1 are a (0, 2)-sequence over the sample numbers. Blocks 4, 8, 12, ... use the order of the block two before
+    them (`_fitting`), so that the directions sampled at a path's first and second vertex are stratified in four dimensions; all
+    other blocks have independent orders.
     """
     follows = u32(block & _THREE) == _NONE
     ahead = u32(block - where(follows, _TWO, _NONE))
@@ -166,9 +168,9 @@ def sobol4(seed, pixel, sample, block):
 
 @device
 def uniform4(sampler, seed, pixel, sample, block):
-    """Four numbers in [0, 1) of the sampler SOBOL or INDEPENDENT; the other arguments uint32.
+    """Returns four numbers in [0, 1) from the sampler SOBOL or INDEPENDENT; the other arguments are uint32.
 
-    What needs two numbers at once takes the first two, which are the most even.
+    A two-dimensional sample should use the first two numbers, which are the best stratified.
     """
     if sampler == SOBOL:
         x, y, z, w = sobol4(seed, pixel, sample, block)
@@ -178,7 +180,7 @@ def uniform4(sampler, seed, pixel, sample, block):
 
 
 class Stream(NamedTuple):
-    """The numbers of one sample of one pixel. All uint32, but for the sampler."""
+    """The random number stream of one sample of one pixel. All fields are uint32, except the sampler."""
 
     sampler: int
     seed: int
@@ -188,17 +190,18 @@ class Stream(NamedTuple):
 
 @device
 def draw4(stream, block):
-    """The four numbers of a block, as in `uniform4`."""
+    """Returns the four numbers of a block, as `uniform4`."""
     return uniform4(stream.sampler, stream.seed, stream.pixel, stream.sample, block)
 
 
 @device
 def draw_film(stream):
-    """The numbers of a camera ray: its place in the pixel, two, and in the lens, two.
+    """Returns the four numbers of a camera ray: two for the position in the pixel, two for the lens.
 
-    A pixel's places are a lattice, moved as a whole by two numbers of the pixel's own: all 2**k are about as far from each other
-    as can be, which scrambled points are not, and find more of what is finer than a pixel, grain and edges (Liu et al., "Rank-1
-    Lattices for Efficient Path Integral Estimation", 2021). For what is smooth, as light is, scrambled ones are better.
+    A pixel's positions form a rank-1 lattice shifted by two numbers per pixel: all 2**k points are nearly as far apart as
+    possible, which scrambled points are not, and they resolve details below the size of a pixel, such as grain and edges, better
+    (Liu et al., "Rank-1 Lattices for Efficient Path Integral Estimation", 2021). For smooth integrands, such as lighting,
+    scrambled points are better.
     """
     if stream.sampler == SOBOL:
         key = _mix(u32(_mix(stream.seed) ^ stream.pixel))
@@ -213,8 +216,9 @@ def draw_film(stream):
 
 @device
 def opposite(u):
-    """Three more numbers beside the first three of a block, by turning certain digits over: those of 2**k samples and these are
-    together about as even as those of 2**(k + 1).
+    """Returns a second point for the first three numbers of a block, by flipping fixed binary digits.
+
+    2**k samples and their second points are together about as well stratified as 2**(k + 1) samples.
     """
     return _turned(u[0], _TURNED[0]), _turned(u[1], _TURNED[1]), _turned(u[2], _TURNED[2])
 
@@ -226,11 +230,13 @@ def _turned(u, digits):
 
 @subroutine
 def draw1(stream, block):
-    """The first number of a block, for what is seldom needed."""
+    """Returns the first number of a block, for rarely needed decisions."""
     return draw4(stream, block)[0]
 
 
 @device
 def substream(stream, k, count):
-    """The k-th of `count` streams in a sample's place: those of all samples are as even as those of one."""
+    """Returns the k-th of `count` streams that replace a sample's stream; all of them together are as well stratified as the
+    original.
+    """
     return Stream(stream.sampler, stream.seed, stream.pixel, np.uint32(stream.sample * np.uint32(count) + np.uint32(k)))

@@ -1,9 +1,9 @@
-"""The Sobol' sequence's first four dimensions, scrambled and shifted: for one index, or for eight at once.
+"""The first four dimensions of the Sobol' sequence, scrambled and shifted, for one index or for eight.
 
-Scrambling by chance gives each point a place of its own within the cell that it is the only one in, which is good for what is
-smooth. What is lit is not: shadows have edges, and much is about as fine as points lie apart. There it matters how neighbours'
-places fit together. So one linear scrambling is chosen of many, under which they do (docs/speed-notes.md, "Points that fit
-together"), and what is left to chance is a shift of the digits, which keeps that.
+Random scrambling places each point at random within the elementary cell that it alone occupies, which suits smooth integrands.
+Lighting is not smooth: shadows have edges, and many details are as fine as the spacing of the points. There the relative
+position of neighbouring points matters. So one linear scrambling with good relative positions is fixed (docs/speed-notes.md,
+"Points that fit together"), and the randomisation is a digital shift, which preserves them.
 """
 
 from __future__ import annotations
@@ -28,15 +28,16 @@ SCRAMBLE = tuple(np.uint32(c) for c in (0x3D20ADEA, 0x05526C56, 0x53A22864))
 _BITS = 28  # of the sample number: more than MAX_SPP times MAX_LIGHT_SAMPLES
 _NIBBLES, _TRIPLES = 7, 10
 _DIMENSIONS = 4
-_LINEAR = 1064  # of some seven thousand, that whose points find most of edges and of grain
+_LINEAR = 1064  # best of some seven thousand scramblings at resolving edges and grain
 _I32 = ir.IntType(32)
 _QUARTET = ir.VectorType(_I32, _DIMENSIONS)
 
 
 def direction_numbers() -> np.ndarray:
-    """The Sobol' generator matrices' columns, (4, 32) uint32, most significant bit first (Joe & Kuo 2008, new-joe-kuo-6).
+    """Returns the columns of the Sobol' generator matrices, (4, 32) uint32, most significant bit first (Joe & Kuo 2008,
+    new-joe-kuo-6).
 
-    Column k is what bit k of the index adds.
+    Column k is added, by exclusive or, where bit k of the index is set.
     """
     # Degree, inner coefficients and first odd numbers of a primitive polynomial over GF(2), for dimensions 2, 3, 4.
     columns = [[1 << (31 - k) for k in range(32)]]
@@ -53,15 +54,16 @@ def direction_numbers() -> np.ndarray:
 
 
 def _mixed(x: int) -> int:
-    """`_mix` of sampler.py."""
+    """Returns `_mix` of sampler.py for a Python integer."""
     x = (x ^ x >> 16) * int(MIX_1) % 2**32
     x = (x ^ x >> 15) * int(MIX_2) % 2**32
     return x ^ x >> 16
 
 
 def _scrambled(columns: np.ndarray) -> np.ndarray:
-    """Other generator matrices of as good a sequence, (4, 32) uint32: to each binary digit of a number some of those before it
-    are added (Matousek's linear scrambling, 1998), the same ones for every point.
+    """Returns linearly scrambled generator matrices, (4, 32) uint32, of a sequence with the same stratification.
+
+    Each binary digit of a number has a fixed set of earlier digits added to it (Matousek's linear scrambling, 1998).
     """
     made = np.zeros_like(columns)
     for dimension in range(_DIMENSIONS):
@@ -79,9 +81,9 @@ _COLUMNS[:, _BITS:] = 0
 
 
 def _by_digit(bits: int, digits: int) -> np.ndarray:
-    """What each value of each digit of a bit-reversed index adds: (digits, 2**bits, 4) uint32.
+    """Returns the contribution of each value of each digit of a bit-reversed index: (digits, 2**bits, 4) uint32.
 
-    The first digit is the index's lowest bits, which stand uppermost, lowest bit first.
+    The first digit holds the lowest bits of the index, which are uppermost after the reversal, lowest bit first.
     """
     table = np.zeros((digits, 2**bits, _DIMENSIONS), np.uint32)
     for digit in range(digits):
@@ -101,7 +103,7 @@ def _vector(kind: Any, values: Any) -> Any:
 
 
 def _shifted(builder: Any, x: Any, seed: Any) -> Any:
-    """x with the digits turned over that `_mix` of sampler.py makes of the seed; of a vector of any length."""
+    """Emits x xor `_mix(seed)` (sampler.py) for vectors of any length."""
 
     def constant(value: Any) -> Any:
         return _vector(x.type, [value] * x.type.count)
@@ -112,7 +114,7 @@ def _shifted(builder: Any, x: Any, seed: Any) -> Any:
 
 
 def _rows(builder: Any, data: Any, index: Any) -> Any:
-    """The four dimensions of one index, side by side, by the table of nibbles."""
+    """Emits the four dimensions of one index as a vector, from the table of nibbles."""
     x = _vector(_QUARTET, [0] * _DIMENSIONS)
     for nibble in range(_NIBBLES):
         value = builder.and_(builder.lshr(index, _I32(28 - 4 * nibble)), _I32(15))
@@ -124,7 +126,7 @@ def _rows(builder: Any, data: Any, index: Any) -> Any:
 
 
 def _permuted(builder: Any, index: Any, dimension: int) -> Any:
-    """One dimension of eight indices: three bits at a time choose among eight numbers in a register (AVX2's vpermd)."""
+    """Emits one dimension of eight indices, looking up three bits at a time in a register of eight numbers (AVX2's vpermd)."""
     permute = cgutils.get_or_insert_function(builder.module, ir.FunctionType(INTS, [INTS, INTS]), "llvm.x86.avx2.permd")
     x = _vector(INTS, [0] * LANES)
     for triple in range(_TRIPLES):
@@ -136,8 +138,9 @@ def _permuted(builder: Any, index: Any, dimension: int) -> Any:
 
 
 def _matrices(dimension: int, turned: int) -> list[int]:
-    """What each byte of a point owes to the byte of its index that stands `turned` places above it: 8x8 bits each, as
-    vgf2p8affineqb has them, the row for the uppermost bit lowest.
+    """Returns the four 8x8 bit matrices that map each index byte, `turned` places above a point's byte, to that byte.
+
+    Format of vgf2p8affineqb: the row of the uppermost bit is lowest.
     """
     made = []
     for byte in range(4):
@@ -151,7 +154,7 @@ def _matrices(dimension: int, turned: int) -> list[int]:
 
 
 def _multiplied(builder: Any, index: Any) -> list[Any]:
-    """The four dimensions of eight indices, multiplied by the generator matrices as they stand, byte by byte (AVX-512)."""
+    """Emits the four dimensions of eight indices as a product with the generator matrices, byte by byte (AVX-512's GFNI)."""
     bytes_, words = ir.VectorType(ir.IntType(8), 4 * LANES), ir.VectorType(ir.IntType(64), 4)
     kind = ir.FunctionType(bytes_, [bytes_, bytes_, ir.IntType(8)])
     multiply = cgutils.get_or_insert_function(builder.module, kind, "llvm.x86.vgf2p8affineqb.256")
@@ -173,7 +176,7 @@ def _multiplied(builder: Any, index: Any) -> list[Any]:
 
 
 def _of_each(builder: Any, data: Any, index: Any) -> list[Any]:
-    """The four dimensions of eight indices, one index after the other."""
+    """Emits the four dimensions of eight indices, one lane at a time."""
     columns = [ir.Constant(INTS, ir.Undefined)] * _DIMENSIONS
     for lane in range(LANES):
         row = _rows(builder, data, builder.extract_element(index, _I32(lane)))
@@ -184,10 +187,10 @@ def _of_each(builder: Any, data: Any, index: Any) -> list[Any]:
 
 @intrinsic
 def points(typingctx, table, index, key):
-    """Point `index` (bits in reverse) of the sequence, its four dimensions shifted by what `_mix` makes of four numbers that lie
-    far from the key and from each other: uint32 each, or u32x8 for eight indices and keys. table: TABLE.
+    """Returns point `index` (bits reversed) of the sequence, each dimension shifted by `_mix` of the key plus an offset.
 
-    `_mix` of four dimensions at once, spelled out since LLVM does not find it: a third of the time.
+    Four uint32, or four u32x8 for eight indices and keys. table: TABLE. `_mix` is evaluated for four dimensions at once in
+    explicit vectors, since LLVM does not vectorise it: a third of the time.
     """
     far = [(i + 1) * int(GOLDEN) % 2**32 for i in range(_DIMENSIONS)]
 

@@ -1,1 +1,1 @@
-"""From a hit to a point with a normal, a frame to shade in, texture coordinates and a place to leave from."""
+"""Surface interaction: from a hit to a point with normals, a shading frame, texture coordinates and ray origins."""

@@ -1,4 +1,4 @@
-"""From an instance's space to the world, in double precision, rounded once."""
+"""Transforms from instance space to world space, in float64, rounded once to float32."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
 
 @subroutine
 def normal_to_world(to_local, number, n):
-    """A normal of an instance's space in the world, not of length 1. It keeps its side, mirrored or not."""
+    """Transforms a normal from instance to world space, not normalised. It keeps its side under mirroring transforms."""
     out_of_line()
     m = to_local[number]
     x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
@@ -35,7 +35,7 @@ def normal_to_world(to_local, number, n):
 
 @subroutine
 def point_to_world(to_world, number, p, w):
-    """A point (w 1) or a direction (w 0) of an instance's space in the world."""
+    """Transforms a point (w = 1) or a direction (w = 0) from instance to world space."""
     out_of_line()
     m = to_world[number]
     x, y, z, w = np.float64(p[0]), np.float64(p[1]), np.float64(p[2]), np.float64(w)
@@ -48,7 +48,7 @@ def point_to_world(to_world, number, p, w):
 
 @subroutine
 def _moving_normal(motion, first, keys, time, n):
-    """`normal_to_world` of a body that moves, at a time of the shutter."""
+    """Returns `normal_to_world` of a moving instance at a shutter time."""
     out_of_line()
     a, b, c = inverse_of(placed_at(motion, first, keys, time))
     x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
@@ -60,7 +60,7 @@ def _moving_normal(motion, first, keys, time, n):
 
 @subroutine
 def _moving_point(motion, first, keys, time, p, w):
-    """`point_to_world` of a body that moves, at a time of the shutter."""
+    """Returns `point_to_world` of a moving instance at a shutter time."""
     out_of_line()
     a, b, c = placed_at(motion, first, keys, time)
     x, y, z, w = np.float64(p[0]), np.float64(p[1]), np.float64(p[2]), np.float64(w)
@@ -73,7 +73,7 @@ def _moving_point(motion, first, keys, time, p, w):
 
 @device
 def normal_of_hit(scene, hit, n):
-    """`normal_to_world` of the instance that a Hit is in, at the Hit's time."""
+    """Returns `normal_to_world` for the instance of a Hit, at the Hit's time."""
     if hit.time is not None and len(scene.bvh.instance_motion) > 0:
         first, keys = scene.bvh.instance_motion[hit.instance, 0], scene.bvh.instance_motion[hit.instance, 1]
         if keys > 0:
@@ -83,7 +83,7 @@ def normal_of_hit(scene, hit, n):
 
 @device
 def point_of_hit(scene, hit, p, w):
-    """`point_to_world` of the instance that a Hit is in, at the Hit's time."""
+    """Returns `point_to_world` for the instance of a Hit, at the Hit's time."""
     if hit.time is not None and len(scene.bvh.instance_motion) > 0:
         first, keys = scene.bvh.instance_motion[hit.instance, 0], scene.bvh.instance_motion[hit.instance, 1]
         if keys > 0:
@@ -93,7 +93,10 @@ def point_of_hit(scene, hit, p, w):
 
 @device
 def tangent_to_world(scene, hit, tangent):
-    """The bitangent's sign turns where the transform mirrors, for the normal keeps its side."""
+    """Transforms a tangent (xyz and the bitangent's sign) to world space: unit, or zeros where it vanishes.
+
+    The sign is flipped for mirroring transforms, since the normal keeps its side.
+    """
     number = hit.instance
     d = point_of_hit(scene, hit, (tangent[0], tangent[1], tangent[2]), _ZERO)
     square = vec.dot(d, d)

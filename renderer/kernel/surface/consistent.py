@@ -1,8 +1,8 @@
-"""Normals that are consistent with their facet: what the viewer sees mirrored in them lies above it.
+"""Consistent shading normals: their mirror directions of the viewer lie above the geometric surface.
 
-A vertex's normal or a normal map's may be bent so far off the facet that the mirror direction points below it, where the ray
-meets the facet that it comes from. Keller et al., "The Iray Light Transport Simulation and Rendering System" (2017), and
-Cycles turn such normals back; Schuessler et al., "Microfacet-based Normal Mapping" (2017), discuss the black spots.
+A vertex normal or mapped normal may deviate so far from the facet that the mirror direction points below it, where the ray would
+hit its own facet. Keller et al., "The Iray Light Transport Simulation and Rendering System" (2017), and Cycles rotate such
+normals back; Schuessler et al., "Microfacet-based Normal Mapping" (2017), discuss the black spots.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _INV_2PI = np.float32(0.5 / math.pi)
 _LEAST_HEIGHT = np.float32(0.01)  # sine of the least angle between reflected ray and facet,
-_OF_VIEWER = np.float32(0.9)  # or this of the viewer's own
+_OF_VIEWER = np.float32(0.9)  # or this share of the viewer's
 
 
 @subroutine
 def consistent_normal(n, geometric, wo):
-    """n turned towards the geometric normal by as little as it takes for wo's mirror direction to leave the surface.
+    """Returns n, rotated towards the geometric normal by the least angle for which the mirror direction of wo leaves the surface.
 
     With n = sin a x + cos a g in the plane of the geometric normal g, and wo's coordinates (p, q) there, the mirror direction
     has the height p sin 2a + q cos 2a = r cos(2a - phi). All three are unit; wo is on the geometric normal's side.

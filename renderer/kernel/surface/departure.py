@@ -1,4 +1,4 @@
-"""Where rays start: off the surface that they leave, so that they do not meet it again where rounding has put its point."""
+"""Ray origins: offset from the surface that a ray leaves, so that rounding does not make it hit that surface again."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from renderer.wide.values import any_of, not_, where, where3
 
 __all__ = ["MAX_PASSED", "departure", "leave", "leaves", "onward"]
 
-MAX_PASSED = 56 << 10  # surfaces that a ray passes by their alpha: 64 << 10 numbers are set aside (integrators/transport.py)
+MAX_PASSED = 56 << 10  # limit of transparent surfaces per ray; 64 << 10 random numbers are reserved (integrators/transport.py)
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -22,9 +22,9 @@ _LEAST_BEND2 = np.float32(1e-12)
 
 @device
 def leaves(surface, reflected, d):
-    """Whether a ray of direction d goes where it was scattered to: above the facet if it was `reflected`, else below it.
+    """Whether a ray of direction d leaves to the side it was scattered to: above the facet if `reflected`, else below.
 
-    About a bent normal light may be scattered above the shading horizon and below the facet's. It then meets the facet again.
+    With a bent normal, light may be scattered above the shading horizon but below the facet; it then hits the facet again.
     """
     above = vec.dot(surface.geometric, d) > _ZERO
     return (above & reflected) | not_(above | reflected)
@@ -32,11 +32,11 @@ def leaves(surface, reflected, d):
 
 @device
 def departure(surface, reflected, d):
-    """Where the ray of unit direction d starts that leaves the surface, on the viewer's side where it is `reflected`.
+    """Returns the origin of a ray of unit direction d that leaves the surface, on the viewer's side if `reflected`.
 
-    From a smooth triangle it starts above the facet, the more so the lower it goes: facing rays start where they should, so
-    that what touches the surface still throws its shadow. A reflected ray that points below a flat facet meets the facet
-    itself: a bent normal lets no light through.
+    On a smooth triangle the origin is raised above the facet, more for grazing rays; rays along the normal start at the point, so
+    that contact shadows are kept. A reflected ray that points below a flat facet hits the facet itself: no light leaks through a
+    bent normal.
     """
     error = where(reflected, surface.error, -surface.error)
     start = vec.add(surface.point, vec.scale(surface.geometric, error))
@@ -51,11 +51,10 @@ def departure(surface, reflected, d):
 
 @device
 def onward(surface):
-    """Returns where a ray goes on that passes the surface as if it were not there.
+    """Returns the origin of a ray that passes through the surface unchanged.
 
-    Nearer than `departure`, since a wall may lie close behind a decal: `surface.error` bounds the errors of all coordinates, and
-    the distance to the plane takes those of the normal's direction alone. It also bounds the worst rounding, and a tenth of it is
-    hardly ever reached; a surface that is met once more lets the ray pass once more.
+    It is closer than that of `departure`, since a wall may be close behind a decal. `error` bounds the worst rounding: a quarter
+    of it is rarely exceeded, and a surface that is hit twice lets the ray pass again.
     """
     p, n = surface.point, surface.geometric
     along = abs(n[0] * p[0]) + abs(n[1] * p[1]) + abs(n[2] * p[2])
@@ -65,6 +64,6 @@ def onward(surface):
 
 @device
 def leave(point, error, normal, towards):
-    """The point moved off its surface, to the side that `towards` is on: where a ray may start without meeting it again."""
+    """Returns the point offset from its surface, to the side of `towards`, as an origin for rays."""
     distance = where(vec.dot(normal, towards) > _ZERO, error, -error)
     return vec.add(point, vec.scale(normal, distance))

@@ -1,4 +1,4 @@
-"""How far rays keep from a triangle's edges, and how far off it they may find it."""
+"""Margins of a triangle: the distance that ray origins keep from its edges, and the intersection's positional error."""
 
 from __future__ import annotations
 
@@ -16,16 +16,15 @@ _MOST = np.float32(np.finfo(np.float32).max)
 _ROOT_3 = np.float32(1.7320509)  # rounded up
 _SLIVER = np.float32(0.25 * 2.0**-24)
 _AT_MOST = np.float32(0.125)  # of the inscribed circle's radius
-_ROUNDED = np.float32(2.0**-23)  # by so much of the perimeter's square the area may be too large
+_ROUNDED = np.float32(2.0**-23)  # error bound of the area, relative to the squared perimeter
 
 
 @device
 def edge_margins(a, b, c, cross):
-    """(An upper bound of one over the inscribed circle's radius, how far off the triangle a ray may find it).
+    """Returns (an upper bound of 1 / inscribed radius, the distance at which a ray may find a hit off the triangle).
 
-    cross: the edges' product. The latter is much only in slivers, where float32 is worse than elsewhere at the distance at
-    which a ray meets the triangle: by its length squared over its width. The perimeter is bounded by the edges' largest
-    coordinates.
+    cross: cross product of the edges. The distance is significant only for slivers, where float32's error in the hit distance
+    grows as the length squared over the width. The perimeter is bounded by the edges' largest coordinates.
     """
     perimeter = vec.magnitude(vec.sub(b, a)) + vec.magnitude(vec.sub(c, a)) + vec.magnitude(vec.sub(c, b))
     twice_area = math.sqrt(vec.dot(cross, cross)) - _ROUNDED * perimeter * perimeter

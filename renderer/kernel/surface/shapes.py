@@ -1,4 +1,4 @@
-"""Where the corners of triangles, their normals and spheres are: at a time of the shutter, those that move meanwhile."""
+"""Positions and normals of triangle corners, and spheres, at a shutter time, interpolated for those that move."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ONE = np.float32(1.0)
 
 @device
 def _vertex(fixed, keys, count, i, time):
-    """Row i of a table of vertices, the last of which have keys; as the tree has it (renderer/bvh/traverse.py)."""
+    """Returns row i of a vertex table at a time; the last rows have keys, as in the tree (renderer/bvh/traverse.py)."""
     moving = len(keys) // count
     first = len(fixed) - moving
     number = np.int64(i)
@@ -44,7 +44,7 @@ def _three(fixed, keys, count, i, j, k, time):
 
 @device
 def corners_at(scene, i, j, k, time):
-    """The positions of three vertices. Of one triangle or, where `time` is None, of eight."""
+    """Returns the positions of three vertices, for one triangle or, if `time` is None, for eight lanes."""
     if time is not None and len(scene.key_position) > 0:
         return _three(scene.position, scene.key_position, scene.bvh.keyed[1], i, j, k, time)
     return row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3)
@@ -58,7 +58,7 @@ def _unit(n):
 
 @device
 def corner_normals_at(scene, i, j, k, time):
-    """The normals of three vertices: as `corners_at`."""
+    """Returns the normals of three vertices, for one triangle or, if `time` is None, for eight lanes."""
     if time is not None and len(scene.key_position) > 0:
         a, b, c = _three(scene.normal, scene.key_normal, scene.bvh.keyed[1], i, j, k, time)
         return _unit(a), _unit(b), _unit(c)
@@ -85,7 +85,7 @@ def _ball(fixed, keys, count, number, time):
 
 @device
 def ball_at(scene, number, time):
-    """A sphere's centre and radius. Of one sphere, or of eight."""
+    """Returns a sphere's (x, y, z, radius), for one sphere or for eight lanes."""
     if time is not None and len(scene.key_sphere) > 0:
         return each_lane(_ball, number == number, (scene.sphere, scene.key_sphere, scene.bvh.keyed[1], number, time))
     return row(scene.sphere, number, 4)

@@ -1,4 +1,4 @@
-"""From a hit to a point to shade: position, normals, texture coordinates, and how far rounding may have moved it."""
+"""Surface interaction at a hit: position, normals, texture coordinates, and a bound of the rounding error."""
 
 from __future__ import annotations
 
@@ -48,17 +48,17 @@ _UNIT = np.float32(1e-6)
 _LEAST_COSINE = np.float32(0.01)
 # Bounds the error of a point (three roundings a coordinate, pbrt 4ed, 6.8.4) and of the next ray's distance to its plane.
 POINT_ERROR = np.float32(20 * 2.0**-24)
-_INWARD = np.float32(1.5)  # of that, away from the triangle's edges: enough for walls that meet under 35 degrees
+_INWARD = np.float32(1.5)  # multiple of it, away from the triangle's edges: enough for walls that meet at 35 degrees
 _FURTHEST = np.float32(12.0)
 _TINY = np.float32(1e-30)
 _SPHERE_ERROR = np.float32(1e-14)
 
 
 class Surface(NamedTuple):
-    """A point hit. Vectors are tuples of float32 in world space."""
+    """A hit point. Vectors are tuples of float32 in world space."""
 
     point: tuple[float, float, float]
-    error: float  # how far the point may be off the surface
+    error: float  # bound of the point's distance from the surface
     geometric: tuple[float, float, float]  # unit normal of the true surface, on the viewer's side
     shading: tuple[float, float, float]  # unit normal to shade with, less than 90 degrees from the viewer, consistent
     uv: tuple[float, float]
@@ -67,10 +67,10 @@ class Surface(NamedTuple):
     light: int  # its number among the lights, or NO_LIGHT
     object: int  # its number in the object id AOV
     uv1: tuple[float, float]  # the second set; the first where there is none
-    color: tuple[float, float, float, float]  # the vertices' RGBA, white where they have none
-    tangent: tuple[float, float, float, float]  # unit, and the bitangent's sign; zeros where the material needs none
-    smooth: bool  # whether rays that scatter back start off the triangle's facet,
-    lift: tuple[float, float, float]  # and how far from `point`
+    color: tuple[float, float, float, float]  # vertex colour RGBA, white if there is none
+    tangent: tuple[float, float, float, float]  # unit, and the bitangent's sign; zeros if the material needs none
+    smooth: bool  # whether reflected rays start above the triangle's facet,
+    lift: tuple[float, float, float]  # offset of their origin from `point`
 
 
 @device
@@ -87,21 +87,21 @@ def _mix4(a, b, c, u, v):
 
 @device
 def triangle_point(position, triangle, number, u, v):
-    """The point of a triangle at barycentric (u, v): (point, error, cross product of its edges)."""
+    """Returns (point, error bound, cross product of the edges) of a triangle at barycentric (u, v)."""
     i, j, k, _ = row(triangle, number, 4)
     return _between(row(position, i, 3), row(position, j, 3), row(position, k, 3), u, v)
 
 
 @device
 def _between(a, b, c, u, v):
-    """`triangle_point` of three corners."""
+    """Returns `triangle_point` for three corners."""
     error = POINT_ERROR * ((_ONE - u - v) * vec.magnitude(a) + u * vec.magnitude(b) + v * vec.magnitude(c))
     return _mix3(a, b, c, u, v), error, vec.cross(vec.sub(b, a), vec.sub(c, a))
 
 
 @subroutine
 def moving_triangle_point(scene, number, u, v, time):
-    """`triangle_point` at a time of the shutter."""
+    """Returns `triangle_point` at a shutter time."""
     i, j, k, _ = row(scene.triangle, number, 4)
     a, b, c = corners_at(scene, i, j, k, time)
     return _between(a, b, c, u, v)
@@ -109,12 +109,11 @@ def moving_triangle_point(scene, number, u, v, time):
 
 @subroutine
 def _inward(scene, hit, error, curvature):
-    """The way by which a point beside an edge is moved towards its triangle's centroid, in the world.
+    """Returns the offset, in world space, that moves a point near an edge towards its triangle's centroid.
 
-    Rounded, a point beside an edge may lie on the other side of the wall that the triangle meets there, and what starts there
-    leaves the room; so may what starts off it by `error`, where the walls meet under an acute angle. Moved towards the centroid
-    by a multiple of `error` over the inscribed circle's radius, it does not. In slivers the move is limited, so that it cannot
-    be seen.
+    A point near an edge may be rounded to the far side of an adjoining wall, so that rays from it leave the room; so may an
+    origin offset by `error` where walls meet at an acute angle. Moving it by a multiple of `error` over the inscribed circle's
+    radius prevents that. In slivers the move is limited, to be invisible.
     """
     out_of_line()
     i, j, k, _ = row(scene.triangle, hit.primitive, 4)
@@ -131,7 +130,7 @@ def _inward(scene, hit, error, curvature):
 
 @device
 def triangle_uv(uv, triangle, number, u, v):
-    """The texture coordinates of a triangle at barycentric (u, v)."""
+    """Returns the texture coordinates of a triangle at barycentric (u, v)."""
     i, j, k, _ = row(triangle, number, 4)
     a, b, c = row(uv, i, 2), row(uv, j, 2), row(uv, k, 2)
     w = _ONE - u - v
@@ -140,22 +139,22 @@ def triangle_uv(uv, triangle, number, u, v):
 
 @subroutine
 def sphere_uv(n):
-    """A sphere's texture coordinates by its outward normal, laid out as an environment's: north is +y, the middle is -z."""
+    """Returns a sphere's texture coordinates by its outward normal, laid out as for environments: +y is up, -z the middle."""
     return _HALF + atan2(n[0], -n[2]) * _INV_2PI, acos(n[1]) * _INV_PI
 
 
 @subroutine
 def sphere_point(sphere, number, o, d, t):
-    """The point o + t d put back on the sphere: (point, error, outward unit normal).
+    """Returns the point o + t d projected onto the sphere: (point, error bound, outward unit normal).
 
-    In double precision: the centre of a sphere of radius 1e5 is too far away for float32 to tell the point's height.
+    In float64: with a radius of 1e5, float32 cannot represent the point's distance from the surface.
     """
     return _on_ball(row(sphere, number, 4), o, d, t)
 
 
 @subroutine
 def _moving_sphere_point(ball, o, d, t):
-    """`sphere_point` of a centre and a radius."""
+    """Returns `sphere_point` for a centre and a radius."""
     return _on_ball(ball, o, d, t)
 
 
@@ -185,7 +184,7 @@ def _sphere_point_at(scene, number, o, d, hit):
 
 @device
 def _tangent(array, i, j, k, u, v):
-    """The tangent between three vertices; their signs agree (renderer/scene/tangents.py)."""
+    """Returns the interpolated tangent of three vertices, whose signs agree (renderer/scene/tangents.py)."""
     x, y, z, sign = _mix4(row(array, i, 4), row(array, j, 4), row(array, k, 4), u, v)
     square = x * x + y * y + z * z
     there = square > _ZERO
@@ -195,7 +194,7 @@ def _tangent(array, i, j, k, u, v):
 
 @device
 def _facing(shading, geometric, wo):
-    """The shading normal on the geometric one's side, and bent towards the viewer where it would look away."""
+    """Returns the shading normal on the geometric normal's side, rotated towards the viewer if it would face away."""
     shading = where3(vec.dot(shading, geometric) < _ZERO, vec.neg(shading), shading)
     cosine = vec.dot(shading, wo)
     low = cosine < _LEAST_COSINE
@@ -213,7 +212,7 @@ def _is_textured(scene, material):
 
 @device
 def _triangle_surface(scene, wo, hit):
-    """As `surface_at`, of a triangle, its shading normal not yet turned to the viewer."""
+    """Returns `surface_at` for a triangle, with the shading normal not yet turned to the viewer."""
     primitive, u, v = u32(hit.primitive), hit.u, hit.v
     i, j, k, part = row(scene.triangle, primitive, 4)
     part_material, number, shines = row(scene.part, part, PART_COLUMNS)
@@ -221,7 +220,7 @@ def _triangle_surface(scene, wo, hit):
     none = nil(u)
     one = none + _ONE
     color, tangent = (one, one, one, one), (none, none, none, none)
-    # All up to the corners' normals is in the instance's space, if the triangle is in one.
+    # Up to the corners' normals everything is in instance space, if the triangle is in an instance.
     corners = corners_at(scene, i, j, k, hit.time)
     point, error, normal = _between(*corners, u, v)
     curvature, miss = edge_margins(*corners, normal)
@@ -230,7 +229,7 @@ def _triangle_surface(scene, wo, hit):
     if hit.instance is not None and hit.instance >= 0:
         normal = normal_of_hit(scene, hit, normal)
     square = vec.dot(normal, normal)
-    flat = square == _ZERO  # so small that its area is 0 in float32
+    flat = square == _ZERO  # area is 0 in float32
     normal = where3(flat, wo, normal)
     square = where(flat, _ONE, square)
     front = vec.dot(normal, wo) > _ZERO
@@ -247,7 +246,7 @@ def _triangle_surface(scene, wo, hit):
         raised = lifted(corners, normals, point, u, v, shading, where3(front, upright, vec.neg(upright)))
         lift = where3(smooth, raised, lift)
         if hit.instance is not None and hit.instance >= 0:
-            pass  # it is made unit in the world
+            pass  # normalised in world space
         else:
             unit = where3(length2 > _ZERO, vec.scale(shading, _ONE / math.sqrt(length2)), geometric)
             shading = where3(smooth, unit, shading)
@@ -264,7 +263,7 @@ def _triangle_surface(scene, wo, hit):
         number = scene.instance_object[hit.instance]
         if scene.instance_material[hit.instance] >= 0:
             material = np.uint32(scene.instance_material[hit.instance])
-    beside = min(_ONE - u - v, min(u, v)) < _INWARD * error * curvature  # else it is as far from the edges as it would be moved
+    beside = min(_ONE - u - v, min(u, v)) < _INWARD * error * curvature  # else it is far enough from the edges
     if any_of(beside):
         moved = vec.add(point, _inward(scene, hit, error, curvature))
         point = where3(beside, moved, point)
@@ -284,7 +283,7 @@ def _triangle_surface(scene, wo, hit):
 
 @device
 def _sphere_surface(scene, o, d, hit):
-    """As `surface_at`, of a sphere, its shading normal not yet turned to the viewer."""
+    """Returns `surface_at` for a sphere, with the shading normal not yet turned to the viewer."""
     ball = u32(u32(hit.primitive) - u32(len(scene.triangle)))
     wo = vec.neg(d)
     material = u32(lookup(scene.sphere_material, ball))
@@ -319,9 +318,9 @@ def _sphere_surface(scene, o, d, hit):
 
 @device
 def _turned(scene, surface, wo):
-    """The surface with its shading normal turned to the viewer, and kept consistent with the facet where that is seen."""
+    """Returns the surface with its shading normal turned to the viewer, and consistent with the facet where needed."""
     shading = _facing(surface.shading, surface.geometric, wo)
-    # What reflects nothing keeps its normal, whoever looks at it.
+    # Materials without reflection keep their normal for any view direction.
     bent = surface.smooth & (u32(lookup(scene.material_kind, surface.material)) != _DIFFUSE)
     if any_of(bent):
         shading = where3(bent, consistent_normal(shading, surface.geometric, wo), shading)
@@ -345,20 +344,20 @@ def _turned(scene, surface, wo):
 
 @device
 def triangle_at(scene, d, hit):
-    """The surface that a ray of unit direction d meets at a Hit of a triangle; of eight triangles, for eight rays."""
+    """Returns the surface at a Hit of a triangle by a ray of unit direction d; for one ray or for eight lanes."""
     wo = vec.neg(d)
     return _turned(scene, _triangle_surface(scene, wo, hit), wo)
 
 
 @device
 def sphere_at(scene, o, d, hit):
-    """The surface that the ray o + t d (d unit) meets at a Hit of a sphere; of eight spheres, for eight rays."""
+    """Returns the surface at a Hit of a sphere by the ray o + t d (d unit); for one ray or for eight lanes."""
     return _turned(scene, _sphere_surface(scene, o, d, hit), vec.neg(d))
 
 
 @device
 def surface_at(scene, o, d, hit):
-    """The surface that the ray o + t d (d unit) meets at a Hit of `closest_hit`."""
+    """Returns the surface at a Hit of `closest_hit` by the ray o + t d (d unit)."""
     wo = vec.neg(d)
     if np.uint32(hit.primitive) < len(scene.triangle):
         surface = _triangle_surface(scene, wo, hit)
@@ -369,5 +368,5 @@ def surface_at(scene, o, d, hit):
 
 @device
 def shines(surface):
-    """Whether the surface is a light's."""
+    """Whether the surface belongs to a light."""
     return surface.light != NO_LIGHT

@@ -1,4 +1,4 @@
-"""Where low rays start on smooth triangles: the cure of the shadow terminator's artefact."""
+"""Ray origins on smooth triangles that avoid the shadow terminator artefact."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _MOST_BEND = np.float32(math.cos(math.radians(45.0)))
 
 @device
 def _lift(point, corner, normal, up, side):
-    """From a facet's point up to the plane through a corner, square to the normal there; nothing where that is below it.
+    """Returns the offset from a facet's point up to the tangent plane at a corner; zero where the plane is below the point.
 
-    side: 1, or -1 where the corner's normal points to the other side than `up`, the facet's unit normal. Normals that are bent
-    further do not speak of a round surface, but of a box whose edges nobody marked as sharp.
+    side: 1, or -1 where the corner's normal points to the other side than `up`, the facet's unit normal. Normals that deviate by
+    more than 45 degrees are ignored: they indicate a box without sharp edges rather than a round surface.
     """
     height = side * vec.dot(vec.sub(point, corner), normal)
     beneath = (height < _ZERO) & (side * vec.dot(normal, up) > _MOST_BEND)
@@ -32,11 +32,11 @@ def _lift(point, corner, normal, up, side):
 
 @device
 def lifted(corners, normals, point, u, v, shading, up):
-    """The way from a point off a smooth triangle's facet, on to the round surface that the vertices' normals speak of.
+    """Returns the offset from a point on a smooth triangle to the round surface implied by the vertex normals.
 
-    A ray from there leaves the neighbouring facets below it, so that the border between light and shadow is smooth and not
-    the facets' outline: Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4 (2021). corners,
-    normals: the triangle's. up: the facet's normal, of any length.
+    A ray from there passes above the neighbouring facets, so the shadow boundary is smooth and does not follow the facets:
+    Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4 (2021). corners, normals: the triangle's. up: the
+    facet's normal, of any length.
     """
     square = vec.dot(up, up)
     up = vec.scale(up, _ONE / math.sqrt(square))

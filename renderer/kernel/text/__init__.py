@@ -1,1 +1,1 @@
-"""Numbers in files of text, read byte by byte."""
+"""Parsing of numbers in text files, byte by byte."""

@@ -1,4 +1,4 @@
-"""A number in a text of bytes."""
+"""Parsing of one decimal number in a byte array."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ __all__ = ["read_number"]
 Bytes = npt.NDArray[np.uint8]
 
 _PLUS, _MINUS, _DOT = 43, 45, 46
-_DIGITS = 18  # that an int64 holds; further ones are below what float64 tells apart
+_DIGITS = 18  # that fit an int64; further digits are below float64's precision
 
 
 @device
 def read_number(text: Bytes, i: int) -> tuple[float, int]:
-    """A decimal number and the place after it; the place is i where there is none."""
+    """Parses a decimal number at index i: (value, index after it); (0.0, i) where there is none."""
     n, begin = len(text), i
     negative = i < n and text[i] == _MINUS
     if i < n and (negative or text[i] == _PLUS):
@@ -54,7 +54,7 @@ def read_number(text: Bytes, i: int) -> tuple[float, int]:
             exponent += -power if down else power
             i = at
     value = np.float64(mantissa)
-    if exponent < -300:  # in two steps, for 10^-exponent would overflow
+    if exponent < -300:  # in two steps, since 10^-exponent would overflow
         value = value / 1e300 / 10.0 ** np.float64(-exponent - 300)
     elif exponent < 0:
         value /= 10.0 ** np.float64(-exponent)

@@ -1,4 +1,4 @@
-"""Rows of text that differ in their numbers alone. All arrays are the caller's."""
+"""Parsing of text rows that differ only in their numbers. All arrays are allocated by the caller."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _BLANK = 32
 def read_rows(text, begin, end, words, starts, table):
     """Fills table (N, W) f64 with the numbers of text[begin:end], whose rows are words[0] number words[1] number ... words[W].
 
-    text: (B,) u8. words: one behind the other, the k-th from starts[k] to starts[k + 1]. Between rows may be blanks, ends of
-    lines, nothing. How many rows there are; -1 where one of them is written in another way, or there are more than N.
+    text: (B,) u8. words: concatenated; the k-th is words[starts[k]:starts[k + 1]]. Rows may be separated by blanks and line ends.
+    Returns the number of rows, or -1 if a row has another form or there are more than N.
     """
     width = table.shape[1]
     row, i = 0, begin
@@ -43,7 +43,7 @@ def read_rows(text, begin, end, words, starts, table):
 
 @device
 def _past(text, i, end, words, first, last):
-    """The place after a word that stands at a place; -1 where it does not."""
+    """Returns the index after the word words[first:last] if the text at i is that word; else -1."""
     if i + (last - first) > end:
         return -1
     for k in range(last - first):

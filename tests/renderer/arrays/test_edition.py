@@ -1,4 +1,4 @@
-"""Which kernel a scene gets: the plainest that has all it needs; and all render the same."""
+"""Kernel editions: each scene gets the plainest one that has all features it needs, and all render the same."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ NEEDS_MORE = {
 
 
 def described(*materials: Material) -> SceneDescription:
-    """A floor of the first material, a ball of each, and one that shines."""
+    """A floor of the first material, a ball of each, and an emissive one."""
     materials = (*materials, Material(base_color=gray(0.0), emission=gray(5.0)))
     return SceneDescription(
         meshes=[square((0, 0, 0), (5, 0, 0), (0, 0, -5), 0)],
@@ -92,7 +92,7 @@ def test_a_kernel_is_told_what_the_scene_has() -> None:
 
 
 def test_the_editions_render_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    """But for last bits, where the compiler merged other operations: a path that they send elsewhere is rare."""
+    """Equal except in last bits, where the compiler fused other operations, and in the rare paths that these change."""
     scene = compile_scene(described(*PLAIN))
     settings = RenderSettings(48, 32, View((0.5, 2.5, 5.0), (0.8, 0.3, 0.0), fov=45), max_depth=6)
     pictures = []

@@ -1,4 +1,4 @@
-"""Small .blend files, made by what is known of the format."""
+"""Small .blend files, written from the known format."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ STRUCTS = [
 
 
 def blend(*blocks: tuple[str, bytes], form: str = "BLENDER-v405", count: int = 1) -> bytes:
-    """blocks: of which struct, and the bytes that follow its ID or begin it. form: the header. count: of each."""
+    """Returns a .blend file. blocks: the struct and the bytes that follow or begin its ID. form: the header.
+
+    count: of each block.
+    """
     is_large = form[7] == "1"
     order, pointer = (">" if form[8] == "V" else "<"), ("I" if form[7] == "_" else "Q")
     kinds = [name for name, _ in STRUCTS]

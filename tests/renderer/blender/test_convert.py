@@ -1,4 +1,4 @@
-"""Blender as a process beside: what came of it, and what is said where it fails. A script stands in for it."""
+"""Conversion by a Blender process: results, and errors when it fails. A script replaces Blender."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ echo '{{"main": "blender-scene.yaml"}}' > "$out/report.json"
 
 @pytest.fixture
 def blender(tmp_path: Path) -> Callable[[str], str]:
-    """`blender(script)` is the path of a program that does that when it is to open a file."""
+    """Returns a function from a script to the path of a fake Blender that runs it when it opens a file."""
 
     def make(script: str, version: str = VERSION) -> str:
         path = tmp_path / "program" / "blender"

@@ -1,4 +1,4 @@
-"""A GLB that is changed: what was in it stays, what comes to it is read."""
+"""Editing a GLB file: existing content is kept, and added content can be read."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SQUARE = np.array([(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0)], np.float32)
 
 
 class Meant:
-    """As rayfarm_addon's meshes are: in Blender's axes, with a part for each material."""
+    """A mesh like those of rayfarm_addon: in Blender's axes, with a part for each material."""
 
     positions = SQUARE
     normals = np.tile(np.float32((0, 0, 1)), (4, 1))

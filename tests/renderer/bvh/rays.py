@@ -1,4 +1,4 @@
-"""Many rays through a tree at once, and what numpy finds without one."""
+"""Traces many rays through a tree, and computes the same hits with numpy without one."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _trace(bvh, stack, o, d, t_max, t, primitive, uv, shadow, instance):
 
 
 def trace(bvh: Bvh, o: object, d: object, t_max: object = np.inf) -> Hits:
-    """Rays (n, 3) from o (n, 3) or (3,); d need not be unit."""
+    """Traces rays from o (n, 3) or (3,) in directions d (n, 3), which need not be unit."""
     d = np.ascontiguousarray(d, np.float32).reshape(-1, 3)
     n = len(d)
     # Copies, which may be written into: for arrays that may not the kernel would be compiled once more.
@@ -47,7 +47,7 @@ def trace(bvh: Bvh, o: object, d: object, t_max: object = np.inf) -> Hits:
 
 
 def without_a_tree(position: np.ndarray, triangle: np.ndarray, sphere: np.ndarray, o: object, d: object) -> Hits:
-    """The same primitives' tests with no tree above them: a leaf of its own for every eight."""
+    """Tests all primitives without a tree: leaves of eight, visited one after the other."""
     nearest: Hits | None = None
     for first in range(0, len(triangle), 8):
         hits = trace(build(position, triangle[first : first + 8], NO_SPHERES), o, d)

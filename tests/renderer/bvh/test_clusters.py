@@ -1,4 +1,4 @@
-"""The cells that a tree's top is built over: each primitive in one of them, whoever gathers them, and parts that share none."""
+"""The grid cells over which a tree's top is built: each primitive is in one cell, for any number of threads."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ SOLIDS = 19_000
 
 @pytest.fixture(scope="module")
 def boxes():
-    """(N, 8) rows of boxes.py, flat as a town is, and the box of their doubled centroids."""
+    """Returns (N, 8) rows of boxes.py in a flat layout, and the bounding box of their doubled centroids."""
     rng = np.random.default_rng(2)
     centre = rng.uniform(-1, 1, (COUNT, 3)) * (50, 2, 30)
     half = rng.uniform(0, 0.3, (COUNT, 3))

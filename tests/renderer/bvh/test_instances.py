@@ -1,4 +1,4 @@
-"""Trees within a tree: the same hits as the triangles copied into the world, whatever the transforms."""
+"""Instances: the same hits as triangles copied to world space, for any transforms."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from tests.renderer.bvh.rays import NO_SPHERES, trace, triangles_by_numpy
 
 
 def transforms(rng, n, spread=3.0, mirror=True):
-    """(n, 3, 4): turned, stretched by up to 4, some of them mirrored, and moved."""
+    """Returns (n, 3, 4) transforms: rotated, scaled by up to 4, some mirrored, and translated."""
     matrix = np.linalg.qr(rng.standard_normal((n, 3, 3)))[0] @ (np.exp(rng.uniform(-0.7, 0.7, (n, 3)))[:, :, None] * np.eye(3))
     if not mirror:
         matrix *= np.sign(np.linalg.det(matrix))[:, None, None]
@@ -108,7 +108,7 @@ def test_an_instance_where_it_was_made_is_its_mesh_to_the_bit():
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_no_ray_leaves_a_closed_instance(scale):
-    """Towards vertices, edges, and anywhere, from within instances that are turned, stretched and mirrored."""
+    """Rays from inside rotated, scaled and mirrored instances towards vertices, edges and random points."""
     rng = np.random.default_rng(4)
     mesh = icosphere(2)
     corners = mesh.positions[mesh.triangles]

@@ -1,4 +1,4 @@
-"""Trees over what moves while the shutter is open: nothing of a motion is outside its boxes."""
+"""Trees over moving primitives: their boxes enclose the whole motion while the shutter is open."""
 
 import numpy as np
 import pytest

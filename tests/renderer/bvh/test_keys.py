@@ -1,4 +1,4 @@
-"""The keys that tell in which order a node's children are visited, and a packet's nearest hit, against sorting."""
+"""The sort keys for a node's children and for a packet's nearest hit, compared with sorting."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ ZERO = np.uintp(0)
 
 @entry
 def _visit(distances, limits, order, count):
-    """The lanes below each row's limit, nearest first."""
+    """Returns the lanes below each row's limit, nearest first."""
     for i in range(len(distances)):
         distance = load(distances[i], ZERO)
         keys = ranked(less(distance, load(limits[i], ZERO)), distance)
@@ -77,7 +77,7 @@ def test_the_nearest_hit_is_exact_and_the_first_of_equal_ones():
 
 
 def test_whole_numbers_are_compared_as_such():
-    """As floats, half of these would be NaN."""
+    """Compared as floats, half of these would be NaN."""
     rng = np.random.default_rng(1)
     numbers = rng.integers(-(2**31), 2**31, (1000, LANES)).astype(np.int32)
     number = rng.integers(-(2**31), 2**31, 1000).astype(np.int32)

@@ -1,4 +1,4 @@
-"""Sums over lanes against NumPy, and that a lane can be chosen by them."""
+"""Sums over lanes, compared with NumPy, and the choice of a lane by them."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ def _sums(values, sums, wholes):
 
 
 def test_running_sums_neither_fall_nor_rise_where_a_lane_is_zero():
-    """By the last bit: whoever is chosen by them has a chance."""
+    """Exact to the last bit, so that a lane of weight 0 is never chosen."""
     rng = np.random.default_rng(0)
     values = (rng.random((5000, LANES)) * 10.0 ** rng.integers(-9, 10, (5000, LANES))).astype(np.float32)
     values[rng.random(values.shape) < 0.3] = 0

@@ -1,4 +1,4 @@
-"""A tree of parts: the same hits as one tree over all of it, wherever the parts lie in the arrays."""
+"""A tree assembled from parts: the same hits as one tree over everything, for any order in the arrays."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Bodies that move: their keys, and where they are between them."""
+"""Moving bodies: their keys, and their interpolated transforms."""
 
 import math
 
@@ -20,7 +20,7 @@ def _places(keys, time, out, back):
 
 
 def places(keys, time):
-    """(matrices with translations, their inverses) at times of the shutter."""
+    """Returns (matrices with translations, their inverses) at shutter times."""
     time = np.atleast_1d(np.asarray(time, np.float32))
     out, back = np.empty((len(time), 3, 4)), np.empty((len(time), 3, 4))
     _places(np.ascontiguousarray(keys), time, out, back)
@@ -28,7 +28,7 @@ def places(keys, time):
 
 
 def about(axis, angle):
-    """A rotation, by Rodrigues' formula."""
+    """Returns a rotation matrix by Rodrigues' formula."""
     x, y, z = np.asarray(axis, float) / np.linalg.norm(axis)
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
@@ -52,7 +52,7 @@ def test_a_matrix_is_a_turn_and_a_stretch(squeeze):
 
 
 def test_what_turns_about_an_axis_beside_it_does_so_between_its_keys():
-    """Three quarters of a turn by four keys, mirrored and stretched all the while."""
+    """Three quarters of a turn by four keys, with mirroring and scaling."""
     axis, through, shape = (1, 2, -0.5), np.array([3.0, -1.0, 2.0]), np.diag([1.0, -2.0, 0.5])
 
     def at(share):

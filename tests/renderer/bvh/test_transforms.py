@@ -1,4 +1,4 @@
-"""What becomes of instances' transforms, against numpy's LAPACK."""
+"""Transforms of instances, compared with numpy's LAPACK."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Trees that some rays do not see all of, against trees that never had it."""
+"""Trees with subsets hidden from some kinds of rays, compared with trees built without these."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _trace(bvh, stack, o, d, time, met, blocked):
 
 
 def trace(bvh: Bvh, rays: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """What all rays meet, and the camera's; whether shadow rays are blocked."""
+    """Returns the hits of ordinary rays and of camera rays, and whether shadow rays are occluded."""
     met, blocked = np.empty((len(rays[0]), 2), np.int32), np.empty(len(rays[0]), np.bool_)
     _trace(kept(bvh), new_stack(), *rays, met, blocked)
     return met, blocked
@@ -47,7 +47,7 @@ def laid(bvh: Bvh) -> Laid:
 
 
 def world(seed: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles and spheres."""
+    """Returns random triangles and spheres."""
     random = np.random.default_rng(seed)
     middle = random.uniform(-1, 1, (300, 1, 3))
     position = (middle + random.uniform(-0.2, 0.2, (300, 3, 3))).astype(np.float32).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""What confined readers are made to do in tests."""
+"""Jobs that confined readers run in tests."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _refused(action: Callable[[], Any]) -> bool:
 
 
 def probe(link: Link) -> dict[str, Any]:
-    """What a reader has, and what it is refused."""
+    """Returns what a confined reader can access and what is denied."""
     link.send({"step": "probing"})
     descriptors = [str(path.readlink()) for path in Path("/proc/self/fd").iterdir() if path.is_symlink()]
     status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
@@ -47,7 +47,7 @@ def probe(link: Link) -> dict[str, Any]:
 
 
 def crash(link: Link) -> dict[str, Any]:
-    """Reads address 0."""
+    """Reads address 0, which causes SIGSEGV."""
     return {"read": ctypes.string_at(0)}
 
 
@@ -68,5 +68,5 @@ def slow(link: Link) -> dict[str, Any]:
 
 
 def wrong(link: Link) -> dict[str, Any]:
-    """Finds fault with the scene."""
+    """Raises a SceneError."""
     raise SceneError("truck.glb: the buffer ends early; export it again")

@@ -1,4 +1,4 @@
-"""Confined readers: what they can reach, and what every way to end becomes."""
+"""Confined readers: what they can access, and how each way to end is reported."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_a_reader_that_hangs_is_ended(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("what", [OSError(errno.EMFILE, "Too many open files", "t.png"), RuntimeError("can't start new thread")])
 def test_what_a_machine_lacks_makes_no_file_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: Exception) -> None:
-    """Parsers raise nearly every type on damaged files; these are not among them."""
+    """Parsers raise nearly every exception on damaged files; those for missing resources are reported differently."""
 
     def lacking(*_: Any, **__: Any) -> None:
         raise what

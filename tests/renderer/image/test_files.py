@@ -1,4 +1,4 @@
-"""Pictures written and read back, and image bytes that are not what they say."""
+"""Images written and read back, and damaged image files."""
 
 import io
 
@@ -101,7 +101,7 @@ def test_a_decompression_bomb_is_refused_before_it_is_decoded(monkeypatch):
 
 
 def test_what_pillow_takes_for_a_bomb_is_too_large_and_not_damaged():
-    """A texture of 16384 x 16384 is a good file, and to export it again helps nobody."""
+    """A texture of 16384 x 16384 is a valid file, so the error must not ask to export it again."""
     header = b"VP8X" + (10).to_bytes(4, "little") + bytes(4) + (16383).to_bytes(3, "little") * 2
     webp = b"RIFF" + (4 + len(header)).to_bytes(4, "little") + b"WEBP" + header
     with pytest.raises(SceneError, match=r"too many pixels; at most 64 million fit\. Give a smaller image"):

@@ -1,4 +1,4 @@
-"""Images as programs write them: straight alpha, layers, windows, orientations, wrong suffixes, blocks, many bits."""
+"""Image variants from various programs: straight alpha, layers, windows, orientations, wrong suffixes, blocks, bit depths."""
 
 import io
 import struct
@@ -209,7 +209,7 @@ def test_no_sentence_shows_an_address(name, data):
 
 
 def dds(fourcc, block, dxgi=None):
-    """4 x 4 pixels of one block."""
+    """A DDS file of 4 x 4 pixels in one block."""
     header = struct.pack("<4s7I44x", b"DDS ", 124, 0x81007, 4, 4, len(block), 0, 0)
     header += struct.pack("<II4s5I", 32, 4, fourcc, 0, 0, 0, 0, 0) + struct.pack("<5I", 0x1000, 0, 0, 0, 0)
     if dxgi is not None:

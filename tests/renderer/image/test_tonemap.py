@@ -1,4 +1,4 @@
-"""Tone curves: values worked out by hand from their sources, and what every curve must hold."""
+"""Tone curves: values computed by hand from their sources, and general properties of all curves."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What image files say of their colours, and is not taken over, is named."""
+"""Unsupported colour information in image files is reported."""
 
 import io
 

@@ -36,12 +36,12 @@ def _eval(compiled, surface, layers, wo, wi, f, pdf):
 
 
 def many(vector, n):
-    """(n, 3) float32 of one vector (3,), or of n of them; writable, as a kernel is compiled once more for what is not."""
+    """Returns (n, 3) float32 of one vector (3,) or of n; writable, since read-only arrays would compile another kernel."""
     return np.array(np.broadcast_to(vector, (n, 3)), np.float32, order="C")
 
 
 def facing_up(**fields) -> Surface:
-    """A surface of material 0 at the origin; its numbers are of the types that paths give them, for kernels compiled already."""
+    """A surface of material 0 at the origin, with the field types of real paths, so that compiled kernels are reused."""
     zero, one = np.float32(0), np.float32(1)
     up, nothing = (zero, zero, one), (zero, zero, zero)
     known = {
@@ -77,7 +77,7 @@ class Subject:
 
 
 def tilted(degrees, turn=0.7):
-    """A unit vector, so far from z."""
+    """Returns a unit vector at that angle from z."""
     a = np.radians(degrees)
     return np.array((np.sin(a) * np.cos(turn), np.sin(a) * np.sin(turn), np.cos(a)))
 

@@ -1,4 +1,4 @@
-"""Cameras by what is known of them: scale, the blur of a lens, what a panorama shows where."""
+"""Cameras: scale, depth of field, and directions of panoramas."""
 
 import json
 import math
@@ -29,7 +29,7 @@ def _rays(camera, x, y, u, v, out):
 
 
 def rays(view, x, y, u=0.5, v=0.5, width=64, height=48):
-    """(origins, directions) of film points."""
+    """Returns (origins, directions) of film points."""
     columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(c, np.float32)) for c in (x, y, u, v)))
     out = np.empty((columns[0].size, 6), np.float32)
     _rays(camera_frame(RenderSettings(width, height, view)), *(np.ascontiguousarray(c) for c in columns), out)
@@ -199,7 +199,7 @@ def over_the_shutter(views, width=64, height=48):
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic", "panorama"])
 def test_a_camera_that_goes_around_goes_around_between_its_keys(projection):
-    """Half a turn by three keys; a chord would cut through what it goes around."""
+    """Half a turn by three keys; linear interpolation would cut through the circle."""
     start = View(**TILTED, aperture=0.1, projection=projection)
     time, found = over_the_shutter(tuple(orbit(start, turns) for turns in (0.0, 0.25, 0.5)))
     for share, ray in zip(time, found, strict=True):

@@ -1,4 +1,4 @@
-"""Rows read at once are what indexing gives."""
+"""Whole rows read by `row` and `columns`, compared with indexing."""
 
 import numpy as np
 

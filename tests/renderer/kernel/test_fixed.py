@@ -1,4 +1,4 @@
-"""The film's fixed point in kernels: exact, of one value and of eight."""
+"""The film's fixed point in kernels: exact, for one value and for eight lanes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _fixed(values, scale, eight, one):
 
 
 def values(exponent: int) -> npt.NDArray[np.float32]:
-    """Both signs, from denormals to beyond what a sample may be; ties; and what lies beside them."""
+    """Values of both signs, from denormals to above the sample limit; ties and their neighbours."""
     random = np.random.default_rng(exponent)
     quantum = 2.0**-exponent
     magnitudes = 2.0 ** random.uniform(-150, 20, 20_000)

@@ -1,4 +1,4 @@
-"""Which way a pixel looks, by the service: as the kernel's camera has it. Not among the tests of what knows no kernels."""
+"""The service's pixel directions, compared with the kernel's camera."""
 
 from __future__ import annotations
 

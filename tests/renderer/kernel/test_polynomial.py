@@ -1,4 +1,4 @@
-"""Our own elementary functions against numpy's in double precision, over the ranges they state."""
+"""The elementary functions compared with numpy's in float64, over their stated ranges."""
 
 import math
 

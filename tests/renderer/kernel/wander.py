@@ -1,4 +1,4 @@
-"""Rays sent from surface to surface: to see whether any leaves a closed room, or meets the surface that it starts from."""
+"""Rays traced from surface to surface, to find any that leave a closed room or hit the surface they start from."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _wander(scene, stack, o, d, u, bounces):
 
 
 def wander(scene: CompiledScene, o: np.ndarray, count: int, bounces: int, seed: int = 0) -> np.ndarray:
-    """How often each of `count` paths from o (3,) bounced before it met nothing; `bounces` where it never did."""
+    """Returns how often each of `count` paths from o (3,) bounced before a miss; `bounces` if it never missed."""
     rng = np.random.default_rng(seed)
     d = rng.standard_normal((count, 3))
     d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)

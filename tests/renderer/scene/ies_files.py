@@ -1,4 +1,4 @@
-"""IES profiles made for tests, and what is found in them."""
+"""IES profiles made for tests, and lookups in them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sample files as another program writes them: a toy by trimesh's exporters, whose habits are not those of our own builders."""
+"""Sample files written by another program: a toy by trimesh's exporters, which differ from the tests' own builders."""
 
 import io
 import zipfile

@@ -1,4 +1,4 @@
-"""Untrusted files: only SceneError may come out, with a sentence that names the file; nothing outside is ever opened."""
+"""Untrusted files: only SceneError is raised, with a sentence that names the file; no file outside is ever opened."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Small files that say a great deal: each ends soon, in a scene or in a sentence."""
+"""Small files that expand enormously: each ends soon, in a scene or an error sentence."""
 
 import gzip
 import json

@@ -1,4 +1,4 @@
-"""Our own shot, scenes/caterpillar: the files are those of its script, and what should move does."""
+"""The shot scenes/caterpillar: its files match the script that generates them, and it moves as intended."""
 
 import io
 import json

@@ -1,4 +1,4 @@
-"""Descriptions compiled: what the kernel reads is what the author meant."""
+"""Compilation of scene descriptions to the arrays that kernels read."""
 
 from dataclasses import replace
 

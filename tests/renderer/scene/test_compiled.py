@@ -1,4 +1,4 @@
-"""A compiled scene on disk: to the bit, mapped and not copied, and never trusted."""
+"""Compiled scenes on disk: identical bits, memory-mapped, and validated before use."""
 
 import json
 import mmap

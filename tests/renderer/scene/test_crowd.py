@@ -1,4 +1,4 @@
-"""What is made of many small meshes at once is what is made of each by itself, to the bit."""
+"""Many small meshes compiled at once equal each compiled by itself, to the bit."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Names and numbers in the encodings and spellings of the world."""
+"""Names and numbers in various text encodings and notations."""
 
 import unicodedata
 

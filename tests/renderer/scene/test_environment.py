@@ -1,4 +1,4 @@
-"""What of an environment is left to surfaces to find: the part without contrast."""
+"""The part of an environment that is left to BSDF sampling: the part without contrast."""
 
 from __future__ import annotations
 

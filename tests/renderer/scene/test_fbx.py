@@ -1,4 +1,4 @@
-"""FBX: Blender's own file against what Blender says of its scene, and files in text as other programs write them."""
+"""FBX: Blender's file compared with Blender's own values, and text files as other programs write them."""
 
 import json
 import math

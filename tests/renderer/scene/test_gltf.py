@@ -1,4 +1,4 @@
-"""glTF: every way its arrays, hierarchy and materials can be written."""
+"""glTF: all ways to write arrays, hierarchy and materials."""
 
 import base64
 import io

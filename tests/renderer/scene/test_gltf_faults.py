@@ -1,4 +1,4 @@
-"""glTF files with an unusable part: the rest is shown, and the part is counted in a warning."""
+"""glTF files with an unusable part: the rest is rendered, and a warning counts the part."""
 
 import struct
 

@@ -1,4 +1,4 @@
-"""glTF: what hangs on its nodes: meshes, instances, cameras, lights, names."""
+"""glTF nodes with meshes, instances, cameras, lights and names."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""glTF files that are packed: buffer views by meshopt, pictures as KTX2 and AVIF."""
+"""Compressed glTF files: buffer views by meshopt, images as KTX2 and AVIF."""
 
 import base64
 import io

@@ -1,4 +1,4 @@
-"""Which meshes are kept once, and what the compiled scene holds of them."""
+"""Which meshes are instanced, and the compiled scene's data for them."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is kept between moments: given again for the same key, made anew for another, forgotten when nobody asks."""
+"""The cache between frames: returns the value for the same key, recomputes for another, and drops unused entries."""
 
 import numpy as np
 

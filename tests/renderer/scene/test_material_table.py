@@ -1,4 +1,4 @@
-"""The table of a material's parameters is all that one needs: checks, packing, the schema and the readers follow it."""
+"""The table of material parameters as the single source for checks, packing, schema and readers."""
 
 from __future__ import annotations
 

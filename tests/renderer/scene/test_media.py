@@ -1,4 +1,4 @@
-"""Which medium is inside of which material, and what a file may say of media."""
+"""The interior medium of each material, and the accepted media fields of a scene file."""
 
 from __future__ import annotations
 

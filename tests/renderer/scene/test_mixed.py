@@ -1,4 +1,4 @@
-"""Two materials as one. Pictures of mixtures: tests/peers/test_mitsuba_walls.py."""
+"""Mixtures of two materials as one. Rendered mixtures: tests/peers/test_mitsuba_walls.py."""
 
 from dataclasses import replace
 

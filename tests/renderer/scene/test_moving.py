@@ -1,4 +1,4 @@
-"""What is known to move, from the file alone, and how the compiled scene keeps it apart from what stands still."""
+"""Detection of moving parts from the file, and their separation from static parts in the compiled scene."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""MTL: what exporters write becomes the nearest physical surface."""
+"""MTL: exporters' materials become the nearest physical surface."""
 
 import io
 

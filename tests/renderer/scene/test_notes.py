@@ -1,4 +1,4 @@
-"""What a scene's warnings say is so: nothing of surfaces that another material replaces, nothing of light that is replaced."""
+"""A scene's warnings are accurate: none for materials or lights that are replaced."""
 
 import json
 

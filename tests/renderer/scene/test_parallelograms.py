@@ -1,4 +1,4 @@
-"""Which triangles become one lamp, and that its row says where it is."""
+"""Pairing of triangles into parallelogram lights, and their rows."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A compiled scene in parts: the same arrays as it was saved from, what is shared written once, what is damaged found."""
+"""A compiled scene stored in parts: the arrays are restored, shared ones written once, and damage is detected."""
 
 import json
 

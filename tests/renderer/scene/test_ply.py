@@ -1,4 +1,4 @@
-"""PLY: what stands beside positions, by the names that programs give it."""
+"""PLY: vertex attributes besides positions, by the names that programs use."""
 
 import struct
 

@@ -1,4 +1,4 @@
-"""Environments by name: how much light they give, from where, and that each can be had."""
+"""Environment presets: their irradiance and direction, and that each is available."""
 
 import numpy as np
 import pytest

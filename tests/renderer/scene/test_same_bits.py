@@ -1,4 +1,4 @@
-"""What moves has the same bits whatever BLAS and whatever of numpy's loops a processor gets."""
+"""Moving geometry has the same bits for any BLAS and any numpy code path of the processor."""
 
 import hashlib
 import os

@@ -1,4 +1,4 @@
-"""Concave faces and seams between materials in formats that other libraries read."""
+"""Concave faces and material boundaries in formats read by other libraries."""
 
 import numpy as np
 import pytest

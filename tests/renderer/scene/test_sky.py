@@ -1,4 +1,4 @@
-"""The sky and its sun: plausible by day and at dusk, and every number of it does what it says."""
+"""The sky and its sun: plausible by day and at dusk, and each parameter has its effect."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Textures that move while the shutter is open: as files say it, and as readers share them."""
+"""Textures that move while the shutter is open, in files and readers."""
 
 from __future__ import annotations
 

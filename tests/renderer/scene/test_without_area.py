@@ -1,4 +1,4 @@
-"""Emissive triangles that have no area: they give no light and stop no scene from rendering."""
+"""Emissive triangles without an area: they emit nothing and do not prevent rendering."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Our scene files: what they say is what is read, and what is wrong is said with line and field."""
+"""Rayfarm's scene files: values are read as written, and errors name line and field."""
 
 import numpy as np
 import pytest

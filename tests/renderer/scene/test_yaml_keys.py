@@ -1,4 +1,4 @@
-"""Scene files that move: any value may have keys, and is at each time what is worked out here by hand."""
+"""Scene files with motion: any value may have keys, and its value at each time matches a computation by hand."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A formula of eight lanes and of each lane alone: what both runs give, side by side."""
+"""Evaluates a formula for eight lanes and for each lane alone, side by side."""
 
 from __future__ import annotations
 

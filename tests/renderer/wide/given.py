@@ -1,4 +1,4 @@
-"""What formulas are given: random numbers, and what is rare or an end among them."""
+"""Inputs for formulas: random numbers, with rare and extreme values among them."""
 
 import numpy as np
 

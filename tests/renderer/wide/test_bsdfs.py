@@ -1,4 +1,4 @@
-"""BSDFs, which are written once, give eight lanes what they give each lane alone."""
+"""BSDFs give the same results for eight lanes as for each lane alone."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from tests.renderer.wide.given import SMALL, N, directions, square
 
 
 def roughnesses(rng, n=N):
-    """Of mirrors too smooth for float32, and beyond 1, among many."""
+    """Random roughnesses, some too smooth for float32, some above 1."""
     roughness = rng.random(n)
     roughness[:8] = 0, 0, 1e-4, 0.02, 1, 1, 1.25, 0.5
     return roughness

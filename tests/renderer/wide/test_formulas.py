@@ -1,4 +1,4 @@
-"""Formulas that are written once give eight lanes what they give each lane alone."""
+"""Formulas give the same results for eight lanes as for each lane alone."""
 
 from functools import partial
 from typing import NamedTuple

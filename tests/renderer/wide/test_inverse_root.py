@@ -1,4 +1,4 @@
-"""The rough 1 / sqrt(x), against NumPy's."""
+"""The approximate 1 / sqrt(x), compared with NumPy's."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Scalar functions lane by lane: called for the lanes that are wanted, and for one path as any other function."""
+"""Scalar functions called lane by lane for the selected lanes, and for a single path like any other function."""
 
 import numpy as np
 

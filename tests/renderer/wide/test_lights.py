@@ -1,4 +1,4 @@
-"""Light is sampled for eight points as for each alone: the same lights and texels, numbers to a few units in the last place."""
+"""Light sampling for eight points equals that for each alone: the same lights and texels, numbers within a few ulps."""
 
 import functools
 

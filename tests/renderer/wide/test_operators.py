@@ -1,4 +1,4 @@
-"""What operators and choices mean for eight lanes, and for one number, against numpy."""
+"""Operators and selections on eight lanes and on single numbers, compared with numpy."""
 
 import math
 

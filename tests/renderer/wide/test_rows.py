@@ -1,4 +1,4 @@
-"""Rows of memory, read and written eight at a time, against numpy's indexing."""
+"""Rows of memory read and written for eight lanes, compared with numpy's indexing."""
 
 import numpy as np
 import pytest

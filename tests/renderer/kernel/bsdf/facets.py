@@ -1,7 +1,7 @@
-"""A random walk over the facets of a Smith-GGX surface: what truly becomes of light that it scatters more than once.
+"""A random walk over the facets of a Smith-GGX surface: the reference for multiple scattering.
 
-Heitz, Hanika, d'Eon & Dachsbacher, "Multiple-Scattering Microfacet BSDFs with the Smith Model" (2016), in numpy and double
-precision, apart from the renderer. Facets are perfect mirrors, heights uniform between -1 and 1.
+Heitz, Hanika, d'Eon & Dachsbacher, "Multiple-Scattering Microfacet BSDFs with the Smith Model" (2016), in numpy and float64,
+independent of the renderer. Facets are perfect mirrors, heights uniform between -1 and 1.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ BOUNCES = 200
 
 
 def smith_lambda(w: F64, alpha: float) -> F64:
-    """Lambda of directions above and below the horizon."""
+    """Returns Smith's Lambda for directions above and below the horizon."""
     sine = np.sqrt(np.maximum(1 - w[:, 2] ** 2, 1e-20))
     slope = w[:, 2] / (alpha * sine)
     return np.asarray((np.copysign(np.sqrt(1 + slope**-2.0), slope) - 1) / 2)
 
 
 def visible_normals(w: F64, alpha: float, u: F64) -> F64:
-    """Facet normals by the area that w sees of them, by spherical caps (Dupuy & Benyoub 2023); w may be below the horizon."""
+    """Samples the normals visible from w by spherical caps (Dupuy & Benyoub 2023); w may be below the horizon."""
     v = w * (alpha, alpha, 1)
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     z = (1 - u[:, 0]) * (1 + v[:, 2]) - v[:, 2]
@@ -34,7 +34,7 @@ def visible_normals(w: F64, alpha: float, u: F64) -> F64:
 
 
 def walk(wo: F64, alpha: float, count: int, seed: int = 0) -> tuple[F64, npt.NDArray[np.int64]]:
-    """Where `count` rays leave the surface that come from wo: (directions (count, 3), facets met by each)."""
+    """Traces `count` rays from direction wo over the facets: (exit directions (count, 3), number of facets hit by each)."""
     rng = np.random.default_rng(seed)
     out, facets = np.tile(np.asarray(wo, np.float64), (count, 1)), np.zeros(count, np.int64)
     going = np.arange(count)

@@ -1,4 +1,4 @@
-"""Every material: samples follow their density, weights are eval over density, light is neither made nor directed."""
+"""All materials: samples follow their density, weights equal eval over density, energy is conserved, and BSDFs are reciprocal."""
 
 import itertools
 from dataclasses import replace
@@ -66,7 +66,7 @@ def subjects():
 
 
 def sphere(n, seed):
-    """Directions all round, none nearly horizontal."""
+    """Random directions, none nearly horizontal."""
     w = hemisphere(n, seed)
     w[::2, 2] *= -1
     return w
@@ -99,7 +99,7 @@ def test_samples_follow_their_density(subjects, name, front, degrees):
 @grid("degrees", ANGLES, ordinary=(80,))
 @grid("name", ["metal", "coat", "glass", "conductor"], ordinary=("coat", "conductor"))
 def test_a_sharp_lobe_follows_its_density(name, degrees):
-    """Roughness 0.1, alpha 0.01: its directions are binned about the lobe's middle, in steps of the lobe's own width."""
+    """Roughness 0.1, alpha 0.01: directions are binned about the lobe's centre, in steps of its width."""
     sharp = {
         "metal": principled(metallic=1.0, roughness=0.1),
         "coat": principled(base_color=(0.0, 0.0, 0.0), specular=0.0, clearcoat=1.0, clearcoat_roughness=0.1),
@@ -148,7 +148,7 @@ def test_a_samples_weight_is_eval_over_density(subjects, name, front):
 
 
 def assert_reciprocal(material, wo, wi, name=""):
-    """f(wo, wi) = f(wi, wo); through a boundary, after undoing the squeeze of radiance, with the sides exchanged."""
+    """Asserts f(wo, wi) = f(wi, wo); through a boundary with the sides exchanged, and without the radiance scale."""
     through = wi[:, 2] < 0
     refracts = material.transmission > 0 or material.kind == "glass"
     if refracts and material.diffuse_transmission > 0:  # what both scatter below is squeezed in one of them only
@@ -279,7 +279,7 @@ BRUSHED = [
 
 
 def furnaces():
-    """What is brushed, how, and whence it is seen: the corners always, what lies between them with --long."""
+    """Parameters of brushed materials and view directions: extremes always, values between them with --long."""
     for what, *place in itertools.product(BRUSHED, (0.5, 0.8, 1.0), (0.15, 0.35, 0.7), (0, 60, 80, 86), (0, 45, 90)):
         between = any(at in inner for at, inner in zip(place, ((0.5, 0.8), (0.35,), (0, 60, 86), (45,)), strict=True))
         yield pytest.param(what, *place, marks=pytest.mark.long if between else (), id=str((what, *place)))
@@ -287,7 +287,7 @@ def furnaces():
 
 @pytest.mark.parametrize(("what", "anisotropy", "roughness", "degrees", "turn"), list(furnaces()))
 def test_white_and_brushed_in_a_white_furnace(what, anisotropy, roughness, degrees, turn):
-    """Seen along the grooves, across them and between, where they lose the least light to themselves and the most."""
+    """Seen along the grooves, across them and between, where single scattering loses least and most."""
     n = 40_000
     brushed = principled(base_color=WHITE, roughness=roughness, anisotropy=anisotropy, **what)
     _, weight, _, scale = Subject(brushed).sample(tilted(degrees, np.radians(turn)), n)
@@ -327,7 +327,7 @@ def test_mirror():
 
 
 def fresnel(cosine, eta):
-    """Unpolarised reflectance in double precision, by Snell's angle and the tangent and sine laws; complex for metals."""
+    """Returns the unpolarised reflectance in float64, by Snell's law and the tangent and sine laws; complex for metals."""
     a = np.arccos(cosine + 0j)
     b = np.arcsin(np.sin(a) / eta)
     return float(0.5 * (abs(np.sin(a - b) / np.sin(a + b)) ** 2 + abs(np.tan(a - b) / np.tan(a + b)) ** 2))

@@ -1,4 +1,4 @@
-"""The GGX distribution against values in double precision, and the tables of its albedo against what makes them."""
+"""The GGX distribution compared with float64, and the albedo tables compared with their generator."""
 
 import math
 
@@ -28,7 +28,7 @@ DEGREES = (0, 45, 60, 80, 85)
 
 @entry
 def _values(alpha, angles, out):
-    """D of a normal tilted by each angle, G1 of a direction tilted so, and the density with which that sees the normal z."""
+    """Writes for each tilt angle D of the normal, G1 of the direction, and the pdf of the visible normal z."""
     for i in range(len(angles)):
         w = (np.float32(np.sin(angles[i])), np.float32(0), np.float32(np.cos(angles[i])))
         up = (np.float32(0), np.float32(0), np.float32(1))
@@ -45,7 +45,7 @@ def _albedos(cosine, roughness, out):
 
 
 def test_distribution_and_masking_at_alpha_0_1():
-    """By the tangents that Walter et al. 2007 write them with (equations 33 and 34)."""
+    """Compared with Walter et al. 2007, equations 33 and 34, written with tangents."""
     found = np.empty((len(DEGREES), 3), np.float32)
     _values(np.float32(0.1), np.radians(DEGREES), found)
     for row, degrees in zip(found, DEGREES, strict=True):
@@ -68,7 +68,7 @@ def _beckmann(alpha, angles, out):
 
 @pytest.mark.parametrize("alpha", [0.1, 0.5, 1.0])
 def test_distribution_and_masking_of_beckmann(alpha):
-    """By equation 25 of Walter et al. 2007, and the exact masking before their fit (equation 26)."""
+    """Compared with equation 25 of Walter et al. 2007, and exact masking instead of their fit (equation 26)."""
     found = np.empty((len(DEGREES), 2), np.float32)
     _beckmann(np.float32(alpha), np.radians(DEGREES), found)
     for row, degrees in zip(found, DEGREES, strict=True):
@@ -86,7 +86,7 @@ def test_a_white_microfacet_mirror_scatters_once_what_is_known():
 
 @pytest.mark.long
 def test_the_tables_are_what_makes_them():
-    """Every node of the microfacets', some of the sheen's, and both tables' last row."""
+    """All nodes of the microfacet table, some of the sheen's, and the last row of both."""
     np.testing.assert_allclose(np.load(table_path("ggx_albedo")), ggx_table(), atol=2e-6)
     table = np.load(table_path("sheen_albedo"))
     for i, j in np.random.default_rng(3).integers(6, SIZE, (60, 2)):
@@ -96,7 +96,7 @@ def test_the_tables_are_what_makes_them():
 
 @pytest.mark.parametrize(("name", "distribution"), [("brushed_albedo", "ggx"), ("beckmann_albedo", "beckmann")])
 def test_the_table_of_brushed_surfaces_is_what_makes_it(name, distribution):
-    """Some of its nodes, and all of its means."""
+    """Some nodes, and all means."""
     table = np.load(table_path(name))
     rng = np.random.default_rng(4)
     for index in zip(*(rng.integers(0, nodes, 80) for nodes in BRUSHED_NODES), strict=True):

@@ -1,4 +1,4 @@
-"""That a model is whole: docs/architecture.md, "To add X, touch Y", as a test."""
+"""Completeness of BSDF models: docs/architecture.md, "To add X, touch Y", as a test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""White rough metal beside a random walk over its facets: the tables' single scattering, and where the rest of the light goes."""
+"""White rough metal compared with a random walk over its facets: single scattering, and directions of multiple scattering."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_what_facets_scatter_once_is_what_the_tables_say(alpha, cosine):
 
 @grid("alpha", FARTHEST, ordinary=(0.5,))
 def test_light_scattered_more_than_once_goes_about_where_the_walk_takes_it(alpha):
-    """Our lobe for it has no direction of its own, the walk's leans forward: this holds how much that makes."""
+    """The model's lobe is diffuse, the walk's is biased forwards: bounds the difference."""
     white = Subject(
         Material(kind="metallic_roughness", base_color=(1.0, 1.0, 1.0), metallic=1.0, roughness=float(np.sqrt(alpha)))
     )

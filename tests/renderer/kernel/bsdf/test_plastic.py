@@ -1,4 +1,4 @@
-"""Rough plastic against Mitsuba 3.9's roughplastic: reflectance under even light, evaluated there by the same quadrature."""
+"""Rough plastic compared with Mitsuba 3.9's roughplastic: reflectance under constant light, by the same quadrature."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def test_a_coat_of_the_index_of_air_takes_only_what_its_facets_mask():
 
 @pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
 def test_the_table_of_coats_is_what_makes_it(distribution):
-    """Some of its nodes."""
+    """Some nodes of the table."""
     table = np.load(table_path(f"{distribution}_coat"))
     bends, roughnesses, cosines = COAT_NODES
     heights = np.maximum((np.arange(cosines) / (cosines - 1)) ** 2, 1e-4)
@@ -80,7 +80,7 @@ def _plastic(distribution, alpha, nonlinear):
 
 
 def _quadrature():
-    """(directions (N, 3), their weights by solid angle)."""
+    """Returns (directions (N, 3), weights by solid angle)."""
     node, share = np.polynomial.legendre.leggauss(_COSINES)
     z, turn = np.meshgrid((node + 1) / 2, (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS * 2 * np.pi, indexing="ij")
     r = np.sqrt(1 - z * z)

@@ -1,4 +1,4 @@
-"""Aiming at a target: directions follow the density that is said of them, from outside, from inside, and from edge on."""
+"""Sampling towards targets: directions follow the stated density, from outside, from inside, and edge on."""
 
 import numpy as np
 import pytest

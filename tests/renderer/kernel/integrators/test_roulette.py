@@ -1,4 +1,4 @@
-"""The chance with which paths go on. That none of them bends a picture is what test_strategies.py and the furnaces look at."""
+"""Survival probabilities of Russian roulette. Unbiasedness is tested in test_strategies.py and by the furnace tests."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ ROOM = scene([emitter(1.0)], spheres=(Sphere((0, 0, 0), 1.0),))
 
 @entry
 def _follow(weights, eta2, options, chances):
-    """A path along vertices that pass on these weights: with which chance it goes on from each."""
+    """Returns the survival probability at each vertex of a path with these weights."""
     worth, left = np.float32(1.0), np.float32(1.0)
     for k in range(len(weights)):
         weight = weights[k], np.float32(0.5) * weights[k], np.float32(0.0)
@@ -49,7 +49,7 @@ def test_a_dark_first_vertex_is_no_reason_to_end(first):
 
 
 def test_radiance_that_is_thinner_in_glass_is_worth_as_much():
-    """Into glass of eta 1.5 at the second vertex, out of it at the fifth."""
+    """Enters glass of eta 1.5 at the second vertex and leaves it at the fifth."""
     square = 1.5**2
     found = chances(0.8, 1 / square, 0.5, 0.5, square, 0.9, eta2=[1, square, 1, 1, 1 / square, 1])
     assert found == pytest.approx(chances(0.8, 1.0, 0.5, 0.5, 1.0, 0.9), rel=1e-6)

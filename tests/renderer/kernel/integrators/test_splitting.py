@@ -1,4 +1,4 @@
-"""Paths that go on from their first vertex in two branches: less noise, the same picture."""
+"""Path splitting at the first vertex: less noise, the same picture."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ VIEW = ((0, 2, 6), (0, 0.8, 0), 30)
 
 
 def _both(compiled, asked: RenderSettings, spp: int) -> list[tuple[float, float]]:
-    """(mean, standard error) with one branch and with two."""
+    """Returns (mean, standard error) without and with splitting."""
     asked = replace(asked, sampler="independent")
     return [mean_and_error(render_frame(compiled, replace(asked, splitting=n, seed=n), spp)) for n in (1, 2)]
 
@@ -58,7 +58,7 @@ def test_the_mean_is_that_of_one_branch_where_a_sun_stands_in_the_sky() -> None:
 
 
 def _sunny():
-    """Matt, glossy and metal balls, and a lamp, under a sky with its sun."""
+    """Diffuse, glossy and metal balls, and a lamp, under a sky with its sun."""
     materials = [
         Material(base_color=gray(0.5)),
         Material(kind="metallic_roughness", base_color=gray(0.8), roughness=0.3),
@@ -69,7 +69,7 @@ def _sunny():
 
 
 def test_a_convex_thing_in_an_even_sky_is_as_bright_as_it_reflects() -> None:
-    """In closed form: a matt ball of 0.6 in a sky of 1 sends 0.6, each sample of it, to the last bits."""
+    """In closed form: each sample of a diffuse ball of albedo 0.6 in a sky of 1 is 0.6, except for rounding."""
     ball = scene([Material(base_color=gray(0.6))], spheres=(Sphere((0, 0, 0), 1.0),), environment=1.0)
     asked = RenderSettings(4, 4, View((0, 0, 4), (0, 0, 0), fov=10.0), max_depth=8)
     for count in (1, 2):
@@ -79,7 +79,7 @@ def test_a_convex_thing_in_an_even_sky_is_as_bright_as_it_reflects() -> None:
 
 
 def _noise_and_rays(compiled, asked: RenderSettings, spp: int) -> tuple[float, int]:
-    """Of eight pictures with other numbers: the variance between them, and the rays of all."""
+    """Returns the variance between eight pictures with different seeds, and their total number of rays."""
     stats = RenderStats()
     pictures = [mean(render_frame(compiled, replace(asked, seed=s), spp, stats=stats), asked.film_exponent) for s in range(8)]
     return float(np.var(pictures, axis=0).mean()), stats.rays
@@ -87,7 +87,7 @@ def _noise_and_rays(compiled, asked: RenderSettings, spp: int) -> tuple[float, i
 
 @pytest.mark.parametrize("name", ["a sky's picture", "a room"])
 def test_there_is_less_noise_by_more_than_it_costs_in_rays(name: str) -> None:
-    """Of light that comes over other surfaces, and of the sky's."""
+    """For indirect light, and for light of the sky."""
     compiled, asked = (_room(), settings((0, 1, 2.9), (0, 0, 0), 25, size=16)) if name == "a room" else made(name)
     (noise, rays), (less, more) = (_noise_and_rays(compiled, replace(asked, splitting=count), 16) for count in (1, 2))
     assert rays < more < 1.9 * rays
@@ -95,7 +95,7 @@ def test_there_is_less_noise_by_more_than_it_costs_in_rays(name: str) -> None:
 
 
 def _room():
-    """Closed, with a lamp below its ceiling, which the camera does not see."""
+    """A closed room with a lamp below its ceiling, outside the camera's view."""
     walls = (
         square((0, 0, 1), (1, 0, 0), (0, 0, -2), 0),
         square((0, 2, 1), (1, 0, 0), (0, 0, 2), 0),
@@ -127,7 +127,7 @@ def test_strategies_that_are_compared_do_not_split(sampling: str) -> None:
 
 
 def test_metal_that_is_brushed_and_not_rough_reflects_the_sky_whoever_looks_for_it() -> None:
-    """Its lobe is wide along the scratches alone: light sampling must look for what a weighed direction leaves to it."""
+    """The lobe is wide only along the scratches, so light sampling must contribute its share under MIS."""
     metal = Material(kind="conductor", eta=(0.2, 0.4, 1.4), k=(4.0, 2.4, 1.6), roughness=0.0, anisotropy=0.8)
     sky = Environment(sky=Sky(sun_elevation=30.0, sun=False))
     compiled = scene([metal], spheres=(Sphere((0, 0.8, 0), 0.8, 0),), environment=sky)
@@ -138,7 +138,7 @@ def test_metal_that_is_brushed_and_not_rough_reflects_the_sky_whoever_looks_for_
 
 
 def test_several_light_samples_and_the_balance_heuristic_agree_with_it() -> None:
-    """The kernel for one path at a time has it too."""
+    """The single-path kernel supports splitting as well."""
     compiled, asked = made("a sky's picture")
     asked = replace(asked, sampler="independent")
     (expected, its_error) = mean_and_error(render_frame(compiled, replace(asked, splitting=1), 256))

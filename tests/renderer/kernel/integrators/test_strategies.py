@@ -1,4 +1,4 @@
-"""Ways to find light and to end paths: they differ in noise, never in the picture."""
+"""Light sampling strategies and path termination: they differ in noise, never in the expected picture."""
 
 import math
 from dataclasses import replace
@@ -19,7 +19,7 @@ VIEW = ((0, 2, 6), (0, 0.8, 0), 30)
 
 
 def room(environment):
-    """Diffuse, glossy, mirror and glass things under a square, a sphere and a sky: large lights, for all strategies to meet."""
+    """Diffuse, glossy, mirror and glass objects under a square, a sphere and a sky: large lights that all strategies can hit."""
     materials = [
         Material(base_color=(0.7, 0.6, 0.5)),
         Material(kind="metallic_roughness", base_color=(0.9, 0.6, 0.3), metallic=0.7, roughness=0.6),
@@ -93,7 +93,7 @@ def test_roulette_of_any_probability_is_unbiased(roulette, sampling):
 @pytest.mark.long
 @pytest.mark.parametrize("floor", [0.15, 0.5, MAX_FLOOR])
 def test_roulette_with_a_floor_is_unbiased_and_follows_dark_paths_further(floor):
-    """Reflectance 0.1: by throughput alone hardly a path goes on after three bounces."""
+    """Reflectance 0.1: by throughput alone few paths would survive three bounces."""
     furnace = scene([emitter(0.9, 0.1, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     asked = settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=200, roulette_floor=floor, sampler="independent")
     counts = RenderStats(), RenderStats()
@@ -120,7 +120,7 @@ def test_both_heuristics_and_all_choices_of_lights_give_one_mean(lit_room):
 
 
 def test_the_heuristics_weigh_otherwise():
-    """Else the one before would compare a picture with itself."""
+    """Otherwise the test before would compare a picture with itself."""
     made = room(0.5)
     pictures = [render_frame(made, settings(*VIEW, size=8, heuristic=name), 4)[COLOR] for name in HEURISTICS]
     assert (pictures[0] != pictures[1]).any()

@@ -1,4 +1,4 @@
-"""Whitted's ray tracing and ambient occlusion, against what they are in closed form."""
+"""Whitted ray tracing and ambient occlusion, compared with closed forms."""
 
 import math
 

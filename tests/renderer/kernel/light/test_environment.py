@@ -1,4 +1,4 @@
-"""Light from infinitely far: its image stands as described, and its tables choose what they say."""
+"""Environments: orientation of the image, and sampling by its tables."""
 
 import functools
 
@@ -50,7 +50,7 @@ def _without_sky():
 
 
 class Sky:
-    """An environment's tables, and the kernel's functions over them."""
+    """An environment's tables with the kernel functions that use them."""
 
     def __init__(self, pixels, rotation=0.0):
         description = SceneDescription(images=[Image("sky", np.asarray(pixels, np.float32), srgb=False)])
@@ -77,7 +77,7 @@ class Sky:
         return self._run(1, direction)[0]
 
     def texel(self, direction):
-        """(row, column) by double precision."""
+        """Returns (row, column) of a direction in float64."""
         height, width = self.radiance.shape[:2]
         x, y, z = np.asarray(direction, float).T
         turned = np.arctan2(x, -z) + self.rotation  # counter-clockwise, seen from above, is towards the image's left
@@ -96,7 +96,7 @@ def solid_angles(height, width):
 
 @grid("rotation", [0.0, 77.0, -160.0], ordinary=(-160.0,))
 def test_samples_fall_on_texels_as_the_density_says(rotation):
-    """Chi-squared over the texels themselves, within which the density is constant; so is that over their quarters."""
+    """Chi-squared over the texels, within which the density is constant, and over their quarters."""
     sky = Sky(random_sky(), rotation)
     direction, pdf = sky.sample()
     np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1, atol=1e-6)
@@ -129,7 +129,7 @@ def test_the_density_exceeds_zero_where_the_sky_exceeds_its_mean():
 
 @grid("height", [1, 2, 64, 1024, 4096, 16384], ordinary=(1, 64))
 def test_every_row_of_a_tall_image_has_its_solid_angle(height):
-    """Near the poles of a 16k image cosines differ by 1e-8: less than float32 tells, if they are subtracted."""
+    """Near the poles of a 16k image cosines differ by 1e-8, below float32's precision if they are subtracted."""
     pixels = np.zeros((height, 2, 3), np.float32)
     rows = np.unique(np.clip(np.r_[0:4, height // 3, height // 2, height - 4 : height], 0, height - 1))
     for row in rows:
@@ -166,7 +166,7 @@ def test_radiance_is_bilinear_between_texels(rotation):
 
 @pytest.mark.parametrize("d", [(0, 1, 0), (0, -1, 0), (0, 0, 1), (-0.0, 0, 1), (0, 0, -1), (np.nan,) * 3, (0, 1.0000001, 0)])
 def test_every_direction_has_a_density(d):
-    """The poles, the seam, and what is no direction: nothing reads outside the tables."""
+    """The poles, the seam and invalid directions: nothing reads outside the tables."""
     sky = Sky(random_sky())
     assert sky.pdf([d])[0] >= 0
     assert np.isfinite(sky.at([d])).all() or np.isnan(d).any()
@@ -185,7 +185,7 @@ def test_choose_finds_the_interval_and_skips_what_is_empty():
 
 
 def peaked(count, seed):
-    """A cdf of texels that hold nothing, much the same, or nearly all; its steps are exact in float32 where there are few."""
+    """A cdf with entries that are 0, similar, or dominant; its steps are exact in float32 if there are few."""
     rng = np.random.default_rng(seed)
     weights = rng.random(count) ** 3 * (rng.random(count) > 0.2)
     weights[rng.integers(count)] = [0, 1, 1e6][seed % 3]
@@ -194,7 +194,7 @@ def peaked(count, seed):
 
 @pytest.mark.parametrize("count", [1, 2, 6, 7, 8, 9, 31, 256, 1000])
 def test_the_search_from_a_table_finds_what_the_binary_search_finds(count):
-    """To the bit, for numbers between the cdf's, at them and right below them."""
+    """To the bit, for numbers between the cdf's entries, equal to them and just below them."""
     for seed in range(6):
         cdf = peaked(count, seed)
         start = cutpoints(cdf)

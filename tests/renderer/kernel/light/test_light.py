@@ -1,4 +1,4 @@
-"""Light sampling: directions follow the density that MIS is told, and both sides agree on it."""
+"""Light sampling: directions follow the density used for MIS, and both sides of MIS agree on it."""
 
 import math
 from dataclasses import replace
@@ -38,7 +38,7 @@ def _sample(made, p, n, u, direction, end, radiance, pdf):
 
 @entry
 def _density(made, stack, p, n, direction, pdf):
-    """What MIS weighs with: the environment's density, and that of the first light a ray meets."""
+    """Returns the density used as MIS weight: that of the environment, or of the first light hit by a ray."""
     o = (p[0], p[1], p[2])
     for i in range(len(direction)):
         d = (direction[i, 0], direction[i, 1], direction[i, 2])
@@ -114,7 +114,7 @@ def test_directions_follow_the_density_that_mis_is_told(name, normal):
 @pytest.mark.parametrize("normal", [NO_NORMAL, NORMAL])
 @pytest.mark.parametrize("name", SCENES)
 def test_both_sides_of_mis_know_the_same_density(name, normal):
-    """What `sample_light` says of its sample is what a BSDF's ray that meets the same point is weighed with."""
+    """The pdf returned by `sample_light` equals the one used for a BSDF ray that hits the same point."""
     made = SCENES[name]()
     direction, _, radiance, pdf = sample(made, n=20_000, normal=normal)
     again = density(made, normal=normal)(direction)
@@ -127,7 +127,7 @@ def test_both_sides_of_mis_know_the_same_density(name, normal):
 
 
 def test_a_light_is_chosen_by_its_power():
-    """Two spheres, one with thrice the radiance and half the radius, and a sky of a set chance."""
+    """Two spheres, one with three times the radiance and half the radius, and a sky of fixed probability."""
     made = scene([emitter(3.0), emitter(1.0)], spheres=(Sphere((5, 0, 0), 0.5, 0), Sphere((-5, 0, 0), 1.0, 1)), environment=0.01)
     direction, _, radiance, _ = sample(chosen_by(made, "power"))
     chance = float(made.environment_frame[3])
@@ -158,7 +158,7 @@ def test_ends_of_samples_lie_just_before_their_light():
 
 
 def test_points_of_triangles_are_even_by_area():
-    """Those of a square whose corners have colours, and with them an alpha: it is no parallelogram."""
+    """Uses a square with vertex colours and alpha, which is no parallelogram light."""
     lamp = square((0, 0, 2), (1, 0, 0), (0, -1, 0), 1)
     lamp.colors = np.ones((len(lamp.positions), 4), np.float32)
     made = scene([Material(), emitter(1.0)], (lamp,))

@@ -1,4 +1,4 @@
-"""The tree of lights: it chooses as it says, for every point, and passes over no light that reaches the point."""
+"""The light tree: lights are chosen with the stated probability for any point, and no contributing light is missed."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def chances(made, p, n):
 
 
 def room(seed=0, spheres=60, squares=60, points=40, spots=30, suns=3):
-    """Lights of all kinds, of powers that differ by a factor of a million, in a box of side 20."""
+    """Lights of all kinds, with powers that differ by up to a factor of a million, in a box of side 20."""
     rng = np.random.default_rng(seed)
     materials = [Material(), *(emitter(10 ** rng.uniform(-3, 3), double_sided=bool(i % 2)) for i in range(20))]
 
@@ -76,7 +76,7 @@ def test_every_light_is_a_leaf_once_and_a_childs_lights_follow_each_other(made):
     child, end = (made.light_node[:, row].view(np.int32) for row in (CHILD, END))
 
     def lights_below(node, begin):
-        """How many lights there are up to that node's last one."""
+        """Returns the number of lights up to the node's last one."""
         for k in np.flatnonzero(end[node] != NO_END):
             begin = lights_below(child[node, k], begin) if child[node, k] >= 0 else begin + (child[node, k] == ~begin)
             assert end[node, k] == begin
@@ -93,7 +93,7 @@ def test_every_light_is_a_leaf_once_and_a_childs_lights_follow_each_other(made):
 
 @pytest.mark.long
 def test_chances_sum_to_one_but_for_dead_ends(made):
-    """A node's bounds may reach where neither of its children's does; then nothing is sampled, and rightly so."""
+    """A node's bounds may reach a point that neither child's bounds reach; then nothing is sampled, which is correct."""
     sums = np.array([chances(made, p, n).astype(float).sum() for p, n in zip(*points_and_normals(), strict=True)])
     assert sums.max() < 1 + 1e-5
     assert sums.mean() > 0.7  # of spots that point anywhere, of powers like these, many ways end
@@ -120,15 +120,17 @@ def angle(a, b):
 
 
 def received(towards, radius, n):
-    """What n receives of a unit of intensity that lies in a sphere, as the tree reckons; without a normal, of all directions."""
+    """Returns the tree's estimate of the irradiance from unit intensity in a sphere; without a normal, from all directions."""
     far = max(np.linalg.norm(towards), np.sqrt(0.3) * radius)
     height = np.dot(towards, n)
     return (np.clip((max(height, 0.3 * height) + 0.3 * radius) / far, 0, 1) if n.any() else 1.0) / far**2
 
 
 def plain_importance(light, p, n):
-    """Of one light, by the angles themselves in double precision; NaN at the edge of a spot's cone, where the tree leaves room
-    for float32's rounding."""
+    """Returns one light's importance, computed with angles in float64.
+
+    NaN at the edge of a spot's cone, where the tree has a margin for float32's rounding.
+    """
     if light.kind == "directional":
         towards = -np.array(light.direction) / np.linalg.norm(light.direction)
         return light.intensity[0] * received(towards, np.sin(np.radians(light.angle / 2)), n)
@@ -141,7 +143,7 @@ def plain_importance(light, p, n):
 
 
 def test_the_chances_in_one_node_are_in_proportion_to_the_formula():
-    """Eight lights without a body: all in the root, and nothing to bound them more widely than they are."""
+    """Eight punctual lights, all in the root, so that their bounds are exact."""
     lamps = (
         *(Light("point", gray(2.0**i), (i - 2.0, 3.0, i % 2), radius=0.4 * i) for i in range(3)),
         *(Light("spot", gray(9.0), (i, 2.0, -1.0), (0.3 * i, -1, 0.2), outer_cone=20 + 40 * i, radius=0.1 * i) for i in range(3)),
@@ -179,7 +181,7 @@ def test_suns_among_lamps_are_chosen_by_where_they_stand():
 
 
 def reaches(made, light, p, n):
-    """Whether any of a light's points surely lights p, which faces n, by double precision and with a margin."""
+    """Whether any point of a light certainly lights p with normal n, in float64 with a margin."""
 
     def above(q):
         return not n.any() or ((q - p) @ n / np.linalg.norm(q - p, axis=-1)).max() > 1e-3

@@ -1,4 +1,4 @@
-"""Surfaces that let light pass by their alpha: to eyes, to shadow rays, to bounces; and the insides that absorb."""
+"""Transparent surfaces by alpha, for camera rays, shadow rays and bounces; and absorption inside materials."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def cards(count, material, distance=1.0):
 @grid("integrator", ["path", "direct", "whitted"])
 @pytest.mark.parametrize("count", [1, 4])
 def test_cards_before_a_light_let_the_rest_through(integrator, count):
-    """Black cards of opacity a: (1 - a)**n of the light behind; no card is a segment."""
+    """Black cards of opacity a transmit (1 - a)**n of the light behind them; cards do not count as segments."""
     card = Material(base_color=gray(0.0), opacity=0.3, alpha_mode="blend")
     made = scene([emitter(2.0), card], (square((0, 0, -2), (9, 0, 0), (0, 9, 0), 0), *cards(count, 1)))
     sums = render_frame(made, settings((0, 0, 4), (0, 0, 0), 30, max_depth=1, integrator=integrator), 256)
@@ -51,7 +51,7 @@ def test_a_mask_is_there_or_not(opacity, there):
 
 
 def test_planes_are_those_of_the_first_thing_that_is_there():
-    """Through an invisible card: the depth is counted from the eye, not from the card."""
+    """Seen through an invisible card: the depth is measured from the camera, not from the card."""
     card = Material(base_color=gray(0.0), opacity=0.0, alpha_mode="blend")
     wall = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 0)
     bare = scene([emitter(1.0, 0.3)], (wall,))
@@ -67,7 +67,7 @@ def test_planes_are_those_of_the_first_thing_that_is_there():
 
 @grid("sampling", ["mis", "light", "bsdf", "uniform"], ordinary=("mis",))
 def test_invisible_shells_change_nothing(sampling):
-    """Bounces and shadow rays pass too, and MIS weighs by the vertex before, not by the shell."""
+    """Bounces and shadow rays pass through, and MIS uses the vertex before the shell."""
     air = Material(base_color=gray(0.9), opacity=0.0, alpha_mode="blend")
     shells = tuple(Sphere((0, 0, 0), 1.2 + 0.1 * i, 2) for i in range(3))
     made = scene(
@@ -84,7 +84,7 @@ def test_invisible_shells_change_nothing(sampling):
 @pytest.mark.parametrize("integrator", ["path", "whitted"])
 @pytest.mark.parametrize("distance", [0.1, 0.5])
 def test_an_absorbing_slab_takes_what_beer_says(integrator, distance):
-    """Index 1: no reflection, so that all light goes through once: color ** (way / distance)."""
+    """Index 1: without reflection all light passes once: color ** (way / distance)."""
     glass = Material(
         kind="glass", base_color=gray(1.0), ior=1.0, attenuation_color=(0.5, 0.25, 0.9), attenuation_distance=distance
     )
@@ -106,7 +106,7 @@ def test_unlit_surfaces_show_their_colour_and_scatter_nothing(integrator):
 
 
 def test_white_cards_vanish_in_a_white_world():
-    """Between two half open cards light bounces and passes by turns; none is lost, and none counted twice."""
+    """Between two half transparent cards light bounces and passes alternately; none is lost or counted twice."""
     card = Material(base_color=gray(1.0), opacity=0.5, alpha_mode="blend")
     made = scene([card], cards(2, 0, 5.0), environment=1.0)
     sums = render_frame(made, settings((0, 0, 4), (0, 0, 0), 30, max_depth=64), 256)

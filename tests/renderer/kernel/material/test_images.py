@@ -1,4 +1,4 @@
-"""Images looked up eight at a time against the lookups of one place, which test_texture.py judges."""
+"""Texture lookups for eight lanes, compared with single lookups, which test_texture.py tests."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a material is at a point: textures, vertex colours, alpha, absorption, dispersion."""
+"""Materials at a point: textures, vertex colours, alpha, absorption, dispersion."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ FRAME = ((ONE, ZERO, ZERO), (ZERO, ONE, ZERO), UP)
 
 @entry
 def _look(scene, surface, frame, layers, throughput, u, out):
-    """out: base, metallic, roughness, opacity, absorption, emission; eta and throughput after dispersion."""
+    """Writes to `out`: base, metallic, roughness, opacity, absorption, emission; eta and throughput after dispersion."""
     material = fetch_material(scene, surface, frame, layers, None)
     values = material.base[0], material.base[1], material.base[2], material.metallic, material.roughness
     for k in range(5):
@@ -43,7 +43,7 @@ def compiled(material, images=(), textures=()):
 
 
 def look_at(scene, uv=(0.5, 0.5), uv1=(0.5, 0.5), color=(1, 1, 1, 1), front=True, u=0.5, carried=(1, 1, 1)):
-    """A dict of what the kernel finds."""
+    """Returns the kernel's results as a dict."""
     uv, uv1, color, carried = (tuple(np.float32(v) for v in values) for values in (uv, uv1, color, carried))
     surface = facing_up(uv=uv, uv1=uv1, color=color, front=front)
     out = np.zeros(16, np.float32)
@@ -55,7 +55,7 @@ def look_at(scene, uv=(0.5, 0.5), uv1=(0.5, 0.5), color=(1, 1, 1, 1), front=True
 
 
 def look(material, images=(), textures=(), **at):
-    """As `look_at`, of a scene of this material."""
+    """Returns `look_at` for a scene of this material."""
     return look_at(compiled(material, images, textures), **at)
 
 

@@ -1,4 +1,4 @@
-"""Normal maps: read in the tangent frame, and never so steep that the viewer would see a black surface."""
+"""Normal maps: decoded in the tangent frame, and limited so that the viewer never sees a black surface."""
 
 import numpy as np
 import pytest

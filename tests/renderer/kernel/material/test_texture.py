@@ -1,4 +1,4 @@
-"""Texture lookups and stacks of textures against the same worked out in float64, and in pictures."""
+"""Texture lookups and layered textures, compared with float64 computations, and in rendered pictures."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ BLENDS = {
 
 
 def square(uvs=((0, 1), (1, 1), (1, 0), (0, 0)), uvs1=None, material=0, z=0.0):
-    """2 x 2 at a depth, facing +z."""
+    """A square of side 2 at a depth, facing +z."""
     corners = np.array([(-1, -1, z), (1, -1, z), (1, 1, z), (-1, 1, z)], np.float32)
     second = None if uvs1 is None else np.array(uvs1, np.float32)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
@@ -77,7 +77,7 @@ def _look_up(scene, number, uv, uv1, found):
 
 
 def looked_up(scene, slot=0, count=2000):
-    """(uv, uv1, RGBA) of a texture at random places."""
+    """Returns (uv, uv1, RGBA) of a texture at random coordinates."""
     uv, uv1 = np.random.default_rng(3).uniform(-2, 3, (2, count, 2)).astype(np.float32)
     found = np.empty((count, 4), np.float32)
     _look_up(scene, scene.material_texture[0, slot], uv, uv1, found)
@@ -190,7 +190,10 @@ def test_a_layer_is_blended_in_linear_light_by_its_alpha_and_strength(blend, str
 
 
 def test_many_layers_each_looked_up_in_its_own_way():
-    """Its own image, coordinates, transform, repetition and encoding; the second coordinates by a layer alone."""
+    """Each layer has its own image, coordinates, transform, wrap mode and encoding.
+
+    A single layer uses the second coordinates.
+    """
     layers = TextureLayer(1, "multiply", 0.8), TextureLayer(2), TextureLayer(3, "screen", 0.5), TextureLayer(1, "signed_add")
     textures = [
         Texture(0, layers=layers),
@@ -206,7 +209,7 @@ def test_many_layers_each_looked_up_in_its_own_way():
 
 
 def test_data_are_blended_as_they_are():
-    """Roughness 0.5 with a half strong layer of 1 is 0.75."""
+    """Roughness 0.5 with a layer of 1 at half strength is 0.75."""
     images = [Image(name, np.full((1, 1, 4), (v, v, v, 255), np.uint8), srgb=False) for name, v in (("half", 128), ("one", 255))]
     textures = [Texture(0, layers=(TextureLayer(1, strength=0.5),)), Texture(1)]
     made = compiled(textures, Material(kind="metallic_roughness", metallic_roughness_texture=0), images)
@@ -227,7 +230,7 @@ def test_light_may_add_up_to_more_than_white():
 
 
 def test_a_wall_shows_its_stack():
-    """The albedo of each pixel is the stack worked out at the place that it sees."""
+    """The albedo of each pixel is the layered texture, computed at the point it sees."""
     layers = (TextureLayer(1), TextureLayer(2, "multiply", 0.5))
     textures = [Texture(0, layers=layers), Texture(1, transform=MOVED), Texture(2)]
     made = compiled(textures, Material(base_color=(1, 1, 1), base_color_texture=0))
@@ -246,9 +249,9 @@ def test_a_wall_shows_its_stack():
 @pytest.mark.parametrize("kind", ["square", "square with others", "sphere"])
 @pytest.mark.parametrize("uv_set", [0, 1])
 def test_a_lamp_with_a_stack_lights_as_brute_force_says(kind, sampling, uv_set):
-    """Dark below, its only light a layer with a hole: what falls on a floor, by the sum over the lamp's points.
+    """A dark emitter whose only light is a layer with a hole: irradiance on a floor by a sum over the emitter's points.
 
-    Where the lamp has no second coordinates they are its first, whether other meshes have some or not.
+    If the emitter has no second coordinates its first are used, whether other meshes have second ones or not.
     """
     spot = np.zeros((8, 8, 4), np.uint8)
     spot[1:4, 2:5] = (255, 255, 255, 255)
@@ -269,7 +272,7 @@ def test_a_lamp_with_a_stack_lights_as_brute_force_says(kind, sampling, uv_set):
 
 
 def _irradiance(kind, textures, images, point):
-    """On a floor that looks up, by midpoints of the lamp's own UVs, in float64."""
+    """Returns the irradiance on a floor that faces up, by midpoints of the emitter's UVs, in float64."""
     n = 256
     u, v = (np.mgrid[0:n, 0:n].reshape(2, -1) + 0.5) / n
     radiance = 9 * expected_stack(textures, 0, images, np.stack([u, v], 1), np.stack([u, v], 1), most=np.inf)[:, 0]
@@ -289,7 +292,7 @@ def _irradiance(kind, textures, images, point):
 
 
 def test_a_lamps_power_is_the_mean_of_its_whole_stack():
-    """Beside another whose texels stand before its own."""
+    """With another texture whose texels precede its own."""
     textures = [Texture(1), Texture(0, layers=(TextureLayer(0, "add", 0.5),))]
     materials = [Material(emission=(1, 1, 1), emission_texture=t) for t in (0, 1)]
     emitted = pack(SceneDescription(materials=materials, textures=textures, images=IMAGES)).emitted
@@ -305,7 +308,7 @@ CHECKER = np.array([[[255, 0, 0, 255], [0, 255, 0, 51]], [[0, 0, 255, 255], [255
 
 @pytest.mark.parametrize(("wrap", "columns"), [("repeat", (0, 1, 0, 1)), ("mirror", (0, 1, 1, 0)), ("clamp", (0, 1, 1, 1))])
 def test_the_nearest_of_four_texels_is_seen_as_it_is(wrap, columns):
-    """Up to its very border, and to the right of the image as it repeats."""
+    """Up to its border, and to the right of the image where it repeats."""
     textures = [Texture(0, wrap, "clamp", filter="nearest"), Texture(0, wrap, "clamp")]
     scene = compiled(textures, [Material(base_color_texture=i) for i in range(2)], [Image("checker", CHECKER)])
     inside = np.linspace(0, 0.5, 12, endpoint=False, dtype=np.float32)
@@ -321,7 +324,7 @@ def test_the_nearest_of_four_texels_is_seen_as_it_is(wrap, columns):
 
 
 def test_nearest_texels_are_squares_in_the_picture():
-    """Seen square on, each quarter of the picture has one colour, from its first pixel to its last."""
+    """Seen frontally, each quarter of the picture has one colour, from its first pixel to its last."""
     scene = compiled([Texture(0, "clamp", "clamp", filter="nearest")], Material(base_color_texture=0), [Image("c", CHECKER)])
     size = 16
     seen = settings((0, 0, 4), (0, 0, 0), float(np.degrees(2 * np.arctan(1 / 4))), size, max_depth=1)

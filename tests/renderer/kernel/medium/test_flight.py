@@ -1,4 +1,4 @@
-"""Flights: what they carry is what Beer's law says on average, and never more than it was."""
+"""Free flights: the expected throughput follows Beer's law and never grows."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _fly(sigma_t, sigma_s, throughput, reach, u, carried, ends):
 
 
 def flown(sigma_t: np.ndarray, sigma_s: np.ndarray, reach: float, throughput: np.ndarray = THROUGHPUT) -> tuple[np.ndarray, ...]:
-    """(throughputs (N, 3), which scatter, how far they go)."""
+    """Returns (throughputs (N, 3), which flights scatter, their distances)."""
     carried, ends = np.empty((N, 3), np.float32), np.empty((N, 2), np.float32)
     u = np.random.default_rng(2).random((N, 2), np.float32)
     told = (np.array(each, np.float32) for each in (sigma_t, sigma_s, throughput))

@@ -1,4 +1,4 @@
-"""What a path is in, as a word, beside a list that has no end."""
+"""Nested media packed in one word, compared with an unbounded list."""
 
 from __future__ import annotations
 

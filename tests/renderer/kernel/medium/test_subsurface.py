@@ -1,4 +1,4 @@
-"""The albedo of an inside by the colour that its surface is to have."""
+"""The subsurface albedo from the surface's colour."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def albedo(color: np.ndarray, g: float = 0.0) -> np.ndarray:
 
 
 def test_a_half_space_of_it_has_that_colour() -> None:
-    """By Chandrasekhar's H: within half a per cent of white, which is what van de Hulst's formula promises."""
+    """By Chandrasekhar's H: within 0.5 % of white, the stated accuracy of van de Hulst's formula."""
     color = np.linspace(0.05, 0.95, 10)
     found = [diffuse_reflectance(each) for each in albedo(color)]
     assert found == pytest.approx(color, abs=0.005)

@@ -1,4 +1,4 @@
-"""Small scenes, each with one thing that the pool and the path tracer for one path do in ways of their own."""
+"""Small scenes, each with one feature that the pool and the single-path integrator implement differently."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ Feature = tuple[Callable[[], CompiledScene], RenderSettings]
 
 
 def _images() -> list[Image]:
-    """Colours with alpha; a roughness and a metallic part; bumps; light."""
+    """Images: colours with alpha; roughness and metallic; bumps; emission."""
     random = np.random.default_rng(0)
     bumps = np.full((8, 8, 4), 255, np.uint8)
     bumps[..., :2] = random.integers(90, 166, (8, 8, 2))
@@ -66,7 +66,7 @@ def _moved(x: float, y: float = 0.7, z: float = 0.0) -> np.ndarray:
 
 
 def _turned(angle: float) -> np.ndarray:
-    """About the vertical."""
+    """Returns a rotation about the vertical axis."""
     turn = np.eye(4)
     turn[0, 0] = turn[2, 2] = np.cos(angle)
     turn[0, 2], turn[2, 0] = np.sin(angle), -np.sin(angle)
@@ -96,7 +96,7 @@ def room(material: Material, meshes: tuple[Mesh, ...] = (), **more: Any) -> Scen
 
 
 def colored(description: SceneDescription) -> SceneDescription:
-    """With colours and alpha at the vertices of the smooth mesh."""
+    """Returns the scene with vertex colours and alpha on the smooth mesh."""
     mesh = description.meshes[-1]
     colors = np.random.default_rng(1).random((len(mesh.positions), 4)).astype(np.float32)
     description.meshes[-1] = replace(mesh, colors=colors)
@@ -104,7 +104,7 @@ def colored(description: SceneDescription) -> SceneDescription:
 
 
 def copies(material: Material) -> SceneDescription:
-    """With so many copies of a mesh that they stay copies, some in a material of their own."""
+    """A scene with enough copies of a mesh to be instanced, some with a material of their own."""
     description = room(material)
     description.meshes.append(icosphere(4, 0, 0.2))
     for i in range(20):
@@ -119,14 +119,14 @@ def cards(count: int) -> tuple[Mesh, ...]:
 
 
 def lamps(count: int) -> SceneDescription:
-    """So many little lights that a tree chooses among them."""
+    """A scene with enough small lights for a light tree."""
     place = np.random.default_rng(2).uniform((-3, 0.2, -2.5), (3, 3, 2), (count, 3))
     balls = [Sphere(tuple(map(float, p)), 0.03, 2) for p in place]
     return room(Material(**PBR, roughness=0.4), spheres=balls, environment=None)
 
 
 def moving(material: Material) -> SceneDescription:
-    """With a body that turns and flies, a mesh that bends, a lamp and a sphere that fly, and a light that does."""
+    """A scene with a moving and rotating body, a deforming mesh, and moving sphere, lamp and punctual light."""
     description = room(material, keys=3)
     ball, last = description.meshes[-1], description.instances[-1]
     assert ball.normals is not None
@@ -145,7 +145,7 @@ def moving(material: Material) -> SceneDescription:
 
 
 def sliding(material: Material) -> SceneDescription:
-    """With textures that go their own ways."""
+    """A scene with moving textures."""
     description = room(material, keys=3)
     for k, (x, y) in enumerate(((0.5, 0.0), (0.0, -0.3), (0.2, 0.2))):
         keys = tuple((1.0, 0.0, x * step, 0.1 * step, 1.0, y * step) for step in range(3))
@@ -154,7 +154,7 @@ def sliding(material: Material) -> SceneDescription:
 
 
 def hidden(material: Material) -> SceneDescription:
-    """Lamps that are no bodies before the camera, of which it sees one, and a ball that it does not see."""
+    """Lamps that rays pass through, one of them visible to the camera, and a ball that the camera does not see."""
     glow = {"base_color": gray(0.0), "emission": (3.0, 2.0, 1.0), "lamp": True}
     cards = tuple(square((x, 1.0, 2.0), (0.5, 0, 0), (0, 0.4, 0), n) for x, n in ((-0.6, 3), (0.6, 4)))
     ball = Sphere((1.4, 0.7, 0.4), 0.5, 5)
@@ -169,14 +169,14 @@ def hidden(material: Material) -> SceneDescription:
 
 
 def dark() -> SceneDescription:
-    """Nothing that shines."""
+    """A scene without lights."""
     description = room(Material(base_color=gray(0.5)), environment=None)
     description.materials[2] = Material(base_color=gray(0.5))
     return description
 
 
 def balls() -> SceneDescription:
-    """No triangle."""
+    """A scene without triangles."""
     return SceneDescription(
         spheres=[Sphere((0, -1e4, 0), 1e4, 0), Sphere((0, 0.7, 0.4), 0.65, 1), Sphere((1, 3, 1), 0.5, 2)],
         materials=[Material(base_color=gray(0.6)), Material(**GLASS), Material(base_color=gray(0.0), emission=gray(20.0))],
@@ -201,7 +201,7 @@ def _punctual() -> SceneDescription:
 
 
 def _shaped(**keys: int) -> SceneDescription:
-    """By all kinds of maps; with keys, lamps that turn."""
+    """Lights with emission maps of all kinds, and moving ones."""
     random = np.random.default_rng(5)
     picture, web = (random.random((6, 9, 3), np.float32) ** 4 * 3 for _ in range(2))
     kinds: tuple[tuple[EmissionKind, np.ndarray, tuple[float, float, float, float]], ...] = (
@@ -327,6 +327,6 @@ FEATURES: dict[str, Feature] = {
 
 
 def made(name: str) -> tuple[CompiledScene, RenderSettings]:
-    """The scene and its settings."""
+    """Returns the scene of that name and its settings."""
     compiled, settings = FEATURES[name]
     return compiled(), settings

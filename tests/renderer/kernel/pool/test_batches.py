@@ -1,4 +1,4 @@
-"""The same bits, whatever paths stand beside each other in the pool: however a frame is cut into tiles and batches."""
+"""Identical bits for any grouping of paths in the pool: for any division of a frame into tiles and batches."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FIRST, COUNT = 5, 65  # sample numbers; not a multiple of what is asked for at o
 
 @cache
 def whole(name: str) -> Sums:
-    """The frame as one batch."""
+    """Returns the frame rendered as one batch."""
     scene, settings = made(name)
     return render_batch(scene, settings, Tile(0, 0, SIZE, SIZE), FIRST, COUNT).sums
 
@@ -66,7 +66,7 @@ def test_fewer_samples_than_rows_and_none() -> None:
 
 
 def test_what_a_thread_rendered_before_leaves_no_trace() -> None:
-    """A thread's scratch space is used again, here after a scene whose light is no number."""
+    """A thread's scratch memory is reused, here after a scene whose light is NaN."""
     scene, settings = made(SCENES[0])
     other, others = made(SCENES[1])
     material = other.material.copy()

@@ -1,4 +1,4 @@
-"""The pool beside the path tracer for one path at a time: the same samples, but for roundings."""
+"""The pool compared with the single-path integrator: the same samples, except for rounding."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MEDIA = ("fog", "smoke around the camera", "milk in glass", "rough glass in haze
 
 
 def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, RenderStats]:
-    """The film by the pool; with a monkeypatch, by the kernel that can do all that settings may ask of a path tracer."""
+    """Returns the film rendered by the pool, or, with a monkeypatch, by the single-path kernel with all features."""
     scene, settings = made(name)
     stats = RenderStats()
     if monkeypatch is None:
@@ -53,7 +53,7 @@ def test_a_feature_is_as_with_one_path_at_a_time(name: str, monkeypatch: pytest.
 
 
 def test_the_features_ask_for_all_editions_and_are_seen() -> None:
-    """Else what stands above would compare nothing with nothing."""
+    """Otherwise the tests above would compare nothing."""
     names = list(FEATURES)
     full, moving, media = names.index("textures"), names.index(MOVING[0]), names.index(MEDIA[0])
     black = ("no light",)

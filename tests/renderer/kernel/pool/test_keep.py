@@ -1,4 +1,4 @@
-"""What paths that are over leave in the film: each in its pixel's sums, each once."""
+"""Terminated paths in the film: each is added once, to its pixel's sums."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _keep(pool, lists, done, film, scale, batch, bad, sums):
 
 
 def kept(rows: npt.NDArray[np.float32], exponent: int = 24) -> tuple[npt.NDArray[np.int64], list[tuple[int, ...]], int]:
-    """(the film's planes, the bad samples that are listed, how many there are) of paths' rows, (N, ROW)."""
+    """Returns (film planes, listed bad samples, number of bad samples) for paths' rows, (N, ROW)."""
     pool = np.zeros((ROWS, int(ROW)), np.float32)
     pool[: len(rows)] = rows
     sums = np.zeros((CHANNELS, HEIGHT, WIDTH), np.int64)
@@ -42,7 +42,7 @@ def kept(rows: npt.NDArray[np.float32], exponent: int = 24) -> tuple[npt.NDArray
 
 
 def paths(count: int, samples: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]:
-    """Rows of anything, each at a pixel of its own choice."""
+    """Returns rows with random contents, each at a random pixel."""
     random = np.random.default_rng(5)
     rows = random.normal(0, 10, (count, int(ROW))).astype(np.float32)
     facts = rows.view(np.int32)
@@ -101,7 +101,7 @@ def test_of_more_bad_samples_than_are_listed_all_are_counted() -> None:
 
 
 def test_branches_are_one_sample_once_all_of_them_are_done() -> None:
-    """Whichever ends first; and their row is free only then."""
+    """In any order of termination; their row is freed only after the last."""
     rows = paths(4, np.arange(4))
     rows[:, int(BRANCHES)] = (1, 2, 2, 2)
     pool = np.zeros((ROWS, int(ROW)), np.float32)

@@ -1,4 +1,4 @@
-"""The pool's memory: columns of eight rows at a time, and the lists that say which."""
+"""The pool's memory: columns of eight rows, and lists of rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pixel filters: samples fall as the filter is shaped, and a picture of a point shows that shape."""
+"""Pixel filters: samples are distributed as the filter, and the picture of a point has its shape."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_offsets_are_distributed_as_the_filter(name):
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_offsets_rise_with_u_and_are_symmetric(name):
-    """So the sampler's evenness is kept, and no filter moves the picture."""
+    """This keeps the sampler's stratification, and no filter shifts the picture."""
     kind, radius, _ = SHAPES[name]
     u = np.arange(1, 4096) / 4096
     found = offsets(kind, u)

@@ -1,4 +1,7 @@
-"""The random numbers: a function of their counters alone; independent ones without order, Sobol' ones in good order."""
+"""Random numbers are a function of their counters alone.
+
+The independent sampler is uncorrelated, the Sobol' sampler stratified.
+"""
 
 import math
 
@@ -23,7 +26,7 @@ def _numbers(kind, seed, x, y, sample, block, out):
 
 
 def numbers(seed=0, x=0, y=0, sample=0, block=0, kind=INDEPENDENT):
-    """(n, 4) for counters that broadcast to one length."""
+    """Returns numbers (n, 4) for counters that broadcast to one length."""
     columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(c, np.int64)) for c in (seed, x, y, sample, block)))
     out = np.empty((columns[0].size, 4), np.float32)
     _numbers(kind, *(np.ascontiguousarray(c) for c in columns), out)
@@ -84,7 +87,7 @@ def test_low_bits_are_random_too(runs, name):
 
 
 def test_the_mean_of_n_samples_nears_a_half_as_it_should():
-    """Over 4096 pixels, the means of 64 samples are normal with the right spread: no pixel has a lucky row."""
+    """Over 4096 pixels, the means of 64 samples have the expected normal spread."""
     pixel = np.arange(4096 * 64) // 64
     values = numbers(x=pixel % 64, y=pixel // 64, sample=np.arange(4096 * 64) % 64)
     means = (values.reshape(4096, 64, 4).mean(1, dtype=np.float64) - 0.5) * np.sqrt(12 * 64)
@@ -110,7 +113,7 @@ def test_pixels_of_the_largest_frame_are_told_apart():
 
 
 def test_direction_numbers_are_those_of_sobol():
-    """Against SciPy's, which are Joe and Kuo's too."""
+    """Compared with SciPy's, which are also those of Joe and Kuo."""
     columns = direction_numbers()
     bits = np.arange(256)[:, None] >> np.arange(8) & 1
     points = np.array([np.bitwise_xor.reduce(np.where(bits, row[:8], 0), axis=1) for row in columns]).T / 2**32
@@ -128,7 +131,7 @@ def points():
 @pytest.mark.parametrize("first", [0, 512, 640])
 @pytest.mark.parametrize("log_n", range(8))
 def test_every_aligned_run_of_samples_is_stratified(points, first, log_n):
-    """2**k points: one in each of 2**k slices, in each dimension; in every way to cut the first pair's square in 2**k."""
+    """2**k points: one in each of 2**k slices of each dimension, and of each division of the first pair into 2**k boxes."""
     n = 1 << log_n
     run = points[:, first : first + n]
     for k in range(4):
@@ -169,7 +172,7 @@ def test_sobol_points_of_different_pixels_blocks_and_seeds_are_independent(name)
 
 
 def test_blocks_of_a_pixel_are_not_correlated():
-    """Over many pixels, the place of sample i in one block says nothing of its place in another: shuffled, not only scrambled."""
+    """Over many pixels, sample i's position in one block is independent of that in another: shuffled, not only scrambled."""
     pixel, sample = np.arange(N) // 16, np.arange(N) % 16
     blocks = [numbers(x=pixel % 512, y=pixel // 512, sample=sample, block=b, kind=SOBOL) for b in (1, 2, 3, 4, 7)]
     products = []
@@ -183,7 +186,7 @@ def test_blocks_of_a_pixel_are_not_correlated():
 
 @pytest.mark.parametrize(("first", "then"), [(2, 4), (6, 8)])
 def test_where_a_path_goes_from_two_vertices_fills_four_dimensions(first, then):
-    """Of the ways to divide the four into as many equal boxes as there are samples, most leave one in each."""
+    """Most divisions of the four dimensions into as many equal boxes as samples have one sample in each."""
     for log_n in (4, 5, 6):
         n = 1 << log_n
         pixel, sample = np.arange(8 * n) // n, np.arange(8 * n) % n
@@ -229,7 +232,7 @@ def film_places(pixels, samples, kind=SOBOL):
 @grid("first", [0, 512, 640])
 @pytest.mark.parametrize("log_n", range(1, 8))
 def test_places_in_a_pixel_are_far_apart(first, log_n):
-    """Any aligned run of 2**k: one in each of 2**k slices, across and down; no two nearer than in a good lattice."""
+    """Any aligned run of 2**k: one in each of 2**k rows and columns, and least distances as in a good lattice."""
     n = 1 << log_n
     run = film_places(64, 1024)[:, first : first + n].astype(float)
     for k in range(4):
@@ -273,7 +276,7 @@ def test_opposite_numbers_are_uniform_and_others(kind):
 
 
 def test_opposite_numbers_fill_the_gaps_between_a_pixels_own():
-    """Divided into as many rectangles as there are points of both, whose sides are powers of two."""
+    """Divided into as many rectangles, with power of two sides, as there are points and opposite points."""
     found = []
     for power in range(9):
         own = numbers(x=5, y=9, sample=np.arange(2**power), block=2, kind=SOBOL)[:, :3]

@@ -1,4 +1,4 @@
-"""How far rays keep from a triangle's edges, against the inscribed circle of elementary geometry."""
+"""Margins of triangles, compared with the inscribed circle by elementary geometry."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ def _fill(corner, found):
 
 
 def margins(corners):
-    """(T, 2) of triangles (T, 3, 3)."""
+    """Returns the margins (T, 2) of triangles (T, 3, 3)."""
     corner = np.asarray(corners, np.float32)
     found = np.empty((len(corner), 2), np.float32)
     _fill(corner, found)

@@ -1,4 +1,4 @@
-"""What a hit is made into: the same in the world and in an instance, at any scale, and never through the surface."""
+"""Surface interaction: the same in world and instance space, at any scale, and never across the surface."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def _look(made, stack, o, d, point, geometric, shading, uv, uv1, color, tangent,
 
 
 def look(made, o, d):
-    """Surfaces that rays meet, by field; "number": object (-1 where nothing is met), material, light, front."""
+    """Returns the surfaces hit by rays, by field; "number": object (-1 for a miss), material, light, front."""
     d = np.ascontiguousarray(d, np.float32)
     o = many(o, len(d))
     found = {name: np.zeros((len(d), width), np.float32) for name, width in WIDTHS.items()}
@@ -72,7 +72,7 @@ def turned(rng, scale=1.0, mirror=False, at=(0, 0, 0)):
 
 @pytest.fixture(params=["copied", "kept once"])
 def sharing(request, monkeypatch):
-    """Whether instances are copied into the world or kept once."""
+    """Whether instances are copied to world space or kept as instances."""
     keep_as(request.param, monkeypatch)
     return request.param
 
@@ -83,7 +83,7 @@ def keep_as(which, monkeypatch):
 
 
 def painted(levels=2):
-    """A round, smooth ball with everything that a vertex can have."""
+    """A smooth ball with all vertex attributes."""
     mesh = icosphere(levels)
     rng = np.random.default_rng(0)
     n = len(mesh.positions)
@@ -92,7 +92,7 @@ def painted(levels=2):
 
 
 def description_of(mesh, places, materials=None, **more):
-    """Instances of a mesh with normal maps on, so that tangents are asked for."""
+    """Instances of a mesh with normal maps, which need tangents."""
     materials = materials or [Material(normal_texture=0, base_color_texture=0), Material(roughness=0.3)]
     images = [image()]
     return SceneDescription(
@@ -113,7 +113,7 @@ def image():
 
 @pytest.mark.long
 def test_an_instances_surface_is_that_of_its_copy(monkeypatch):
-    """Turned, scaled, mirrored, moved: position, normals, tangents, colours and names, seen from outside and inside."""
+    """Rotated, scaled, mirrored, translated: position, normals, tangents, colours and ids, seen from outside and inside."""
     rng = np.random.default_rng(1)
     places = [turned(rng, s, m, at) for s, m, at in ((0.5, False, (1, 0, 0)), (1.2, True, (-2, 1, 0)), (0.8, True, (0, -3, 1)))]
     description = description_of(painted(), places)
@@ -146,7 +146,10 @@ def test_an_instances_surface_is_that_of_its_copy(monkeypatch):
 
 
 def test_stretched_instances_have_normals_square_to_their_triangles(monkeypatch):
-    """Cofactors, not the matrix itself, carry normals: the cross product of the copied triangle's edges tells."""
+    """Normals are transformed by cofactors, not by the matrix.
+
+    Compared with the cross product of the copied triangle's edges.
+    """
     rng = np.random.default_rng(2)
     place = turned(rng) @ np.diag([3.0, -0.4, 1.0, 1.0]) @ turned(rng)
     made = []
@@ -167,13 +170,13 @@ def test_stretched_instances_have_normals_square_to_their_triangles(monkeypatch)
 
 
 def tetrahedron():
-    """Its faces meet under 70 degrees."""
+    """A tetrahedron, whose faces meet at 70 degrees."""
     corners = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], np.float32)
     return Mesh("tetrahedron", corners, np.array([(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)], np.int32))
 
 
 def slab():
-    """A box 6 long and 0.04 thin: its narrow sides are slivers, whose distance float32 knows badly."""
+    """A box 6 long and 0.04 thin: its narrow sides are slivers, with large float32 errors of the hit distance."""
     mesh = box(0)
     mesh.positions = mesh.positions * np.float32([1, 0.02, 3])
     return mesh
@@ -182,7 +185,7 @@ def slab():
 @grid("scale", [1e-3, 1.0, 1e3], ordinary=(1.0,))
 @grid("away", [0.0, 300.0], ordinary=(300.0,))
 def test_no_path_leaves_a_closed_room(sharing, scale, away):
-    """Even where walls of 2 stand 300 units from the origin, and coordinates are good to 1.5e-5 there."""
+    """Also for walls of size 2 at 300 units from the origin, where float32 has a step of 1.5e-5."""
     rng = np.random.default_rng(3)
     places = [turned(rng, scale, at=np.array((1, 0.7, -0.6)) * away * scale), turned(rng, scale, at=(0, 0, 9000 * scale))]
     for mesh in (box(0), icosphere(1), tetrahedron(), slab()):
@@ -210,7 +213,7 @@ def test_nothing_convex_shadows_itself(sharing, scale, away):
 
 @pytest.mark.parametrize("radius", [1e-3, 1.0, 1e5])
 def test_a_sphere_does_not_shadow_itself_and_keeps_what_is_within(radius):
-    """The walls of smallpt's box have a radius of 1e5, and pass by the origin."""
+    """The walls of smallpt's box have a radius of 1e5 and pass near the origin."""
     rng = np.random.default_rng(5)
     for center in ((0, -radius, 0), (81.6 + radius, 40.8, 81.6)):
         made = scene([Material()], spheres=(Sphere(center, radius, 0),))
@@ -226,7 +229,7 @@ def test_a_sphere_does_not_shadow_itself_and_keeps_what_is_within(radius):
 
 
 def test_a_lifted_point_is_on_the_sphere_that_normals_speak_of():
-    """Of a coarse ball with its normals: the facets lie up to 5 % within it, the points that low rays start from are not."""
+    """On a coarse ball with smooth normals the facets lie up to 5 % inside the sphere; raised ray origins do not."""
     ball = painted(1)
     made = compile_scene(description_of(ball, [np.eye(4)], [Material()]))
     found = look(made, (0, 0, 3), directions(np.random.default_rng(6), 40_000))
@@ -248,7 +251,7 @@ def test_flat_triangles_are_not_lifted():
 
 
 def test_bent_normals_let_nothing_through(monkeypatch):
-    """Rooms with normals bent by any angle: a ball with random ones, and a box whose edges are smoothed."""
+    """Rooms with normals bent by any angle: a ball with random ones, and a box with smoothed edges."""
     rng = np.random.default_rng(9)
     ball = icosphere(2)
     ball.normals = directions(rng, len(ball.positions))
@@ -257,7 +260,7 @@ def test_bent_normals_let_nothing_through(monkeypatch):
 
 
 def test_what_no_mesh_has_is_neutral():
-    """The second coordinates are the first."""
+    """The second coordinates default to the first."""
     found = look(scene([Material()], (box(0),)), (0, 0, 3), np.tile(np.float32([0, 0, -1]), (4, 1)))
     np.testing.assert_array_equal(found["color"], 1)
     np.testing.assert_array_equal(found["uv1"], found["uv"])

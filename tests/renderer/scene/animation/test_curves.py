@@ -1,4 +1,4 @@
-"""What lies between keys, held against numbers worked out by hand."""
+"""Interpolation between keys, compared with numbers computed by hand."""
 
 import decimal
 import math

@@ -1,4 +1,4 @@
-"""Frames as times."""
+"""Conversion of frames to times."""
 
 import pytest
 

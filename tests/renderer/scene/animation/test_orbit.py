@@ -1,4 +1,4 @@
-"""A turntable's camera."""
+"""The camera of a turntable animation."""
 
 import numpy as np
 import pytest
