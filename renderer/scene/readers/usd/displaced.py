@@ -24,7 +24,7 @@ _LEFT_OUT = "Displacement is not drawn; left out of materials"
 
 
 class Heights(NamedTuple):
-    """A texture whose red is the height, and how high a value of 1 is."""
+    """A height texture: heights are in its red channel; also the height that a value of 1 stands for."""
 
     texture: int
     rise: float

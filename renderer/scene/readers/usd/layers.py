@@ -30,7 +30,7 @@ Work.SetConcurrencyLimit(1)  # a scene's reader is one of many on its machine
 
 
 class Stage:
-    """A composed stage, and which file each of its layers is."""
+    """A composed stage, and the file that each of its layers was opened from."""
 
     def __init__(self, stage: Any, files: dict[str, str], layers: list[Any], notes: Notes) -> None:
         self.stage, self.notes = stage, notes
@@ -42,7 +42,7 @@ class Stage:
 
     @cached_property
     def span(self) -> tuple[float, float] | None:
-        """The first and the last time code at which anything is said; None where nothing moves."""
+        """First and last time code with authored values; None if nothing is animated."""
         times = [time for layer in self._layers for time in (*_ends(layer), *_knots(layer))]
         if times and any(
             _shifts(layer) or layer.timeCodesPerSecond != self.stage.GetTimeCodesPerSecond() for layer in self._layers
@@ -53,7 +53,7 @@ class Stage:
 
 @contextmanager
 def muted() -> Iterator[None]:
-    """While USD's own warnings are not written on the terminal: what matters of them is said by ours."""
+    """Suppresses USD's own warnings on the terminal; the relevant ones are reported as notes or errors of this reader."""
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         yield
@@ -72,7 +72,7 @@ def telling(main: str) -> Iterator[None]:
 
 
 def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage, list[str]]:
-    """The stage of a scene file, and the variants that it offers. Raises SceneError."""
+    """Opens the stage of a scene file; returns it and the variants that it offers. Raises SceneError."""
     notes = Notes()
     opener = _Opener(sources, notes)
     root = opener.open(sources.root_of(main))
@@ -106,7 +106,7 @@ def _variants(stage: Any) -> list[tuple[str, str]]:
 
 
 class _Opener:
-    """Opens layers, each once."""
+    """Opens layers, each of them once."""
 
     def __init__(self, sources: Sources, notes: Notes) -> None:
         self._sources, self._notes = sources, notes
@@ -217,7 +217,7 @@ def _shifts(layer: Any) -> bool:
 
 
 def _composed_times(stage: Any) -> Iterator[float]:
-    """The first and the last time of every attribute, as the stage plays it."""
+    """Yields the first and last time of every attribute, in the composed stage's time."""
     for prim in stage.Traverse(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
         for attribute in prim.GetAuthoredAttributes():
             if attribute.ValueMightBeTimeVarying() and (times := attribute.GetTimeSamples()):
@@ -230,7 +230,7 @@ def _ends(layer: Any) -> list[float]:
 
 
 def _knots(layer: Any) -> list[float]:
-    """The times of the keys of a layer's splines, which are no time samples."""
+    """Times of the keys of a layer's splines, which USD does not list as time samples."""
     if not hasattr(Sdf.AttributeSpec, "GetSpline"):  # before usd-core 25.5
         return []
     found: list[float] = []
