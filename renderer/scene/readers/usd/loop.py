@@ -40,7 +40,10 @@ def limit(points: F64, ends: Codes) -> F64:
 
 
 def split(corners: Codes, on: Codes) -> tuple[Faces, Codes]:
-    """Four triangles of each, and which each of them is a part of. on: (C,) the new point between each corner and the next."""
+    """Splits each triangle into four; returns these, and the index of the old triangle of each.
+
+    on: (C,) the new point between each corner and the next.
+    """
     middle = on.reshape(-1, 3)
     outer = np.stack([corners, on, np.roll(middle, 1, axis=1).reshape(-1)], axis=1)
     old = np.arange(len(middle))
@@ -48,7 +51,7 @@ def split(corners: Codes, on: Codes) -> tuple[Faces, Codes]:
 
 
 def within(values: AtCorners, faces: Faces, ahead: Codes, back: Codes) -> AtCorners:
-    """Values at the corners of the four triangles, mixed within their face."""
+    """Values at the corners of the four triangles, interpolated within their old triangle."""
     own = values.each().astype(np.float64)
     onward = (own + own[ahead]) / 2
     outer = np.stack([own, onward, onward[back]], axis=1).reshape(-1, own.shape[1])
