@@ -24,7 +24,7 @@ _NEAR = 1e-6
 
 
 def calculates(kind: str) -> bool:
-    """Whether a node is one of those that calculate."""
+    """Whether a node kind is one of the supported arithmetic nodes."""
     return _node(kind) in FORMULAS
 
 
@@ -124,7 +124,7 @@ def _tuple(values: F64) -> Four:
 
 
 def _same_channels(found: Sequence[Input]) -> Taken | None:
-    """The texture whose red, green and blue these are; None where they are not."""
+    """The texture whose red, green and blue channels these inputs are, in order; None otherwise."""
     taken = [each.taken for each in found]
     if len(taken) < 3 or any(one is None or one.texture != taken[0].texture for one in taken if taken[0] is not None):
         return None

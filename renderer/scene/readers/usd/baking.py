@@ -1,4 +1,4 @@
-"""What is calculated of several textures, worked out as one."""
+"""Bakes a formula of several textures into a single texture."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def baked(shelf: TextureShelf, taken: Sequence[Taken], what: str, formula: Formu
 
 
 def span_of(shelf: TextureShelf, taken: Taken) -> tuple[float, float]:
-    """The least and the greatest number that an image's values can be."""
+    """Minimum and maximum value that an image's texels can have."""
     pixels = shelf.image_of(taken.texture).pixels
     return (0.0, 1.0) if pixels.dtype != np.float32 else (float(pixels.min(initial=0)), float(pixels.max(initial=1)))
 

@@ -1,4 +1,4 @@
-"""Whether Blender wrote a stage: it means some of what it writes in a way of its own, and reads it back so."""
+"""Detects stages written by Blender, which deviates from the USD schemas in some of what it writes and reads."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ __all__ = ["is_blenders"]
 
 
 def is_blenders(prim: Any) -> bool:
-    """Of the stage that a prim is in."""
+    """Whether Blender wrote the stage that contains a prim."""
     return str(prim.GetStage().GetRootLayer().documentation or "").startswith("Blender v")

@@ -24,9 +24,9 @@ _EXPOSURE = ("time", "iso", "fStop", "responsivity")
 
 
 def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) -> View:
-    """The view of a camera, whose scale it leaves aside. world: to metres; unit: metres of a unit of the stage.
+    """Returns the view of a camera; the scale of its transform is ignored.
 
-    Raises SettingsError where it sees nothing.
+    world: transform to metres; unit: metres per stage unit. Raises SettingsError if the camera sees nothing.
     """
     camera = UsdGeom.Camera(prim)
 
@@ -62,7 +62,7 @@ def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) 
 
 
 def shutter_of(prim: Any, time: Any, notes: Notes) -> float:
-    """The share of a frame that a camera's shutter is open, for us about the frame's time; 0 where it does not say."""
+    """Fraction of a frame for which the camera's shutter is open, centred here on the frame's time; 0 if not authored."""
     camera = UsdGeom.Camera(prim)
     attributes = camera.GetShutterOpenAttr(), camera.GetShutterCloseAttr()
     if not any(attribute.HasAuthoredValue() for attribute in attributes):

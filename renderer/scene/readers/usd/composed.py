@@ -1,5 +1,7 @@
-"""How many prims a stage composes to, counted before USD composes it: references can double with each level, and USD follows
-them all."""
+"""Counts the prims of a stage before USD composes it.
+
+References can double the number of prims with each level, and USD follows all of them.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,10 @@ Key = tuple[str, str]  # a layer's identifier, and a prim's path
 
 
 def judge_composition(layers: dict[str, Any], root: Any, file: str) -> None:
-    """layers: by their identifiers. Raises SceneError where there are too many prims, or they are too deep."""
+    """Checks the size of the composed stage; layers: by identifier.
+
+    Raises SceneError if there are too many prims, or they are nested too deeply.
+    """
 
     def below(key: Key) -> Iterator[Key]:
         layer = layers[key[0]]

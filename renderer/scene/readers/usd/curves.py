@@ -28,7 +28,7 @@ class Balls:
 
 
 def balls_of(prim: Any, time: Any) -> Balls:
-    """The points of a prim; those without a width are 1 across, as USD has it."""
+    """Returns the points of a prim as spheres; points without a width have width 1, as in the USD schema."""
     points = UsdGeom.Points(prim)
     centers = primvars.array(points.GetPointsAttr().Get(time), 3)
     widths = primvars.array(_widths(prim, points, time), 1)[:, 0]
@@ -49,7 +49,10 @@ def _widths(prim: Any, points: Any, time: Any) -> Any:
 
 
 def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | None:
-    """All curves of a prim as one mesh of tubes; None, with a note, where they are damaged. color: the primvar of theirs."""
+    """Returns all curves of a prim as one mesh of tubes; None, with a note, if they are damaged.
+
+    color: the primvar of their colour.
+    """
     curves = UsdGeom.BasisCurves(prim)
     points = primvars.array(curves.GetPointsAttr().Get(time), 3).astype(np.float64)
     counts = np.asarray(curves.GetCurveVertexCountsAttr().Get(time) or (), np.int64)

@@ -24,14 +24,14 @@ _LEFT_OUT = "Displacement is not drawn; left out of materials"
 
 
 class Heights(NamedTuple):
-    """A texture whose red is the height, and how high a value of 1 is."""
+    """A height texture: heights are in its red channel; also the height that a value of 1 stands for."""
 
     texture: int
     rise: float
 
 
 def heights_of(material: Any, surface: Any, read: Read) -> Heights | None:
-    """By which a material's surface rises; None where it is smooth, or its heights are of no texture that is read."""
+    """Height texture of a material's surface; None, with a note where needed, if it has no displacement by a texture."""
     network, scale = read.network, 1.0
     shader = next((found for context in ("mtlx", "") if (found := material.ComputeDisplacementSource(context)[0])), None)
     kind = str(shader.GetIdAttr().Get() or "") if shader else ""
@@ -61,7 +61,7 @@ def heights_of(material: Any, surface: Any, read: Read) -> Heights | None:
 
 
 def _plain(shelf: TextureShelf, taken: Taken, channel: str) -> int | None:
-    """A texture of one channel as it is."""
+    """Returns a texture whose colour channels all hold the linear values of one channel."""
 
     def make(image: Image) -> Image:
         values = linear(image)[..., CHANNELS[channel]] if channel != "a" else alpha(image)

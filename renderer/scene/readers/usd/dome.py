@@ -23,14 +23,17 @@ _LEAST_HEIGHT = 64
 
 
 def is_dome(prim: Any) -> bool:
-    """Whether a prim is light from all around."""
+    """Whether a prim is a dome light."""
     return bool(prim.IsA(UsdLux.DomeLight) or prim.IsA(UsdLux.DomeLight_1))
 
 
 def add_dome(
     prim: Any, world: Matrix, up: str, images: Images, shelf: TextureShelf, description: SceneDescription, time: Any, notes: Notes
 ) -> None:
-    """Makes a dome the environment; of several, the first. world: to our space, Y up. up: the stage's axis, Y or Z."""
+    """Sets the environment from a dome light; of several domes, only the first is used.
+
+    world: transform to our space, Y up. up: the stage's up axis, Y or Z.
+    """
     name = str(prim.GetPath())
     if description.environment is not None:
         notes.add("Of several dome lights the first is taken; left out are", name)

@@ -1,4 +1,4 @@
-"""What an input of a shader comes to."""
+"""The resolved values of shader inputs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Follow", "Following", "Input"]
 
 @dataclass(frozen=True)
 class Input:
-    """What an input of a shader is: a value, or a texture, or a primvar of the mesh, or the product of these two."""
+    """A resolved shader input: a value, a texture, a primvar of the mesh, or the product of texture and primvar."""
 
     value: Any = None
     taken: Taken | None = None
@@ -28,7 +28,7 @@ class Input:
         return default
 
     def color(self, default: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Its value as three numbers; a single one is grey."""
+        """Returns its value as three numbers; a single number is repeated as grey."""
         if isinstance(self.value, (int, float)):
             return (float(self.value),) * 3
         try:

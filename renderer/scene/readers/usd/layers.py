@@ -30,7 +30,7 @@ Work.SetConcurrencyLimit(1)  # a scene's reader is one of many on its machine
 
 
 class Stage:
-    """A composed stage, and which file each of its layers is."""
+    """A composed stage, and the file that each of its layers was opened from."""
 
     def __init__(self, stage: Any, files: dict[str, str], layers: list[Any], notes: Notes) -> None:
         self.stage, self.notes = stage, notes
@@ -42,7 +42,7 @@ class Stage:
 
     @cached_property
     def span(self) -> tuple[float, float] | None:
-        """The first and the last time code at which anything is said; None where nothing moves."""
+        """First and last time code with authored values; None if nothing is animated."""
         times = [time for layer in self._layers for time in (*_ends(layer), *_knots(layer))]
         if times and any(
             _shifts(layer) or layer.timeCodesPerSecond != self.stage.GetTimeCodesPerSecond() for layer in self._layers
@@ -53,7 +53,7 @@ class Stage:
 
 @contextmanager
 def muted() -> Iterator[None]:
-    """While USD's own warnings are not written on the terminal: what matters of them is said by ours."""
+    """Suppresses USD's own warnings on the terminal; the relevant ones are reported as notes or errors of this reader."""
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         yield
@@ -63,7 +63,7 @@ def muted() -> Iterator[None]:
 
 @contextmanager
 def telling(main: str) -> Iterator[None]:
-    """Has USD's own faults end in a sentence of ours."""
+    """Converts USD's Tf.ErrorException to a SceneError about the main file."""
     try:
         yield
     except Tf.ErrorException as error:
@@ -72,7 +72,7 @@ def telling(main: str) -> Iterator[None]:
 
 
 def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage, list[str]]:
-    """The stage of a scene file, and the variants that it offers. Raises SceneError."""
+    """Opens the stage of a scene file; returns it and the variants that it offers. Raises SceneError."""
     notes = Notes()
     opener = _Opener(sources, notes)
     root = opener.open(sources.root_of(main))
@@ -92,7 +92,7 @@ def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage,
 
 
 def _offering(stage: Any) -> list[Any]:
-    """The prims whose variants are offered: the default one, else all at the top."""
+    """Prims whose variants are offered: the default prim if it has variant sets, else all root prims."""
     default = stage.GetDefaultPrim()
     return [default] if default and default.HasVariantSets() else list(stage.GetPseudoRoot().GetChildren())
 
@@ -106,7 +106,7 @@ def _variants(stage: Any) -> list[tuple[str, str]]:
 
 
 class _Opener:
-    """Opens layers, each once."""
+    """Opens layers, each of them once."""
 
     def __init__(self, sources: Sources, notes: Notes) -> None:
         self._sources, self._notes = sources, notes
@@ -114,7 +114,10 @@ class _Opener:
         self.names: dict[str, str] = {}  # of the files, by the layers' identifiers
 
     def open(self, name: str) -> Any:
-        """The layer of a file, with all that it leads to in the place of paths. Raises SceneError."""
+        """Opens the layer of a file and all layers it depends on, and replaces their paths by the opened layers.
+
+        Raises SceneError.
+        """
         waiting = [name]
         self._read(name)
         while waiting:
@@ -136,7 +139,7 @@ class _Opener:
 
     @staticmethod
     def _replace(layer: Any, reference: str, identifier: str) -> None:
-        """Has a layer lead elsewhere, a sublayer at the times that it had: USD forgets them."""
+        """Redirects a layer's dependency, and restores the sublayers' time offsets, which USD drops."""
         offsets = [o for path, o in zip(layer.subLayerPaths, layer.subLayerOffsets, strict=True) if path == reference]
         layer.UpdateCompositionAssetDependency(reference, identifier)
         at = [number for number, path in enumerate(layer.subLayerPaths) if identifier and path == identifier]
@@ -188,7 +191,7 @@ class _Opener:
         return None if found is None else (found, self._sources.read(found))
 
     def _without_clips(self, layer: Any) -> None:
-        """Takes out what would have the stage open files by itself."""
+        """Removes value clips, since the stage would open their files by itself."""
 
         def visit(path: Any) -> None:
             if path.IsPrimPath() or path.IsPrimVariantSelectionPath():
@@ -201,7 +204,7 @@ class _Opener:
 
 
 def _shifts(layer: Any) -> bool:
-    """Whether a layer plays what it leads to at other times."""
+    """Whether a layer has a time offset on a sublayer, reference or payload."""
     if any(not offset.IsIdentity() for offset in layer.subLayerOffsets):
         return True
     found: list[Any] = []
@@ -217,7 +220,7 @@ def _shifts(layer: Any) -> bool:
 
 
 def _composed_times(stage: Any) -> Iterator[float]:
-    """The first and the last time of every attribute, as the stage plays it."""
+    """Yields the first and last time of every attribute, in the composed stage's time."""
     for prim in stage.Traverse(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
         for attribute in prim.GetAuthoredAttributes():
             if attribute.ValueMightBeTimeVarying() and (times := attribute.GetTimeSamples()):
@@ -230,7 +233,7 @@ def _ends(layer: Any) -> list[float]:
 
 
 def _knots(layer: Any) -> list[float]:
-    """The times of the keys of a layer's splines, which are no time samples."""
+    """Times of the keys of a layer's splines, which USD does not list as time samples."""
     if not hasattr(Sdf.AttributeSpec, "GetSpline"):  # before usd-core 25.5
         return []
     found: list[float] = []
@@ -250,7 +253,7 @@ def _place(error: Any) -> str:
 
 
 def _words(said: Any) -> str:
-    """What USD says: it quotes damaged files whatever their bytes are."""
+    """Text of a USD message; invalid UTF-8, quoted from damaged files, is replaced."""
     try:
         return str(said)
     except UnicodeDecodeError as odd:
@@ -258,7 +261,7 @@ def _words(said: Any) -> str:
 
 
 def _reason(error: Exception, path: str) -> str:
-    """USD's own words, without what they say of its sources and of this machine's folders."""
+    """Reason in a USD error message, without its source locations and this machine's folders; at most 200 characters."""
     said = re.sub(r"(?:/[^/\s<>'\"]+)+/", "", _words(error).replace(path, "") if path else _words(error)).splitlines()
     last = next((line for line in said if " in file " in line), said[0] if said else "")
     return last.split(" : ", 1)[-1].strip(" '\"")[:200]

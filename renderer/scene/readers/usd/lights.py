@@ -41,7 +41,10 @@ def is_light(prim: Any) -> bool:
 
 
 def radiance_of(light: Any, time: Any, size: float = 1.0) -> Vec3:
-    """What a light's intensity, exposure, colour and temperature give. size: what it is divided by where it is normalised."""
+    """Radiance of a light from its intensity, exposure, colour and temperature.
+
+    size: divisor if the light is normalised.
+    """
 
     scale = _number(light.GetIntensityAttr(), time, 1.0) * 2.0 ** min(_number(light.GetExposureAttr(), time), 60.0)
     color = np.array(light.GetColorAttr().Get(time) or (1.0, 1.0, 1.0), np.float64)
@@ -197,7 +200,7 @@ def _with_profile(
 
 
 def _number(attribute: Any, time: Any, default: float = 0.0) -> float:
-    """A number at a time; the default where it is none, or not finite."""
+    """Returns a number at a time; the default if the value is not a number or not finite."""
     value = attribute.Get(time)
     return default if value is None or not math.isfinite(value) else float(value)
 
@@ -238,7 +241,7 @@ def _aimed(light: Light, cone: tuple[float, float] | None, unit: float) -> Light
 
 
 def _cone(prim: Any, time: Any, notes: Notes, is_known: bool) -> tuple[float, float] | None:
-    """The half angles of a light's cone, degrees; None of one that shines everywhere."""
+    """Half angles of a light's cone, in degrees; None for a light without a cone."""
     if not prim.HasAPI(UsdLux.ShapingAPI):
         return None
     shaping = UsdLux.ShapingAPI(prim)

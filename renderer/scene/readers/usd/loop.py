@@ -16,28 +16,34 @@ F64 = npt.NDArray[np.float64]
 
 
 def on_edges(points: F64, ends: Codes, of: Codes, across: Codes) -> F64:
-    """(E, w) the new points. of: (C,) the edge from each corner to the next; across: (C,) the point that faces it."""
+    """(E, w) new points on the edges.
+
+    of: (C,) the edge from each corner to the next; across: (C,) the opposite point.
+    """
     faces = np.maximum(np.bincount(of, minlength=len(ends)), 1)[:, None]
     facing = _sums(points[across], of, len(ends)) / faces
     return np.asarray(0.375 * points[ends].sum(axis=1) + 0.25 * facing)
 
 
 def smoothed(points: F64, ends: Codes) -> F64:
-    """(P, w) where the old points come to lie."""
+    """(P, w) positions of the old points after one level of subdivision."""
     valence, around = _around(points, ends)
     beta = _beta(valence)
     return np.asarray((1 - valence * beta) * points + beta * around)
 
 
 def limit(points: F64, ends: Codes) -> F64:
-    """(P, w) where they come to lie after infinitely many levels."""
+    """(P, w) limit positions of the points, after infinitely many levels."""
     valence, around = _around(points, ends)
     share = 1 / (valence + 0.375 / _beta(valence))
     return np.asarray((1 - valence * share) * points + share * around)
 
 
 def split(corners: Codes, on: Codes) -> tuple[Faces, Codes]:
-    """Four triangles of each, and which each of them is a part of. on: (C,) the new point between each corner and the next."""
+    """Splits each triangle into four; returns these, and the index of the old triangle of each.
+
+    on: (C,) the new point between each corner and the next.
+    """
     middle = on.reshape(-1, 3)
     outer = np.stack([corners, on, np.roll(middle, 1, axis=1).reshape(-1)], axis=1)
     old = np.arange(len(middle))
@@ -45,7 +51,7 @@ def split(corners: Codes, on: Codes) -> tuple[Faces, Codes]:
 
 
 def within(values: AtCorners, faces: Faces, ahead: Codes, back: Codes) -> AtCorners:
-    """Values at the corners of the four triangles, mixed within their face."""
+    """Values at the corners of the four triangles, interpolated within their old triangle."""
     own = values.each().astype(np.float64)
     onward = (own + own[ahead]) / 2
     outer = np.stack([own, onward, onward[back]], axis=1).reshape(-1, own.shape[1])
@@ -54,7 +60,7 @@ def within(values: AtCorners, faces: Faces, ahead: Codes, back: Codes) -> AtCorn
 
 
 def _around(points: F64, ends: Codes) -> tuple[F64, F64]:
-    """(P, 1) how many neighbours each point has, and (P, w) their sum."""
+    """(P, 1) number of neighbours of each point, and (P, w) their sum."""
     one, other = ends.reshape(-1), ends[:, ::-1].reshape(-1)
     valence = np.bincount(one, minlength=len(points)).astype(np.float64)[:, None]
     return valence, _sums(points[other], one, len(points))

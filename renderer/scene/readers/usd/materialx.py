@@ -160,7 +160,7 @@ def _anisotropy(read: Read, strength: float, turns: float) -> None:
 
 
 def _transmission(read: Read, said: Said, weight: str) -> bool:
-    """Whether light goes through."""
+    """Fills the transmission parameters; returns whether the surface transmits light."""
     material = read.material
     fill_data(read, "transmission", said(weight), 0.0)
     if material.transmission == 0:
