@@ -98,7 +98,7 @@ def test_each_quality_says_what_it_takes_here_and_how_noisy_it_will_be(page: Pag
 @pytest.mark.long
 def test_what_is_changed_is_marked_and_goes_back(page: Page) -> None:
     open_form(page)
-    depth = page.get_by_label("Max depth")
+    depth = page.get_by_label("Max depth", exact=True)
     back = page.get_by_role("button", name="Back to 5")
     expect(back).to_be_hidden()
     depth.locator("xpath=..").locator("input[type=range]").fill("400")  # its end
@@ -281,9 +281,9 @@ def test_what_the_scene_asks_for_can_be_taken_back(page: Page) -> None:
 def test_only_what_an_integrator_reads_is_shown_and_sent(page: Page) -> None:
     open_form(page)
     expect(page.get_by_label("AO distance")).to_be_hidden()
-    page.get_by_label("Max depth").fill("9")
+    page.get_by_label("Max depth", exact=True).fill("9")
     page.get_by_label("Integrator").select_option("ao")
-    expect(page.get_by_label("Max depth")).to_be_hidden()
+    expect(page.get_by_label("Max depth", exact=True)).to_be_hidden()
     page.get_by_label("AO distance").fill("2.5")
     asked = submitted(page)
     assert asked["integrator"] == "ao"
@@ -319,13 +319,13 @@ def test_a_panorama_is_twice_as_wide_as_high(page: Page) -> None:
 def test_what_cannot_be_is_said_beside_its_field(page: Page) -> None:
     open_form(page)
     page.get_by_label("Roulette").fill("7")
-    page.get_by_label("Max depth").fill("2.5")
+    page.get_by_label("Max depth", exact=True).fill("2.5")
     page.get_by_label("Samples per pixel").fill("")
     assert submitted(page) is None
     for sentence in ("Roulette lies between 0.05 and 1.", "Max depth is a whole number.", "Samples per pixel needs a number."):
         expect(page.get_by_role("alert").filter(has_text=sentence)).to_be_visible()
     expect(page.get_by_label("Samples per pixel")).to_be_focused()
     page.get_by_label("Samples per pixel").fill("8")
-    page.get_by_label("Max depth").fill("2")
+    page.get_by_label("Max depth", exact=True).fill("2")
     page.get_by_label("Roulette").fill("")
     assert submitted(page)["spp"] == 8
